@@ -1,4 +1,4 @@
-"""Choices of a scene: model, gap, contact law, tip, solver and mesh, each with its reason."""
+"""Choices of a scene for the model, the mesh and the time steps, each with its reason."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ if TYPE_CHECKING:
     from indent_sim.config.schema import Config
 
 FORCE_WHY = (
-    "forces are given: each depth is found from the curve force(depth), which has "
-    "one depth for a force"
+    "forces are prescribed: the depth of each is found by load control, with force(depth) assumed "
+    "to increase"
 )
-THEORY_FORCE_WHY = "forces are given: theory finds the depth of each"
-EDGE_WHY = "the pressure is singular at the punch's sharp edge"
-AXIS_WHY = "sizes grow from this at the axis to h_contact where the deepest contact ends"
+THEORY_FORCE_WHY = "forces are prescribed: theory finds the depth of each"
+EDGE_WHY = "the pressure is singular at the sharp edge of the punch"
+AXIS_WHY = "sizes grow from this value at the axis to h_contact at the edge of the deepest contact"
 FILM_WHY = (
-    "at drained faces the fluid's pressure changes within a film as thin as (D "
-    "t)^(1/2) at the first rows"
+    "at drained faces the pore pressure changes within a film of thickness (D t)^(1/2) at the first "
+    "rows"
 )
 CORNER_WHY = (
-    "the contact feels bonded corners or the gap up to a side: sizes grow from this "
-    "with the distance"
+    "bonded corners, or the gap between the contact and a side, affect the contact: sizes grow from "
+    "this value with the distance"
 )
 
 
 @dataclass(frozen=True)
 class Choice:
-    """One thing the program decided (or was told), and why."""
+    """One decision of the program, or of the user, with its reason."""
 
     key: str
     value: str | float | int
@@ -51,11 +51,14 @@ Choices = list[Choice]
 
 
 def model_choices(setup: ProblemSetup) -> Choices:
-    """What of the body is modelled, and how."""
+    """Choices of the model: body, symmetry, kinematics, strain, load control and constraints."""
     physics = setup.physics
     domain = physics.domain
     body = f"{physics.body.shape}, height {physics.scales.length:.4g}"
-    pinned = "roller base and free sides leave rigid modes; reactions audited to be zero"
+    pinned = (
+        "a roller base and free sides leave rigid-body modes; the run checks that the reactions of "
+        "the pins vanish"
+    )
     strain = (
         ("small", "the material is linear elastic")
         if physics.small_strain
@@ -77,39 +80,41 @@ def model_choices(setup: ProblemSetup) -> Choices:
 
 
 def _surface_membrane_reason(physics: ProblemDefinition) -> str:
-    """Why the surface of a drop is held in its plane."""
-    number = f"gamma/(mu R) = {physics.drop_number:.3g}: little but its tension holds the surface"
+    """Reason for the in-plane membrane that stabilizes the surface of a drop."""
+    number = f"gamma/(mu R) = {physics.drop_number:.3g}: surface tension dominates the elasticity"
     return (
-        f"{number}, whose points a membrane of 0.001 gamma keeps apart, which adds up to "
-        "0.05 % to the force"
+        f"{number}; a membrane of stiffness 0.001 gamma keeps the surface nodes apart and adds up "
+        "to 0.05 % to the force"
     )
 
 
 def quantities(config: Config) -> Choices:
-    """Quantities that carried units of their own, as they are in the scene's."""
+    """Quantities that were given with units, converted to the units of the scene."""
     scene_units = f"{config.units.length} and {config.units.force}"
     stated_quantities = [
         (key_text(path), value, text) for path, (text, value) in config.source.quantities.items()
     ]
     return [
-        Choice(key, value, f"given as {text}; the scene is in {scene_units}")
+        Choice(key, value, f"given as {text}; the units of the scene are {scene_units}")
         for key, value, text in stated_quantities
     ]
 
 
 def formulations(setup: ProblemSetup) -> Choices:
-    """Displacements alone, or with a pressure, in each region."""
+    """The formulation of the elements in each region: displacement or mixed."""
     regions = setup.physics.domain.regions
     return [_formulation(region, len(regions) == 1) for region in regions]
 
 
 def _formulation(region: Region, is_alone: bool) -> Choice:
+    """Choice of the formulation of one region; is_alone: the body has no other region."""
     key = "material" if is_alone or region.name == "body" else f"body.{region.name}.material"
     key = f"body.{region.name}" if region.name.startswith("regions.") else key
     nu = region.softest_constants.nu
     sign = ">=" if region.formulation == "mixed" else "<"
-    state_text = "" if region.material.is_isotropic else "as compressible as "
-    state_text = "its shear relaxes to " if region.min_shear_fraction < 1 else state_text
+    state_text = "" if region.material.is_isotropic else "compressibility equivalent to "
+    if region.min_shear_fraction < 1:
+        state_text = "after relaxation of the shear modulus "
     why = (
         "as given"
         if region.material.formulation != "auto"
@@ -119,12 +124,12 @@ def _formulation(region: Region, is_alone: bool) -> Choice:
 
 
 def theory_choices(config: Config, setup: ProblemSetup) -> Choices:
-    """What theory solves, and what of it is written."""
+    """Choices of a scene that theory solves."""
     physics = setup.physics
     domain = physics.domain
     target = target_error(config.accuracy)
     peak_reason = infinite_pressure_reason(physics.indenter, setup.a) if setup.max_depth > 0 else ""
-    accuracy_text = "theory is better than that"
+    accuracy_text = "the theory is more accurate than requested"
     return [
         Choice("kinematics", domain.kinematics.name, setup.domain_reason),
         Choice("strain", "small", "the material is linear elastic"),
@@ -133,17 +138,34 @@ def theory_choices(config: Config, setup: ProblemSetup) -> Choices:
             if physics.path.control == "force"
             else []
         ),
-        Choice("contact.gap", "reference", "theory tests the gap at the undeformed point"),
+        Choice("contact.gap", "reference", "the theory evaluates the gap at the undeformed point"),
         *([Choice("p_max", "empty", peak_reason)] if peak_reason else []),
         *([Choice("accuracy", target, accuracy_text)] if target is not None else []),
-        Choice("output.fields", "none", "there is no mesh to write them on"),
+        Choice("output.fields", "none", "theory solves the scene without a mesh"),
     ]
 
 
 def mesh(
     config: Config, setup: ProblemSetup, sizes: Sizes, fineness: MeshResolution | None
 ) -> Choices:
-    """The element sizes, and where each comes from."""
+    """The element sizes, each with its origin.
+
+    Parameters
+    ----------
+    config : Config
+        The scene file.
+    setup : ProblemSetup
+        The nondimensional problem.
+    sizes : Sizes
+        The chosen element sizes, nondimensional.
+    fineness : MeshResolution or None
+        The mesh resolution that `accuracy` asks for.
+
+    Returns
+    -------
+    list of Choice
+        Sizes in the user's unit of length.
+    """
     L = setup.physics.scales.length
     a = setup.a
     settings = config.mesh
@@ -155,15 +177,17 @@ def mesh(
             f"{imported_mesh.statistics.cells} cells, {imported_mesh.statistics.points} points"
         )
         if len(imported_mesh.midside_nodes[0]):
-            mesh_text += "; order 2: its midside nodes are the new corners of the first refinement"
-        refinement_reason = "as given" if settings.refinements else "the mesh as it is"
+            mesh_text += "; order 2: its midside nodes become vertices of the first refinement"
+        refinement_reason = "as given" if settings.refinements else "the mesh is not refined"
         refinements_choice = Choice(
             "mesh.refinements",
             sizes.refinements or 0,
-            "each halves every edge" if fineness else refinement_reason,
+            "from accuracy; each one halves every edge" if fineness else refinement_reason,
         )
         size_choice = Choice(
-            "mesh.h_contact", sizes.h_contact * L, f"the facets' own; {elements_text}"
+            "mesh.h_contact",
+            sizes.h_contact * L,
+            f"size of the facets of the mesh; {elements_text}",
         )
         return [
             Choice("body.file", imported_mesh.hash, mesh_text),
@@ -171,7 +195,11 @@ def mesh(
             refinements_choice,
             size_choice,
         ]
-    auto = "from accuracy" if fineness else "auto: at most 0.3 % of the force at the last step"
+    auto = (
+        "from accuracy"
+        if fineness
+        else "auto: discretization error of at most 0.3 % of the force at the last step"
+    )
     contact_reason = "as given" if settings.h_contact != "auto" else auto
     far_reason = (
         "as given"
@@ -195,7 +223,7 @@ def mesh(
         why = (
             "as given"
             if settings.h_inclusions
-            else "by what the force feels of each; sizes grow from this around them"
+            else "from the effect of each inclusion on the force; sizes grow with the distance"
         )
         choices.append(Choice("mesh.h_inclusions", sizes_text, why))
     if sizes.coatings:
@@ -203,31 +231,29 @@ def mesh(
         why = (
             "as given"
             if settings.h_layers
-            else "by the thickness of each skin; sizes grow from this on both sides"
+            else "from the thickness of each coating; sizes grow from this on both sides"
         )
         choices.append(Choice("mesh.h_layers", sizes_text, why))
     return choices
 
 
 def is_followed_on_body(config: Config, setup: ProblemSetup, solver: Choice) -> bool:
-    """Whether a history is followed row by row on the whole body: no curve determines it."""
+    """True if a history is solved step by step on the mesh, as no elastic curve determines it."""
     return setup.history is not None and (
         bool(config.contact.reason_no_elastic_curve) or solver.value == "newton"
     )
 
 
 def time_steps(setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes) -> Choices:
-    """How long what flows and relaxes takes, and in which steps it is followed; nothing where the
-    body is elastic.
-    """
+    """The first time step with the diffusion and relaxation times; empty for an elastic body."""
     if not physics.is_time_dependent or setup.history is None:
         return []
     reasons = []
     if physics.permeable_regions:
         times = DiffusionTimes.compute(setup, physics, sizes.h_contact)
         reasons.append(
-            f"fluid takes {times.contact:.3g} through the contact, {times.height:.3g} through "
-            "the body"
+            f"diffusion takes {times.contact:.3g} over the contact radius, {times.height:.3g} over "
+            "the height of the body"
         )
     if relaxing := [
         t
@@ -235,41 +261,46 @@ def time_steps(setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes) ->
         if region.relaxation_series
         for t in region.relaxation_series.times
     ]:
-        reasons.append(f"shear relaxes in {min(relaxing):.3g} to {max(relaxing):.3g}")
-    method = "SDIRK2" if physics.permeable_regions else "the exponentials' own"
+        reasons.append(
+            f"the shear modulus relaxes in times of {min(relaxing):.3g} to {max(relaxing):.3g}"
+        )
+    method = (
+        "SDIRK2" if physics.permeable_regions else "exact integration of the Prony exponentials"
+    )
     reasons.append(
-        f"{setup.steps_per_doubling} of each length in every piece of the history, then twice "
-        f"as long; {method}"
+        f"in every segment of the history {setup.steps_per_doubling} steps of this length, then as "
+        f"many of twice the length, and so on; time integration: {method}"
     )
     first = first_step(setup, physics, sizes.h_contact)
     if setup.history.has_jumps and not physics.path.has_jumps:
         reasons.append(
-            "a jump on this column has no equilibrium at once: the step after it begins before it"
+            "a jump has no equilibrium before fluid has left this body: it is resolved within the "
+            "first time step"
         )
     choices_made: Choices = [Choice("time.first_step", float(f"{first:.4g}"), "; ".join(reasons))]
     if physics.bath_ramp:
         given_as = (
             "as given"
             if physics.drainage.bath_ramp != "auto"
-            else "a 75th of what fluid takes through the contact"
+            else "1/75 of the time of diffusion over the contact radius"
         )
         reason = (
-            "a sudden bath comes evenly within this time, since at once it has no "
-            f"equilibrium: {given_as}"
+            "a sudden change of the bath is applied linearly over this time, since Newton's method "
+            f"finds no equilibrium for an instantaneous one: {given_as}"
         )
         choices_made.append(Choice("drainage.bath_ramp", float(f"{physics.bath_ramp:.4g}"), reason))
     return choices_made
 
 
 def refuse_reactions(config: Config, why: str) -> None:
-    """ConfigError where reactions are asked for and nothing says them: `why` not."""
+    """Raise ConfigError if reactions are requested; why: the reason that there are none."""
     if config.output.reactions:
         raise ConfigError(
-            "output.reactions", f"true: there are none to write: {why}", "leave it out"
+            "output.reactions", f"true: there are no reactions to write: {why}", "leave it out"
         )
 
 
 def refuse_nodal_stress(config: Config, has_fields: bool) -> None:
-    """ConfigError where stresses at the nodes are asked for and no fields are written."""
+    """Raise ConfigError if nodal stresses are requested and no fields are written."""
     if config.output.nodal_stress and not (has_fields and config.output.fields != "none"):
         raise ConfigError("output.nodal_stress", "true: this run writes no fields", "leave it out")

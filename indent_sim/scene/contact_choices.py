@@ -36,52 +36,49 @@ if TYPE_CHECKING:
     from indent_sim.config.schema import Config
 
 
-SIDEWAYS_TEXT = "pushes sideways, and nothing holds this body there (roller base, free sides)"
-
+SIDEWAYS_TEXT = (
+    "pushes the body sideways, and no support holds it there (roller base and free sides)"
+)
 GAP_WHY = {
-    "reference": "linear elastic: Hertz' own problem, tested at the undeformed point",
-    "current": "finite strain: tested at the deformed point, pressure along the tip's normal",
+    "reference": "linear elastic: evaluated at the undeformed point, as in the problem of Hertz",
+    "current": "finite strain: evaluated at the deformed point, pressure along the tip's normal",
 }
-
-STEP_START_STICK_WHY = "new contact sticks where its step began"
-
+STEP_START_STICK_WHY = "new contact sticks at the position at the beginning of its load increment"
 MIDSTEP_STICK_WHY = (
-    "new contact sticks where it touches on its way through the step, found in a "
-    "pass without friction for it"
+    "new contact sticks at the position where it first touches within the load increment, found in "
+    "a first solution without friction for the new contact"
 )
-
-MAX_NEEDLE_RATIO = (
-    1e3  # depth over a tip's radius beyond which a deformed body cannot be followed around it
-)
-
-MAX_ELEMENT_RATIO = (
-    1.5  # elements over the cohesive zone: coarser ones jump from node to node, measured
-)
-
-# of the largest pull without range: up to this difference a body pulls as a half-space does
+# Largest ratio of depth and tip radius at which a deformed body can be followed around a needle.
+MAX_NEEDLE_RATIO = 1e3
+# Largest ratio of element size and cohesive zone: with coarser elements the contact jumps from node
+# to node, as was measured.
+MAX_ELEMENT_RATIO = 1.5
+# Relative difference of the pull-off force without range up to which a body is treated as a
+# half-space.
 PULL_OFF_DIFFERENCE = 0.05
-
 AS_WIDE_WHY = (
-    "the punch is as wide as the body: a plane, whose edge does not cut into a rim that bulges"
+    "the punch is as wide as the body: a plate, since at finite strain the edge of a punch would cut "
+    "into the bulging rim"
 )
-
-ROUNDING_FRACTION = (
-    1e-3  # of the expected contact radius: the radius that a sharp apex or edge gets
-)
+# Radius of a rounded apex or edge, relative to the expected contact radius.
+ROUNDING_FRACTION = 1e-3
 
 
 def gap(settings: Contact, setup: ProblemSetup) -> tuple[str, Choice]:
-    """Where the gap is tested, at the undeformed or the deformed point.
+    """Choose where the gap is evaluated: at the undeformed or at the deformed point.
 
-    ConfigError for a gap at the deformed point that has no answer: a body that slides away, a
-    needle.
+    Raises
+    ------
+    ConfigError
+        If the gap is evaluated at the deformed point and the body can slide away, or the tip is a
+        needle.
     """
     physics = setup.physics
     end = max_radius(setup.physics.indenter)
     auto = "reference" if physics.small_strain else "current"
     gap_kind = auto if settings.gap == "auto" else settings.gap
     if gap_kind == "current" and setup.max_depth > MAX_NEEDLE_RATIO * end:
-        outcome = "gap: current cannot tell how a body gives way to such a needle"
+        outcome = "gap: current cannot follow the deformation of a body around such a needle"
         problem = (
             f"the depth is {setup.max_depth / end:.3g} times the radius at which the tip ends: "
             f"{outcome}"
@@ -101,15 +98,38 @@ def gap(settings: Contact, setup: ProblemSetup) -> tuple[str, Choice]:
 def contact(
     settings: Contact, setup: ProblemSetup, sizes: Sizes, fineness: MeshResolution | None
 ) -> tuple[ContactLaw, Choice]:
-    """The contact method and its stiffness [pressure/length, without units]; ConfigError for one
-    that is too soft.
+    """Choose the contact method and its stiffness.
+
+    Parameters
+    ----------
+    settings : Contact
+        The section `contact` of the scene file.
+    setup : ProblemSetup
+        The nondimensional problem.
+    sizes : Sizes
+        The element sizes, nondimensional.
+    fineness : MeshResolution or None
+        The mesh resolution that `accuracy` asks for, with the penalty stiffness that fits it.
+
+    Returns
+    -------
+    ContactLaw
+        The law with its nondimensional stiffness [pressure/length].
+    Choice
+        The same in the user's units.
+
+    Raises
+    ------
+    ConfigError
+        If a given stiffness is too small.
     """
     scales = setup.physics.scales
     unit = setup.physics.material.E_star / sizes.h_contact
-    law: Any = replace(scales.nondimensionalize(settings), gap="auto")  # the scene says which gap
+    # The scene holds the kind of gap, so the law needs none.
+    law: Any = replace(scales.nondimensionalize(settings), gap="auto")
     why = "as given"
     if isinstance(law, AutoContact):
-        why = "auto: no penetration to pay for, smooth pressures, fewest iterations"
+        why = "auto: no penetration error, smooth pressures, fewest iterations"
         law = AugmentedLagrangian(
             friction=law.friction, epsilon_t=law.epsilon_t, adhesion=law.adhesion
         )
@@ -139,15 +159,13 @@ def contact(
 
 
 def _set_tangential_stiffness(law: Any, unit: float, stiffness: float) -> Any:
-    """The law with its epsilon_t, auto being epsilon_n; ConfigError where the surface slips that
-    should stick.
-    """
+    """Return the law with its epsilon_t, where auto means epsilon_n; ConfigError if it is small."""
     law = replace(law, epsilon_t=law.stiffness) if law.epsilon_t == "auto" else law
     min_multiple = law.min_tangential_factor
     if law.epsilon_t >= min_multiple * unit * (1 - 1e-9):
         return law
     auto_text = ", or auto (epsilon_n)" if law.epsilon_t != law.stiffness else ""
-    outcome = f"{law.method} loses friction, or does not converge"
+    outcome = f"{law.method} underestimates friction, or does not converge"
     problem = (
         f"is {law.epsilon_t / unit:.2g} E*/h_contact; below {min_multiple:g} E*/h_contact {outcome}"
     )
@@ -159,12 +177,13 @@ def _set_tangential_stiffness(law: Any, unit: float, stiffness: float) -> Any:
 def _auto_stiffness(
     law: Any, setup: ProblemSetup, sizes: Sizes, fineness: MeshResolution | None
 ) -> float:
-    """The epsilon_n or gamma that `auto` stands for [pressure/length, without units]."""
+    """Return the nondimensional epsilon_n or gamma for `auto` [pressure/length]."""
     unit = setup.physics.material.E_star / sizes.typical_size
     default_stiffness = float(law.auto_stiffness_factor * unit)
     if not isinstance(law, Penalty):
         return default_stiffness
-    if fineness is not None:  # the penalty's error must fit into what is asked for
+    if fineness is not None:
+        # The requested accuracy includes the error of the penalty.
         return min(fineness.penalty_stiffness, MAX_STIFFNESS_MULTIPLE * unit)
     depths = {delta for delta in (setup.max_depth, setup.physics.deltas[-1]) if delta > 0}
     law = replace(law, epsilon_n=default_stiffness)
@@ -183,10 +202,33 @@ def _auto_stiffness(
 def friction(
     law: ContactLaw, setup: ProblemSetup, sizes: Sizes
 ) -> tuple[ContactLaw, SlipReference, Choices]:
-    """The law, with friction for stick where no surface that only pushes sticks, where new contact
-    is taken to have touched, and what to say of friction; nothing where there is none.
+    """Choose the friction coefficient and the slip reference of new contact.
 
-    ConfigError for a scene that friction was never verified in.
+    Under a sharp edge, complete stick would need tensile contact pressures at the rim; a large
+    friction coefficient takes its place there.
+
+    Parameters
+    ----------
+    law : ContactLaw
+        The contact law, nondimensional.
+    setup : ProblemSetup
+        The nondimensional problem.
+    sizes : Sizes
+        The element sizes, nondimensional.
+
+    Returns
+    -------
+    ContactLaw
+        The law with its friction coefficient.
+    SlipReference
+        The point from which the slip of new contact is counted.
+    list of Choice
+        Empty without friction.
+
+    Raises
+    ------
+    ConfigError
+        If no support carries the friction force.
     """
     physics = setup.physics
     coefficient = law.friction
@@ -194,7 +236,7 @@ def friction(
         return law, "implicit", []
     on_its_way = [Choice("contact.friction", coefficient, MIDSTEP_STICK_WHY)]
     if physics.domain.pins:
-        problem = f"does not fit this scene: it {SIDEWAYS_TEXT}"
+        problem = f"does not fit this scene: friction {SIDEWAYS_TEXT}"
         remedy = "fix the base, hold a side, or put the tip in the middle and use symmetry"
         raise ConfigError("contact.friction", problem, remedy)
     if not isinstance(coefficient, str):
@@ -207,8 +249,8 @@ def friction(
     if not rim_width:
         return law, "mid", on_its_way
     why = (
-        f"stands for stick: {rim_width * physics.scales.length:.2g} beside the sharp edge a "
-        "surface that sticks would pull"
+        f"in place of stick: within {rim_width * physics.scales.length:.2g} of the sharp edge, a "
+        "sticking surface would need tensile contact pressures"
     )
     law = replace(law, friction=STICK_FRICTION)  # type: ignore[arg-type]
     return law, "mid", [Choice("contact.friction", STICK_FRICTION, why)]
@@ -217,15 +259,26 @@ def friction(
 def adhesion(
     law: ContactLaw, setup: ProblemSetup, sizes: Sizes
 ) -> tuple[ExpectedAdhesion | None, Choices]:
-    """What to say of a tip that adheres, the number of elements in its cohesive zone; nothing where
-    none does. ConfigError for a range that the elements do not resolve, and for plane strain,
-    where it was never verified.
+    """Check the adhesion, and predict its cohesive zone and pull-off force.
+
+    Returns
+    -------
+    ExpectedAdhesion or None
+        The prediction; None without adhesion.
+    list of Choice
+        Empty without adhesion.
+
+    Raises
+    ------
+    ConfigError
+        If the elements do not resolve the cohesive zone, or in plane strain, for which adhesion is
+        not verified.
     """
     attraction = law.adhesion
     if attraction is None:
         return None, []
     if setup.physics.body.dim == 2:
-        problem = "was never verified in plane strain"
+        problem = "is not verified in plane strain"
         raise ConfigError(
             "contact.adhesion", problem, "use an axisymmetric or a three-dimensional body"
         )
@@ -235,7 +288,7 @@ def adhesion(
     smallest = attraction.range_for_cohesive_zone(h / MAX_ELEMENT_RATIO, E_star) * L
     if attraction.range is None:
         remedy = (
-            f"at least {smallest:.3g} where h_contact = {h * L:.3g}; its limit 0 is "
+            f"at least {smallest:.3g} for h_contact = {h * L:.3g}; for the limit of range 0 use "
             "experiment.adhesion"
         )
         raise ConfigError(
@@ -245,7 +298,7 @@ def adhesion(
         )
     zone = attraction.cohesive_zone(E_star)
     if h > MAX_ELEMENT_RATIO * zone * (1 + 1e-9):
-        size_text = f"as those of {MAX_ELEMENT_RATIO:g} times its size at most do"
+        size_text = f"which needs elements of at most {MAX_ELEMENT_RATIO:g} times its size"
         problem = (
             f"has a cohesive zone of {zone * L:.3g}, and elements of {h * L:.3g} do not "
             f"resolve it, {size_text}"
@@ -262,9 +315,7 @@ def adhesion(
 def _expected_adhesion(
     attraction: Adhesion, setup: ProblemSetup, zone: float, h: float
 ) -> ExpectedAdhesion:
-    """What is known of this attraction beforehand; zone, h [length]: of its cohesive zone, of the
-    elements there.
-    """
+    """Predict the adhesion from its cohesive zone and the size h of the elements there [length]."""
     from indent_sim.theory.adhesion import (
         maugis_lambda,
         maugis_pull_off,
@@ -296,8 +347,10 @@ def _expected_adhesion(
 
 
 def tip(config: Config, setup: ProblemSetup, gap: str) -> tuple[Indenter, Choices]:
-    """The tip, with a small radius at a sharp apex or edge where the gap needs a normal everywhere;
-    a plate in place of a punch that is as wide as the body.
+    """Choose the shape of the tip: rounded, or a plate, where the contact needs it.
+
+    The gap at the deformed point needs a normal everywhere, so that a sharp apex or edge gets a
+    small radius. A punch as wide as the body becomes a plate.
     """
     if isinstance(setup.physics.indenter, Plate) and isinstance(config.indenter, FlatPunch):
         return setup.physics.indenter, [Choice("indenter.shape", "plate", AS_WIDE_WHY)]
@@ -319,7 +372,8 @@ def tip(config: Config, setup: ProblemSetup, gap: str) -> tuple[Indenter, Choice
     ]
     change = ""
     if len(solutions) == 2 and all(item.force for item in solutions):
-        change = f", changes the force by {solutions[1].force / solutions[0].force - 1:+.1g} by layer theory"
+        ratio = solutions[1].force / solutions[0].force
+        change = f", which changes the force by {ratio - 1:+.1g} according to layer theory"
     why = (
         f"gap: current needs a normal everywhere; {ROUNDING_FRACTION:g} of the expected contact "
         f"radius{change}"

@@ -26,35 +26,50 @@ if TYPE_CHECKING:
 
 
 WHOLE_BODY_WHY = "solver.linear: iterative is for the whole body"
-
-MIN_SECONDS_SAVED = (
-    2.0  # of a factorisation, which never fails, that iterations must save to be chosen
-)
-
-# of a factorisation's seconds, below which iterations are chosen: a prediction is no better
+# Iterations must save this many seconds of a factorization, which never fails, to be chosen.
+MIN_SECONDS_SAVED = 2.0
+# Iterations must take less than this part of the time of a factorization: predicted times are no
+# more accurate.
 MAX_TIME_RATIO = 0.8
-
-# Beyond these a system takes so many iterations that some are not solved: 7 at nu 0.45 without a
-# pressure, 25 at 0.495, 56 at 0.499, too many at 0.4999; 7 in a contact of 3e5 E*/h_contact, 10 and
-# more steps of Newton's in one of 9e5
+# Larger values need so many iterations that some systems are not solved. Measured: 7 iterations at
+# nu = 0.45 with displacement elements, 25 at 0.495, 56 at 0.499, too many at 0.4999; 7 with a
+# contact stiffness of 3e5 E*/h_contact, 10 and more Newton iterations with 9e5.
 MAX_ITERATIVE_NU = 0.495
-
 MAX_ITERATIVE_STIFFNESS = 3e5
-
-# Measured on a half and a quarter of a rubber cylinder: no equilibrium within 23 iterations,
-# however short the step; linear bodies take twice the iterations of free walls (83 instead of 45)
+# Measured on a half and a quarter of a rubber cylinder: no equilibrium within 23 Newton iterations,
+# however short the step. Linear bodies take 83 Krylov iterations instead of 45 with free walls.
 STIFF_WALL_WHY = (
-    "a curved roller wall that is held weakly, at finite strain, has steps that "
-    "iterations do not find"
+    "at finite strain, iterative solvers do not converge with the weak condition on a curved roller "
+    "wall"
 )
 
 
 def solver(config: Config, setup: ProblemSetup, physics: ProblemDefinition, nodes: float) -> Choice:
-    """What solves the scene; ConfigError for one that cannot.
+    """Choose the solution method: condensed or newton.
 
-    A linear body under a frictionless tip with a reference gap is one compliance; anything else is
-    not. The compliance is dense: beyond MOST_CANDIDATES nodes that may come into contact it is not
-    made.
+    A linear body under a frictionless tip, with the gap at the undeformed point, is condensed to
+    one surface compliance. That matrix is dense, so it is limited to MAX_CANDIDATES nodes.
+
+    Parameters
+    ----------
+    config : Config
+        The scene file.
+    setup : ProblemSetup
+        The nondimensional problem before any choice.
+    physics : ProblemDefinition
+        The problem with its contact law and gap.
+    nodes : float
+        Predicted number of candidate nodes of the contact, times their components.
+
+    Returns
+    -------
+    Choice
+        condensed | newton.
+
+    Raises
+    ------
+    ConfigError
+        If the requested method cannot solve the scene.
     """
     requested = config.solver.method
     law = physics.contact
@@ -66,12 +81,15 @@ def solver(config: Config, setup: ProblemSetup, physics: ProblemDefinition, node
         (not physics.small_strain, "the material is not linear"),
         (physics.gap == "current", "the gap at the deformed point makes the problem nonlinear"),
         (bool(law.reason_not_condensable), law.reason_not_condensable),
-        (bool(physics.permeable_regions), "the fluid's pressure lives inside the body"),
-        (bool(physics.relaxing_regions), "its shear relaxes, and its bulk modulus does not"),
+        (bool(physics.permeable_regions), "the pore pressure is an unknown inside the body"),
+        (
+            bool(physics.relaxing_regions),
+            "the shear modulus relaxes, and the bulk modulus does not",
+        ),
         (config.solver.linear == "iterative", WHOLE_BODY_WHY),
         (
             nodes > MAX_CANDIDATES,
-            f"about {size_text} (at most {MAX_CANDIDATES} nodes are condensed to)",
+            f"about {size_text} (static condensation is limited to {MAX_CANDIDATES} nodes)",
         ),
     )
     if requested == "condensed" and obstacle:
@@ -80,27 +98,27 @@ def solver(config: Config, setup: ProblemSetup, physics: ProblemDefinition, node
         )
     if requested != "auto":
         return Choice("solver.method", requested, "as given")
-    why = obstacle or "linear body, reference gap: one factorisation serves every step"
+    why = obstacle or "linear body, gap at the undeformed point: one factorization for all steps"
     if setup.truncation and (theory_reason := theory_obstacle(config, setup)) != why:
         why = f"{why}; not theory: {theory_reason}"
     return Choice("solver.method", "newton" if obstacle else "condensed", why)
 
 
 def iterative_obstacle(config: Config, physics: ProblemDefinition, sizes: Sizes) -> str:
-    """Why the linear systems of a scene are not solved iteratively; empty where they can be."""
+    """Reason against an iterative solver of the linear systems; empty if it can be used."""
     law = physics.contact
     locking_nu = physics.largest_locking_nu
     stiffness_multiple = getattr(law, "stiffness", 0.0) * sizes.h_contact / physics.material.E_star
     return first_reason(
-        (physics.domain.dim == 2, "axisymmetric and plane bodies are factored"),
+        (physics.domain.dim == 2, "axisymmetric and plane problems are solved directly"),
         (bool(law.reason_unsymmetric), law.reason_unsymmetric),
         (
             bool(physics.permeable_regions),
-            "its preconditioner does not know the pressure of the fluid",
+            "the preconditioner does not support the pore pressure",
         ),
         (
             bool(physics.relaxing_regions),
-            "a body whose shear relaxes is factored, each length of a step anew",
+            "bodies with shear relaxation are factorized, once for each length of a time step",
         ),
         (
             law.multiplier in ("stress", "nodal"),
@@ -115,7 +133,7 @@ def iterative_obstacle(config: Config, physics: ProblemDefinition, sizes: Sizes)
             f"a contact of {stiffness_multiple:.2g} E*/h_contact needs too many iterations",
         ),
         (bool(physics.wall_stiffness) and not physics.small_strain, STIFF_WALL_WHY),
-        (config.solver.method == "condensed", "solver.method: condensed factors the body once"),
+        (config.solver.method == "condensed", "solver.method: condensed factorizes the body once"),
     )
 
 
@@ -127,9 +145,30 @@ def linear_solver(
     iterative: Cost,
     available_memory: float,
 ) -> Choice:
-    """How linear systems are solved, at these costs and with `available_memory` for them [bytes].
+    """Choose the solver of the linear systems: direct or iterative.
 
-    ConfigError for an iterative solver that does not know the scene.
+    Parameters
+    ----------
+    config : Config
+        The scene file.
+    physics : ProblemDefinition
+        The problem with its contact law and gap.
+    sizes : Sizes
+        The element sizes, nondimensional.
+    direct, iterative : Cost
+        Predicted costs of both solvers.
+    available_memory : float
+        Memory of this machine [bytes].
+
+    Returns
+    -------
+    Choice
+        direct | iterative.
+
+    Raises
+    ------
+    ConfigError
+        If an iterative solver is requested that cannot solve the scene.
     """
     requested = config.solver.linear
     obstacle = iterative_obstacle(config, physics, sizes)
@@ -149,14 +188,19 @@ def linear_solver(
     is_needed = direct.memory > available_memory >= iterative.memory
     solver_kind = "iterative" if is_cheaper or is_needed else "direct"
     return Choice(
-        "solver.linear", solver_kind, f"factored {cost_texts[0]}, iteratively {cost_texts[1]}"
+        "solver.linear",
+        solver_kind,
+        f"predicted cost: direct {cost_texts[0]}, iteratively {cost_texts[1]}",
     )
 
 
 def theory(config: Config, setup: ProblemSetup) -> Choice | None:
-    """That theory solves the scene, and why; None where a mesh does.
+    """Choose theory as the solver if it can solve the scene; None if a mesh is needed.
 
-    ConfigError where theory is asked for in vain.
+    Raises
+    ------
+    ConfigError
+        If theory is requested and cannot solve the scene.
     """
     requested = config.solver.method
     if requested != "theory" and not (
@@ -171,16 +215,16 @@ def theory(config: Config, setup: ProblemSetup) -> Choice | None:
     if obstacle or setup.theory is None:
         return None
     error_text = (
-        "too large a force"
+        "the force is too large"
         if setup.theory.tension_fraction
-        else f"exact but for {setup.theory.error:.0e} of the force"
+        else f"the relative error of the force is {setup.theory.error:.0e}"
     )
-    why = f"{setup.theory.reason}: {error_text}, nothing is meshed"
+    why = f"{setup.theory.reason}: {error_text}; no mesh is needed"
     return Choice("solver.method", "theory", f"as given; {why}" if requested == "theory" else why)
 
 
 def theory_obstacle(config: Config, setup: ProblemSetup) -> str:
-    """Why theory cannot give what a scene asks for; empty where it can."""
+    """Reason why theory cannot solve a scene as requested; empty if it can."""
     if config_reason := config_obstacle(config):
         return config_reason
     reference_theory = setup.theory
@@ -188,62 +232,67 @@ def theory_obstacle(config: Config, setup: ProblemSetup) -> str:
     if reference_theory is None:
         has_shape = theory_tip_shape(setup.physics.indenter) is not None
         return (
-            "theory knows no layers with nu < 0" if has_shape else "theory does not know this tip"
+            "theory needs nu >= 0 in all layers" if has_shape else "theory does not know this tip"
         )
     if not reference_theory.is_exact and not (
         reference_theory.tension_fraction and config.solver.method == "theory"
     ):
         return reference_theory.reason
     if target is not None and target < reference_theory.error:
-        return f"theory is good to {reference_theory.error:.0e} of the force, and accuracy asks for {target:g}"
+        return (
+            f"the relative error of the theory is {reference_theory.error:.0e}, and accuracy asks "
+            f"for {target:g}"
+        )
     if setup.physics.path.control == "depth" and len(setup.physics.deltas) <= MAX_KEPT_SOLUTIONS:
-        reference_theory.expect_depths(setup.physics.deltas)  # of which this is one
+        # All depths are solved in one go; the deepest one is among them.
+        reference_theory.expect_depths(setup.physics.deltas)
     if not reference_theory.covers_path(setup.max_depth, setup.physics.largest_force):
         return (
-            "theory ends before the deepest contact: at a wall, at the tip's end, or at 100 "
-            "thicknesses"
+            "the deepest contact is outside the range of the theory: it reaches a wall, the end of "
+            "the tip, or 100 thicknesses"
         )
     return ""
 
 
 def config_obstacle(config: Config) -> str:
-    """What a config asks for that no theory has, as far as it can be told at a look; empty where
-    there is nothing.
-    """
+    """Reason in the config alone why no theory can solve it; empty if there is none."""
     materials = [layer.material for layer in config.layers if layer.material]
     law = config.contact
     solver = replace(config.solver, method="auto")
     return first_reason(
-        (isinstance(config.body, MeshFromFile), "theory does not know a body meshed elsewhere"),
+        (isinstance(config.body, MeshFromFile), "theory does not know a body from a mesh file"),
         (not all(material.is_small_strain for material in materials), "the material is not linear"),
         (
             any(material.flow for _, material in config.materials()),
-            "theory knows no fluid in the pores",
+            "theory has no pore fluid",
         ),
         (
             any(material.has_shear_relaxation for _, material in config.materials()),
-            "theory knows no shear that relaxes",
+            "theory has no relaxation of the shear modulus alone",
         ),
         (bool(config.body.inclusions), NO_INCLUSIONS),
-        (not config.indenter.is_axisymmetric, f"a {config.indenter.shape} is no tip of revolution"),
-        (law.gap == "current", "theory tests the gap at the undeformed point"),
-        (not isinstance(law, AutoContact), f"contact.method: {law.method} is for a mesh"),
-        (bool(law.feature_without_theory), f"theory knows no {law.feature_without_theory}"),
-        (solver != type(solver)(), "linear, rtol and max_iterations of solver are for a mesh"),
-        (config.mesh != type(config.mesh)(), "the settings of mesh are for one"),
+        (
+            not config.indenter.is_axisymmetric,
+            f"theory needs an axisymmetric tip, and a {config.indenter.shape} is none",
+        ),
+        (law.gap == "current", "theory evaluates the gap at the undeformed point"),
+        (not isinstance(law, AutoContact), f"contact.method: {law.method} needs a mesh"),
+        (bool(law.feature_without_theory), f"theory has no {law.feature_without_theory}"),
+        (solver != type(solver)(), "linear, rtol and max_iterations of solver need a mesh"),
+        (config.mesh != type(config.mesh)(), "the settings of the section mesh need a mesh"),
         (
             any(material.formulation != "auto" for material in materials),
-            "material.formulation is for a mesh",
+            "material.formulation needs a mesh",
         ),
         (
             config.output.fields in ("last", "all"),
-            f"output.fields: {config.output.fields} asks for a mesh",
+            f"output.fields: {config.output.fields} needs a mesh",
         ),
     )
 
 
 def needs_mesh(config: Config) -> bool:
-    """Whether a config cannot do without a mesh, as far as it can be told at a look."""
+    """True if the config alone shows that the scene needs a mesh."""
     is_for_theory = isinstance(config.body, UnboundedBody) or config.solver.method == "theory"
     return (
         config.solver.method in ("condensed", "newton")
