@@ -27,11 +27,15 @@ from indent_sim.scene.regions import Layers, layer_material
 from indent_sim.theory.half_space import estimate_depth
 from indent_sim.theory.theory import Theory
 
-Center = tuple[float, ...]  # horizontal position of the tip's axis [length]
-MAX_DEPTH_FRACTION = 0.9  # of the thickness: there no force is expected to find its depth
-# at which theory is asked for a depth: the largest sizes the mesh, and a search needs no more
+Center = tuple[float, ...]  # Horizontal position of the tip's axis [length].
+# Prescribed forces are expected to reach at most this part of the thickness.
+MAX_DEPTH_FRACTION = 0.9
+# Number of forces at which theory is solved for a depth; others are interpolated. The mesh depends
+# on the largest depth only, and load control needs no better initial guess.
 MAX_THEORY_FORCES = 3
-RIM_TOLERANCE = 1e-9  # of a contact surface, from the tip's axis to its rim: less is none
+# Distance from the tip's axis to the edge of an imported contact surface, relative to the largest
+# one, up to which the axis is on the edge.
+RIM_TOLERANCE = 1e-9
 
 
 def expected_depths(
@@ -43,12 +47,37 @@ def expected_depths(
     scales: Scales,
     mirror_multiplicity: int = 1,
 ) -> tuple[float, ...]:
-    """The requested depths, or those to expect at the requested forces, within DEEPEST of the
-    body's height.
+    """Return the prescribed depths, or those to expect at the prescribed forces.
 
-    Of forces by theory, or by the tip's section where there is none or it ends; between MOST_FORCES
-    by power laws. seen: how many times the body the tip sees, each with the prescribed force.
-    ConfigError when theory says that a linear body does not bear the largest force.
+    Depths at forces follow from theory, or from the cross-section of the tip if theory has none;
+    between MAX_THEORY_FORCES forces they are interpolated by power laws.
+
+    Parameters
+    ----------
+    path : LoadPath
+        The prescribed depths or forces, nondimensional.
+    theory : Theory or None
+        The reference theory.
+    tip : Indenter
+        The tip that has the same gap over a flat body.
+    material : Material
+        The material below the tip.
+    height : float
+        Height of the body [length]; depths are at most MAX_DEPTH_FRACTION of it.
+    scales : Scales
+        Scales of the problem, for messages.
+    mirror_multiplicity : int, optional
+        Number of mirrored bodies that the tip indents, each with the prescribed force.
+
+    Returns
+    -------
+    tuple of float
+        One depth per value of the path [length].
+
+    Raises
+    ------
+    ConfigError
+        If a linear body would be compressed too far by the largest force, according to theory.
     """
     if path.control == "depth":
         return path.values
@@ -65,7 +94,8 @@ def expected_depths(
     for force in map(float, sample_forces):
         start = estimate_depth(tip.radius_at, force, E_star) if scales.dim == 3 else force / E_star
         depth = (theory and theory.depth_of_force(force, max_depth)) or min(start, max_depth / 2)
-        sample_depths.append(float(f"{depth:.9g}"))  # the same in all units, and so is the mesh
+        # Rounding makes the depth, and with it the mesh, independent of the user's units.
+        sample_depths.append(float(f"{depth:.9g}"))
     interpolate_log = partial(np.interp, xp=np.log(sample_forces), fp=np.log(sample_depths))
     depths = tuple(
         float(np.exp(interpolate_log(np.log(force)))) if force > 0 else 0.0 for force in forces
@@ -89,8 +119,29 @@ def check_scene(
     contacts: int,
     key: str,
 ) -> None:
-    """ConfigError for a tip that does not stand on a body, or a path that leads it where it cannot
-    go.
+    """Check that the tip stands above the body, and that it can reach the depths of the path.
+
+    Parameters
+    ----------
+    body : Body
+        The body, in the user's units.
+    layers : tuple of Layer
+        Its layers from the top.
+    tip : Indenter
+        The tip, in the user's units.
+    center : tuple of float
+        Horizontal position of the tip's axis [length].
+    path : LoadPath
+        The prescribed depths or forces.
+    contacts : int
+        Number of equal contacts of the body, which share its height.
+    key : str
+        The key of the path in the scene file.
+
+    Raises
+    ------
+    ConfigError
+        If a check fails.
     """
     if body.lateral_extent(center) < 0:
         raise ConfigError(
@@ -108,12 +159,15 @@ def check_scene(
         raise ConfigError(key, problem, f"stay below {thickness:g}")
     if delta >= (coverage_depth := top_coverage_depth(body, layers, tip, center)):
         coverage_text = f"at {coverage_depth:g} the tip would cover its whole top"
-        problem = f"depth {delta:g} leaves no room to an incompressible body held on all sides: {coverage_text}"
-        raise ConfigError(key, problem, "stay well below, free a side, or nu < 0.5")
-    if delta > (side_depth := side_contact_depth(body, tip, center)):
-        side = f"the top of a fixed side, which it meets at {side_depth:g}"
         problem = (
-            f"depth {delta:g} presses the tip onto {side}: nothing moves it, and the force "
+            f"depth {delta:g} leaves no room to an incompressible body held on all sides: "
+            f"{coverage_text}"
+        )
+        raise ConfigError(key, problem, "stay well below, free a side, or use nu < 0.5")
+    if delta > (side_depth := side_contact_depth(body, tip, center)):
+        side = f"the top of a fixed side, which it reaches at {side_depth:g}"
+        problem = (
+            f"depth {delta:g} presses the tip onto {side}: that side cannot move, and the force "
             "has no bound"
         )
         raise ConfigError(
@@ -122,9 +176,7 @@ def check_scene(
 
 
 def _check_punch_width(body: Body, tip: Indenter, center: Center) -> None:
-    """ConfigError for a sharp punch wider than a flat top that it does not cover: its edge would
-    cross that of the body.
-    """
+    """Raise ConfigError if the edge of a sharp punch crosses the edge of a flat top."""
     if (
         not isinstance(tip, FlatPunch)
         or tip.edge_radius
@@ -146,12 +198,32 @@ def _check_punch_width(body: Body, tip: Indenter, center: Center) -> None:
 def expected_radius(
     theory: Theory | None, tips: Sequence[Indenter], body: Body, center: Center, delta: float
 ) -> float:
-    """Contact radius at the deepest point: layer theory, else the smallest of the tips' sections;
-    within the body.
+    """Return the expected contact radius at a depth, at most the lateral extent of the body.
+
+    It follows from theory, or else from the smallest cross-section of the tips at that depth.
+
+    Parameters
+    ----------
+    theory : Theory or None
+        The reference theory.
+    tips : sequence of Indenter
+        The tip that has the same gap over a flat body, and the tip itself.
+    body : Body
+        The nondimensional body.
+    center : tuple of float
+        Horizontal position of the tip's axis [length].
+    delta : float
+        Depth [length].
+
+    Returns
+    -------
+    float
+        The contact radius [length].
     """
     rim = max(body.lateral_extent(center), 0.05 * body.lateral_extent(body.center))
     if isinstance(body, ImportedBody) and rim <= RIM_TOLERANCE * body.max_lateral_extent(center):
-        rim = body.max_lateral_extent(center)  # half of a symmetric body, cut where the tip stands
+        # The mesh is half of a symmetric body, with the tip's axis on the mirror plane.
+        rim = body.max_lateral_extent(center)
     if delta <= 0:
         return 0.2 * rim if isfinite(rim) else 1.0
     if isinstance(body, ImportedBody):
@@ -161,8 +233,9 @@ def expected_radius(
 
 
 def _overlap_radius(tip: Indenter, body: ImportedBody, center: Center, delta: float) -> float:
-    """How far from its axis [length] a tip at a depth would overlap the undeformed surface, to a
-    part of a facet.
+    """Radius [length] within which a tip at a depth would overlap the undeformed surface.
+
+    It is interpolated between the corners of the facets.
     """
     distances = body.corner_distances(center).ravel()
     gap = (_tip_heights(tip, body.top_points(), center) - body.facets[..., -1]).ravel()
@@ -173,12 +246,11 @@ def _overlap_radius(tip: Indenter, body: ImportedBody, center: Center, delta: fl
 
 
 def top_coverage_depth(body: Body, layers: Sequence[Layer], tip: Indenter, center: Center) -> float:
-    """The depth [length] at which the tip would cover the whole top; infinity for a body that can
-    give way.
+    """Depth [length] at which the tip would cover the whole top of a confined incompressible body.
 
-    The volume under the undeformed top stays what it is, so the surface's mean height stays 0, and
-    under a tip that touches it everywhere that is the tip's mean height minus the depth. The force
-    grows beyond all bounds before.
+    The volume of the body is constant, so that the mean height of its surface remains 0. Below a
+    tip in contact everywhere, this mean height is the mean height of the tip minus the depth. The
+    force grows without bound at a smaller depth. Other bodies have no limit: infinity.
     """
     materials = [layer_material(layer) for layer in layers]
     materials += [inclusion.material.canonical() for inclusion in body.inclusions or ()]
@@ -188,24 +260,20 @@ def top_coverage_depth(body: Body, layers: Sequence[Layer], tip: Indenter, cente
 
 
 def side_contact_depth(body: Body, tip: Indenter, center: Center) -> float:
-    """The depth [length] at which the tip meets the top of a fixed side; infinity where no side is
-    fixed.
+    """Depth [length] at which the tip reaches the top of a fixed side; infinity without such a side.
 
-    Deeper, the surface would have to jump from u_z = 0 at the side to the tip beside it: no
-    displacement of finite energy does, and the force of a mesh grows as the logarithm of its
-    elements there.
+    At larger depths the surface displacement would have to jump from u_z = 0 at the side to that of
+    the tip. No displacement field of finite energy does, and the force on a mesh grows
+    logarithmically as its elements shrink.
     """
     z = body.fixed_points[:, -1] if isinstance(body, ImportedBody) else 0.0
     return float(np.min(_tip_heights(tip, body.fixed_edge_points(), center) - z, initial=np.inf))
 
 
 def _tip_heights(tip: Indenter, points: Points, center: Center) -> Any:
-    """How high a tip is above its apex [length] over points, seen from above."""
+    """Height of the tip's surface above its apex [length] at horizontal positions."""
     along_x, along_y = (*center, 0.0)[:2]
     return tip.height(points[0] - along_x, points[1] - along_y)
-
-
-BISECTIONS = 40  # of the way of a spring's base, until the depth is known
 
 
 def path_to_max_depth(
@@ -215,10 +283,27 @@ def path_to_max_depth(
     tip: Indenter,
     layers: Sequence[Layer],
 ) -> LoadPath:
-    """Equal steps to the largest depth, or force, that a history may come to.
+    """Return a path of equal steps to an upper bound of the depth, or force, of a history.
 
-    What relaxes lets the tip in as far as a body of the least share `least_modulus_fraction` of its modulus, and a
-    spring keeps the tip back by the least force that a half-space of the softest layer has.
+    Parameters
+    ----------
+    history : History
+        The prescribed history.
+    least_modulus_fraction : float
+        Smallest part of the instantaneous modulus that remains during the history. A prescribed
+        force reaches the depth of a body with this modulus.
+    compliance : float
+        Compliance of the spring that carries the tip [length/force]. The force on it is at least
+        that of a half-space of the softest layer.
+    tip : Indenter
+        The tip that has the same gap over a flat body.
+    layers : sequence of Layer
+        Layers from the top.
+
+    Returns
+    -------
+    LoadPath
+        The path to the largest depth or force.
     """
     largest = history.largest_value
     if history.control == "force":
@@ -227,19 +312,18 @@ def path_to_max_depth(
         return Loading(delta=largest).path()
     E_star = least_modulus_fraction * min(layer_material(layer).E_star for layer in layers)
 
-    def beyond(depth: float) -> bool:
+    def exceeds_history(depth: float) -> bool:
         half_space_formula = half_space_force(tip, depth, E_star)
         radius = tip.radius_at(depth)
-        if not half_space_formula and not isfinite(
-            radius
-        ):  # a plate: the least force of a body is not known
+        if not half_space_formula and not isfinite(radius):
+            # A plate has no lower bound of the force.
             return depth >= largest
         force = half_space_formula[1] if half_space_formula else 0.5 * E_star * radius * depth
         return depth + compliance * force >= largest
 
     low = 0.0
     high = largest
-    for _ in range(BISECTIONS):
+    for _ in range(40):  # The interval shrinks to 1e-12 of the largest depth.
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if beyond(middle) else (middle, high)
+        low, high = (low, middle) if exceeds_history(middle) else (middle, high)
     return Loading(delta=high).path()

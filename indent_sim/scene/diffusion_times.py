@@ -7,18 +7,27 @@ from dataclasses import dataclass
 from indent_sim.scene.problem_definition import ProblemDefinition, largest_diffusivity
 from indent_sim.scene.problem_setup import ProblemSetup
 
-# Of the time that fluid takes through the contact, and of that through an element: the first step
-# of a piece. In less than the second an element of linear pressure does not drain as a half-space
-# does, and the force is up to 1.4 % low
+# First time step of a segment, relative to the diffusion time of the contact. A step is at least
+# 1/ELEMENT_DRAINAGE_FACTOR of the diffusion time of an element: in a shorter one, elements with
+# linear pressure do not drain as a half-space does, and the force is up to 1.4 % too low.
 FIRST_STEP_FRACTION = 1e-3
 ELEMENT_DRAINAGE_FACTOR = 6.0
 
 
 @dataclass(frozen=True)
 class DiffusionTimes:
-    """How long the fluid takes [time] through the contact, an element, the body's height and half
-    of the way to its wall. The first step of a piece is a thousandth of the contact's, but none
-    in which an element cannot drain.
+    """Diffusion times L^2/D [time] of the pore fluid.
+
+    Attributes
+    ----------
+    contact : float
+        L is the expected contact radius.
+    element : float
+        L is the element size at the contact.
+    height : float
+        L is the height of the body.
+    wall : float
+        L is half of the distance from the tip's axis to the edge of the body.
     """
 
     contact: float
@@ -30,7 +39,7 @@ class DiffusionTimes:
     def compute(
         setup: ProblemSetup, physics: ProblemDefinition, h_contact: float
     ) -> DiffusionTimes:
-        """Those of a scene's fastest region; h_contact [length]."""
+        """Diffusion times in the region of largest diffusivity; h_contact: element size [length]."""
         D = largest_diffusivity(physics)
         lengths = (
             setup.a,
@@ -41,7 +50,7 @@ class DiffusionTimes:
         return DiffusionTimes(*(length**2 / D for length in lengths))
 
     def first_step(self, shortest: float) -> float:
-        """Of the steps of a piece, beside what takes a `shortest` one [time]."""
+        """First time step of a segment, at most `shortest` [time] unless an element needs longer."""
         return max(
             min(FIRST_STEP_FRACTION * self.contact, shortest),
             self.element / ELEMENT_DRAINAGE_FACTOR,

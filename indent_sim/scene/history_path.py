@@ -19,24 +19,43 @@ from indent_sim.scene.problem_definition import (
 )
 from indent_sim.scene.problem_setup import ProblemSetup
 
-# Of the time that fluid takes through the contact, or through a thinner body: within this a sudden
-# bath comes at finite strain, in RAMP_STEPS first steps, since no Newton step finds the layer that
-# swells at once. Elements of a tenth of the contact radius just drain in such a step,
-# h^2/(DRAINS_ELEMENT D)
+# Time over which a sudden change of the bath is applied at finite strain, relative to the diffusion
+# time of the contact or of a thinner body. It takes RAMP_STEPS first steps, since Newton's method
+# does not find a surface layer that swells at once. Elements of a tenth of the contact radius just
+# drain in such a step of h^2/(ELEMENT_DRAINAGE_FACTOR D).
 RAMP_STEPS = 8.0
 BATH_RAMP_FRACTION = RAMP_STEPS / ELEMENT_DRAINAGE_FACTOR / 10**2
-STEPS_PER_RELAXATION_TIME = 20.0  # first steps of a piece in the shortest time of a relaxation
-# Of the shortest piece of a history: its first step at least, and of that the shortest time of a
-# power law, which is a sum of exponentials down to there
+# First steps of a segment per shortest relaxation time.
+STEPS_PER_RELAXATION_TIME = 20.0
+# The first step is at least this part of the shortest segment of a history.
 MIN_STEP_FRACTION = 1e-3
+# Shortest relaxation time of the Prony series for a power law, relative to that first step.
 SHORTEST_TIME_FRACTION = 1e-2
 
 
 def problem_along_history(
     setup: ProblemSetup, physics: ProblemDefinition, h_contact: float
 ) -> ProblemDefinition:
-    """Physics whose path is the rows of the history, in place of the way to its deepest one;
-    h_contact [length].
+    """Return the problem whose load path is the history instead of the path to its largest depth.
+
+    Parameters
+    ----------
+    setup : ProblemSetup
+        The problem setup, with a history.
+    physics : ProblemDefinition
+        The problem with the choices for its mesh.
+    h_contact : float
+        Element size at the contact [length].
+
+    Returns
+    -------
+    ProblemDefinition
+        The same problem with its time steps.
+
+    Raises
+    ------
+    ConfigError
+        If the body cannot be compressed because no fluid drains.
     """
     assert setup.history is not None
     path = setup.history.path
@@ -52,7 +71,7 @@ def problem_along_history(
                 "all other sides"
             )
             remedy = (
-                "drain the tip, the base or the sides, free the sides, or give the material some "
+                "drain the tip, the base or the sides, free the sides, or give the material a "
                 "flow.storage"
             )
             raise ConfigError("drainage", f"{problem}: it cannot be compressed", remedy)
@@ -80,10 +99,10 @@ def problem_along_history(
 def bath_ramp_time(setup: ProblemSetup, physics: ProblemDefinition) -> float:
     """Return the time [time] over which the chemical potential of a gel's bath ramps up linearly.
 
-    It is 0 for a body that no bath swells or shrinks, and for a sudden bath. The key
-    `drainage.bath_ramp` gives it; for `auto` at finite strain it is BATH_RAMP L^2/D, where D is the
-    largest diffusivity and L the smaller of the expected contact radius and the body's height. The
-    ramp does not depend on the mesh.
+    It is 0 for a body that no bath swells or shrinks, and for an instantaneous change of the bath.
+    The key `drainage.bath_ramp` gives it; for `auto` at finite strain it is
+    BATH_RAMP_FRACTION L^2/D, where D is the largest diffusivity and L the smaller of the expected
+    contact radius and the body's height. The ramp does not depend on the mesh.
     """
     if not physics.is_swelling:
         return 0.0
@@ -97,23 +116,29 @@ def bath_ramp_time(setup: ProblemSetup, physics: ProblemDefinition) -> float:
 
 
 def _remove_jumps(path: LoadPath, key: str) -> LoadPath:
-    """The path without the places that it reaches in no time; ConfigError where such a place is a
-    row that `times` asks for, or where there is no other row.
+    """Return the path without instantaneous load increments.
+
+    Raises
+    ------
+    ConfigError
+        If such an increment ends at a requested time, or if there are no other rows.
     """
     requested_jumps = path.sudden_rows if path.turns else ()
     if requested_jumps or len(path.sudden_rows) == len(path.values):
         time_text = f" at t = {path.times[requested_jumps[0] - 1]:g}" if requested_jumps else ""
         problem = (
-            f"jumps{time_text} on a column that cannot give way before its fluid does: there is no "
-            "equilibrium then"
+            f"jumps{time_text}, and this body cannot be compressed before fluid has drained: there "
+            "is no equilibrium at that time"
         )
-        raise ConfigError(key, problem, "ask for a later time, or let it grow")
+        raise ConfigError(key, problem, "ask for a later time, or replace the jump by a ramp")
     return path.without_sudden_rows()
 
 
 def first_step(setup: ProblemSetup, physics: ProblemDefinition, h_contact: float) -> float:
-    """The first step of a piece of the history [time]: what flows, what relaxes and a bath that
-    comes are followed by it; h_contact [length].
+    """Return the first time step of a segment of the history [time].
+
+    It resolves diffusion, relaxation and the ramp of a bath; h_contact is the element size at the
+    contact [length].
     """
     assert setup.history is not None
     times = [
@@ -133,9 +158,9 @@ def first_step(setup: ProblemSetup, physics: ProblemDefinition, h_contact: float
 
 
 def _expand_relaxation(physics: ProblemDefinition, history: History) -> ModelDomain:
-    """The modelled part, its laws of relaxation as sums of exponentials."""
+    """Return the model domain with the relaxation of its regions as Prony series."""
 
-    def followed(region: Region) -> Region:
+    def with_prony_series(region: Region) -> Region:
         law = region.material.relaxation
         shortest = SHORTEST_TIME_FRACTION * MIN_STEP_FRACTION * history.shortest_segment
         return (
@@ -144,4 +169,4 @@ def _expand_relaxation(physics: ProblemDefinition, history: History) -> ModelDom
             else region
         )
 
-    return replace(physics.domain, regions=tuple(map(followed, physics.domain.regions)))
+    return replace(physics.domain, regions=tuple(map(with_prony_series, physics.domain.regions)))

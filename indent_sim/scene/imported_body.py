@@ -1,4 +1,4 @@
-"""Bodies from mesh files: reading, positioning below the tip, materials of their regions."""
+"""Imported bodies: reading a mesh file, positioning below the tip, materials of the regions."""
 
 from __future__ import annotations
 
@@ -26,12 +26,25 @@ if TYPE_CHECKING:
 def position_imported_mesh(
     config: Config, source: MeshFromFile, imported_mesh: ImportedMesh
 ) -> tuple[ImportedBody, ImportedMesh]:
-    """The body that a file has, lowered so that the tip first touches it at z = 0."""
+    """Translate an imported mesh so that the tip first touches it at z = 0.
+
+    Returns
+    -------
+    ImportedBody
+        The body with its material below the tip.
+    ImportedMesh
+        The translated mesh.
+
+    Raises
+    ------
+    ConfigError
+        If the mesh has another hash than the config, or was cut at a plane that is not declared.
+    """
     center = config.center or source.center
     if source.hash not in (None, imported_mesh.hash):
-        remedy = "find the mesh that this scene was made with, or leave the hash out"
+        remedy = "use the mesh file of this scene, or leave the hash out"
         raise ConfigError(
-            "body.hash", f"'{source.file}' holds another mesh, {imported_mesh.hash}", remedy
+            "body.hash", f"'{source.file}' has another hash, {imported_mesh.hash}", remedy
         )
     imported_mesh = imported_mesh.with_leading_region(
         imported_domain.region_under_axis(imported_mesh, center)
@@ -46,10 +59,10 @@ def position_imported_mesh(
 
 
 def read_imported_mesh(config: Config, comm: Any) -> ImportedMesh | None:
-    """The body of the config's mesh file, None where it names none (collective).
+    """Read the mesh file of a config; None if it names none (collective).
 
-    On several ranks rank 0 reads the file, has its arrays mapped, and all know the skin of the
-    body.
+    On several ranks, rank 0 reads the file and maps its arrays into memory; the others receive the
+    boundary cells.
     """
     if not isinstance(config.body, MeshFromFile):
         return None
@@ -63,14 +76,12 @@ def read_imported_mesh(config: Config, comm: Any) -> ImportedMesh | None:
 
 
 def read_mesh_file(config: Config, source: MeshFromFile) -> ImportedMesh:
-    """The body as its file, beside the scene's, has it."""
+    """Read a mesh file, whose path is relative to the folder of the scene file."""
     return mesh_import.import_mesh(os.path.dirname(config.source.name), source, config.material)
 
 
 def _read_boundary_cells(config: Config, source: MeshFromFile) -> BoundaryCells:
-    """The skin of that body, read in the process that meshes; of the whole this one has arrays that
-    lie in a file.
-    """
+    """Read the boundary cells in the process that meshes; all other arrays stay in a file."""
     from indent_sim.mesh import gmsh
 
     failure_text = f"'{source.file}' could not be read"
@@ -81,7 +92,7 @@ def _read_boundary_cells(config: Config, source: MeshFromFile) -> BoundaryCells:
 
 
 def _region_materials(imported_mesh: ImportedMesh, config: Config) -> list[tuple[str, Material]]:
-    """The materials of a piece's regions with the keys where they stand, in their order."""
+    """Return the materials of the regions of a mesh with their keys, in the order of the regions."""
     regions = getattr(config.body, "regions", None) or {}
     region_laws = {name: (f"body.regions.{name}", material) for name, material in regions.items()}
     laws = [
@@ -95,6 +106,7 @@ def _region_materials(imported_mesh: ImportedMesh, config: Config) -> list[tuple
 def imported_model_domain(
     config: Config, imported_mesh: ImportedMesh, scales: Scales
 ) -> tuple[ModelDomain, str]:
+    """Return the model domain of an imported mesh, and the reason for its symmetry."""
     assert isinstance(config.body, MeshFromFile)
     materials = [
         (key, scales.nondimensionalize(material))
@@ -119,6 +131,6 @@ def imported_model_domain(
     surfaces_text = (
         ""
         if config.body.surface_names == config.body.surfaces
-        else ", its surfaces without a name by where they face"
+        else "; surfaces without a name are identified by their normals"
     )
-    return domain, f"a mesh from a file is modelled as it is{surfaces_text}"
+    return domain, f"an imported mesh is modelled without symmetry reduction{surfaces_text}"

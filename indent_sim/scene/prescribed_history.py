@@ -13,38 +13,48 @@ if TYPE_CHECKING:
     from indent_sim.config.schema import Config
 
 
-# Of the force, with PER_DOUBLING steps of each length; of second order in them. What rubs is known
-# to less: its error bar is five times what half steps change
+# Relative error of the force by time stepping with STEPS_PER_DOUBLING steps of each length, which is
+# of second order in the step size. With friction it is known less accurately: the error bar is five
+# times the change by half the step size.
 TIME_STEPPING_ERROR = 0.004
 FRICTION_STEPPING_ERROR = 0.02
 
 
 def needs_time_stepping(history: History | None, law: Relaxation | None, compliance: float) -> bool:
-    """Whether a relaxing body is followed step by step: forces or springs, or a tip that comes
-    back.
+    """True if a relaxing body needs viscoelastic time stepping instead of a quadrature.
+
+    This is so for prescribed forces, for a tip on a spring, and for repeated loading.
     """
-    is_any = history is not None and (
+    is_general = history is not None and (
         history.control == "force" or compliance > 0 or history.has_reloading
     )
-    return law is not None and is_any
+    return law is not None and is_general
 
 
 def prony_series(law: Relaxation, shortest: float, longest: float) -> PronySeries:
-    """A relaxation as a sum of exponentials; a power law to 1e-5 between two times [time]."""
+    """Return a relaxation as a Prony series.
+
+    Parameters
+    ----------
+    law : Relaxation
+        A Prony series or a power law.
+    shortest, longest : float
+        Range of times [time] in which the series matches a power law to 1e-5.
+    """
     if law.power_law is None:
         fractions, times = zip(*(law.prony or ()), strict=True)
         return PronySeries(1.0 - sum(fractions), fractions, times)
-    from indent_sim.theory.viscoelasticity import (
-        PowerLaw,
-    )  # with scipy's splines, which no other scene needs
+    # Only power laws need this module, which imports the splines of scipy.
+    from indent_sim.theory.viscoelasticity import PowerLaw
 
     series = PowerLaw(law.power_law.exponent, law.power_law.time).prony_series(shortest, longest)
     return PronySeries(series.long_term, series.fractions, series.times)
 
 
 def remaining_modulus_fraction(law: Relaxation | None, history: History | None) -> float:
-    """The least share of the instantaneous modulus that a body has during a history; of a power law
-    it may be above 1.
+    """Return the smallest part of the instantaneous modulus that remains during a history.
+
+    It can exceed 1 for a power law, whose modulus is that at its reference time.
     """
     if law is None:
         return 1.0
@@ -58,7 +68,10 @@ def remaining_modulus_fraction(law: Relaxation | None, history: History | None) 
 
 
 def time_steps_per_doubling(config: Config) -> int:
-    """Steps in time of one length, as given or as the accuracy asks: errors fall with their square."""
+    """Return the number of time steps before the step size doubles, as given or from `accuracy`.
+
+    The error falls with its square.
+    """
     default_error = (
         TIME_STEPPING_ERROR if config.contact.is_conservative else FRICTION_STEPPING_ERROR
     )

@@ -22,67 +22,82 @@ from indent_sim.scene.cost import SolverWork
 from indent_sim.scene.depth_limits import Center, side_contact_depth
 from indent_sim.scene.reference_theory import relative_tip
 
-# Stretch of a skin across over that along it, from which the surface of an incompressible network
-# has creases (Hong, Zhao & Suo 2009, Appl. Phys. Lett. 95, 111901); a smooth surface is without any
-# stability from 3.4 on (Biot 1963)
+# Ratio of the stretches normal to and along the surface of a surface layer, from which the surface
+# of an incompressible network creases (Hong, Zhao & Suo 2009, Appl. Phys. Lett. 95, 111901). No
+# smooth surface is stable from 3.4 on (Biot 1963).
 CREASING_STRETCH = 2.4
-FORCE_SEARCH_FACTOR = (
-    2  # times the linear solves of a step to a known depth are needed to find the depth of a force
-)
-# gamma/(mu R) from which nothing but its tension holds a surface of radius R: with 33 a ball
-# between plates is solved by the body alone, in 300 iterations, with 100 it is not
+# Linear solves of load control per linear solve of depth control.
+FORCE_SEARCH_FACTOR = 2
+# Elastocapillary number gamma/(mu R) from which surface tension alone stabilizes the surface. A ball
+# between plates is solved without a membrane at 33, in 300 iterations, and is not solved at 100.
 DROP_THRESHOLD = 50.0
 
 
 @dataclass(frozen=True)
 class ProblemDefinition:
-    """What is simulated, without units: every number is divided by the `scales`.
+    """The nondimensional problem: every number is divided by the `scales`.
 
-    It begins as the config gives it, with contact as theory has it; the choices of a mesh replace
-    what they decide.
+    It is made from the config, with the contact conditions of the reference theory; the choices for
+    a mesh then replace contact law, gap, tip and stiffnesses.
+
+    Attributes
+    ----------
+    domain : ModelDomain
+        The part of the body that is meshed.
+    center : tuple of float
+        Horizontal position of the tip's axis [length].
+    path : LoadPath
+        The prescribed depths or forces.
+    deltas : tuple of float
+        The prescribed depths, or those to expect at the prescribed forces [length].
+    gap : str
+        Where the gap is evaluated: reference (undeformed point) | current (deformed point).
+    wall_stiffness : float
+        Stiffness of the weak condition u . n = 0 on the curved wall of a three-dimensional cylinder
+        [pressure/length]; 0 without such a wall.
+    slip_reference : SlipReference
+        The point from which the slip of a new contact is counted.
+    surface_tension : float
+        Surface tension of the contact surface [pressure length].
+    drainage : Drainage
+        Boundary conditions of the pore fluid, with times since the beginning of the history.
+    bath_ramp : float
+        Time over which a sudden change of the bath is applied [time]; 0 for an instantaneous one.
     """
 
     scales: Scales
     body: Body
-    domain: ModelDomain  # of the body, modelled
+    domain: ModelDomain
     indenter: Indenter
     center: Center
-    path: LoadPath  # what is prescribed, step by step
-    deltas: tuple[float, ...]  # prescribed, or expected at the prescribed forces
+    path: LoadPath
+    deltas: tuple[float, ...]
     contact: ContactLaw = field(default_factory=ActiveSet)
-    gap: str = "reference"  # or current
-    wall_stiffness: float = (
-        0.0  # of the weak u . n = 0 on the curved wall of a cylinder in three dimensions; 0: none
-    )
-    slip_reference: SlipReference = (
-        "implicit"  # of what comes into contact during a step, with friction
-    )
-    surface_tension: float = 0.0  # of the contact surface [pressure length]
-    drainage: Drainage = field(
-        default_factory=Drainage
-    )  # of regions with a flow; times are the scene's own
-    bath_ramp: float = 0.0  # in which a sudden bath comes [time]; 0: at once
+    gap: str = "reference"
+    wall_stiffness: float = 0.0
+    slip_reference: SlipReference = "implicit"
+    surface_tension: float = 0.0
+    drainage: Drainage = field(default_factory=Drainage)
+    bath_ramp: float = 0.0
 
     @cached_property
     def is_compressed(self) -> bool:
-        """Whether a plate, or a punch wider than the body, presses on all of its flat top."""
+        """True if a plate, or a punch wider than the body, covers the whole flat top."""
         return covers_top(self.indenter, self.body, self.center)
 
     @cached_property
     def max_depth(self) -> float:
-        """The largest depth of the path [length], which every row asks for."""
+        """The largest depth of the path [length]."""
         return max(self.deltas)
 
     @cached_property
     def side_contact_depth(self) -> float:
-        """The depth at which the tip meets the top of a fixed side [length], which every row is
-        held to.
-        """
+        """The depth at which the tip reaches the upper edge of a fixed side [length]."""
         return side_contact_depth(self.body, self.indenter, self.center)
 
     @property
     def has_friction(self) -> bool:
-        """Whether the tip drags on the surface."""
+        """True if the contact has friction."""
         return not self.contact.is_conservative
 
     @property
@@ -92,9 +107,9 @@ class ProblemDefinition:
 
     @property
     def side_force_axes(self) -> dict[str, int]:
-        """The horizontal axes, by name, along which friction may push the tip: it does not stand
-        over a mirror plane across, which is a roller wall, there; an edge that is free or fixed
-        is none.
+        """Horizontal axes, by name, along which friction can produce a net side force.
+
+        Symmetry excludes an axis that is normal to a mirror plane through the tip.
         """
         if not self.has_friction or self.domain.kinematics.name == "axisymmetric":
             return {}
@@ -108,33 +123,33 @@ class ProblemDefinition:
 
     @property
     def mirror_multiplicity(self) -> int:
-        """How many times the body the tip sees (`Part.seen_by`)."""
+        """Number of bodies that the tip indents, counting those behind mirror planes at the tip."""
         return self.domain.mirrored_body_count(self.center)
 
     def full_contact_radius(self, a: float) -> float:
-        """The radius [length] of the whole contact, mirrored where the tip sees it go on, of a
-        row's radius a, which is that of a circle (half a width) as large as the contact on the
-        body itself.
+        """Radius [length] of the contact including its mirror images.
+
+        Parameters
+        ----------
+        a : float
+            The contact radius of a row: that of a circle with the contact area on the body itself,
+            in plane strain half the width [length].
         """
         kinematics = self.domain.kinematics
-        return (
-            a
-            if self.mirror_multiplicity == 1
-            else kinematics.contact_radius(self.mirror_multiplicity * kinematics.contact_area(a))
-        )
+        if self.mirror_multiplicity == 1:
+            return a
+        return kinematics.contact_radius(self.mirror_multiplicity * kinematics.contact_area(a))
 
     def row_contact_radius(self, a: float) -> float:
-        """The radius [length] that a row has of a whole contact of radius a: the other way round."""
+        """Contact radius of a row [length] for a contact of radius a including its mirror images."""
         kinematics = self.domain.kinematics
-        return (
-            a
-            if self.mirror_multiplicity == 1
-            else kinematics.contact_radius(kinematics.contact_area(a) / self.mirror_multiplicity)
-        )
+        if self.mirror_multiplicity == 1:
+            return a
+        return kinematics.contact_radius(kinematics.contact_area(a) / self.mirror_multiplicity)
 
     @property
     def drained_walls(self) -> tuple[str, ...]:
-        """The walls that let fluid out of the pores."""
+        """The side walls through which pore fluid drains."""
         mirror_surfaces = self.domain.mirror_walls(self.center)
         walls = [
             wall for wall in self.domain.wall_distances(self.center) if wall not in mirror_surfaces
@@ -147,17 +162,23 @@ class ProblemDefinition:
 
     @property
     def permeable_regions(self) -> tuple[Region, ...]:
-        """The regions in whose pores fluid flows."""
+        """The regions with pore fluid."""
         return tuple(region for region in self.domain.regions if region.material.flow)
 
     @property
     def is_porous_column(self) -> bool:
-        """Whether fluid flows in a body whose top the tip covers, as in Terzaghi's consolidation."""
+        """True if the tip covers the top of a poroelastic body, as in Terzaghi's consolidation."""
         return self.is_compressed and bool(self.permeable_regions)
 
     def bath_pressure(self, region: Region, t: float) -> float:
-        """p_b [pressure] of the bath that a permeable region sees, at a time since rest; 0 until
-        then.
+        """Pressure p_b [pressure] of the bath of a permeable region.
+
+        Parameters
+        ----------
+        region : Region
+            A region with pore fluid.
+        t : float
+            Time since the beginning of the history [time]; the pressure is 0 for t <= 0.
         """
         if t <= 0:
             return 0.0
@@ -166,7 +187,7 @@ class ProblemDefinition:
 
     @property
     def is_swelling(self) -> bool:
-        """Whether a bath makes it swell or shrink."""
+        """True if a bath makes a gel swell or shrink."""
         return any(
             region.material.bath_pressure(bath) != 0
             for region in self.permeable_regions
@@ -175,9 +196,10 @@ class ProblemDefinition:
 
     @property
     def surface_layer_stretch(self) -> float:
-        """The stretch across the surface of a gel whose skin has swollen, held sideways by what is
-        beneath it; 1 without a gel at the surface. A free body has such a skin at first, a body
-        between walls for good.
+        """Stretch normal to the surface of a gel whose surface layer has swollen; 1 without a gel.
+
+        The gel below the surface layer prevents its lateral swelling: transiently in a free body,
+        permanently in a body between walls.
         """
         law = self.domain.regions[0].material
         if not isinstance(law, Gel) or not law.flow:
@@ -189,20 +211,27 @@ class ProblemDefinition:
 
     @property
     def creasing_message(self) -> str:
-        """That the skin of a gel swells so much that its surface does not stay smooth, in words;
-        empty where it does not.
-        """
+        """Message that swelling makes the surface of a gel crease; empty if it stays smooth."""
         if self.surface_layer_stretch <= CREASING_STRETCH:
             return ""
         swelling_text = (
-            f"the gel's skin swells to {self.surface_layer_stretch:.3g} times its thickness, held "
-            "sideways by what is beneath"
+            f"the surface layer of the gel swells to {self.surface_layer_stretch:.3g} times its "
+            "thickness, laterally confined by the gel below"
         )
-        return f"{swelling_text}, and from {CREASING_STRETCH:g} on its surface has creases, which are not followed"
+        return (
+            f"{swelling_text}; from {CREASING_STRETCH:g} on the surface has creases, which are not "
+            "modelled"
+        )
 
     def is_closed_by_swelling(self, depth: float, a: float) -> bool:
-        """Whether a contact of radius a is wider than the tip at its depth, which pressing alone
-        makes none.
+        """True if swelling has widened a contact of radius a beyond the tip's radius at its depth.
+
+        Parameters
+        ----------
+        depth : float
+            The indentation depth [length].
+        a : float
+            The contact radius [length].
         """
         return self.is_swelling and a > relative_tip(self.indenter, self.body).radius_at(
             max(depth, 0.0)
@@ -210,29 +239,29 @@ class ProblemDefinition:
 
     @property
     def relaxing_regions(self) -> tuple[Region, ...]:
-        """The regions whose shear stress relaxes."""
+        """The regions with stress relaxation."""
         return tuple(region for region in self.domain.regions if region.material.relaxation)
 
     @property
     def is_time_dependent(self) -> bool:
-        """Whether the body changes while the tip stands still."""
+        """True if the force changes with time at a constant depth."""
         return any(region.material.is_time_dependent for region in self.domain.regions)
 
     @property
     def is_path_dependent(self) -> bool:
-        """Whether a row depends on the path to it, or on the time that it takes."""
+        """True if the force depends on the load path or on time."""
         return self.contact.is_path_dependent or self.is_time_dependent
 
     @property
     def depends_on_step_size(self) -> bool:
-        """Whether a row depends on the steps in which the path to it is followed."""
+        """True if the result depends on the step size: Coulomb friction or a time-dependent body."""
         return self.has_friction or self.is_time_dependent
 
     @property
     def searches_pull_off(self) -> bool:
-        """Whether the largest pull is searched for between rows.
+        """True if the pull-off force is searched for between the rows.
 
-        It is where a tip that attracts over a range is drawn out along prescribed depths.
+        This needs an attraction with a finite range, and prescribed depths that decrease.
         """
         if not self.contact.adhesion_range or self.path.control != "depth":
             return False
@@ -242,7 +271,7 @@ class ProblemDefinition:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns of the force table that only some scenes have, in order."""
+        """Columns of the force table that friction and pore fluid add, in order."""
         fluid = FLUID_COLUMNS if self.permeable_regions else ()
         if not self.has_friction:
             return fluid
@@ -258,18 +287,19 @@ class ProblemDefinition:
 
     @property
     def material(self) -> Material:
-        """What the tip touches: its E* compares pressures with lengths."""
+        """Material below the tip."""
         return self.domain.regions[0].material
 
     @property
     def small_strain(self) -> bool:
-        """Whether the strain is small in all of the body."""
+        """True if all materials are for small strain."""
         return all(region.material.is_small_strain for region in self.domain.regions)
 
     @property
     def largest_locking_nu(self) -> float:
-        """The largest Poisson's ratio, on the way, of displacement elements without fluid, whose
-        pressure bears what would lock.
+        """The largest Poisson's ratio, during the history, of displacement elements without fluid.
+
+        Such elements lock if it is close to 0.5; with pore fluid, its pressure prevents locking.
         """
         locking_regions = [
             candidate
@@ -280,13 +310,14 @@ class ProblemDefinition:
 
     @property
     def largest_nu(self) -> float:
-        """Poisson's ratio of what the tip touches in its most incompressible state on the way."""
+        """The largest Poisson's ratio of the material below the tip during the history."""
         return self.domain.regions[0].softest_constants.nu
 
     @property
     def drop_number(self) -> float:
-        """gamma/(mu R) of a round body at finite strain, by the softest of its regions; 0 without
-        tension.
+        """Elastocapillary number gamma/(mu R) of a round body at finite strain, of its softest region.
+
+        It is 0 without surface tension.
         """
         if self.small_strain or not self.domain.top_radius or not self.surface_tension:
             return 0.0
@@ -298,16 +329,24 @@ class ProblemDefinition:
 
     @property
     def is_drop(self) -> bool:
-        """Whether next to nothing but its tension holds the surface of a round body."""
+        """True if surface tension dominates the elasticity of a round body."""
         return self.drop_number >= DROP_THRESHOLD
 
     @property
     def is_linear(self) -> bool:
-        """Whether the strain is small and the gap tested at the undeformed point."""
+        """True if strains are small and the gap is evaluated at the undeformed point."""
         return self.small_strain and self.gap == "reference"
 
     def solver_work(self, method: str, linear: str) -> SolverWork:
-        """What a solver of this kind has to do for it."""
+        """Work of a solver for this problem, for the prediction of its cost.
+
+        Parameters
+        ----------
+        method : str
+            condensed | newton.
+        linear : str
+            direct | iterative.
+        """
         solves_per_row = (1 if self.largest_force is None else FORCE_SEARCH_FACTOR) * (
             2 if self.slip_reference == "mid" else 1
         )
@@ -317,7 +356,7 @@ class ProblemDefinition:
         stages = 2 if self.permeable_regions else 1
         is_nonlinear = self.contact.is_path_dependent or not self.is_linear
         steps = len(self.deltas) + sum(map(len, self.path.turns))
-        # where nothing makes the contact grow; in three dimensions nobody has measured it
+        # The contact of a hold must not grow. Three-dimensional holds have not been measured.
         is_hold_linear = (
             self.domain.dim == 2
             and not is_nonlinear
@@ -353,9 +392,7 @@ def largest_diffusivity(physics: ProblemDefinition) -> float:
 
 
 def is_undrained_incompressible(physics: ProblemDefinition) -> bool:
-    """Whether a tip as wide as a body between its walls finds no way to press it while no fluid
-    leaves.
-    """
+    """True if a body below a tip that covers its top cannot be compressed before fluid drains."""
     is_closed = all(
         physics.domain.supports.get(wall, "free") != "free"
         for wall in physics.domain.wall_distances(physics.center)
@@ -368,6 +405,6 @@ def is_undrained_incompressible(physics: ProblemDefinition) -> bool:
 
 
 def has_drained_surface(physics: ProblemDefinition) -> bool:
-    """Whether fluid leaves a body whose top the tip covers."""
+    """True if fluid drains from a body whose top the tip covers."""
     drainage = physics.drainage
     return drainage.tip != "sealed" or drainage.base != "sealed" or bool(physics.drained_walls)

@@ -1,6 +1,4 @@
-"""The scene before any choice: without units, its modelled part, its theory and the depths to
-expect.
-"""
+"""Problem setup: a scene before any choice, with its model domain, theory and expected depths."""
 
 from __future__ import annotations
 
@@ -70,73 +68,104 @@ if TYPE_CHECKING:
     from indent_sim.theory.adhesion import Jkr
 
 
-ATTRACTION_CUTOFF = (
-    7.0  # ranges of gap up to which an attraction counts: beyond, a thousandth of its work is left
-)
+# Gap, in ranges of the attraction, beyond which a thousandth of the work of adhesion remains.
+ATTRACTION_CUTOFF = 7.0
 
 
 @dataclass(frozen=True)
 class ProblemSetup:
-    """A scene as given, before any choice: its physics, and what it leads to expect."""
+    """A scene before any choice: the nondimensional problem and what theory predicts for it.
+
+    Attributes
+    ----------
+    physics : ProblemDefinition
+        The problem with the contact conditions of the reference theory.
+    truncation : Truncation or None
+        The finite body in place of an unbounded one.
+    layers : tuple of Layer
+        Layers from the top, each with its thickness and material.
+    relative_tip : Indenter
+        The tip that has the same gap over a flat body.
+    domain_reason : str
+        The reason for the symmetry of the model domain.
+    theory : Theory or None
+        The reference theory.
+    experiment : Experiment or None
+        The section `experiment`, nondimensional.
+    history : History or None
+        The prescribed history, nondimensional. `physics.path` then leads to its largest depth.
+    relaxation : Relaxation or None
+        Relaxation of the whole body.
+    uses_time_stepping : bool
+        True if a relaxing body needs viscoelastic time stepping.
+    steps_per_doubling : int
+        Time steps before the step size doubles.
+    attraction : Adhesion or None
+        Adhesion of the contact law.
+    theory_without_tension : Theory or None
+        The theory of the same body without surface tension.
+    surface_rise : float
+        The largest rise of the surface of a gel that swells without load [length].
+    expected_radius : callable
+        The expected contact radius [length] as a function of depth [length].
+    theory_for_materials : callable
+        The reference theory of the same scene after a change of the material of every layer.
+    """
 
     physics: ProblemDefinition
-    truncation: Truncation | None  # of a body without end, for which this one stands
-    layers: Layers  # from the top, each with its thickness and material
-    relative_tip: Indenter  # the tip over a flat body, see `relative_tip`
+    truncation: Truncation | None
+    layers: Layers
+    relative_tip: Indenter
     domain_reason: str
     theory: Theory | None
-    experiment: Experiment | None  # without units
-    history: (
-        History | None
-    )  # without units; `physics.path` goes to the largest depth that it may come to
+    experiment: Experiment | None
+    history: History | None
     relaxation: Relaxation | None
-    uses_time_stepping: bool  # whether a relaxing body is followed step by step
-    steps_per_doubling: int  # steps of each length, where fluid flows
-    attraction: Adhesion | None  # of the contact
-    theory_without_tension: Theory | None  # the theory of the same body without a surface tension
-    surface_rise: float  # how far a gel's surface rises at most, where nothing is above it [length]
-    expected_radius: Callable[[float], float] = field(
-        repr=False
-    )  # the contact radius [length] to expect at a depth [length]
+    uses_time_stepping: bool
+    steps_per_doubling: int
+    attraction: Adhesion | None
+    theory_without_tension: Theory | None
+    surface_rise: float
+    expected_radius: Callable[[float], float] = field(repr=False)
     theory_for_materials: Callable[[Callable[[Material], Material]], Theory | None] = field(
         repr=False
-    )  # all of it changed so
+    )
 
     @property
     def is_half_space(self) -> bool:
-        """Whether the body is a half-space, or stands for one."""
+        """True if the body is a half-space, or a truncated one."""
         stands_for_one = self.truncation is not None and self.truncation.represents == "half-space"
         return stands_for_one or isinstance(self.physics.body, HalfSpace)
 
     @property
     def max_depth(self) -> float:
-        """The largest depth [length], in what has swollen by then."""
+        """The largest depth below the surface of the swollen body [length]."""
         return max(self.physics.deltas) + self.surface_rise
 
     @property
     def a(self) -> float:
-        """The contact radius [length] to expect at the deepest point, adhesion included."""
-        if self.adhesive_radii and self.max_depth <= 0:  # no other tip touches there
+        """The expected contact radius at the largest depth, including adhesion [length]."""
+        if self.adhesive_radii and self.max_depth <= 0:
+            # Without adhesion there is no contact at this depth.
             return max(self.adhesive_radii)
         return max([self.expected_radius(self.max_depth), *self.adhesive_radii])
 
     @property
     def elastocapillary_length(self) -> float:
-        """gamma/E* [length]: a surface flatter than that is held by what is below it, a sharper one
-        by its tension.
+        """Elastocapillary length gamma/E* [length].
+
+        Surface tension dominates the elasticity at smaller lengths.
         """
         return self.physics.surface_tension / self.physics.material.E_star
 
     @property
     def jkr_limit(self) -> JKRAdhesion | None:
-        """The adhesion of the experiment, which takes it without range."""
+        """Adhesion of the experiment, which is evaluated in the JKR limit."""
         return self.experiment.adhesion if self.experiment else None
 
     @cached_property
     def adhesive_radii(self) -> tuple[float, float] | tuple[()]:
-        """Contact radii [length] with adhesion, without range: the smallest that comes off and the
-        deepest one's.
-        """
+        """Contact radii [length] in the JKR limit: at pull-off and at the largest depth."""
         jkr_adhesion = self.jkr_limit
         if self.attraction and self.physics.body.dim == 3:
             attraction = self.attraction
@@ -152,19 +181,34 @@ class ProblemSetup:
 
     @cached_property
     def jkr(self) -> Jkr | None:
-        """The contact of a tip that adheres as if its attraction had no range; None where theory
-        does not know it.
-        """
+        """The contact of an adhesive tip in the JKR limit; None without a theory for it."""
         return self.theory.jkr(self.attraction.work) if self.attraction and self.theory else None
 
     def solution(self, delta: float) -> Solution | None:
-        """Theory's contact at a depth [length], where there is a theory."""
+        """Contact of the reference theory at a depth [length]; None without a theory."""
         return self.theory.solution_at_depth(delta) if self.theory else None
 
 
 def set_up_problem(config: Config, imported_mesh: ImportedMesh | None = None) -> ProblemSetup:
-    """The scene without units, its body as given; ConfigError for one that cannot exist.
-    piece: what `read_imported_mesh` finds in the config's mesh file, where somebody has read it."""
+    """Set up the nondimensional problem on the body as given.
+
+    Parameters
+    ----------
+    config : Config
+        The validated scene file.
+    imported_mesh : ImportedMesh, optional
+        The mesh from the config's mesh file, if it has been read already.
+
+    Returns
+    -------
+    ProblemSetup
+        The problem before any choice.
+
+    Raises
+    ------
+    ConfigError
+        If the scene is impossible.
+    """
     body = config.body
     if isinstance(body, MeshFromFile):
         meshed_body, imported_mesh = position_imported_mesh(
@@ -184,13 +228,15 @@ def set_up_problem(config: Config, imported_mesh: ImportedMesh | None = None) ->
 
 
 def truncate_body(config: Config, setup: ProblemSetup) -> ProblemSetup:
-    """The scene on a body that can be meshed: one large enough stands for a body without end."""
+    """Replace an unbounded body by a finite one that can be meshed; leave others as they are."""
     if not isinstance(config.body, UnboundedBody):
         return setup
     deepest = setup.max_depth
-    if setup.adhesive_radii:  # as deep as a tip that does not adhere has this contact
+    if setup.adhesive_radii:
+        # The body must be large enough for the contact of a tip without adhesion of this radius.
         deepest = max(deepest, 2 * float(setup.physics.indenter.height(setup.a, 0.0)))
-    if setup.attraction:  # or as far as it is felt
+    if setup.attraction:
+        # The attraction acts up to its cut-off distance.
         deepest = max(deepest, 2 * ATTRACTION_CUTOFF * (setup.attraction.range or 0.0))
     states = _layers_in_extreme_states(config)
     depth = deepest * setup.physics.scales.length
@@ -202,8 +248,8 @@ def _layers_in_extreme_states(config: Config) -> list[Layers]:
     """Return the layers in the elastic states between which their materials change with time.
 
     The drained and unrelaxed state is the first. The undrained state, and that of the shear modulus
-    which has relaxed most, are less compressible: on a frictionless base a wall is felt from much
-    farther away.
+    which has relaxed most, are less compressible: on a frictionless base a wall then affects the
+    force from much farther away.
     """
     layers = elastic_layers(config)
     states = [layers]
@@ -227,8 +273,9 @@ def _layers_in_extreme_states(config: Config) -> list[Layers]:
 
 
 def tension_width_factor(setup: ProblemSetup) -> float:
-    """How many times as wide a finite body must be for its surface tension: the force that it adds
-    is felt as far away, and the surface beside the contact is flat over gamma/E*.
+    """Factor by which a finite body must be wider because of its surface tension.
+
+    The tension increases the force, and the surface beside the contact is deformed over gamma/E*.
     """
     elastocapillary_length = setup.elastocapillary_length
     theory_without_tension = setup.theory_without_tension
@@ -247,12 +294,13 @@ def _set_up(
     truncation: Truncation | None,
     imported_mesh: ImportedMesh | None,
 ) -> ProblemSetup:
+    """Set up the problem on a finite body, a truncated one, or an imported mesh."""
     material = layer_material(layers[0])
     center = whole_body.center if truncation else config.center or whole_body.center
     contacts = whole_body.contacts_per_body if isinstance(whole_body, SphericalBody) else 1
     history = config.loading.prescribed_history
     relaxations = [law.relaxation for _, law in config.materials() if law.relaxation]
-    relaxation = next((law for law in relaxations if law.of == "all"), None)  # of the curve
+    relaxation = next((law for law in relaxations if law.of == "all"), None)
     compliance = config.experiment.compliance if config.experiment else 0.0
     least_modulus_fraction = min(
         (remaining_modulus_fraction(law, history) for law in relaxations), default=1.0
@@ -328,8 +376,9 @@ def _set_up(
 
 
 def _plate_if_covering(tip: Indenter, body: Body, center: Center) -> Indenter:
-    """A plate in place of a sharp punch that is exactly as wide as a flat top: such a punch is
-    meant as a plate, and its edge would cut into the rim, which bulges at finite strain.
+    """Replace a sharp punch that is exactly as wide as a flat top by a plate.
+
+    Its edge would cut into the rim of the body, which bulges at finite strain.
     """
     if not isinstance(tip, FlatPunch) or tip.edge_radius or not covers_top(tip, body, center):
         return tip
@@ -347,7 +396,7 @@ def _model_domain(
     layers: Layers,
     scales: Scales,
 ) -> tuple[ModelDomain, str]:
-    """The modelled piece of a body, and why it is that one."""
+    """Return the model domain of a body, and the reason for its symmetry."""
     if isinstance(body, ImportedBody):
         assert imported_mesh is not None
         return imported_model_domain(config, imported_mesh, scales)
@@ -356,8 +405,9 @@ def _model_domain(
 
 
 def _length_unit(body: Body, layers: Sequence[Layer], tip: Indenter, path: LoadPath) -> float:
-    """The body's height; of a half-space about the contact radius, a power of two, which costs no
-    digit.
+    """Unit of length: the height of the body, or for a half-space about the contact radius.
+
+    The latter is rounded to a power of two, so that dividing by it has no rounding error.
     """
     if isfinite(body.height):
         return body.height

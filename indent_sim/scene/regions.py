@@ -28,15 +28,12 @@ if TYPE_CHECKING:
 
 D = TypeVar("D")
 Layers = tuple[Layer, ...]
-MAX_DISPLACEMENT_NU = (
-    0.49999  # Poisson's ratio beyond which a displacement element's matrix loses its digits
-)
+# Larger Poisson's ratios make the matrix of displacement elements too ill-conditioned.
+MAX_DISPLACEMENT_NU = 0.49999
 
 
 def elastic_layers(config: Config) -> Layers:
-    """The layers from the top, each with its thickness (a half-space's last: infinite) and its
-    material's constants.
-    """
+    """Return the layers from the top with their instantaneous laws; a half-space is infinitely thick."""
     laws = [instantaneous_law(config, layer_material(layer)) for layer in config.layers]
     layers = zip(config.layers, laws, strict=True)
     return tuple(
@@ -46,8 +43,10 @@ def elastic_layers(config: Config) -> Layers:
 
 
 def instantaneous_law(config: Config, material: Material) -> Material:
-    """The law of the instantaneous constants: what relaxes as a whole is made of its elastic curve.
-    A gel has swollen in the scene's first bath where it does not say by how much.
+    """Return a material with its instantaneous elastic constants.
+
+    Relaxation of the whole body is applied to the elastic curve instead. A gel without a given
+    stretch swells freely in the first bath.
     """
     if isinstance(material, Gel):
         return material.with_free_swelling(config.initial_bath).canonical()
@@ -58,12 +57,13 @@ def instantaneous_law(config: Config, material: Material) -> Material:
 
 
 def layer_material(layer: Layer) -> Material:
+    """Return the material of a layer, which every resolved layer has."""
     assert layer.material is not None
     return layer.material
 
 
 def layer_regions(config: Config, layers: Layers) -> tuple[Region, ...]:
-    """The regions of layers, z of their lower faces rounded as all lengths of a mesh."""
+    """Return the regions of the layers, bounded by the rounded heights of their lower faces."""
     regions = []
     depths = np.cumsum([layer.thickness for layer in layers])
     for k, (layer, depth) in enumerate(zip(layers, depths, strict=True)):
@@ -86,7 +86,7 @@ def layer_regions(config: Config, layers: Layers) -> tuple[Region, ...]:
 def inclusion_regions(
     config: Config, body: DimensionedBody | UnboundedBody, scales: Scales
 ) -> Iterator[Region]:
-    """The regions of inclusions, lengths rounded likewise."""
+    """Yield the regions of the inclusions with rounded lengths."""
     laws = [
         instantaneous_law(config, inclusion.material) for inclusion in config.body.inclusions or ()
     ]
@@ -105,9 +105,7 @@ def inclusion_regions(
 
 
 def least_shear_fraction(config: Config, material: Material) -> float:
-    """What is left of a material's shear modulus when it has relaxed most on the way of a scene, at
-    most 1.
-    """
+    """Return the smallest part of the shear modulus that remains during the history, at most 1."""
     if not material.has_shear_relaxation:
         return 1.0
     return min(
@@ -116,57 +114,54 @@ def least_shear_fraction(config: Config, material: Material) -> float:
 
 
 def choose_formulation(key: str, material: Material, least_share: float) -> str:
-    """Displacements alone, or with a pressure, for the most incompressible state of a material on
-    its way.
+    """Choose the element formulation for the least compressible state of a material.
 
     Parameters
     ----------
     key : str
-        Where the material stands in the scene file.
+        The key of the material in the scene file.
     material : Material
-        Its law at the first moment.
+        Its instantaneous law.
     least_share : float
-        What is left of its shear modulus when it has relaxed most.
+        Smallest part of its shear modulus that remains during the history.
 
     Returns
     -------
     str
-        displacement | mixed.
+        displacement | mixed (displacement and pressure).
 
     Raises
     ------
     ConfigError
-        Where the material or the elements that it asks for cannot.
+        If the requested formulation does not suit the material.
     """
     nu = material.relaxed_constants(least_share).nu
     requested = material.formulation
-    chosen = (
-        requested
-        if requested != "auto"
-        else "mixed"
-        if nu >= LOCKING_POISSON_RATIO
-        else "displacement"
-    )
+    chosen = requested
+    if requested == "auto":
+        chosen = "mixed" if nu >= LOCKING_POISSON_RATIO else "displacement"
     law_text = (
-        f"nu = {nu:g}" if material.is_isotropic else f"matter as compressible as nu = {nu:.6g}"
+        f"nu = {nu:g}"
+        if material.is_isotropic
+        else f"a compressibility equivalent to nu = {nu:.6g}"
     )
     if least_share < 1:
-        law_text = f"shear that relaxes to {law_text}"
+        law_text = f"{law_text} after relaxation of the shear modulus"
     if chosen == "displacement" and nu > MAX_DISPLACEMENT_NU:
         raise ConfigError(
-            f"{key}.formulation", f"displacement elements cannot carry {law_text}", "use 'mixed'"
+            f"{key}.formulation", f"displacement elements cannot have {law_text}", "use 'mixed'"
         )
     if chosen == "mixed" and nu <= 0:
         raise ConfigError(
             f"{key}.formulation",
-            f"'mixed' needs nu > 0, and this is {law_text}",
+            f"'mixed' needs nu > 0, and this material has {law_text}",
             "use 'displacement'",
         )
     return chosen
 
 
 def round_lengths(body: D) -> D:
-    """A body, or an inclusion, with its own lengths rounded."""
+    """Return a body or an inclusion with rounded lengths."""
 
     def to_digits(value: Any) -> Any:
         if isinstance(value, tuple):
@@ -178,9 +173,7 @@ def round_lengths(body: D) -> D:
 
 
 def unused_material_message(config: Config, domain: ModelDomain) -> str:
-    """That nothing of a body has the material of the section `material`, in words; empty where
-    something has.
-    """
+    """Message that no part of the body uses the section `material`; empty if one does."""
     if config.material is None:
         return ""
     if isinstance(config.body, MeshFromFile):
@@ -189,11 +182,13 @@ def unused_material_message(config: Config, domain: ModelDomain) -> str:
     else:
         region_kind = "layer"
         is_used = any(config.material_key(k) == "material" for k in range(len(config.layers)))
-    return "" if is_used else f"nothing uses `material`: every {region_kind} has its own"
+    if is_used:
+        return ""
+    return f"the section `material` is not used: every {region_kind} has its own material"
 
 
 def remove_unused_material(config: Config, domain: ModelDomain) -> Config:
-    """The config without the section `material` where nothing of the body has it."""
+    """Return the config without the section `material` if no part of the body uses it."""
     return (
         config.model_copy(update={"material": None})
         if unused_material_message(config, domain)

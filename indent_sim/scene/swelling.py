@@ -1,4 +1,4 @@
-"""Drainage of a scene, and how far its gels swell in their bath."""
+"""Swelling of gels in the bath of a scene, and the drainage of its pore fluid."""
 
 from __future__ import annotations
 
@@ -20,8 +20,12 @@ if TYPE_CHECKING:
 
 
 def nondimensional_drainage(config: Config, history: History | None, scales: Scales) -> Drainage:
-    """Where fluid leaves, without units, its times from the begin of the history; ConfigError for a
-    gel's bath with a unit.
+    """Return the nondimensional drainage, with times since the beginning of the history.
+
+    Raises
+    ------
+    ConfigError
+        If the bath of a gel, a dimensionless chemical potential, is given with a unit.
     """
     drainage = (config.drainage or Drainage()).with_time_origin(
         history.points[0][0] if history else 0.0
@@ -30,15 +34,18 @@ def nondimensional_drainage(config: Config, history: History | None, scales: Sca
     if not any(isinstance(material, Gel) for _, material in config.materials()):
         return scaled
     if any(key[:2] == ("drainage", "bath") for key in config.source.quantities):
-        problem = "has a unit, and of a gel it is the solvent's chemical potential over kT"
+        problem = "has a unit, but for a gel it is the chemical potential of the solvent over kT"
         raise ConfigError("drainage.bath", problem, "a plain number, 0 for the pure solvent")
     return replace(scaled, bath=drainage.bath)
 
 
 def max_surface_rise(drainage: Drainage, layers: Layers) -> float:
-    """How far the surface of gels rises above that at rest, held sideways, in the bath in which
-    they swell most [length]; ConfigError for a bath in which they are not at rest, or rise
-    without end.
+    """Return the largest rise of the surface by laterally confined swelling in any bath [length].
+
+    Raises
+    ------
+    ConfigError
+        If a bath has no swelling equilibrium, or the gel is infinitely thick.
     """
 
     def rise(bath: float) -> float:
@@ -55,7 +62,7 @@ def max_surface_rise(drainage: Drainage, layers: Layers) -> float:
 
     max_rise = max(0.0, *(rise(bath) for bath in drainage.bath_values))
     if not isfinite(max_rise):
-        problem = "lets a gel without end swell, whose surface rises without end"
+        problem = "makes an infinitely thick gel swell, whose surface rises without bound"
         raise ConfigError(
             "drainage.bath", problem, "use a layer or a cylinder, or stretch: auto and one bath"
         )
@@ -63,6 +70,7 @@ def max_surface_rise(drainage: Drainage, layers: Layers) -> float:
 
 
 def _confined_swelling_stretch(law: Gel, bath: float) -> float:
+    """Vertical stretch of a laterally confined gel; ConfigError if it has no equilibrium."""
     try:
         return law.confined_swelling(law.bath_pressure(bath)).stretch
     except ValueError as error:

@@ -78,7 +78,7 @@ SCENE: dict[str, Any] = {
         (
             {"body": {"shape": "box", "size": [2.0, 2.0, 1.0]}, "solver": {"linear": "iterative"}},
             "solver.linear",
-            "does not know the pressure of the fluid",
+            "does not support the pore pressure",
         ),
     ],
 )
