@@ -186,7 +186,8 @@ def test_a_material_that_nothing_has_is_named_and_read_by_nothing(
         for material in (None, UNLIKE)
     )
     expected, found = resolve(lacking), resolve(having)
-    said = f"nothing uses `material`: every {'region' if body == 'mesh' else 'layer'} has its own"
+    region_kind = "region" if body == "mesh" else "layer"
+    said = f"the section `material` is not used: every {region_kind} has its own material"
     assert found.plan.warnings == (said, *expected.plan.warnings)
     assert (
         found.plan.choices == expected.plan.choices
