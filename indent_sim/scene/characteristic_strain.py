@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from indent_sim.model.algebra import cos, tan
 from indent_sim.model.tips import (
     Cone,
@@ -15,9 +13,6 @@ from indent_sim.model.tips import (
     Sphere,
     max_radius,
 )
-
-if TYPE_CHECKING:
-    pass
 
 
 def characteristic_strain(tip: Indenter, delta: float, a: float) -> tuple[float, str]:

@@ -29,12 +29,12 @@ THEORY_FORCE_WHY = "forces are prescribed: theory finds the depth of each"
 EDGE_WHY = "the pressure is singular at the sharp edge of the punch"
 AXIS_WHY = "sizes grow from this value at the axis to h_contact at the edge of the deepest contact"
 FILM_WHY = (
-    "at drained faces the pore pressure changes within a film of thickness (D t)^(1/2) at the first "
-    "rows"
+    "at drained faces the pore pressure changes within a film of thickness (D t)^(1/2) at the "
+    "first rows"
 )
 CORNER_WHY = (
-    "bonded corners, or the gap between the contact and a side, affect the contact: sizes grow from "
-    "this value with the distance"
+    "bonded corners, or the gap between the contact and a side, affect the contact: sizes grow "
+    "from this value with the distance"
 )
 
 

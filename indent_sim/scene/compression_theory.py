@@ -125,7 +125,7 @@ def _area_of_top(body: Cylinder | BodyStrip | Box) -> float:
 def _bonded_formulas(
     body: Cylinder | BodyStrip | Box, layers: Sequence[BodyLayer]
 ) -> dict[str, ForceCurve]:
-    """Gent and Lindley's force of a nearly incompressible disc or strip that is bonded at its base."""
+    """Gent and Lindley's force of a nearly incompressible disc or strip bonded at its base."""
     if isinstance(body, Box) or len(layers) > 1 or layers[0].material is None:
         return {}
     E, nu = layers[0].material.constants

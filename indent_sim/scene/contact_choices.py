@@ -57,8 +57,8 @@ MAX_ELEMENT_RATIO = 1.5
 # half-space.
 PULL_OFF_DIFFERENCE = 0.05
 AS_WIDE_WHY = (
-    "the punch is as wide as the body: a plate, since at finite strain the edge of a punch would cut "
-    "into the bulging rim"
+    "the punch is as wide as the body: a plate, since at finite strain the edge of a punch would "
+    "cut into the bulging rim"
 )
 # Radius of a rounded apex or edge, relative to the expected contact radius.
 ROUNDING_FRACTION = 1e-3

@@ -128,7 +128,10 @@ def _refuse_curve(config: Config, setup: ProblemSetup, solver: Choice, key: str)
     if setup.jkr_limit and solver.value == "condensed" and setup.adhesive_radii:
         _refuse_radius_range(setup, *setup.adhesive_radii)
     if setup.uses_time_stepping and solver.value == "theory" and physics.body.dim == 2:
-        problem = "this history of a relaxing strip needs time stepping on the surface compliance of a mesh"
+        problem = (
+            "this history of a relaxing strip needs time stepping on the surface compliance of a "
+            "mesh"
+        )
         raise ConfigError("material.relaxation", problem, "use solver.method: condensed")
 
 
@@ -137,7 +140,10 @@ def _refuse_radius_range(setup: ProblemSetup, smallest: float, largest: float) -
     L = setup.physics.scales.length
     rim = setup.physics.body.lateral_extent(setup.physics.center)
     if largest > MAX_RIM_FRACTION * rim:
-        problem = f"widens the contact to a radius of {largest * L:.3g}, and the body ends at {rim * L:.3g}"
+        problem = (
+            f"widens the contact to a radius of {largest * L:.3g}, and the body ends at "
+            f"{rim * L:.3g}"
+        )
         raise ConfigError("experiment.adhesion.work", problem, UNITS_REMEDY)
     if largest > MAX_RADIUS_SPREAD * smallest:
         problem = (

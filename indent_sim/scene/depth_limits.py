@@ -260,7 +260,7 @@ def top_coverage_depth(body: Body, layers: Sequence[Layer], tip: Indenter, cente
 
 
 def side_contact_depth(body: Body, tip: Indenter, center: Center) -> float:
-    """Depth [length] at which the tip reaches the top of a fixed side; infinity without such a side.
+    """Depth [length] at which the tip reaches the top of a fixed side; infinity without one.
 
     At larger depths the surface displacement would have to jump from u_z = 0 at the side to that of
     the tip. No displacement field of finite energy does, and the force on a mesh grows

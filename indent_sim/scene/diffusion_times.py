@@ -39,7 +39,7 @@ class DiffusionTimes:
     def compute(
         setup: ProblemSetup, physics: ProblemDefinition, h_contact: float
     ) -> DiffusionTimes:
-        """Diffusion times in the region of largest diffusivity; h_contact: element size [length]."""
+        """Diffusion times in the region of largest diffusivity; h_contact is an element size."""
         D = largest_diffusivity(physics)
         lengths = (
             setup.a,
@@ -50,7 +50,7 @@ class DiffusionTimes:
         return DiffusionTimes(*(length**2 / D for length in lengths))
 
     def first_step(self, shortest: float) -> float:
-        """First time step of a segment, at most `shortest` [time] unless an element needs longer."""
+        """First time step of a segment, at most `shortest` unless an element needs longer."""
         return max(
             min(FIRST_STEP_FRACTION * self.contact, shortest),
             self.element / ELEMENT_DRAINAGE_FACTOR,

@@ -115,7 +115,7 @@ def _width(body: Cylinder | Box) -> float:
 
 
 def _scale_width(truncation: Truncation, layers: Sequence[Layer], times: float) -> Truncation:
-    """The same with a body that many times as wide, and as high where it stands for a half-space."""
+    """Return a truncation with a wider body, which for a half-space is also higher by that factor."""
     body = truncation.body
     ratio = times * truncation.ratio
     if times == 1.0:

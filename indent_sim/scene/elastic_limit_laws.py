@@ -1,4 +1,4 @@
-"""Elastic laws between which a material changes in time: undrained and drained, unrelaxed and relaxed."""
+"""Elastic limits of time-dependent materials: undrained and drained, unrelaxed and relaxed."""
 
 from __future__ import annotations
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from math import pi
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,10 +10,6 @@ from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.contact import ContactLaw, Penalty
 from indent_sim.model.materials import Material
 from indent_sim.theory.theory import Theory
-
-if TYPE_CHECKING:
-    pass
-
 
 FORCE_DEPTH_EXPONENT = 1.5  # per cent of force for a per cent of depth, of a paraboloid
 

@@ -92,7 +92,7 @@ def _read_boundary_cells(config: Config, source: MeshFromFile) -> BoundaryCells:
 
 
 def _region_materials(imported_mesh: ImportedMesh, config: Config) -> list[tuple[str, Material]]:
-    """Return the materials of the regions of a mesh with their keys, in the order of the regions."""
+    """Return key and material of every region of a mesh, in the order of the regions."""
     regions = getattr(config.body, "regions", None) or {}
     region_laws = {name: (f"body.regions.{name}", material) for name, material in regions.items()}
     laws = [

@@ -182,8 +182,8 @@ def fluid_warnings(
         )
         force_text = f"the force is up to {error_text(film.max_error)} low"
         message = (
-            f"rows up to t = {physics.path.times[film.last_row]:.3g}: {element_text} has drained there "
-            f"by then, and {force_text}"
+            f"rows up to t = {physics.path.times[film.last_row]:.3g}: {element_text} has "
+            f"drained there by then, and {force_text}"
         )
         yield ModelWarning(
             "early",
@@ -193,8 +193,8 @@ def fluid_warnings(
     if physics.creasing_message:
         yield ModelWarning(
             "creases",
-            f"{physics.creasing_message}: rows may be lost, and those that are found are of a smooth "
-            "surface",
+            f"{physics.creasing_message}: rows may be lost, and those that are found are of a "
+            "smooth surface",
         )
     if drainage.bath_ramp != "auto" and not physics.is_swelling:
         yield ModelWarning(
@@ -317,8 +317,8 @@ def _tip_end_warnings(setup: ProblemSetup, gap: str) -> Iterator[ModelWarning]:
     yield ModelWarning("tip_end", message)
     if delta > MAX_DEPTH_RATIO * end_radius:
         message = (
-            f"the depth is {delta / end_radius:.3g} times the radius at which the tip ends: are both "
-            "in one unit?"
+            f"the depth is {delta / end_radius:.3g} times the radius at which the tip ends: are "
+            "both in one unit?"
         )
         yield ModelWarning("units", message)
 
@@ -342,7 +342,7 @@ def _attraction_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
 
 
 def _adhesion_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
-    """That the attraction's range is too long for the JKR limit, by Maugis-Dugdale on a half-space."""
+    """Warn of a range of attraction too long for JKR, by Maugis-Dugdale on a half-space."""
     limit = setup.jkr_limit
     if (
         limit is None
@@ -361,8 +361,8 @@ def _adhesion_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
     if abs(pull_off_factor / -1.5 - 1) > JKR_TOLERANCE:
         range_ = f"at a Tabor number of {tabor_number(*parameters):.3g} its range is not short"
         pull_off_text = (
-            f"on a half-space it holds with {-pull_off_factor:.4g} pi work R (Maugis-Dugdale), in the "
-            "JKR limit with 1.5"
+            f"on a half-space it holds with {-pull_off_factor:.4g} pi work R (Maugis-Dugdale), in "
+            "the JKR limit with 1.5"
         )
         yield ModelWarning("adhesion", f"adhesion: {range_}: {pull_off_text}")
 
@@ -393,8 +393,8 @@ def _contact_law_warnings(
             setup, lambda delta, a: penalty_force_loss(law, material, theory, delta, a)
         )
         message = (
-            f"penalty: the tip sinks into the body, the force is up to {100 * force_loss:.2g} % too "
-            "low at this epsilon_n"
+            f"penalty: the tip sinks into the body, the force is up to {100 * force_loss:.2g} % "
+            "too low at this epsilon_n"
         )
         yield ModelWarning(
             "penalty", message if force_loss >= NEGLIGIBLE_ERROR else "", last_row_loss
@@ -414,7 +414,10 @@ def _friction_warnings(
     elements = setup.a / sizes.h_contact
     if isinstance(law, Penalty):
         force_fraction = penalty_friction_loss(multiple * elements)
-        loss_text = f"about {force_fraction:.0%} of what friction adds to the force is lost at this epsilon_t"
+        loss_text = (
+            f"about {force_fraction:.0%} of what friction adds to the force is lost at this "
+            "epsilon_t"
+        )
         message = f"penalty: the surface gives way by t/epsilon_t: {loss_text}"
     else:
         force_fraction = (
@@ -423,8 +426,8 @@ def _friction_warnings(
             else 0.0
         )
         change = (
-            f"{force_fraction:.0%} {'more' if multiple > 1 else 'less'} to the force than at 1, the "
-            "most accurate"
+            f"{force_fraction:.0%} {'more' if multiple > 1 else 'less'} to the force than at 1, "
+            "the most accurate"
         )
         message = (
             f"epsilon_t is {multiple:.2g} E*/h_contact: on these elements friction adds about "
@@ -471,7 +474,10 @@ def _mesh_warnings(setup: ProblemSetup, sizes: Sizes) -> Iterator[ModelWarning]:
     ):
         advice = refinement_advice(sizes, "give a smaller h_contact or h_edge")
         low_text = f"the force may be too low by {error_text(force_error)}; {advice}"
-        message = f"elements of {sizes.h_edge / sizes.punch_edge:.2g} radii at the punch's edge: {low_text}"
+        message = (
+            f"elements of {sizes.h_edge / sizes.punch_edge:.2g} radii at the punch's edge: "
+            f"{low_text}"
+        )
     elif not sizes.is_resolved(a):
         advice = refinement_advice(
             sizes, f"give h_contact at most {1 / DOUBTFUL_ELEMENTS:.2g} of the contact radius"
@@ -488,7 +494,10 @@ def _mesh_warnings(setup: ProblemSetup, sizes: Sizes) -> Iterator[ModelWarning]:
     ):
         element_text = f"only {shallowest / sizes.h_contact:.2g} of them are in the contact radius"
         wrong_text = f"the force there may be wrong by {error_text(shallow_error)}"
-        message = f"the elements suit the deepest contact; at the shallowest {element_text}, and {wrong_text}"
+        message = (
+            "the elements suit the deepest contact; at the shallowest "
+            f"{element_text}, and {wrong_text}"
+        )
     if message or last_row_error:
         yield ModelWarning("elements", message, last_row_error)
 

@@ -189,7 +189,10 @@ def friction_sentence(physics: ProblemDefinition, correction: FrictionCorrection
     if correction.sticks < 1.0:
         cause = f"friction {physics.contact.friction:g}"
         stick_text = f", and the surface sticks within {correction.sticks:.2g} of its radius"
-    return f"{cause} changes this force by {100 * (correction.force - 1):+.1f} %{stick_text} (half-space, exact)"
+    return (
+        f"{cause} changes this force by {100 * (correction.force - 1):+.1f} %{stick_text} "
+        "(half-space, exact)"
+    )
 
 
 def tensile_rim_width(tip: Indenter, nu: float, sizes: Sizes, dim: int) -> float:

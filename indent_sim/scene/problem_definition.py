@@ -28,8 +28,8 @@ from indent_sim.scene.reference_theory import relative_tip
 CREASING_STRETCH = 2.4
 # Linear solves of load control per linear solve of depth control.
 FORCE_SEARCH_FACTOR = 2
-# Elastocapillary number gamma/(mu R) from which surface tension alone stabilizes the surface. A ball
-# between plates is solved without a membrane at 33, in 300 iterations, and is not solved at 100.
+# Elastocapillary number gamma/(mu R) from which surface tension alone stabilizes the surface. A
+# ball between plates is solved without a membrane at 33, in 300 iterations, and is not solved at 100.
 DROP_THRESHOLD = 50.0
 
 
@@ -141,7 +141,7 @@ class ProblemDefinition:
         return kinematics.contact_radius(self.mirror_multiplicity * kinematics.contact_area(a))
 
     def row_contact_radius(self, a: float) -> float:
-        """Contact radius of a row [length] for a contact of radius a including its mirror images."""
+        """Contact radius of a row [length] for a radius a that includes the mirror images."""
         kinematics = self.domain.kinematics
         if self.mirror_multiplicity == 1:
             return a
@@ -254,7 +254,7 @@ class ProblemDefinition:
 
     @property
     def depends_on_step_size(self) -> bool:
-        """True if the result depends on the step size: Coulomb friction or a time-dependent body."""
+        """True if the result depends on the step size: friction or a time-dependent body."""
         return self.has_friction or self.is_time_dependent
 
     @property
@@ -315,9 +315,9 @@ class ProblemDefinition:
 
     @property
     def drop_number(self) -> float:
-        """Elastocapillary number gamma/(mu R) of a round body at finite strain, of its softest region.
+        """Elastocapillary number gamma/(mu R) of a round body at finite strain.
 
-        It is 0 without surface tension.
+        mu is the shear modulus of the softest region. The number is 0 without surface tension.
         """
         if self.small_strain or not self.domain.top_radius or not self.surface_tension:
             return 0.0

@@ -39,8 +39,8 @@ MAX_ITERATIVE_STIFFNESS = 3e5
 # Measured on a half and a quarter of a rubber cylinder: no equilibrium within 23 Newton iterations,
 # however short the step. Linear bodies take 83 Krylov iterations instead of 45 with free walls.
 STIFF_WALL_WHY = (
-    "at finite strain, iterative solvers do not converge with the weak condition on a curved roller "
-    "wall"
+    "at finite strain, iterative solvers do not converge with the weak condition on a curved "
+    "roller wall"
 )
 
 

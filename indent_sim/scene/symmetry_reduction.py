@@ -89,7 +89,7 @@ def _symmetry_error(requested_symmetry: str, why: str, remedy: str) -> ConfigErr
 
 
 def _is_tip_symmetric(tip: Indenter, axis: str) -> bool:
-    """True if the plane through the tip's axis and normal to `axis` is a mirror plane of the tip."""
+    """True if the plane through the tip's axis, normal to `axis`, is a mirror plane of the tip."""
     return tip.is_axisymmetric or tip.has_mirror_plane({"x": 90.0, "y": 0.0}[axis])  # type: ignore[union-attr]
 
 
@@ -368,7 +368,7 @@ def _mirror_plane_text(mirror_axes: list[str]) -> str:
 
 
 def _mirror_axes(requested_symmetry: str, symmetric_axes: list[str]) -> list[str]:
-    """Return the axes normal to the mirror planes that are used; ConfigError if there are too few."""
+    """Return the axes normal to the used mirror planes; ConfigError if there are too few."""
     plane_count = {"auto": len(symmetric_axes), "full": 0, "half": 1, "quarter": 2}[
         requested_symmetry
     ]

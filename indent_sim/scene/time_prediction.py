@@ -1,4 +1,4 @@
-"""Prediction of a scene in time: diffusion and relaxation times, elastic limits and the force between them."""
+"""Time prediction: diffusion times, relaxation times and elastic limits of a scene with history."""
 
 from __future__ import annotations
 
@@ -177,7 +177,8 @@ class _LimitTransition:
         (name, time_text) = self.slowest_time
         t = times["way_in"]
         time_ratio_text = f", {t / times[name]:.2g} of {time_text}" if times.get(name) else ""
-        text = f"the way in takes {t:.3g}{time_ratio_text}: {self._nearest_limit_text(self.remaining_fraction)}"
+        limit_text = self._nearest_limit_text(self.remaining_fraction)
+        text = f"the way in takes {t:.3g}{time_ratio_text}: {limit_text}"
         if self.final_fraction is not None and self.final_fraction != self.remaining_fraction:
             text += f"; at the end of the history {self._nearest_limit_text(self.final_fraction)}"
         return text
@@ -189,7 +190,8 @@ class _LimitTransition:
         percent_above = 100 * (self.force_ratio - 1) * remaining_fraction
         if min(percent_below, percent_above) > NEAR_LIMIT_PERCENT:
             limits_text = (
-                f"{_percent_text(percent_below)} below the {self.first_limit[0]} force, {_percent_text(percent_above)} above the "
+                f"{_percent_text(percent_below)} below the {self.first_limit[0]} force, "
+                f"{_percent_text(percent_above)} above the "
                 f"{self.last_limit[0]}"
             )
             return f"neither, about {limits_text}"
@@ -208,7 +210,7 @@ def _percent_text(change: float) -> str:
 def _drainage_transition(
     setup: ProblemSetup, physics: ProblemDefinition
 ) -> _LimitTransition | None:
-    """From undrained to drained, by what is left under a paraboloid on a layer (`paraboloid_fraction_remaining`)."""
+    """Transition from undrained to drained, by `paraboloid_fraction_remaining`."""
     if not physics.permeable_regions or setup.surface_rise:
         return None
     assert setup.history is not None

@@ -1,4 +1,4 @@
-"""Tips as theory knows them: their axisymmetric shape and their closed-form force on a half-space."""
+"""Tips in theory: their axisymmetric shape and their closed-form force on a half-space."""
 
 from __future__ import annotations
 
