@@ -115,7 +115,7 @@ def _width(body: Cylinder | Box) -> float:
 
 
 def _scale_width(truncation: Truncation, layers: Sequence[Layer], times: float) -> Truncation:
-    """Return a truncation with a wider body, which for a half-space is also higher by that factor."""
+    """Return a truncation with a wider body; that for a half-space is also higher by the factor."""
     body = truncation.body
     ratio = times * truncation.ratio
     if times == 1.0:

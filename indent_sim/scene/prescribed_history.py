@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from indent_sim.config.schema import Config
 
 
-# Relative error of the force by time stepping with STEPS_PER_DOUBLING steps of each length. It is of
-# second order in the step size. With friction it is known less accurately: the error bar is five
+# Relative error of the force by time stepping with STEPS_PER_DOUBLING steps of each length. It is
+# of second order in the step size. With friction it is known less accurately: the error bar is five
 # times the change by half the step size.
 TIME_STEPPING_ERROR = 0.004
 FRICTION_STEPPING_ERROR = 0.02

@@ -28,8 +28,8 @@ from indent_sim.scene.reference_theory import relative_tip
 CREASING_STRETCH = 2.4
 # Linear solves of load control per linear solve of depth control.
 FORCE_SEARCH_FACTOR = 2
-# Elastocapillary number gamma/(mu R) from which surface tension alone stabilizes the surface. A
-# ball between plates is solved without a membrane at 33, in 300 iterations, and is not solved at 100.
+# Elastocapillary number gamma/(mu R) from which surface tension alone stabilizes the surface.
+# Without a membrane, a ball between plates is solved at 33, in 300 iterations, and not at 100.
 DROP_THRESHOLD = 50.0
 
 

@@ -33,7 +33,7 @@ MAX_DISPLACEMENT_NU = 0.49999
 
 
 def elastic_layers(config: Config) -> Layers:
-    """Return the layers from the top with instantaneous laws; a half-space has infinite thickness."""
+    """Return the layers with their instantaneous laws; a half-space has infinite thickness."""
     laws = [instantaneous_law(config, layer_material(layer)) for layer in config.layers]
     layers = zip(config.layers, laws, strict=True)
     return tuple(

@@ -278,7 +278,7 @@ def sizes(
 def _default_sizes(
     setup: ProblemSetup, fixed_sizes: FixedSizes, edge: float | None, edge_refinement: float
 ) -> Sizes:
-    """Element sizes for the expected contact; sizes not given follow from contact radius and body."""
+    """Element sizes for the expected contact; others follow from its radius and the body."""
     physics = setup.physics
     domain = setup.physics.domain
     a = setup.a
@@ -608,9 +608,9 @@ def _refine_films(
 def film_sizes(
     setup: ProblemSetup, default_sizes: Sizes, given_size: float | None, max_fraction: float
 ) -> tuple[tuple[DrainedFace, ...], float]:
-    """The drained faces at which elements are smaller than those of `default_sizes`, and the size
-    [length] at those next to the contact: the one asked for, or what costs at `max_fraction` this share of the
-    force.
+    """Drained faces that need elements smaller than `default_sizes`, and their size at the contact.
+
+    The size [length] is the given one, or that with an error of the force of `max_fraction`.
     """
     assert setup.history is not None
     physics = setup.physics
