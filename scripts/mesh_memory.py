@@ -26,7 +26,7 @@ from indent_sim.config.scene_file import load
 from indent_sim.process import usage
 from indent_sim.run.single_run import backend
 from indent_sim.scene import scene as scenes
-from indent_sim.scene.problem_setup import read_imported_mesh
+from indent_sim.scene.imported_body import read_imported_mesh
 
 
 def own() -> float:

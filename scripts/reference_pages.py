@@ -27,7 +27,7 @@ from indent_sim.config.key_types import (
     tag_of,
     types_by_tag,
     union_members,
-)  # noqa: E402
+)
 from indent_sim.config.schema import Config  # noqa: E402
 from indent_sim.model.symbols import GROUPS, lookup  # noqa: E402
 

@@ -40,7 +40,7 @@ from indent_sim.run.error_estimation.coarser_run import (
     halve_increments,
 )
 from indent_sim.run.pipeline import simulate, states
-from indent_sim.scene.problem_setup import CREASING_STRETCH
+from indent_sim.scene.problem_definition import CREASING_STRETCH
 from indent_sim.scene.scene import resolve
 from indent_sim.theory.poroelasticity import drained_length
 

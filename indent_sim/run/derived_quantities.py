@@ -9,8 +9,10 @@ from typing import Any
 
 from indent_sim.model.state import State
 from indent_sim.run.run_output import OptionalOutput
-from indent_sim.scene.reference_theory import half_space_force, relative_tip, theory_tip_shape
+from indent_sim.scene.half_space_formulas import half_space_force
+from indent_sim.scene.reference_theory import relative_tip
 from indent_sim.scene.scene import Scene
+from indent_sim.scene.tip_theories import theory_tip_shape
 from indent_sim.theory.punches import FittedPunches, LayerPunches, Punches, contact_radius
 from indent_sim.theory.solution import SOLUTION_ERRORS
 

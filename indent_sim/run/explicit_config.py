@@ -11,7 +11,7 @@ from indent_sim.config.schema import Config, KeptStates, allowed_keys_at
 from indent_sim.config.strict_yaml import leaf_values
 from indent_sim.model.body import Drainage, MeshFromFile
 from indent_sim.results.result_files import MESH_FILE
-from indent_sim.scene.problem_setup import remove_unused_material
+from indent_sim.scene.regions import remove_unused_material
 from indent_sim.scene.scene import Scene
 
 

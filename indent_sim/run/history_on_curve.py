@@ -17,9 +17,10 @@ from indent_sim.model.materials import Relaxation
 from indent_sim.model.units import Scales
 from indent_sim.process.errors import NotConverged
 from indent_sim.run.derived_quantities import Equilibrium, punches_of
-from indent_sim.scene.problem_setup import needs_time_stepping, remaining_modulus_fraction
-from indent_sim.scene.reference_theory import relative_tip, theory_tip_shape
+from indent_sim.scene.prescribed_history import needs_time_stepping, remaining_modulus_fraction
+from indent_sim.scene.reference_theory import relative_tip
 from indent_sim.scene.scene import Scene
+from indent_sim.scene.tip_theories import theory_tip_shape
 from indent_sim.theory import viscoelasticity
 from indent_sim.theory.adhesion import (
     AdhesiveContact,

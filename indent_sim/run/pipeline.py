@@ -63,7 +63,7 @@ from indent_sim.run.single_run import Progress, SingleRun, backend
 from indent_sim.run.solvers.hereditary_integral import ERROR_SOURCES, HereditaryIntegralSolver
 from indent_sim.run.solvers.semi_analytic import SemiAnalyticSolver
 from indent_sim.run.summary import rounded_timings
-from indent_sim.scene.problem_setup import read_imported_mesh
+from indent_sim.scene.imported_body import read_imported_mesh
 from indent_sim.scene.resolution import target_error
 from indent_sim.scene.scene import Mesher, Scene, resolve, start_mesher
 

@@ -12,8 +12,9 @@ from indent_sim.config.scene_file import collect_errors, locate_error
 from indent_sim.config.schema import Config
 from indent_sim.model.body import MeshFromFile
 from indent_sim.process.errors import ConfigError, IndentSimError
-from indent_sim.scene.choices import needs_mesh
-from indent_sim.scene.scene import Plan, Scene, resolve, start_mesher
+from indent_sim.scene.plan import Plan
+from indent_sim.scene.scene import Scene, resolve, start_mesher
+from indent_sim.scene.solver_choices import needs_mesh
 
 
 @dataclass(frozen=True)

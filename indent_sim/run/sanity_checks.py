@@ -26,10 +26,7 @@ from math import isfinite, isnan
 from indent_sim.model.contact import Nitsche, Penalty
 from indent_sim.model.state import State
 from indent_sim.run.previous_rows import PreviousRows, force_interval
-from indent_sim.scene.model_warnings import (
-    expected_force_error,
-    penalty_force_loss,
-)
+from indent_sim.scene.expected_error import expected_force_error, penalty_force_loss
 from indent_sim.scene.reference_theory import relative_tip
 from indent_sim.scene.scene import Scene
 from indent_sim.theory.solution import Solution

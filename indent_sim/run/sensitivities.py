@@ -104,7 +104,7 @@ class _MeshedScene:
         mesher = (
             Scene.grid
             if self._grid is None
-            else partial(Scene.adapt_grid, other=self.scene, grid=self._grid)
+            else partial(Scene.adapt_grid, similar_scene=self.scene, grid=self._grid)
         )
         states = list(pipeline.states(scene, with_surface=False, mesher=mesher))
         if not all(state.converged for state in states):

@@ -12,7 +12,8 @@ from indent_sim.model.state import State
 from indent_sim.model.tips import Sphere
 from indent_sim.run.derived_quantities import hertz_forces
 from indent_sim.run.run_output import OptionalOutput
-from indent_sim.scene.reference_theory import half_space_depth, half_space_force, relative_tip
+from indent_sim.scene.half_space_formulas import half_space_depth, half_space_force
+from indent_sim.scene.reference_theory import relative_tip
 from indent_sim.scene.scene import FRICTION_WHY, Scene
 from indent_sim.theory.no_slip import FRICTIONLESS
 from indent_sim.theory.solution import SOLUTION_ERRORS, Solution

@@ -31,13 +31,10 @@ import numpy as np
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.body import Conductance
 from indent_sim.model.loading import LoadPath
-from indent_sim.scene.problem_setup import (
-    RIM_TOLERANCE,
-    ProblemDefinition,
-    ProblemSetup,
-    is_undrained_incompressible,
-)
-from indent_sim.scene.reference_theory import undrained_law
+from indent_sim.scene.depth_limits import RIM_TOLERANCE
+from indent_sim.scene.elastic_limit_laws import undrained_law
+from indent_sim.scene.problem_definition import ProblemDefinition, is_undrained_incompressible
+from indent_sim.scene.problem_setup import ProblemSetup
 from indent_sim.theory.poroelasticity import drained_length, excess_length
 
 MEAN_SQUARE_FACTOR = 9 / 8  # mean square of a paraboloid's pressure over the square of its mean
@@ -163,11 +160,11 @@ def largest_inverse_modulus(physics: ProblemDefinition) -> float:
 def film_force_fraction(
     row: PathRow, h: float, diffusivity: float, fraction_per_length: float | None
 ) -> float:
-    """The share of the largest force that elements h [length] at a drained face under the tip cost
-    a row.
+    """Error of a row's force by elements of size h [length] at a drained face under the tip.
 
-    per: see `force_fraction_per_length`. A column gives way by what it has drained alone, so that its error is the
-    excess over that.
+    It is relative to the largest force. For `fraction_per_length` see `force_fraction_per_length`.
+    A column is compressed only by the fluid that has drained, so that its error is the excess over
+    that.
     """
     excess = float(row.excess_length(np.array([h]), diffusivity)[0])
     if fraction_per_length is not None:
@@ -301,8 +298,10 @@ def film_element_size(
     largest_size: float,
     smallest_size: float,
 ) -> float:
-    """The size [length] of elements at a face under the tip, from `smallest_size` to `largest_size`, that cost at
-    `max_fraction` this share of the force at the row that has drained least.
+    """Size [length] of elements at a face under the tip with an error of at most `max_fraction`.
+
+    The error is that of the force at the row that has drained least; the size lies between
+    `smallest_size` and `largest_size`.
     """
     relevant_rows = [
         row

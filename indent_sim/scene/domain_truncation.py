@@ -25,7 +25,8 @@ from indent_sim.model.body import (
 )
 from indent_sim.model.materials import LinearElastic, Material
 from indent_sim.model.tips import Indenter
-from indent_sim.scene.reference_theory import half_space_theory, stack_of, theory_tip_shape
+from indent_sim.scene.reference_theory import half_space_theory, stack_of
+from indent_sim.scene.tip_theories import theory_tip_shape
 from indent_sim.theory import profiles
 from indent_sim.theory.half_space import estimate_depth
 from indent_sim.theory.layer import Layer as LayerContact
@@ -114,7 +115,7 @@ def _width(body: Cylinder | Box) -> float:
 
 
 def _scale_width(truncation: Truncation, layers: Sequence[Layer], times: float) -> Truncation:
-    """The same with a body that many times as wide, and as high where it stands for a half-space."""
+    """Return a truncation with a wider body; that for a half-space is also higher by the factor."""
     body = truncation.body
     ratio = times * truncation.ratio
     if times == 1.0:

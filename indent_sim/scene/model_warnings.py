@@ -7,46 +7,43 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from math import inf, pi
+from math import inf
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from indent_sim.mesh.imported_domain import ImportedDomain
 from indent_sim.mesh.sizes import DOUBTFUL_ELEMENTS, Sizes
 from indent_sim.model import stability
-from indent_sim.model.algebra import cos, tan
 from indent_sim.model.contact import ContactLaw, Nitsche, Penalty
-from indent_sim.model.materials import LOCKING_POISSON_RATIO, Material
+from indent_sim.model.materials import LOCKING_POISSON_RATIO
 from indent_sim.model.tips import (
     STEM_HALF_ANGLE,
-    Cone,
     FlatPunch,
     Hyperboloid,
-    Indenter,
     Paraboloid,
-    Profile,
-    RegularPyramid,
     Sphere,
     max_radius,
 )
 from indent_sim.scene.boundary_films import unresolved_film
-from indent_sim.scene.problem_setup import (
-    ATTRACTION_CUTOFF,
-    DiffusionTimes,
-    ProblemDefinition,
-    ProblemSetup,
-    unused_material_message,
+from indent_sim.scene.characteristic_strain import characteristic_strain
+from indent_sim.scene.diffusion_times import DiffusionTimes
+from indent_sim.scene.expected_error import (
+    FORCE_DEPTH_EXPONENT,
+    NEGLIGIBLE_ERROR,
+    error_text,
+    expected_force_error,
+    penalty_force_loss,
+    penalty_friction_loss,
+    stick_force_change,
 )
-from indent_sim.scene.reference_theory import half_space_force
+from indent_sim.scene.half_space_formulas import half_space_force
+from indent_sim.scene.problem_definition import ProblemDefinition
+from indent_sim.scene.problem_setup import ATTRACTION_CUTOFF, ProblemSetup
+from indent_sim.scene.regions import unused_material_message
 from indent_sim.theory.solution import SOLUTION_ERRORS
-from indent_sim.theory.theory import Theory
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
 
-FORCE_DEPTH_EXPONENT = 1.5  # per cent of force for a per cent of depth, of a paraboloid
-NEGLIGIBLE_ERROR = 0.005  # of the force: a smaller error is not worth a warning
 UNDERRESOLVED_ERROR = 0.02  # of the force: a contact in less than two elements
 MAX_STIFFNESS_MULTIPLE = 1e3  # E*/h of a penalty: beyond it the pressures oscillate
 STIFFNESS_ROUNDING = 1e-9  # of a stiffness that was chosen to be just this large
@@ -56,18 +53,6 @@ EQUILIBRIA_DIFFERENCE = (
     0.002  # of the force: between the equilibria of one mesh with active_set, over 1, 3 and 6 steps
 )
 MAX_DEPTH_RATIO = 100.0  # depth over the radius of a tip's end: a needle, or a mistake
-NEARLY_INCOMPRESSIBLE_NU = 0.45  # Poisson ratio from which a body is said to hardly compress
-# What elements at a punch's sharp edge cost the force at most, over their size per radius: measured
-# 0.09 to 0.22 on 25 quarter cylinders (see scripts/make_error_bar_table), and 0.65 on sections from
-# that Poisson ratio on
-EDGE_ERROR = 0.25
-INCOMPRESSIBLE_EDGE_FACTOR = 2.6
-MAX_PENETRATION_FACTOR = (
-    1.5  # mean pressures over epsilon_n that a penalty takes from the depth, at most
-)
-# Power of the share of the thickness that is left: how a penalty sinks further at finite strain,
-# measured
-PENETRATION_EXPONENT = 1.5
 # of the pull-off force: by so much Maugis' may differ where the JKR limit is said to be right
 JKR_TOLERANCE = 0.01
 # nu of a drained gel, and of the force what it costs without a pressure
@@ -83,7 +68,6 @@ NEGLIGIBLE_FRICTION_LOSS = (
 # friction up to which the edge slips: steps of a tenth of the path need no second pass (0.01 %,
 # measured)
 MAX_SLIPPING_FRICTION = 0.3
-MAX_FORCE_EXPONENT = 3.0  # d ln F/d ln delta at most: a paraboloid on a thin incompressible layer
 VERIFIED_CONTRAST = 1001.0  # of moduli, up to which random stacks were held to theory
 
 
@@ -198,8 +182,8 @@ def fluid_warnings(
         )
         force_text = f"the force is up to {error_text(film.max_error)} low"
         message = (
-            f"rows up to t = {physics.path.times[film.last_row]:.3g}: {element_text} has drained there "
-            f"by then, and {force_text}"
+            f"rows up to t = {physics.path.times[film.last_row]:.3g}: {element_text} has "
+            f"drained there by then, and {force_text}"
         )
         yield ModelWarning(
             "early",
@@ -209,8 +193,8 @@ def fluid_warnings(
     if physics.creasing_message:
         yield ModelWarning(
             "creases",
-            f"{physics.creasing_message}: rows may be lost, and those that are found are of a smooth "
-            "surface",
+            f"{physics.creasing_message}: rows may be lost, and those that are found are of a "
+            "smooth surface",
         )
     if drainage.bath_ramp != "auto" and not physics.is_swelling:
         yield ModelWarning(
@@ -333,8 +317,8 @@ def _tip_end_warnings(setup: ProblemSetup, gap: str) -> Iterator[ModelWarning]:
     yield ModelWarning("tip_end", message)
     if delta > MAX_DEPTH_RATIO * end_radius:
         message = (
-            f"the depth is {delta / end_radius:.3g} times the radius at which the tip ends: are both "
-            "in one unit?"
+            f"the depth is {delta / end_radius:.3g} times the radius at which the tip ends: are "
+            "both in one unit?"
         )
         yield ModelWarning("units", message)
 
@@ -358,7 +342,7 @@ def _attraction_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
 
 
 def _adhesion_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
-    """That the attraction's range is too long for the JKR limit, by Maugis-Dugdale on a half-space."""
+    """Warn of a range of attraction too long for JKR, by Maugis-Dugdale on a half-space."""
     limit = setup.jkr_limit
     if (
         limit is None
@@ -377,8 +361,8 @@ def _adhesion_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
     if abs(pull_off_factor / -1.5 - 1) > JKR_TOLERANCE:
         range_ = f"at a Tabor number of {tabor_number(*parameters):.3g} its range is not short"
         pull_off_text = (
-            f"on a half-space it holds with {-pull_off_factor:.4g} pi work R (Maugis-Dugdale), in the "
-            "JKR limit with 1.5"
+            f"on a half-space it holds with {-pull_off_factor:.4g} pi work R (Maugis-Dugdale), in "
+            "the JKR limit with 1.5"
         )
         yield ModelWarning("adhesion", f"adhesion: {range_}: {pull_off_text}")
 
@@ -409,8 +393,8 @@ def _contact_law_warnings(
             setup, lambda delta, a: penalty_force_loss(law, material, theory, delta, a)
         )
         message = (
-            f"penalty: the tip sinks into the body, the force is up to {100 * force_loss:.2g} % too "
-            "low at this epsilon_n"
+            f"penalty: the tip sinks into the body, the force is up to {100 * force_loss:.2g} % "
+            "too low at this epsilon_n"
         )
         yield ModelWarning(
             "penalty", message if force_loss >= NEGLIGIBLE_ERROR else "", last_row_loss
@@ -430,7 +414,10 @@ def _friction_warnings(
     elements = setup.a / sizes.h_contact
     if isinstance(law, Penalty):
         force_fraction = penalty_friction_loss(multiple * elements)
-        loss_text = f"about {force_fraction:.0%} of what friction adds to the force is lost at this epsilon_t"
+        loss_text = (
+            f"about {force_fraction:.0%} of what friction adds to the force is lost at this "
+            "epsilon_t"
+        )
         message = f"penalty: the surface gives way by t/epsilon_t: {loss_text}"
     else:
         force_fraction = (
@@ -439,8 +426,8 @@ def _friction_warnings(
             else 0.0
         )
         change = (
-            f"{force_fraction:.0%} {'more' if multiple > 1 else 'less'} to the force than at 1, the "
-            "most accurate"
+            f"{force_fraction:.0%} {'more' if multiple > 1 else 'less'} to the force than at 1, "
+            "the most accurate"
         )
         message = (
             f"epsilon_t is {multiple:.2g} E*/h_contact: on these elements friction adds about "
@@ -448,25 +435,6 @@ def _friction_warnings(
         )
     if force_fraction >= NEGLIGIBLE_FRICTION_LOSS:
         yield ModelWarning("friction", message)
-
-
-def penalty_friction_loss(stiffness: float) -> float:
-    """The share of what friction adds that a penalty loses; stiffness: epsilon_t a/E*.
-
-    Measured on a layer, nu 0 and 0.3, 5 and 10 elements in a, 1, 4 and 16 steps: 0.79-0.88,
-    0.30-0.49 and 0.06-0.14 at 0.5, 5 and 50.
-    """
-    return float(1 / (1 + (stiffness / 4) ** 0.8))
-
-
-def stick_force_change(multiple: float, elements: float) -> float:
-    """The share of itself that is added to what stick adds by an epsilon_t of `multiple`
-    E*/h_contact.
-
-    Measured at 0.01 to 1000 on thick bodies of nu 0 and 0.3 and thin layers of nu 0.49 and 0.5:
-    0.05-0.06 a decade with 4 to 5 elements in the contact radius, 0.02-0.045 with 8 to 10.
-    """
-    return float(0.35 / elements * np.log10(multiple))
 
 
 def _mesh_warnings(setup: ProblemSetup, sizes: Sizes) -> Iterator[ModelWarning]:
@@ -506,7 +474,10 @@ def _mesh_warnings(setup: ProblemSetup, sizes: Sizes) -> Iterator[ModelWarning]:
     ):
         advice = refinement_advice(sizes, "give a smaller h_contact or h_edge")
         low_text = f"the force may be too low by {error_text(force_error)}; {advice}"
-        message = f"elements of {sizes.h_edge / sizes.punch_edge:.2g} radii at the punch's edge: {low_text}"
+        message = (
+            f"elements of {sizes.h_edge / sizes.punch_edge:.2g} radii at the punch's edge: "
+            f"{low_text}"
+        )
     elif not sizes.is_resolved(a):
         advice = refinement_advice(
             sizes, f"give h_contact at most {1 / DOUBTFUL_ELEMENTS:.2g} of the contact radius"
@@ -523,7 +494,10 @@ def _mesh_warnings(setup: ProblemSetup, sizes: Sizes) -> Iterator[ModelWarning]:
     ):
         element_text = f"only {shallowest / sizes.h_contact:.2g} of them are in the contact radius"
         wrong_text = f"the force there may be wrong by {error_text(shallow_error)}"
-        message = f"the elements suit the deepest contact; at the shallowest {element_text}, and {wrong_text}"
+        message = (
+            "the elements suit the deepest contact; at the shallowest "
+            f"{element_text}, and {wrong_text}"
+        )
     if message or last_row_error:
         yield ModelWarning("elements", message, last_row_error)
 
@@ -576,125 +550,3 @@ def _expected_radius(setup: ProblemSetup, delta: float) -> float:
         if setup.jkr and (contact := setup.jkr.stable_equilibrium(delta)):
             return max(contact.a, setup.expected_radius(delta))
     return inf
-
-
-def error_text(error: float) -> str:
-    """A relative error of the force in words."""
-    if error >= 1:
-        return "more than its own size"
-    return "tens of per cent" if error >= 0.2 else f"about {100 * error:.1g} %"
-
-
-def characteristic_strain(tip: Indenter, delta: float, a: float) -> tuple[float, str]:
-    """The strain beside a contact and the formula that gave it.
-
-    0.2 times the tip's slope at the contact's edge (Tabor 1951 for a ball, Johnson 1985, 6.3 for a
-    cone, whatever its depth), a pyramid as the cone of equal sections. A punch has no slope: 0.3
-    delta/a, which is the same share of the mean pressure 2 E* delta/(pi a) as 0.2 a/R is of a
-    ball's 4 E* a/(3 pi R), within 1 %.
-    """
-    match tip:
-        case Paraboloid(R=R) | Sphere(R=R) if a < R or isinstance(tip, Paraboloid):
-            return 0.2 * a / R, "0.2 a/R"
-        case Cone(half_angle=angle, tip_radius=radius) if a > radius * cos(angle):
-            return 0.2 / tan(angle), "0.2 cot(half_angle)"
-        case Cone(tip_radius=radius):
-            return 0.2 * a / radius, "0.2 a/tip_radius"
-        case RegularPyramid(half_angle=angle, equivalent_radius_ratio=roundness):
-            return 0.2 / (
-                roundness * tan(angle)
-            ), "0.2 cot(half_angle of the cone of equal sections)"
-        case Profile() | Hyperboloid() if a < max_radius(tip):
-            return 0.2 * tip.slope(a), "0.2 times the slope at the contact's edge"
-    return 0.3 * delta / a, "0.3 delta/a"
-
-
-def edge_error(sizes: Sizes) -> float:
-    """The relative error of the force by the elements at a punch's sharp edge, at most; 0 where
-    there is none.
-
-    EDGE h_edge/radius, times how keenly the force feels the radius. The force is always too low:
-    elements that end at the edge stand for a punch that is narrower.
-    """
-    if sizes.punch_edge is None or sizes.h_edge is None:
-        return 0.0
-    return EDGE_ERROR * sizes.edge_refinement_factor * sizes.h_edge / sizes.punch_edge
-
-
-def expected_force_error(sizes: Sizes, a: float, nu: float) -> float:
-    """The relative error of the force to fear on this mesh with the expected contact radius a; 0
-    for none.
-
-    Measured on a layer (axisymmetric, all methods): at most 0.3, 0.9, 2.3, 2.4, 5.5, 15, 20 and 117
-    % with n = 3, 2, 1.5, 1, 0.7, 0.5, 0.3 and 0.1 elements: below 7/n^2 %. A punch's sharp edge:
-    below a quarter of the size of its elements over its radius (axisymmetric and in three
-    dimensions), 0.65 of it where the body hardly compresses; times `keenness`.
-    """
-    if sizes.punch_edge is not None and sizes.h_edge is not None:
-        return (1.0 if nu < NEARLY_INCOMPRESSIBLE_NU else INCOMPRESSIBLE_EDGE_FACTOR) * edge_error(
-            sizes
-        )
-    return 0.0 if sizes.is_resolved(a) else 0.07 / sizes.elements_in_contact(a) ** 2
-
-
-def swelling_force_error(sizes: Sizes, a: float) -> float:
-    """The same of a contact that a gel closes as it swells, whose force is that of the last
-    elements that it closed.
-
-    Measured on a gel of chi 0.6 under a ball of one height, on three meshes at six times, against
-    elements a sixth as long at the axis: at most 51, 36, 8, 5 and 1 % with n = 2.3, 2.9, 3.7, 4.5
-    and 6.5 elements in the contact radius, which is 2.7/n^3 to 8.6/n^3.
-    `tests/physics/test_gel_scenes.py` measures one of the meshes again.
-    """
-    return 0.0 if sizes.punch_edge is not None else 9.0 / sizes.elements_in_contact(a) ** 3
-
-
-def penalty_force_loss(
-    contact: ContactLaw, material: Material, theory: Theory | None, delta: float, a: float
-) -> float:
-    """The share of the force, at most, that a penalty costs at a depth; 0 for the other methods.
-
-    The body feels only the depth s that the penetration leaves: s + c p(s)/epsilon_n = delta with
-    the mean pressure p, and 1 - F(s)/F(delta) is lost; by theory, or as on a half-space under a
-    paraboloid where there is none. c, the integral of p dp/dF over p, is 0.69 for a cone and 0.75
-    for a paraboloid on a half-space, and for a paraboloid on a thin layer 1 when it is compressible
-    and 1.5 when not.
-    """
-    if not isinstance(contact, Penalty) or delta <= 0:
-        return 0.0
-    penetration = (
-        MAX_PENETRATION_FACTOR
-        * (1.0 if material.is_small_strain else (1.0 - delta) ** -PENETRATION_EXPONENT)
-        / contact.stiffness
-    )
-    force, pressure = _forces_and_pressures(theory, material, delta, a, np.ones(1))
-    if (
-        force_loss := MAX_FORCE_EXPONENT * penetration * float(pressure[0]) / delta
-    ) < NEGLIGIBLE_ERROR:
-        return force_loss  # a theory of many depths takes its time
-    depth_fractions = np.array([1e-6, 1e-3, 0.03, 0.2, 0.5, 0.8, 0.95, 1.0])
-    force, pressure = _forces_and_pressures(theory, material, delta, a, depth_fractions)
-    remaining_force = np.interp(
-        np.log(delta), np.log(depth_fractions * delta + penetration * pressure), np.log(force)
-    )
-    return float(1 - np.exp(remaining_force) / force[-1])
-
-
-def _forces_and_pressures(
-    theory: Theory | None, material: Material, delta: float, a: float, depth_fractions: np.ndarray
-) -> np.ndarray:
-    """Force (in any unit) and mean pressure at parts s of a depth."""
-    curve = (
-        theory.solutions_at_depths([float(depth) for depth in depth_fractions * delta])
-        if theory
-        else None
-    )
-    if curve:
-        force = np.array([solution.force for solution in curve])
-        return np.array([force, force / [solution.area for solution in curve]])
-    E, nu = material.constants
-    confined = (
-        E * (1 - nu) / ((1 + nu) * max(1 - 2 * nu, 1e-4)) * depth_fractions
-    )  # of a body in contact from wall to wall
-    hertz = 4 / (3 * pi) * material.E_star / a * np.sqrt(depth_fractions)
-    return np.array([depth_fractions**1.5, delta * np.maximum(hertz, confined)])

@@ -5,9 +5,9 @@ theory has not.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 from math import inf
 
 import numpy as np
@@ -24,32 +24,18 @@ from indent_sim.model.body import (
 )
 from indent_sim.model.body import Layer as BodyLayer
 from indent_sim.model.body import Strip as BodyStrip
-from indent_sim.model.materials import (
-    Gel,
-    LinearElastic,
-    Material,
-    NeoHookean,
-    TransverselyIsotropic,
-)
 from indent_sim.model.tips import (
     FlatPunch,
     Indenter,
     Paraboloid,
     Plate,
-    Profile,
-    RegularPyramid,
     Sphere,
     flat_radius,
 )
-from indent_sim.model.units import Scales
-from indent_sim.theory import half_space, profiles
-from indent_sim.theory.compression import (
-    Bar,
-    Compression,
-    HyperelasticBar,
-    LinearBar,
-    bonded_modulus,
-)
+from indent_sim.scene.compression_theory import compression_theory, covers_top
+from indent_sim.scene.reasons import first_reason
+from indent_sim.scene.tip_theories import theory_tip_shape
+from indent_sim.theory import profiles
 from indent_sim.theory.contact_curve import ContactCurve
 from indent_sim.theory.films import (
     dimitriadis_force,
@@ -57,10 +43,8 @@ from indent_sim.theory.films import (
     gao_modulus,
     perriot_barthel_modulus,
 )
-from indent_sim.theory.half_space import estimate_depth
-from indent_sim.theory.layer import Layer, sneddon_force
-from indent_sim.theory.poroelasticity import PorousSolid
-from indent_sim.theory.roots import ForceCurve, depth_of_force
+from indent_sim.theory.layer import Layer
+from indent_sim.theory.roots import ForceCurve
 from indent_sim.theory.solution import SOLUTION_ERRORS
 from indent_sim.theory.stack import Stack, StackLayer
 from indent_sim.theory.strip import Strip
@@ -70,86 +54,6 @@ NO_INCLUSIONS = "theory's body has no inclusions"
 # Between moduli from which theory loses digits, and the power: 2e-6 was measured at 1e5
 INEXACT_CONTRAST = 1e4
 CONTRAST_ERROR_EXPONENT = 2.5
-RADIUS_TOLERANCE = 1e-9  # relative: radii that differ by less are one
-NEARLY_INCOMPRESSIBLE = (
-    0.49  # Poisson's ratio from which rubber's formula for bonded blocks is said
-)
-
-
-@dataclass(frozen=True)
-class TipTheory:
-    """What theory knows of a kind of tip: its shape, and force(delta, size, E_star) of a sharp one
-    on a half-space.
-
-    takes: what the shape takes of the tip, by name; the first is the size. half_space: whose
-    formula the force is.
-    """
-
-    shape: Callable[..., profiles.Tip]
-    tip_attributes: tuple[str, ...] = ()
-    formula_name: str = ""
-    force: Callable[..., float] | None = None
-
-
-SlopeJumps = Callable[
-    [], Sequence[tuple[float, float, float]]
-]  # of a profile: radius, half of the width, and jump
-
-
-def _piecewise_linear_tip(
-    points: Sequence[Sequence[float]],
-    tip_radius: float,
-    slope: profiles.Shape,
-    slope_jumps: SlopeJumps,
-) -> profiles.Tip:
-    if tip_radius == 0.0:
-        return profiles.piecewise_linear(points)
-    slope_discontinuities = {
-        round(edge, 15) for c, w, _ in slope_jumps() for edge in (c - w, c + w)
-    }
-    return profiles.tip_from_slope(
-        slope,
-        max_radius=points[-1][0],
-        slope_discontinuities=sorted(b for b in slope_discontinuities if b > 0),
-    )
-
-
-PUNCH_FORMULA = ("Sneddon (flat punch)", half_space.flat_punch_force)
-SQUARE_PYRAMID_FORMULA = ("a square pyramid on a half-space", half_space.square_pyramid_force)
-PYRAMID_THEORY = TipTheory(
-    profiles.equivalent_cone,
-    ("half_angle", "equivalent_radius_ratio", "tip_radius"),
-    *SQUARE_PYRAMID_FORMULA,
-)
-TIP_THEORIES: dict[type, TipTheory] = {
-    Paraboloid: TipTheory(profiles.paraboloid, ("R",), "Hertz", half_space.paraboloid_force),
-    Sphere: TipTheory(profiles.sphere, ("R",), "Sneddon (sphere)", half_space.sphere_force),
-    tips.Cone: TipTheory(
-        profiles.cone, ("half_angle", "tip_radius"), "Sneddon (cone)", half_space.cone_force
-    ),
-    tips.Hyperboloid: TipTheory(profiles.hyperboloid, ("R", "half_angle")),
-    FlatPunch: TipTheory(profiles.flat_punch, ("radius", "edge_radius"), *PUNCH_FORMULA),
-    Plate: TipTheory(profiles.flat_plate),
-    **dict.fromkeys((tips.Pyramid, tips.Berkovich, tips.Vickers, tips.CubeCorner), PYRAMID_THEORY),
-    Profile: TipTheory(_piecewise_linear_tip, ("points", "tip_radius", "slope", "rounding_arcs")),
-}
-
-
-def theory_tip_shape(tip: Indenter) -> profiles.Tip | None:
-    """The tip as layer theory sees it; None for one that it does not know."""
-    tip_theory = TIP_THEORIES.get(type(tip))
-    with contextlib.suppress(ValueError):
-        return (
-            tip_theory.shape(*(getattr(tip, name) for name in tip_theory.tip_attributes))
-            if tip_theory
-            else None
-        )
-    return None
-
-
-def first_reason(*reasons: tuple[bool, str]) -> str:
-    """The first of the reasons that apply; empty where none does."""
-    return next((why for applies, why in reasons if applies), "")
 
 
 def theory_of(
@@ -216,7 +120,7 @@ def layer_theory(
     if isinstance(body, SphericalBody):
         return _spherical_body_theory(body, layers, tip)
     if isinstance(body, Cylinder | BodyStrip | Box) and covers_top(tip, body, center):
-        return _compression_theory(body, layers, flat_radius(tip) / body.max_lateral_extent(center))
+        return compression_theory(body, layers, flat_radius(tip) / body.max_lateral_extent(center))
     shape = theory_tip_shape(tip)
     is_plane = body.dim == 2
     stack = stack_of(layers, body.base)
@@ -228,109 +132,6 @@ def layer_theory(
     return _assess_exactness(
         Theory("layer theory", exact, why, contact, formulas=formulas), layers, tip
     )
-
-
-def covers_top(tip: Indenter, body: Body, center: tuple[float, ...]) -> bool:
-    """Whether the flat face of a tip on the axis `center` covers all of a flat top, which then
-    compresses the body as a plate does, as long as no rim bulges past its edge. Not known of a
-    mesh from a file.
-    """
-    if not isinstance(body, Cylinder | BodyStrip | Box):
-        return False
-    return flat_radius(tip) >= body.max_lateral_extent(center) * (1 - RADIUS_TOLERANCE)
-
-
-# What a compression is called by the number of directions across it in which walls hold the body
-COMPRESSION_NAMES = ("uniaxial compression", "plane-strain compression", "confined compression")
-
-
-def _compression_theory(
-    body: Cylinder | BodyStrip | Box, layers: Sequence[BodyLayer], radius_ratio: float
-) -> Theory | None:
-    """Theory of a plate on all of a flat top: the body as a bar that slides on the plate and on its
-    base. None where nobody knows it: layers that are no linear ones, a bar that cannot give way.
-    room: the radius of the tip's flat face over that of the top.
-    """
-    constrained_directions = _constrained_directions(body)
-    bar_model = _bar_model(layers, constrained_directions)
-    if bar_model is None:
-        return None
-    bar, is_finite = bar_model
-    dimensions = body.dim - 1
-    widest = max(radius_ratio, 1.0) ** dimensions
-    contact = Compression(bar, body.height, _area_of_top(body), dimensions, widest)
-    why = first_reason(
-        (body.base == "fixed", "the base is bonded, theory's slides"),
-        (len(layers) > 1, "theory's layers slide on one another"),
-    )
-    formulas = (
-        _bonded_formulas(body, layers)
-        if body.base == "fixed" and constrained_directions == 2 - dimensions
-        else {}
-    )
-    why_exact = "a block that slides between plates is this very body"
-    return Theory(
-        COMPRESSION_NAMES[constrained_directions],
-        not why,
-        why or why_exact,
-        contact,
-        formulas=formulas,
-        is_finite_strain=is_finite,
-    )
-
-
-def _constrained_directions(body: Cylinder | BodyStrip | Box) -> int:
-    """In how many of the two directions across it walls keep the width of a body; in plane strain
-    in y at least.
-    """
-    if isinstance(body, Cylinder):
-        return 0 if body.sides == "free" else 2
-    sides = body.sides
-    ends = [(sides.x_min, sides.x_max)]
-    if isinstance(body, Box):
-        ends.append((body.sides.y_min, body.sides.y_max))
-    return 2 - len(ends) + sum("free" not in pair for pair in ends)
-
-
-def _bar_model(layers: Sequence[BodyLayer], constrained_directions: int) -> tuple[Bar, bool] | None:
-    """The body as a bar, and whether its strain is finite; None where it is not known."""
-    materials = [layer.material for layer in layers if layer.material]
-    if all(material.is_small_strain for material in materials):
-        moduli = [material.bar_modulus(constrained_directions) for material in materials]
-        thicknesses = [layer.thickness or inf for layer in layers]
-        height = sum(thicknesses)
-        compliance = sum(
-            t / height / modulus for t, modulus in zip(thicknesses, moduli, strict=True)
-        )
-        return (LinearBar(1 / compliance), False) if compliance > 0 else None
-    material = materials[0]
-    is_incompressible = material.constants.nu == 0.5
-    if len(materials) > 1 or (is_incompressible and constrained_directions == 2):
-        return None
-    return HyperelasticBar(material.energy_of_bar, is_incompressible, constrained_directions), True
-
-
-def _area_of_top(body: Cylinder | BodyStrip | Box) -> float:
-    """Area of a flat top [length^2], in plane strain its width [length]."""
-    if isinstance(body, Cylinder):
-        return float(np.pi) * body.radius**2
-    return float(np.prod(body.widths))
-
-
-def _bonded_formulas(
-    body: Cylinder | BodyStrip | Box, layers: Sequence[BodyLayer]
-) -> dict[str, ForceCurve]:
-    """Gent and Lindley's force of a nearly incompressible disc or strip that is bonded at its base."""
-    if isinstance(body, Box) or len(layers) > 1 or layers[0].material is None:
-        return {}
-    E, nu = layers[0].material.constants
-    if nu < NEARLY_INCOMPRESSIBLE:
-        return {}
-    half_width = body.radius if isinstance(body, Cylinder) else body.width
-    bulk = E / (3 * (1 - 2 * nu)) if nu < 0.5 else inf
-    modulus = bonded_modulus(E, bulk, half_width / (4 * body.height), body.dim - 1)
-    stiffness = modulus * _area_of_top(body) / body.height
-    return {"Gent-Lindley": lambda delta: stiffness * delta}
 
 
 def _spherical_body_theory(
@@ -497,125 +298,3 @@ def _roller_wall(body: Body, center: tuple[float, ...]) -> tuple[float | None, b
         case "strip" if on_axis and body.sides.x_min == body.sides.x_max == "roller":
             return body.width / 2, True, "a strip between frictionless walls is this very body"
     return None, False, "theory's layer is infinitely wide"
-
-
-def half_space_depth(tip: Indenter, force: float, E_star: float) -> tuple[str, float] | None:
-    """Name and depth of a tip on a half-space at a force; None for the tips that nobody has a
-    formula for.
-    """
-    start = estimate_depth(tip.radius_at, force, E_star)
-    name, force_at = _half_space_formula(tip, start, E_star)
-    depth = depth_of_force(force_at, force, start) if force_at else None
-    return (name, depth) if depth else None
-
-
-def half_space_force(tip: Indenter, delta: float, E_star: float) -> tuple[str, float] | None:
-    """Name and force of a tip on a half-space (Hertz, Sneddon); None for the tips that nobody has a
-    formula for.
-    """
-    name, force_at = _half_space_formula(tip, delta, E_star)
-    try:
-        return (name, force_at(delta)) if force_at else None
-    except SOLUTION_ERRORS:
-        return None
-
-
-def _half_space_formula(
-    tip: Indenter, delta: float, E_star: float
-) -> tuple[str, ForceCurve | None]:
-    """Name and force of a tip on a half-space near a depth; by quadrature where it has no closed
-    form.
-    """
-    if not delta > 0:
-        return "", None
-    name, force_at = _closed_form_formula(tip, E_star)
-    if force_at or not name:
-        return name, force_at
-    shape = theory_tip_shape(tip) if tip.is_axisymmetric else None
-    unit = float(2.0 ** np.ceil(np.log2(tip.radius_at(delta))))  # about the contact radius
-    half_space = Stack.half_space(E_star, unit)
-    return name, partial(sneddon_force, tip=shape, half_space=half_space) if shape else None
-
-
-@lru_cache(maxsize=16)  # every row and every point of a curve asks
-def _closed_form_formula(tip: Indenter, E_star: float) -> tuple[str, ForceCurve | None]:
-    """Name and force of a tip on a half-space; no force where it takes a quadrature, no name where
-    nobody knows it.
-    """
-    tip_theory = TIP_THEORIES.get(type(tip))
-    if (
-        tip_theory is None
-        or isinstance(tip, Plate)
-        or (isinstance(tip, RegularPyramid) and tip.faces != 4)
-    ):
-        return "", None
-    if (
-        tip_theory.force is None
-        or getattr(tip, "tip_radius", 0.0) > 0
-        or getattr(tip, "edge_radius", 0.0) > 0
-    ):
-        return "Sneddon (quadrature)", None
-    first_attribute = {tip_theory.tip_attributes[0]: getattr(tip, tip_theory.tip_attributes[0])}
-    return tip_theory.formula_name, partial(tip_theory.force, E_star=E_star, **first_attribute)
-
-
-def undrained_law(material: Material) -> Material:
-    """The elastic law of a canonical material from which no fluid leaves; the material itself where
-    none flows.
-
-    At small strain its bulk modulus is K + alpha^2/storage, at finite strain its volume stays what
-    it is; a gel's network is neo-Hookean then.
-    """
-    flow = material.flow
-    law = material
-    if flow is None:
-        return material
-    E, nu = law.constants
-    if isinstance(law, TransverselyIsotropic):
-        return _undrained_anisotropic_law(law)
-    if isinstance(law, Gel):
-        return NeoHookean(E=3 * law.shear_modulus, nu=0.5)
-    assert flow.permeability is not None
-    solid = PorousSolid(E, nu, flow.permeability, flow.alpha, flow.storage)
-    undrained_values = {"nu": solid.undrained_nu, "flow": None, "formulation": "auto"}
-    undrained_values |= (
-        {"E": solid.undrained_E} if isinstance(law, LinearElastic | NeoHookean) else {}
-    )
-    return replace(law, **undrained_values)  # type: ignore[arg-type]
-
-
-def _undrained_anisotropic_law(law: TransverselyIsotropic) -> Material:
-    """S_u = S - (S alpha)(S alpha)^T/(alpha S alpha + storage) of the compliance S (Woodbury)."""
-    assert law.flow is not None
-    E = law.E
-    E_z = law.E_z
-    nu = law.nu
-    nu_z = law.nu_z
-    alpha = law.flow.alpha
-    across = alpha * ((1 - nu) / E - nu_z / E_z)
-    along = alpha * (1 - 2 * nu_z) / E_z
-    storage_compliance = alpha * (2 * across + along) + law.flow.storage
-    E_u = 1 / (1 / E - across**2 / storage_compliance)
-    E_zu = 1 / (1 / E_z - along**2 / storage_compliance)
-    nu_zu = (nu_z / E_z + across * along / storage_compliance) * E_zu if law.flow.storage else 0.5
-    nu_u = (
-        (nu / E + across**2 / storage_compliance) * E_u
-        if law.flow.storage
-        else 1 - E_u / (2 * E_zu)
-    )
-    return replace(law, E=E_u, E_z=E_zu, nu=nu_u, nu_z=nu_zu, flow=None, formulation="auto")
-
-
-def relaxed_law(material: Material, left: float) -> Material:
-    """The elastic law of a canonical material of which a share of the shear stress is left, and all
-    of the bulk modulus, or where everything relaxes the same share of it; the material itself
-    where nothing does.
-    """
-    if material.relaxation is None:
-        return material
-    law = Scales(1.0, 1.0 / left).nondimensionalize(replace(material, flow=None))
-    if material.has_shear_relaxation and material.constants.nu < 0.5:
-        E, nu = material.relaxed_constants(left)
-        relaxed_constants = {"nu": nu} | ({"E": E} if isinstance(law, LinearElastic) else {})
-        law = replace(law, **relaxed_constants)  # type: ignore[arg-type]
-    return replace(law, relaxation=None, flow=material.flow)

@@ -1,9 +1,9 @@
-"""Scene: physics, sizes, solver and plan; `resolve` makes it from a Config."""
+"""Scene: a completely decided simulation, which `resolve` makes from a Config."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,7 @@ from indent_sim.model.tips import FlatPunch, max_radius
 from indent_sim.process.errors import ConfigError
 from indent_sim.process.repr_tables import ReprTable, cell_text
 from indent_sim.process.usage import machine_memory
-from indent_sim.scene import choices, sizing
+from indent_sim.scene import choices, contact_choices, curve_choices, sizing, solver_choices
 from indent_sim.scene.choices import Choice
 from indent_sim.scene.cost import (
     SECONDS_PER_ROW,
@@ -30,6 +30,7 @@ from indent_sim.scene.cost import (
     candidate_count,
 )
 from indent_sim.scene.cost import predict_cost as cost_of
+from indent_sim.scene.history_path import problem_along_history
 from indent_sim.scene.model_warnings import (
     ModelWarning,
     fluid_warnings,
@@ -38,99 +39,58 @@ from indent_sim.scene.model_warnings import (
     scene_warnings,
     theory_warnings,
 )
-from indent_sim.scene.predictions import (
-    ExpectedAdhesion,
-    NoSlipEffect,
-    TimePrediction,
+from indent_sim.scene.no_slip_effect import (
     friction_correction,
     friction_sentence,
-    missing_peak_reason,
     no_slip_effect,
-    prediction_of,
-    time_prediction,
 )
-from indent_sim.scene.problem_setup import (
-    ProblemDefinition,
-    ProblemSetup,
-    problem_along_history,
-    set_up_problem,
-    truncate_body,
-)
+from indent_sim.scene.peak_pressure import missing_peak_reason
+from indent_sim.scene.plan import Plan
+from indent_sim.scene.predictions import prediction_of
+from indent_sim.scene.problem_definition import ProblemDefinition
+from indent_sim.scene.problem_setup import ProblemSetup, set_up_problem, truncate_body
 from indent_sim.scene.resolution import MeshResolution
 from indent_sim.scene.sizing import END_FRACTION
-from indent_sim.theory.no_slip import FrictionCorrection
+from indent_sim.scene.time_prediction import TimePrediction, time_prediction
 from indent_sim.theory.theory import Theory
 
 if TYPE_CHECKING:
-    from indent_sim.config.schema import Config, SolverSettings, Units
-    from indent_sim.theory.adhesion import Jkr
+    from indent_sim.config.schema import Config, SolverSettings
 
-# of E/h_far: a curved roller wall gives way by less than 1e-3 of an element under the pressure E
+# The factor of E/h_far: under the pressure E a curved roller wall then moves by less than 1e-3 of
+# an element.
 WALL_STIFFNESS = 1e3
-WALL_WHY = f"u.n = 0 with the cylinder's own normal, weakly, by {WALL_STIFFNESS:g} E/h_far"
-GAP_WHY = "the gap is tested at the deformed point, theory's at the undeformed one"
-PLANE_GAP_WHY = "the gap is tested at the undeformed point, and the contact of theory spreads"
-FRICTION_WHY = "the surface is rough, theory's frictionless"
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What is said of a simulation before it runs: names, theory, choices with their reasons,
-    doubts, predictions.
-    """
-
-    title: str
-    units: Units
-    theory: Theory | None = field(repr=False)
-    resolution: MeshResolution | None  # where `accuracy` chose the sizes
-    choices: tuple[Choice, ...]
-    model_warnings: tuple[ModelWarning, ...]
-    prediction: dict[str, float]  # in the user's units
-    stick: NoSlipEffect | None = (
-        None  # what no slip would change; None where there is friction, or nothing is known
-    )
-    friction: FrictionCorrection | None = (
-        None  # what it changes of theory's contact, where that is known
-    )
-    adhesion: ExpectedAdhesion | None = None  # of a tip that adheres
-    jkr: Jkr | None = field(default=None, repr=False)  # the same tip without range, without units
-    time: TimePrediction | None = None  # of a scene that is followed in time
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Where the model or the mesh is a poor one for what is asked, a sentence each."""
-        return tuple(doubt.message for doubt in self.model_warnings if doubt.message)
-
-    def as_json(self) -> dict[str, Any]:
-        """The plan as one JSON object."""
-        parts = (
-            "title",
-            "units",
-            "choices",
-            "prediction",
-            "stick",
-            "friction",
-            "adhesion",
-            "warnings",
-        )
-        return {name: getattr(self, name) for name in parts} | {
-            "time": self.time.report if self.time else None
-        }
+WALL_WHY = (
+    "u.n = 0 on the curved roller wall is imposed weakly, along the normal of the cylinder, with "
+    f"the stiffness {WALL_STIFFNESS:g} E/h_far"
+)
+GAP_WHY = "the gap is evaluated at the deformed point, in the theory at the undeformed one"
+PLANE_GAP_WHY = (
+    "the gap is evaluated at the undeformed point, in the theory the surface slides under the plate"
+)
+FRICTION_WHY = "the surface has friction, the theory has none"
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A completely decided simulation: what is simulated, on which elements, how it is solved, and
-    what is said.
+    """A completely decided simulation: physics, element sizes, solver and plan.
+
+    Attributes
+    ----------
+    experiment : Experiment or None
+        Properties of the experiment that are added to the solved curve, nondimensional.
+    history_on_curve : History or None
+        The nondimensional history that is evaluated on the elastic curve; `physics.path` is then
+        the path of that curve. None if the path itself holds the rows.
+    relaxation : Relaxation or None
+        Relaxation of the whole body that is applied to its elastic curve.
     """
 
     physics: ProblemDefinition
     sizes: Sizes
     solver: SolverSettings
     plan: Plan
-    experiment: Experiment | None = None  # what is computed from the solved curve, without units
-    # What its rows follow on the elastic curve, that of the physics' path, without units; None
-    # where the path says it
+    experiment: Experiment | None = None
     history_on_curve: History | None = None
     relaxation: Relaxation | None = None
 
@@ -141,7 +101,7 @@ class Scene:
         return self._repr_table().html
 
     def _repr_table(self) -> ReprTable:
-        """What a notebook shows: every choice with its reason, and what to expect."""
+        """The table that a notebook shows: every choice with its reason, and the predictions."""
         rows = [(choice.key, choice.value, choice.why) for choice in self.plan.choices]
         expected = ", ".join(
             f"{name.replace('_', ' ')} {cell_text(value)}"
@@ -155,24 +115,25 @@ class Scene:
 
     @property
     def is_meshed(self) -> bool:
-        """Whether a mesh is solved; where theory is, `sizes` are distances between points of the
-        surface.
+        """True if the scene is solved on a mesh.
+
+        If theory solves it, `sizes` are the distances between the surface points that are written.
         """
         return self.solver.method != "theory"
 
     @property
     def uses_elastic_curve(self) -> bool:
-        """Whether something is made of its elastic curve: an experiment, the rows of a history."""
+        """True if an experiment or the rows of a history are computed from the elastic curve."""
         return self.experiment is not None or self.history_on_curve is not None
 
     @property
     def is_time_dependent(self) -> bool:
-        """Whether its rows have times."""
+        """True if every row has a time."""
         return self.history_on_curve is not None or bool(self.physics.path.times)
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns of its force table beyond those of every scene."""
+        """Columns of the force table that this scene has in addition to the common ones."""
         if self.history_on_curve is None:
             return (*self.physics.columns, *(("t", "branch") if self.physics.path.times else ()))
         has_compliance = self.experiment and self.experiment.compliance
@@ -186,67 +147,87 @@ class Scene:
 
     @property
     def reaction_columns(self) -> tuple[str, ...]:
-        """Columns of its force table with the reactions of its supports, for a run that writes
-        them.
-        """
+        """Columns with the reactions of the supports, for a run that writes them."""
         return reaction_columns(self.physics.domain)
 
     @property
     def method(self) -> str:
-        """The contact method, or theory."""
+        """The contact method, or "theory" if no mesh is solved."""
         return self.physics.contact.method if self.is_meshed else "theory"
 
     @property
     def cost(self) -> Cost:
-        """What its mesh will cost, alone."""
+        """Predicted cost of this scene on its mesh, without error bars."""
         work = self.physics.solver_work(self.solver.method, self.solver.linear)
         return cost_of(self.sizes, self.physics.domain, work)
 
     def grid(self) -> Grid:
-        """The mesh of its part by its sizes; MeshError where gmsh fails."""
-        from indent_sim.mesh import gmsh  # with processes, which no plan needs
+        """Mesh the model domain with the element sizes; MeshError if gmsh fails."""
+        from indent_sim.mesh import gmsh  # A plan needs no process that meshes.
 
         return gmsh.build_mesh(self.physics.domain, self.sizes)
 
-    def adapt_grid(self, other: Scene, grid: Grid) -> Grid:
-        """The mesh of a scene that differs from this one a little, moved to this one's body and
-        contact; a mesh of its own where it cannot be moved.
+    def adapt_grid(self, similar_scene: Scene, grid: Grid) -> Grid:
+        """Map the mesh of a similar scene to the body and the contact of this one.
+
+        Parameters
+        ----------
+        similar_scene : Scene
+            A scene whose body and contact differ little from those of this one.
+        grid : Grid
+            The mesh of the similar scene.
+
+        Returns
+        -------
+        Grid
+            The mapped mesh, or a new mesh if it cannot be mapped.
         """
         radii = tuple(
             scene.plan.prediction.get("a", 0.0) / scene.physics.scales.length
-            for scene in (other, self)
+            for scene in (similar_scene, self)
         )
-        return map_grid(grid, other.physics.domain, self.physics.domain, radii) or self.grid()
+        mapped_grid = map_grid(grid, similar_scene.physics.domain, self.physics.domain, radii)
+        return mapped_grid or self.grid()
 
     def start_meshing(self) -> Callable[[], Grid]:
-        """Have its mesh made in the process that meshes; the function that is returned waits for
-        it.
-        """
+        """Start meshing in another process; return the function that waits for the mesh."""
         from indent_sim.mesh import gmsh
 
         return gmsh.start_meshing(self.physics.domain, self.sizes)
 
     def replace_physics(self, **changes: Any) -> Scene:
-        """The same simulation of something else: another tip, path or contact law on the same
-        elements.
-        """
+        """Return this scene with another tip, path or contact law on the same elements."""
         return replace(self, physics=replace(self.physics, **changes))
 
     @cached_property
     def theory_differences(self) -> tuple[str, ...]:
-        """What this problem has that theory's has not, in words; empty when they are one, or there
-        is no theory.
+        """Differences between this problem and that of the reference theory, in words.
+
+        The tuple is empty if there are none.
         """
         theory = self.plan.theory
         physics = self.physics
         is_finite = theory is not None and theory.is_finite_strain
-        has_plate = physics.is_compressed  # a plane is the same at every point
+        # The gap to a plate is the same at the deformed and the undeformed point.
+        has_plate = physics.is_compressed
         reasons = (
-            (not physics.small_strain and not is_finite, "strain is finite, theory's small"),
+            (
+                not physics.small_strain and not is_finite,
+                "strains are finite, the theory is for small strain",
+            ),
             (physics.has_friction, FRICTION_WHY),
-            (bool(physics.permeable_regions), "fluid flows in the pores, theory's body has none"),
-            (bool(physics.relaxing_regions), "its shear relaxes, theory's body is elastic"),
-            (physics.contact.may_snap_through, "the attraction has a range, theory's none"),
+            (
+                bool(physics.permeable_regions),
+                "fluid flows in the pores, the theory has no pore fluid",
+            ),
+            (
+                bool(physics.relaxing_regions),
+                "the shear modulus relaxes, the theory is elastic",
+            ),
+            (
+                physics.contact.may_snap_through,
+                "the attraction has a finite range, in the theory it has none",
+            ),
             (physics.gap == "current" and not has_plate, GAP_WHY),
             (physics.gap == "reference" and is_finite, PLANE_GAP_WHY),
             (theory is not None and not theory.is_exact, theory.reason if theory else ""),
@@ -255,9 +236,7 @@ class Scene:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What else is said of its plan, a sentence each: how it is followed in time, what no slip
-        or its friction changes.
-        """
+        """Remarks on the plan: its behaviour in time, the effect of no slip and of friction."""
         time = self.plan.time
         no_slip = self.plan.stick
         friction = self.plan.friction
@@ -270,12 +249,14 @@ class Scene:
 
     @property
     def exact_theory(self) -> Theory | None:
-        """The theory of this very problem."""
+        """The reference theory if it solves exactly this problem, else None."""
         return self.plan.theory if not self.theory_differences else None
 
     def has_peak_pressure(self, a: float) -> bool:
-        """Whether the pressures of a contact of radius a [length] have a largest one that a mesh
-        can know. Not where contact ends at the end of a tip, as under a punch.
+        """True if a mesh can resolve the peak pressure of a contact of radius a [length].
+
+        It cannot where the contact ends at the edge of the tip, as under a punch: the pressure is
+        singular there.
         """
         tip = self.physics.indenter
         if (
@@ -287,11 +268,11 @@ class Scene:
         return not missing_peak_reason(self.physics, self.sizes, a)
 
 
-Mesher = Callable[[Scene], Grid]  # makes the mesh of a scene
+Mesher = Callable[[Scene], Grid]
 
 
 def start_mesher() -> None:
-    """Fork the process that meshes, which loads gmsh while this one does something else."""
+    """Start the process that meshes, so that it loads gmsh while this one goes on."""
     from indent_sim.mesh import gmsh
 
     gmsh.start_mesher()
@@ -300,31 +281,45 @@ def start_mesher() -> None:
 def resolve(
     config: Config, per_radius: float | None = None, piece: ImportedMesh | None = None
 ) -> Scene:
-    """Decide everything the config leaves open.
+    """Decide everything that the config leaves open.
 
-    With `accuracy` there are `per_radius` elements in every contact radius, or as many as it is
-    expected to need. piece: the body of the config's mesh file, where it has been read. Raises
-    ConfigError for a scene that cannot exist or that this machine cannot hold.
+    Parameters
+    ----------
+    config : Config
+        The validated scene file.
+    per_radius : float, optional
+        Elements in every contact radius, for a config with `accuracy`; by default the number that
+        this accuracy is expected to need.
+    piece : ImportedMesh, optional
+        The mesh from the config's mesh file, if it has been read already.
+
+    Returns
+    -------
+    Scene
+        The decided simulation.
+
+    Raises
+    ------
+    ConfigError
+        If the scene is impossible, or needs more memory than this machine has.
     """
     setup = set_up_problem(config, piece)
-    if by_theory := choices.theory(config, setup):
+    if by_theory := solver_choices.theory(config, setup):
         return _theory_scene(config, setup, by_theory)
     return _meshed_scene(config, truncate_body(config, setup), per_radius)
 
 
 def _theory_scene(config: Config, setup: ProblemSetup, solver: Choice) -> Scene:
-    """The scene that theory solves: what stands for its sizes are the points of the surface that
-    are written.
-    """
+    """Return the scene that theory solves; its sizes are distances between surface points."""
     physics = setup.physics
-    curve_choices = choices.curve(config, setup, solver)
-    choices.refuse_reactions(config, "theory solves it, without a mesh")
+    decisions_on_curve = curve_choices.curve(config, setup, solver)
+    choices.refuse_reactions(config, "theory solves this scene, without a mesh")
     choices.refuse_nodal_stress(config, has_fields=False)
     all_choices = (
         *choices.quantities(config),
         solver,
         *choices.theory_choices(config, setup),
-        *curve_choices,
+        *decisions_on_curve,
     )
     seconds_per_row = (
         SECONDS_PER_SEARCHED_ROW
@@ -362,14 +357,15 @@ def _theory_scene(config: Config, setup: ProblemSetup, solver: Choice) -> Scene:
 
 
 def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None) -> Scene:
+    """Return the scene that is solved on a mesh, with all its choices in their order."""
     fineness = sizing.mesh_resolution(config, setup, per_radius)
-    gap, gap_choice = choices.gap(config.contact, setup)
+    gap, gap_choice = contact_choices.gap(config.contact, setup)
     sizes = sizing.sizes(config, setup, fineness, gap)
-    law, law_choice = choices.contact(config.contact, setup, sizes, fineness)
-    law, anchor, friction_choice = choices.friction(law, setup, sizes)
-    adhesion, adhesion_choice = choices.adhesion(law, setup, sizes)
+    law, law_choice = contact_choices.contact(config.contact, setup, sizes, fineness)
+    law, anchor, friction_choice = contact_choices.friction(law, setup, sizes)
+    adhesion, adhesion_choice = contact_choices.adhesion(law, setup, sizes)
     wall_stiffness, wall_choice = _wall_stiffness(setup, sizes)
-    tip, tip_choice = choices.tip(config, setup, gap)
+    tip, tip_choice = contact_choices.tip(config, setup, gap)
     physics = replace(
         setup.physics,
         wall_stiffness=wall_stiffness,
@@ -395,7 +391,7 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
         *choices.model_choices(setup),
         *choices.formulations(setup),
     )
-    contact_choices = (
+    contact_decisions = (
         gap_choice,
         law_choice,
         *friction_choice,
@@ -406,20 +402,20 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
     peak_reason = missing_peak_reason(physics, sizes, setup.a if setup.max_depth > 0 else 0.0)
     peak_choices = [Choice("p_max", "empty", peak_reason)] if peak_reason else []
     mesh_choices = choices.mesh(config, setup, sizes, fineness)
-    curve_choices = choices.curve(config, setup, solver, is_in_time)
+    decisions_on_curve = curve_choices.curve(config, setup, solver, is_in_time)
     choices.refuse_nodal_stress(config, has_fields=not setup.history or is_in_time)
     if setup.history and not is_in_time:
         choices.refuse_reactions(
-            config, "a history is followed on the elastic curve, of forces alone"
+            config, "a history is evaluated on the elastic curve, which holds forces only"
         )
     elif isinstance(config.body, UnboundedBody):
         choices.refuse_reactions(
-            config, "a body without end is held at its base alone, by the force"
+            config, "an unbounded body is supported at its base only, whose reaction is the force"
         )
-    time_choices = (*curve_choices, *choices.time_steps(setup, physics, sizes))
+    time_choices = (*decisions_on_curve, *choices.time_steps(setup, physics, sizes))
     all_choices = (
         *body_choices,
-        *contact_choices,
+        *contact_decisions,
         *peak_choices,
         *mesh_choices,
         solver,
@@ -449,13 +445,14 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
 
 
 def _history_reason(all_choices: Iterable[Choice]) -> str:
-    """Why a history is followed as it is; empty without one."""
+    """Why a history is solved by the chosen method; empty without a history."""
     return next((choice.why for choice in all_choices if choice.key == "time"), "")
 
 
 def _wall_stiffness(setup: ProblemSetup, sizes: Sizes) -> tuple[float, list[Choice]]:
-    """The stiffness of a curved roller wall in three dimensions [pressure/length, without units];
-    0: there is none.
+    """Return the nondimensional stiffness of a curved roller wall [pressure/length] and its choice.
+
+    Only three-dimensional domains have such a wall; without one the stiffness is 0.
     """
     physics = setup.physics
     if not physics.domain.has_curved_roller:
@@ -467,16 +464,19 @@ def _wall_stiffness(setup: ProblemSetup, sizes: Sizes) -> tuple[float, list[Choi
 def _choose_solver(
     config: Config, setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes
 ) -> tuple[Choice, Choice, Cost]:
+    """Choose method and linear solver by their predicted costs; return both and the cost."""
     nodes = candidate_count(sizes, physics.domain) * (
         physics.domain.dim if physics.has_friction else 1
     )
-    method = choices.solver(config, setup, physics, nodes)
+    method = solver_choices.solver(config, setup, physics, nodes)
     direct = cost_of(sizes, physics.domain, physics.solver_work(str(method.value), "direct"))
     iterative = cost_of(sizes, physics.domain, physics.solver_work("newton", "iterative"))
-    linear = choices.linear_solver(config, physics, sizes, direct, iterative, machine_memory())
+    linear = solver_choices.linear_solver(
+        config, physics, sizes, direct, iterative, machine_memory()
+    )
     if linear.value == "direct":
         return method, linear, direct
-    why = method.why if method.value == "newton" else choices.WHOLE_BODY_WHY
+    why = method.why if method.value == "newton" else solver_choices.WHOLE_BODY_WHY
     return Choice("solver.method", "newton", why), linear, iterative
 
 
@@ -487,12 +487,11 @@ def _memory_error(
     work: SolverWork,
     fineness: MeshResolution | None,
 ) -> ConfigError:
-    """What to say of a scene that is beyond this machine, and what would fit."""
+    """Return the error for a scene that needs more memory than there is, with a remedy."""
     cost = cost_of(sizes, physics.domain, work)
     available_memory = machine_memory()
-    key, name = (
-        ("accuracy", "accuracy") if fineness else ("mesh.h_contact", "h_contact")
-    )  # whoever set the sizes
+    # The remedy names the key that determined the element sizes.
+    key, name = ("accuracy", "accuracy") if fineness else ("mesh.h_contact", "h_contact")
     if cost_of(replace(sizes, inclusions=()), physics.domain, work).memory <= available_memory:
         key = "mesh.h_inclusions"
         name = "h_inclusions, or inclusions"
@@ -503,7 +502,9 @@ def _memory_error(
     iterative = cost_of(
         sizes, physics.domain, replace(work, method="newton", linear="iterative")
     ).memory
-    if iterative <= available_memory and not choices.iterative_obstacle(config, physics, sizes):
+    if iterative <= available_memory and not solver_choices.iterative_obstacle(
+        config, physics, sizes
+    ):
         return ConfigError(
             key, memory_text, f"solver.linear: iterative needs {iterative / 1e9:.3g} GB"
         )
@@ -513,9 +514,11 @@ def _memory_error(
 def _predict(
     setup: ProblemSetup, warnings: tuple[ModelWarning, ...], cost: Cost, time: TimePrediction | None
 ) -> dict[str, float]:
-    """What to expect of the results and of the run, in the user's units."""
+    """Return the predicted results and cost of a meshed scene, in the user's units."""
     truncation = {"truncation_error": setup.truncation.error} if setup.truncation else {}
-    error = sum(doubt.force_error for doubt in warnings) if setup.physics.deltas[-1] > 0 else 0.0
+    error = 0.0
+    if setup.physics.deltas[-1] > 0:
+        error = sum(warning.force_error for warning in warnings)
     mesh_size = {
         "cells": round(cost.cells),
         "dofs": round(cost.dofs),

@@ -16,7 +16,8 @@ from indent_sim.model.units import Scales, round_length
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene import boundary_films
 from indent_sim.scene.corner_singularities import corners
-from indent_sim.scene.problem_setup import ProblemSetup, problem_along_history
+from indent_sim.scene.history_path import problem_along_history
+from indent_sim.scene.problem_setup import ProblemSetup
 from indent_sim.scene.resolution import (
     FixedSizes,
     MeshResolution,
@@ -277,7 +278,7 @@ def sizes(
 def _default_sizes(
     setup: ProblemSetup, fixed_sizes: FixedSizes, edge: float | None, edge_refinement: float
 ) -> Sizes:
-    """Sizes for the expected contact; what is not settled follows the contact radius and the body."""
+    """Element sizes for the expected contact; others follow from its radius and the body."""
     physics = setup.physics
     domain = setup.physics.domain
     a = setup.a
@@ -607,9 +608,9 @@ def _refine_films(
 def film_sizes(
     setup: ProblemSetup, default_sizes: Sizes, given_size: float | None, max_fraction: float
 ) -> tuple[tuple[DrainedFace, ...], float]:
-    """The drained faces at which elements are smaller than those of `default_sizes`, and the size [length]
-    at those next to the contact: the one asked for, or what costs at `max_fraction` this share of the
-    force.
+    """Drained faces that need elements smaller than `default_sizes`, and their size at the contact.
+
+    The size [length] is the given one, or that with an error of the force of `max_fraction`.
     """
     assert setup.history is not None
     physics = setup.physics

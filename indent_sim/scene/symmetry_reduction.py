@@ -1,4 +1,4 @@
-"""Reduction by symmetry: the part of the body that is modelled, its supports and its pins."""
+"""Symmetry reduction: the model domain of a body with its supports and pins."""
 
 from __future__ import annotations
 
@@ -24,14 +24,10 @@ from indent_sim.process.errors import ConfigError
 Regions = tuple[Region, ...]
 Sides = tuple[Side, ...]
 Supports = Mapping[str, str]
-SYMMETRY_NAMES = ("full", "half", "quarter")  # by the number of mirror planes
-MIRROR_DECIMALS = 9  # decimals, of the body's height, to which mirror images must agree
-QUARTER_ENDS = (
-    (1.0, 0.0),
-    (0.0, 1.0),
-    (-1.0, 0.0),
-    (0.0, -1.0),
-)  # the ends of a circle's quarters, anticlockwise
+SYMMETRY_NAMES = ("full", "half", "quarter")  # The index is the number of mirror planes.
+MIRROR_DECIMALS = 9  # Mirror images must agree to 1e-9 of the height of the body.
+# Ends of the quarters of a unit circle, anticlockwise.
+QUARTER_ENDS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 
 
 def reduce(
@@ -41,17 +37,39 @@ def reduce(
     tip: Indenter,
     regions: Regions,
 ) -> tuple[ModelDomain, str]:
-    """Choose the symmetric part to model, and say why; `requested_symmetry` is `mesh.symmetry`.
+    """Choose the smallest model domain that the symmetry of the scene allows.
 
-    Raises ConfigError when the scene does not have the symmetry that is asked for.
+    Parameters
+    ----------
+    body : DimensionedBody or UnboundedBody
+        The nondimensional body.
+    center : tuple of float
+        Horizontal position of the tip's axis [length].
+    requested_symmetry : str
+        The key `mesh.symmetry`.
+    tip : Indenter
+        The tip.
+    regions : tuple of Region
+        Layers and inclusions.
+
+    Returns
+    -------
+    ModelDomain
+        The part of the body that is meshed, with its supports.
+    str
+        The reason for its symmetry.
+
+    Raises
+    ------
+    ConfigError
+        If the scene does not have the requested symmetry.
     """
-    if isinstance(
-        body, UnboundedBody
-    ):  # theory sees a section whose walls are at infinity; nothing meshes it
+    if isinstance(body, UnboundedBody):
+        # Theory solves this axisymmetric section, whose wall is at infinity; it is never meshed.
         domain = _axisymmetric_domain(
             inf, body.height, regions, {"base": getattr(body, "base", "free")}
         )
-        return domain, "tip of revolution on a body that is the same everywhere"
+        return domain, "axisymmetric: axisymmetric tip on a laterally unbounded body"
     if isinstance(body, Cylinder):
         domain, reason = _cylinder_domain(body, center, requested_symmetry, tip, regions)
     elif isinstance(body, Strip):
@@ -64,20 +82,19 @@ def reduce(
 
 
 def _symmetry_error(requested_symmetry: str, why: str, remedy: str) -> ConfigError:
+    """Return the error for a requested symmetry that the scene does not have."""
     return ConfigError(
         "mesh.symmetry", f"'{requested_symmetry}' does not fit this scene: {why}", remedy
     )
 
 
 def _is_tip_symmetric(tip: Indenter, axis: str) -> bool:
-    """Whether the tip is its own mirror image about the plane normal to `axis` through its axis."""
+    """True if the plane through the tip's axis, normal to `axis`, is a mirror plane of the tip."""
     return tip.is_axisymmetric or tip.has_mirror_plane({"x": 90.0, "y": 0.0}[axis])  # type: ignore[union-attr]
 
 
 def _are_inclusions_symmetric(regions: Regions, axis: str, c: float) -> bool:
-    """Whether the inclusions are their own mirror images, together, about the plane normal to
-    `axis` at c.
-    """
+    """True if the plane normal to `axis` at c is a mirror plane of all inclusions together."""
     inclusions = {_round_center(region.inclusion) for region in regions if region.inclusion}
     return inclusions == {
         _round_center(inclusion.mirror_image("xyz".index(axis), c)) for inclusion in inclusions
@@ -85,7 +102,7 @@ def _are_inclusions_symmetric(regions: Regions, axis: str, c: float) -> bool:
 
 
 def _round_center(inclusion: Inclusion) -> Inclusion:
-    """The inclusion where it is to so many digits that two places are one."""
+    """Return the inclusion with a rounded center, so that mirror images compare equal."""
     return replace(
         inclusion, center=tuple(round(x, MIRROR_DECIMALS) + 0.0 for x in inclusion.center)
     )
@@ -94,14 +111,15 @@ def _round_center(inclusion: Inclusion) -> Inclusion:
 def _cylinder_domain(
     body: Cylinder, center: Point, requested_symmetry: str, tip: Indenter, regions: Regions
 ) -> tuple[ModelDomain, str]:
+    """Return the model domain of a cylinder: a section, or the whole, half or quarter of it."""
     on_axis = {axis: abs(c) <= 1e-12 * body.radius for axis, c in zip("xy", center, strict=True)}
     obstacle = "" if all(on_axis.values()) else "the tip stands off the cylinder's axis"
-    obstacle = obstacle if tip.is_axisymmetric else f"a {tip.shape} is no tip of revolution"
+    obstacle = obstacle if tip.is_axisymmetric else f"a {tip.shape} is not axisymmetric"
     if any(
         region.inclusion and not region.inclusion.is_axisymmetric_about(body.center)
         for region in regions
     ):
-        obstacle = obstacle or "an inclusion is no body of revolution about the axis"
+        obstacle = obstacle or "an inclusion is not axisymmetric about the cylinder's axis"
     if requested_symmetry == "plane_strain" or (requested_symmetry == "axisymmetric" and obstacle):
         raise _symmetry_error(
             requested_symmetry,
@@ -112,7 +130,7 @@ def _cylinder_domain(
     if requested_symmetry in ("auto", "axisymmetric") and not obstacle:
         return _axisymmetric_domain(
             body.radius, body.height, regions, supports
-        ), "tip of revolution on the axis of a cylinder"
+        ), "axisymmetric: body and tip are rotationally symmetric about the same axis"
     symmetric = [
         axis
         for axis in "xy"
@@ -129,12 +147,14 @@ def _cylinder_domain(
         regions,
         supports,
     )
-    return domain, f"{obstacle or 'three dimensions asked for'}; {_mirror_plane_text(mirror_axes)}"
+    why_solid = obstacle or "a three-dimensional model is requested"
+    return domain, f"{why_solid}; {_mirror_plane_text(mirror_axes)}"
 
 
 def _axisymmetric_domain(
     radius: float, height: float, regions: Regions, supports: Supports
 ) -> ModelDomain:
+    """Return the axisymmetric section of a cylinder."""
     section = _rectangle_outline(("base", "r_max", "top", "r_min"), (0.0, radius), (-height, 0.0))
     return ModelDomain(
         Axisymmetric(), "axisymmetric", 1, section, height, regions, {**supports, "r_min": "roller"}
@@ -142,9 +162,7 @@ def _axisymmetric_domain(
 
 
 def _sector_outline(radius: float, mirror_axes: list[str]) -> Sides:
-    """The circle, or the half or quarter of it on one side of the mirror planes, from arcs of a
-    quarter turn.
-    """
+    """Return the outline of a circle, or of its half or quarter, with arcs of 90 degrees."""
     first = -1 if mirror_axes == ["x"] else 0
     quarters = [QUARTER_ENDS[k % 4] for k in range(first, first + 4 // 2 ** len(mirror_axes) + 1)]
     ends = [(radius * c, radius * s) for c, s in quarters]
@@ -158,6 +176,7 @@ def _sector_outline(radius: float, mirror_axes: list[str]) -> Sides:
 def _strip_domain(
     body: Strip, center: Point, requested_symmetry: str, regions: Regions
 ) -> tuple[ModelDomain, str]:
+    """Return the model domain of a strip in plane strain: the whole section or half of it."""
     if requested_symmetry not in ("auto", "plane_strain", "half", "full"):
         raise _symmetry_error(
             requested_symmetry,
@@ -176,19 +195,19 @@ def _strip_domain(
     mirror_axes = ["x"] if symmetric and requested_symmetry != "full" else []
     x_range = (center[0] if mirror_axes else 0.0, body.width)
     section = _rectangle_outline(("base", "x_max", "top", "x_min"), x_range, (-body.height, 0.0))
-    full_reason = (
-        "asked for whole" if requested_symmetry == "full" else "not symmetric about the tip"
-    )
     domain = _cut_domain(mirror_axes, PlaneStrain(), section, body.height, regions, supports)
-    return (
-        domain,
-        f"plane strain, {'tip and sides symmetric about the middle' if mirror_axes else full_reason}",
-    )
+    reason = "tip, sides and inclusions are not symmetric about the tip's axis"
+    if mirror_axes:
+        reason = "tip, sides and inclusions are symmetric about the mid-plane"
+    elif requested_symmetry == "full":
+        reason = "the full section is requested"
+    return domain, f"plane strain: {reason}"
 
 
 def _box_domain(
     body: Box, center: Point, requested_symmetry: str, tip: Indenter, regions: Regions
 ) -> tuple[ModelDomain, str]:
+    """Return the model domain of a box: all of it, half of it or a quarter of it."""
     if requested_symmetry not in ("auto", "quarter", "half", "full"):
         raise _symmetry_error(
             requested_symmetry,
@@ -223,7 +242,7 @@ def _box_domain(
     outline = _rectangle_outline(("y_min", "x_max", "y_max", "x_min"), *ranges)
     supports = {"base": body.base, **vars(sides)}
     domain = _cut_domain(mirror_axes, ThreeDimensional(), outline, body.height, regions, supports)
-    return domain, f"tip and sides: {_mirror_plane_text(mirror_axes)}"
+    return domain, f"tip, sides and inclusions: {_mirror_plane_text(mirror_axes)}"
 
 
 def _cut_domain(
@@ -234,7 +253,7 @@ def _cut_domain(
     regions: Regions,
     supports: Supports,
 ) -> ModelDomain:
-    """The part of a body that is cut along mirror planes, which are rollers."""
+    """Return the part of a body on one side of its mirror planes, which become roller supports."""
     supports = {**supports, **{f"{axis}_min": "roller" for axis in mirror_axes}}
     symmetry = SYMMETRY_NAMES[len(mirror_axes)]
     symmetry_factor = 2 ** len(mirror_axes)
@@ -253,15 +272,15 @@ def _cut_domain(
 def _spherical_domain(
     body: SphericalBody, requested_symmetry: str, regions: Regions
 ) -> tuple[ModelDomain, str]:
+    """Return the axisymmetric section of a ball or a cap."""
     if requested_symmetry not in ("auto", "axisymmetric"):
         raise _symmetry_error(
-            requested_symmetry, f"a {body.shape} is modelled about its axis", "use 'auto'"
+            requested_symmetry, f"a {body.shape} is modelled as axisymmetric", "use 'auto'"
         )
     supports = {"base": body.base, "r_min": "roller"}
     outline = _spherical_outline(body)
-    if (
-        body.height == 2 * body.radius and len(regions) > 1
-    ):  # from a place in the core, as all sections
+    if body.height == 2 * body.radius and len(regions) > 1:
+        # The outline of every section begins in the core; that of a whole ball on its axis.
         start = (0.0, -body.radius)
         (first, *middle_sides, last) = outline
         outline = (
@@ -271,19 +290,17 @@ def _spherical_domain(
             Side("r_min", last.start, start),
         )
     domain = ModelDomain(Axisymmetric(), "axisymmetric", 1, outline, body.height, regions, supports)
-    mirrored = (
-        "; half of the ball, which the plane through its center mirrors, and half of the approach"
-    )
-    return (
-        domain,
-        f"tip of revolution on the axis of a {body.shape}{mirrored if body.contacts_per_body == 2 else ''}",
-    )
+    reason = "axisymmetric: body and tip are rotationally symmetric about the same axis"
+    if body.contacts_per_body == 2:
+        reason += (
+            "; the horizontal plane through the center of the ball is a mirror plane: half of the "
+            "ball is modelled, with half of the depth"
+        )
+    return domain, reason
 
 
 def _spherical_outline(body: SphericalBody) -> Sides:
-    """The base, the curved surface from its edge up to the apex in arcs of a quarter turn at most,
-    and the axis.
-    """
+    """Return base, curved surface (in arcs of at most 90 degrees) and axis of a spherical body."""
     R = body.radius
     base_edge = body.base_edge
     apex = (0.0, 0.0)
@@ -299,15 +316,14 @@ def _spherical_outline(body: SphericalBody) -> Sides:
 def _rectangle_outline(
     surfaces: tuple[str, ...], x_range: tuple[float, float], z_range: tuple[float, float]
 ) -> Sides:
+    """Return the outline of a rectangle with its surface names."""
     (x0, x1) = x_range
     (y0, y1) = z_range
     return polygon_sides(surfaces, ((x0, y0), (x1, y0), (x1, y1), (x0, y1)))
 
 
 def _pins(domain: ModelDomain) -> Pins:
-    """Point constraints (point, component) that take the rigid modes the supports leave, and
-    nothing else.
-    """
+    """Return the point constraints (point, component) that only prevent rigid-body modes."""
     if isinstance(domain.kinematics, Axisymmetric) or "fixed" in domain.supports.values():
         return ()
     if domain.wall_radius is not None:
@@ -322,16 +338,17 @@ def _pins(domain: ModelDomain) -> Pins:
     pins = [
         (corner, component) for component in horizontal if component not in constrained_components
     ]
-    if domain.dim == 3 and not constrained_components.intersection(
-        horizontal
-    ):  # the turn about z is free too
+    if domain.dim == 3 and not constrained_components.intersection(horizontal):
+        # No roller prevents the rotation about z.
         pins.append(((domain.extent[0][1], *corner[1:]), 1))
     return tuple(pins)
 
 
 def _cylinder_pins(domain: ModelDomain, radius: float) -> Pins:
-    """Without a mirror plane the turn about z is free, even between rollers; along the planes, the
-    shift.
+    """Return the pins of a cylinder.
+
+    Without a mirror plane the rotation about z is free, even with roller sides. One mirror plane
+    leaves the translation along it.
     """
     at_x = (radius, 0.0, -domain.height)
     at_y = (0.0, radius, -domain.height)
@@ -344,10 +361,14 @@ def _cylinder_pins(domain: ModelDomain, radius: float) -> Pins:
 
 
 def _mirror_plane_text(mirror_axes: list[str]) -> str:
-    return f"symmetric about {' and '.join(mirror_axes)}" if mirror_axes else "no symmetry used"
+    """Return the mirror planes in words, each by the axis normal to it."""
+    if not mirror_axes:
+        return "no mirror plane is used"
+    return f"symmetric about the mid-planes normal to {' and '.join(mirror_axes)}"
 
 
 def _mirror_axes(requested_symmetry: str, symmetric_axes: list[str]) -> list[str]:
+    """Return the axes normal to the used mirror planes; ConfigError if there are too few."""
     plane_count = {"auto": len(symmetric_axes), "full": 0, "half": 1, "quarter": 2}[
         requested_symmetry
     ]
@@ -366,4 +387,5 @@ def _mirror_axes(requested_symmetry: str, symmetric_axes: list[str]) -> list[str
 
 
 def _is_centred(c: float, width: float) -> bool:
-    return isclose(c, width / 2, rel_tol=2e-11)  # both are rounded to 12 digits
+    """True if c is in the middle of the width; both are rounded to 12 digits."""
+    return isclose(c, width / 2, rel_tol=2e-11)

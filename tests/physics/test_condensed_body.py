@@ -18,7 +18,7 @@ from indent_sim.fe.condensed import compliance, equilibrium
 from indent_sim.model.tips import Paraboloid, Sphere
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.pipeline import condense, states
-from indent_sim.scene import choices
+from indent_sim.scene import solver_choices
 from indent_sim.scene.scene import Scene, resolve
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
@@ -258,7 +258,7 @@ def test_a_contact_too_large_to_condense_is_solved_by_newton_and_says_so() -> No
     fine = {"mesh": {"h_contact": 0.0015, "h_far": 0.5}}
     assert scene(WALLED, **fine).solver.method == "condensed"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(choices, "MAX_CANDIDATES", 100)
+        patch.setattr(solver_choices, "MAX_CANDIDATES", 100)
         base = scene(WALLED, **fine)
         assert base.solver.method == "newton"
         (why,) = [choice.why for choice in base.plan.choices if choice.key == "solver.method"]

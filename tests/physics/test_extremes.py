@@ -219,7 +219,7 @@ def test_no_tip_moves_the_top_of_a_fixed_side(body: dict[str, Any], gap: str) ->
     """
     scene = {"indenter": BLUNT, "contact": {"method": "auto", "gap": gap}}
     with pytest.raises(
-        ConfigError, match=r"top of a fixed side, which it meets at 0\.1:"
+        ConfigError, match=r"top of a fixed side, which it reaches at 0\.1:"
     ) as refused:
         layer(body, **scene, **once(0.101))
     assert refused.value.exit_code == 3 and refused.value.key == "loading"

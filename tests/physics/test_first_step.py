@@ -27,7 +27,7 @@ from indent_sim.process.errors import ConfigError
 from indent_sim.run import pipeline
 from indent_sim.run.previous_rows import PreviousRows
 from indent_sim.run.sanity_checks import violated_bound
-from indent_sim.scene.model_warnings import NEGLIGIBLE_ERROR
+from indent_sim.scene.expected_error import NEGLIGIBLE_ERROR
 from indent_sim.scene.scene import Scene, resolve
 
 AGREE = 1e-6  # of the force: Newton stops at 1e-9 of it, and Uzawa's multiplier at 1e-8
@@ -290,7 +290,9 @@ def test_a_linear_body_that_turns_inside_out_is_refused(steps: int) -> None:
     }
     *rows, last = pipeline.states(resolve(config_from_mapping(config)), with_surface=False)
     assert all(before.force < after.force for before, after in pairwise(rows))
-    assert not last.converged and "inverted (J < 0)" in last.reason and "hyperelastic" in last.reason
+    assert (
+        not last.converged and "inverted (J < 0)" in last.reason and "hyperelastic" in last.reason
+    )
 
 
 NEEDLES: dict[str, dict[str, Any]] = {

@@ -21,7 +21,7 @@ from indent_sim.run.error_estimation.coarser_run import CoarserRun, coarser_scen
 from indent_sim.run.error_estimation.error_bars import ErrorBars
 from indent_sim.run.error_estimation.no_slip_runs import solve_no_slip_effect
 from indent_sim.run.single_run import backend
-from indent_sim.scene.predictions import NoSlipEffect
+from indent_sim.scene.no_slip_effect import NoSlipEffect
 from indent_sim.scene.scene import Scene
 
 # What is left of the residual, seen through the stiffness: force and reaction agree to 1e-8 by the

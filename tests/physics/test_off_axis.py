@@ -143,7 +143,7 @@ def test_condensed_and_newton_agree_beside_the_axis() -> None:
     ("indenter", "symmetry", "fragment"),
     [
         (PARABOLOID | {"center": [0.3, 0.0]}, "axisymmetric", "off the cylinder's axis"),
-        ({"shape": "pyramid", "half_angle": 70}, "axisymmetric", "no tip of revolution"),
+        ({"shape": "pyramid", "half_angle": 70}, "axisymmetric", "a pyramid is not axisymmetric"),
         (PARABOLOID | {"center": [0.3, 0.0]}, "quarter", "symmetric only about"),
         (PARABOLOID | {"center": [0.3, 0.2]}, "half", "about no mid-plane"),
         ({"shape": "pyramid", "half_angle": 70, "rotation": 20}, "half", "about no mid-plane"),

@@ -27,7 +27,7 @@ from indent_sim.fe.unknowns import TimeLevel
 from indent_sim.model.materials import PowerLaw, PronySeries, Relaxation
 from indent_sim.model.state import State
 from indent_sim.run import pipeline
-from indent_sim.scene.problem_setup import prony_series
+from indent_sim.scene.prescribed_history import prony_series
 from indent_sim.scene.scene import Scene
 from indent_sim.theory.viscoelasticity import ElasticCurve, LeeRadokTing, ShearRelaxation
 

@@ -52,7 +52,7 @@ from indent_sim.run.error_estimation.error_budget import (
 )
 from indent_sim.run.error_estimation.film_error import FilmError
 from indent_sim.run.error_estimation.step_refinement import StepRefinement, value_difference
-from indent_sim.scene.model_warnings import EDGE_ERROR, FORCE_DEPTH_EXPONENT, edge_error
+from indent_sim.scene.expected_error import EDGE_ERROR, FORCE_DEPTH_EXPONENT, edge_error
 from indent_sim.scene.resolution import ERROR_CONSTANT, ORDER_OF_CONVERGENCE, error_decay
 from indent_sim.scene.scene import Scene
 

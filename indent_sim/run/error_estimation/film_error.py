@@ -23,7 +23,7 @@ from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State
 from indent_sim.scene import boundary_films
 from indent_sim.scene.boundary_films import PathRow
-from indent_sim.scene.problem_setup import is_undrained_incompressible
+from indent_sim.scene.problem_definition import is_undrained_incompressible
 from indent_sim.scene.scene import Scene
 
 # Depth or force of a second equilibrium, relative to the largest, from which the slope follows.

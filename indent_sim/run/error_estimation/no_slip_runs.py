@@ -14,7 +14,7 @@ from indent_sim.model.loading import LoadPath
 from indent_sim.process.usage import machine_memory
 from indent_sim.run.error_estimation.coarser_run import CoarserRun, States
 from indent_sim.scene.cost import MAX_CANDIDATES, SolverWork, candidate_count, predict_cost
-from indent_sim.scene.predictions import STICK_FRICTION, NoSlipEffect, tensile_rim_width
+from indent_sim.scene.no_slip_effect import STICK_FRICTION, NoSlipEffect, tensile_rim_width
 from indent_sim.scene.scene import Scene
 
 SLIP_REFERENCES: tuple[SlipReference, ...] = ("mid", "implicit", "glue")

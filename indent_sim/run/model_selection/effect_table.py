@@ -47,7 +47,7 @@ from indent_sim.run.model_selection.variants import (
     half_space_variant,
     replace_sections,
 )
-from indent_sim.scene.problem_setup import remaining_modulus_fraction
+from indent_sim.scene.prescribed_history import remaining_modulus_fraction
 from indent_sim.theory.adhesion import Jkr
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.punches import LayerPunches

@@ -28,7 +28,7 @@ from indent_sim.run.model_selection.time_dependence import (
 )
 from indent_sim.run.model_selection.variant_solver import VariantSolver
 from indent_sim.run.model_selection.variants import Document, replace_sections
-from indent_sim.scene.problem_setup import remove_unused_material
+from indent_sim.scene.regions import remove_unused_material
 from indent_sim.scene.scene import Scene, resolve
 
 BODY_VARIANTS = {"half_space": variants.half_space_variant, "layer": variants.layer_variant}

@@ -30,8 +30,9 @@ from indent_sim.run.model_selection.variants import (
     undrained_law,
 )
 from indent_sim.run.pipeline import states
-from indent_sim.scene.problem_setup import largest_diffusivity, remaining_modulus_fraction
-from indent_sim.scene.reference_theory import relaxed_law
+from indent_sim.scene.elastic_limit_laws import relaxed_law
+from indent_sim.scene.prescribed_history import remaining_modulus_fraction
+from indent_sim.scene.problem_definition import largest_diffusivity
 from indent_sim.scene.scene import Scene, resolve
 
 MAX_SECONDS = 600.0  # s: of a scene that is solved to say what it requires

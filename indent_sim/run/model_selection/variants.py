@@ -26,7 +26,7 @@ from indent_sim.model.materials import (
     NeoHookean,
     TransverselyIsotropic,
 )
-from indent_sim.scene import reference_theory
+from indent_sim.scene import elastic_limit_laws
 
 Document = dict[str, Any]  # a scene as nested mappings, shaped like its file
 LawChange = Callable[[Material], Material]
@@ -114,7 +114,7 @@ def drained_law(material: Material) -> Material:
 
 def undrained_law(material: Material) -> Material:
     """The elastic material from whose pores nothing flows yet; any other as it is."""
-    return reference_theory.undrained_law(material.canonical()) if material.flow else material
+    return elastic_limit_laws.undrained_law(material.canonical()) if material.flow else material
 
 
 def rounded_law(material: Material) -> Material:

@@ -72,13 +72,17 @@ SCENE: dict[str, Any] = {
             "contact.method",
             "nitsche takes the body's own stress",
         ),
-        ({"solver": {"method": "theory"}}, "solver.method", "no fluid in the pores"),
+        ({"solver": {"method": "theory"}}, "solver.method", "theory has no pore fluid"),
         ({"solver": {"method": "condensed"}}, "solver.method", "inside the body"),
-        ({"experiment": {"adhesion": {"work": 1e-3}}}, "experiment.adhesion", "made of a curve"),
+        (
+            {"experiment": {"adhesion": {"work": 1e-3}}},
+            "experiment.adhesion",
+            "needs an elastic curve",
+        ),
         (
             {"body": {"shape": "box", "size": [2.0, 2.0, 1.0]}, "solver": {"linear": "iterative"}},
             "solver.linear",
-            "does not know the pressure of the fluid",
+            "does not support the pore pressure",
         ),
     ],
 )

@@ -77,7 +77,7 @@ def layers(*materials: dict[str, Any]) -> dict[str, Any]:
             "drainage.bath",
             "changes in time",
         ),
-        ({"body": {"shape": "half_space"}}, "drainage.bath", "rises without end"),
+        ({"body": {"shape": "half_space"}}, "drainage.bath", "rises without bound"),
         ({"solver": {"method": "condensed"}}, "solver.method", "not linear"),
         ({"contact": {"method": "nitsche"}}, "contact.method", "own stress"),
     ],

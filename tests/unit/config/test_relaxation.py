@@ -36,10 +36,10 @@ TWO = [{"thickness": 0.5, "material": SOFT | {"relaxation": ALL}}, {"thickness":
         ({"body": SCENE["body"] | {"layers": TWO}}, "body.layers[0].material.relaxation.of", "of: shear"),
         ({"contact": {"method": "nitsche"}}, "contact.method", "own stress, which relaxes"),
         ({"contact": {"adhesion": {"work": 1e-3, "range": 0.1}}}, "contact.adhesion", "not verified"),
-        ({"solver": {"method": "theory"}}, "solver.method", "no shear that relaxes"),
+        ({"solver": {"method": "theory"}}, "solver.method", "no relaxation of the shear modulus"),
         ({"solver": {"method": "condensed"}}, "solver.method", "bulk modulus does not"),
         ({"experiment": {"frequencies": [1.0]}}, "experiment.frequencies", "made of a curve"),
-        ({"experiment": {"cantilever": {"stiffness": 1.0}}}, "experiment.cantilever", "made of a curve"),
+        ({"experiment": {"cantilever": {"stiffness": 1.0}}}, "experiment.cantilever", "needs an elastic curve"),
         ({"material": RUBBER | {"relaxation": ALL}}, "material.relaxation.of", "of: shear"),
         ({"material": SOFT | {"relaxation": ALL}, "contact": {"friction": 0.3}}, "relaxation.of", "of: shear"),
         (
@@ -49,7 +49,7 @@ TWO = [{"thickness": 0.5, "material": SOFT | {"relaxation": ALL}}, {"thickness":
             "power law is infinite",
         ),
         ({"body": {"shape": "box", "size": [2.0, 2.0, 1.0]}, "solver": {"linear": "iterative"}}, "solver.linear",
-         "is factored"),
+         "are factorized"),
     ],
 )  # fmt: skip
 def test_what_does_not_go_with_shear_that_relaxes_is_refused(

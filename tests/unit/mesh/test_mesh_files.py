@@ -530,7 +530,7 @@ def test_a_malformed_mesh_has_its_message(
         ),
         ("mesh.h_contact=0.1", "mesh.h_contact", "is for bodies that are meshed here"),
         ("mesh.symmetry=full", "mesh.symmetry", "is for bodies that are meshed here"),
-        ("body.hash=0123456789abcdef", "body.hash", "'part.msh' holds another mesh"),
+        ("body.hash=0123456789abcdef", "body.hash", "'part.msh' has another hash"),
         ("body.file=other.msh", "body.file", "cannot read the mesh 'other.msh': No such file"),
         (
             "body.file=scene.yaml",

@@ -25,7 +25,7 @@ from indent_sim.model.tips import (
     Vickers,
     gap_under_tip,
 )
-from indent_sim.scene.reference_theory import theory_tip_shape
+from indent_sim.scene.tip_theories import theory_tip_shape
 
 BITS = ((0.0, 0.0), (0.2, 0.0), (0.5, 0.1), (1.0, 0.6))
 SMOOTH: dict[str, Indenter] = {

@@ -16,9 +16,9 @@ from indent_sim.model.body import Layer as BodyLayer
 from indent_sim.model.materials import LinearElastic
 from indent_sim.model.tips import FlatPunch, Paraboloid
 from indent_sim.process.errors import ConfigError
-from indent_sim.scene.choices import needs_mesh
 from indent_sim.scene.domain_truncation import TRUNCATION_SAFETY, truncate
 from indent_sim.scene.reference_theory import half_space_theory, layer_theory
+from indent_sim.scene.solver_choices import needs_mesh
 from indent_sim.theory import profiles
 from indent_sim.theory.films import dimitriadis_force, gao_modulus
 from indent_sim.theory.layer import Layer
@@ -41,7 +41,7 @@ def why(name: str, found: Any) -> str:
 def test_bodies_without_end_are_solved_by_theory(body: dict[str, Any]) -> None:
     found = scene(body)
     assert found.solver.method == found.method == "theory" and not found.is_meshed
-    assert "itself" in why("solver.method", found) and "nothing is meshed" in why(
+    assert "itself" in why("solver.method", found) and "no mesh is needed" in why(
         "solver.method", found
     )
     assert not {"mesh.h_contact", "body", "contact"} & {choice.key for choice in found.plan.choices}
@@ -60,16 +60,16 @@ def test_a_body_of_theorys_own_is_solved_on_request(body: dict[str, Any]) -> Non
 
 REASONS: dict[str, tuple[list[str], str]] = {
     "material": (["material={model: neo_hookean, E: 1.0, nu: 0.3}"], "not linear"),
-    "tip": (["indenter={shape: pyramid, half_angle: 65}"], "no tip of revolution"),
+    "tip": (["indenter={shape: pyramid, half_angle: 65}"], "theory needs an axisymmetric tip"),
     "gap": (["contact.gap=current"], "undeformed point"),
     "method": (["contact.method=uzawa"], "contact.method: uzawa"),
-    "sizes": (["mesh.h_contact=0.01"], "settings of mesh"),
-    "symmetry": (["mesh.symmetry=quarter"], "settings of mesh"),
+    "sizes": (["mesh.h_contact=0.01"], "settings of the section mesh"),
+    "symmetry": (["mesh.symmetry=quarter"], "settings of the section mesh"),
     "rtol": (["solver.rtol=1e-10"], "rtol"),
     "formulation": (["material.formulation=mixed"], "formulation"),
     "fields": (["output.fields=last"], "output.fields: last"),
-    "accuracy": (["accuracy=1e-9"], "good to 1e-08"),
-    "nu": (["material.nu=-0.2"], "nu < 0"),
+    "accuracy": (["accuracy=1e-9"], "the theory is 1e-08"),
+    "nu": (["material.nu=-0.2"], "nu >= 0"),
     "wide": (["body.height=0.001", "loading.delta=0.0005", "indenter.R=1000"], "100 thicknesses"),
 }
 

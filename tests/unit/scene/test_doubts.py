@@ -16,7 +16,8 @@ from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid
 from indent_sim.run.error_estimation.coarser_run import CoarserRun
 from indent_sim.run.error_estimation.error_bars import ErrorBars
 from indent_sim.run.explicit_config import explicit_config
-from indent_sim.scene.model_warnings import characteristic_strain, penalty_force_loss
+from indent_sim.scene.characteristic_strain import characteristic_strain
+from indent_sim.scene.expected_error import penalty_force_loss
 from indent_sim.scene.scene import Scene, resolve
 
 SCENES: dict[str, dict[str, Any]] = {
@@ -185,7 +186,8 @@ def test_a_material_that_nothing_has_is_named_and_read_by_nothing(
         for material in (None, UNLIKE)
     )
     expected, found = resolve(lacking), resolve(having)
-    said = f"nothing uses `material`: every {'region' if body == 'mesh' else 'layer'} has its own"
+    region_kind = "region" if body == "mesh" else "layer"
+    said = f"the section `material` is not used: every {region_kind} has its own material"
     assert found.plan.warnings == (said, *expected.plan.warnings)
     assert (
         found.plan.choices == expected.plan.choices

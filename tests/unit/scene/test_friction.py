@@ -11,7 +11,7 @@ from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.tips import FlatPunch
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.explicit_config import explicit_config
-from indent_sim.scene.predictions import NoSlipEffect, tensile_rim_width
+from indent_sim.scene.no_slip_effect import NoSlipEffect, tensile_rim_width
 from indent_sim.scene.scene import Scene, resolve
 
 CYLINDER = {"shape": "cylinder", "radius": 4.0, "height": 1.0, "base": "fixed", "sides": "roller"}
@@ -62,7 +62,7 @@ def test_epsilon_t_without_friction_is_refused() -> None:
 
 
 def test_a_body_that_may_slide_away_is_refused() -> None:
-    with pytest.raises(ConfigError, match="nothing holds this body") as refusal:
+    with pytest.raises(ConfigError, match="no support holds it there") as refusal:
         scene(
             {"friction": 0.3},
             body=STRIP,
@@ -234,7 +234,7 @@ def test_a_surface_that_would_pull_slips_a_little(
     )
     assert found.physics.contact.friction == friction
     said = next(choice for choice in found.plan.choices if choice.key == "contact.friction")
-    assert ("stands for stick" in said.why) == (friction == 5.0)
+    assert ("in place of stick" in said.why) == (friction == 5.0)
     rounded = scene(
         {"friction": "stick"},
         material=SOFT | {"nu": nu},

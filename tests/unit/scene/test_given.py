@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from indent_sim.model.materials import PowerLaw, PronySeries, Relaxation
-from indent_sim.scene.problem_setup import prony_series
+from indent_sim.scene.prescribed_history import prony_series
 
 
 def modulus(law: PronySeries, t: np.ndarray) -> np.ndarray:

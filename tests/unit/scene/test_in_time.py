@@ -17,9 +17,9 @@ from indent_sim.model.materials import (
     Relaxation,
     TransverselyIsotropic,
 )
-from indent_sim.scene.predictions import TimePrediction
-from indent_sim.scene.reference_theory import relaxed_law, undrained_law
+from indent_sim.scene.elastic_limit_laws import relaxed_law, undrained_law
 from indent_sim.scene.scene import resolve
+from indent_sim.scene.time_prediction import TimePrediction
 from indent_sim.theory.half_space import E_star, paraboloid_force
 from indent_sim.theory.poroelasticity import paraboloid_fraction_remaining
 

@@ -25,15 +25,10 @@ from indent_sim.model.tips import (
     Sphere,
     max_radius,
 )
-from indent_sim.scene.reference_theory import (
-    TIP_THEORIES,
-    half_space_force,
-    half_space_theory,
-    layer_theory,
-    relative_tip,
-    theory_tip_shape,
-)
+from indent_sim.scene.half_space_formulas import half_space_force
+from indent_sim.scene.reference_theory import half_space_theory, layer_theory, relative_tip
 from indent_sim.scene.scene import Scene, resolve
+from indent_sim.scene.tip_theories import TIP_THEORIES, theory_tip_shape
 from indent_sim.theory.contact_curve import ContactCurve
 
 GEL = LinearElastic(E=1.0, nu=0.3)

@@ -1,0 +1,381 @@
+"""Choices of the contact: gap, contact law, friction, adhesion and the shape of the tip."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import fields, replace
+from math import inf, pi
+from typing import TYPE_CHECKING, Any
+
+from indent_sim.mesh.sizes import Sizes
+from indent_sim.model.contact import (
+    Adhesion,
+    AugmentedLagrangian,
+    AutoContact,
+    Contact,
+    ContactLaw,
+    Penalty,
+    SlipReference,
+)
+from indent_sim.model.tips import FlatPunch, Indenter, Plate, max_radius
+from indent_sim.model.units import round_length
+from indent_sim.process.errors import ConfigError
+from indent_sim.scene.choices import Choice, Choices
+from indent_sim.scene.expected_error import NEGLIGIBLE_ERROR, penalty_force_loss
+from indent_sim.scene.model_warnings import MAX_SLIPPING_FRICTION, MAX_STIFFNESS_MULTIPLE
+from indent_sim.scene.no_slip_effect import STICK_FRICTION, tensile_rim_width
+from indent_sim.scene.predictions import ExpectedAdhesion
+from indent_sim.scene.problem_setup import ProblemSetup
+from indent_sim.scene.reference_theory import (
+    layer_theory,
+)
+from indent_sim.scene.resolution import MeshResolution
+from indent_sim.theory.solution import SOLUTION_ERRORS
+
+if TYPE_CHECKING:
+    from indent_sim.config.schema import Config
+
+
+SIDEWAYS_TEXT = (
+    "pushes the body sideways, and no support holds it there (roller base and free sides)"
+)
+GAP_WHY = {
+    "reference": "linear elastic: evaluated at the undeformed point, as in the problem of Hertz",
+    "current": "finite strain: evaluated at the deformed point, pressure along the tip's normal",
+}
+STEP_START_STICK_WHY = "new contact sticks at the position at the beginning of its load increment"
+MIDSTEP_STICK_WHY = (
+    "new contact sticks at the position where it first touches within the load increment, found in "
+    "a first solution without friction for the new contact"
+)
+# Largest ratio of depth and tip radius at which a deformed body can be followed around a needle.
+MAX_NEEDLE_RATIO = 1e3
+# Largest ratio of element size and cohesive zone: with coarser elements the contact jumps from node
+# to node, as was measured.
+MAX_ELEMENT_RATIO = 1.5
+# Relative difference of the pull-off force without range up to which a body is treated as a
+# half-space.
+PULL_OFF_DIFFERENCE = 0.05
+AS_WIDE_WHY = (
+    "the punch is as wide as the body: a plate, since at finite strain the edge of a punch would "
+    "cut into the bulging rim"
+)
+# Radius of a rounded apex or edge, relative to the expected contact radius.
+ROUNDING_FRACTION = 1e-3
+
+
+def gap(settings: Contact, setup: ProblemSetup) -> tuple[str, Choice]:
+    """Choose where the gap is evaluated: at the undeformed or at the deformed point.
+
+    Raises
+    ------
+    ConfigError
+        If the gap is evaluated at the deformed point and the body can slide away, or the tip is a
+        needle.
+    """
+    physics = setup.physics
+    end = max_radius(setup.physics.indenter)
+    auto = "reference" if physics.small_strain else "current"
+    gap_kind = auto if settings.gap == "auto" else settings.gap
+    if gap_kind == "current" and setup.max_depth > MAX_NEEDLE_RATIO * end:
+        outcome = "gap: current cannot follow the deformation of a body around such a needle"
+        problem = (
+            f"the depth is {setup.max_depth / end:.3g} times the radius at which the tip ends: "
+            f"{outcome}"
+        )
+        raise ConfigError("indenter", problem, "give both in the same unit of length")
+    if gap_kind == "current" and physics.domain.pins and not physics.is_compressed:
+        remedy = (
+            "fix the base, hold a side, use gap: reference, or put the tip in the middle and "
+            "use symmetry"
+        )
+        raise ConfigError("contact.gap", f"'current' {SIDEWAYS_TEXT}", remedy)
+    return gap_kind, Choice(
+        "contact.gap", gap_kind, "as given" if settings.gap != "auto" else GAP_WHY[gap_kind]
+    )
+
+
+def contact(
+    settings: Contact, setup: ProblemSetup, sizes: Sizes, fineness: MeshResolution | None
+) -> tuple[ContactLaw, Choice]:
+    """Choose the contact method and its stiffness.
+
+    Parameters
+    ----------
+    settings : Contact
+        The section `contact` of the scene file.
+    setup : ProblemSetup
+        The nondimensional problem.
+    sizes : Sizes
+        The element sizes, nondimensional.
+    fineness : MeshResolution or None
+        The mesh resolution that `accuracy` asks for, with the penalty stiffness that fits it.
+
+    Returns
+    -------
+    ContactLaw
+        The law with its nondimensional stiffness [pressure/length].
+    Choice
+        The same in the user's units.
+
+    Raises
+    ------
+    ConfigError
+        If a given stiffness is too small.
+    """
+    scales = setup.physics.scales
+    unit = setup.physics.material.E_star / sizes.h_contact
+    # The scene holds the kind of gap, so the law needs none.
+    law: Any = replace(scales.nondimensionalize(settings), gap="auto")
+    why = "as given"
+    if isinstance(law, AutoContact):
+        why = "auto: no penetration error, smooth pressures, fewest iterations"
+        law = AugmentedLagrangian(
+            friction=law.friction, epsilon_t=law.epsilon_t, adhesion=law.adhesion
+        )
+    name = next((f.name for f in fields(law) if f.name in ("epsilon_n", "gamma")), None)
+    if name is None:
+        return law, Choice("contact", law.method, why)
+    value: Any = getattr(law, name)
+    source = f"{name} {'auto' if value == 'auto' else 'as given'}"
+    if value == "auto":
+        value = round_length(_auto_stiffness(law, setup, sizes, fineness))
+    multiple = value / unit
+    smallest = getattr(law, "min_stiffness_factor", 0.0)
+    if multiple < smallest * (1 - 1e-9):
+        problem = (
+            f"is {multiple:.2g} E*/h_contact; below {smallest:g} E*/h_contact {law.method} "
+            "gives wrong forces"
+        )
+        remedy = (
+            f"at least {smallest * unit * scales.stiffness:.4g}, or auto "
+            f"({law.auto_stiffness_factor:g} E*/h_contact)"
+        )
+        raise ConfigError(f"contact.{name}", problem, remedy)
+    law = replace(law, **{name: value})
+    law = law if law.is_conservative else _set_tangential_stiffness(law, unit, scales.stiffness)
+    why = f"{why}; {source}: {value / unit:.3g} E*/h_contact"
+    return law, Choice("contact", f"{law.method}, {name} = {value * scales.stiffness:.6g}", why)
+
+
+def _set_tangential_stiffness(law: Any, unit: float, stiffness: float) -> Any:
+    """Return the law with its epsilon_t, where auto means epsilon_n; ConfigError if it is small."""
+    law = replace(law, epsilon_t=law.stiffness) if law.epsilon_t == "auto" else law
+    min_multiple = law.min_tangential_factor
+    if law.epsilon_t >= min_multiple * unit * (1 - 1e-9):
+        return law
+    auto_text = ", or auto (epsilon_n)" if law.epsilon_t != law.stiffness else ""
+    outcome = f"{law.method} underestimates friction, or does not converge"
+    problem = (
+        f"is {law.epsilon_t / unit:.2g} E*/h_contact; below {min_multiple:g} E*/h_contact {outcome}"
+    )
+    raise ConfigError(
+        "contact.epsilon_t", problem, f"at least {min_multiple * unit * stiffness:.4g}{auto_text}"
+    )
+
+
+def _auto_stiffness(
+    law: Any, setup: ProblemSetup, sizes: Sizes, fineness: MeshResolution | None
+) -> float:
+    """Return the nondimensional epsilon_n or gamma for `auto` [pressure/length]."""
+    unit = setup.physics.material.E_star / sizes.typical_size
+    default_stiffness = float(law.auto_stiffness_factor * unit)
+    if not isinstance(law, Penalty):
+        return default_stiffness
+    if fineness is not None:
+        # The requested accuracy includes the error of the penalty.
+        return min(fineness.penalty_stiffness, MAX_STIFFNESS_MULTIPLE * unit)
+    depths = {delta for delta in (setup.max_depth, setup.physics.deltas[-1]) if delta > 0}
+    law = replace(law, epsilon_n=default_stiffness)
+    force_losses = [
+        penalty_force_loss(
+            law, setup.physics.material, setup.theory, delta, setup.expected_radius(delta)
+        )
+        for delta in depths
+    ]
+    return min(
+        default_stiffness * max(1.0, max(force_losses, default=0.0) / NEGLIGIBLE_ERROR),
+        MAX_STIFFNESS_MULTIPLE * unit,
+    )
+
+
+def friction(
+    law: ContactLaw, setup: ProblemSetup, sizes: Sizes
+) -> tuple[ContactLaw, SlipReference, Choices]:
+    """Choose the friction coefficient and the slip reference of new contact.
+
+    Under a sharp edge, complete stick would need tensile contact pressures at the rim; a large
+    friction coefficient takes its place there.
+
+    Parameters
+    ----------
+    law : ContactLaw
+        The contact law, nondimensional.
+    setup : ProblemSetup
+        The nondimensional problem.
+    sizes : Sizes
+        The element sizes, nondimensional.
+
+    Returns
+    -------
+    ContactLaw
+        The law with its friction coefficient.
+    SlipReference
+        The point from which the slip of new contact is counted.
+    list of Choice
+        Empty without friction.
+
+    Raises
+    ------
+    ConfigError
+        If no support carries the friction force.
+    """
+    physics = setup.physics
+    coefficient = law.friction
+    if not coefficient:
+        return law, "implicit", []
+    on_its_way = [Choice("contact.friction", coefficient, MIDSTEP_STICK_WHY)]
+    if physics.domain.pins:
+        problem = f"does not fit this scene: friction {SIDEWAYS_TEXT}"
+        remedy = "fix the base, hold a side, or put the tip in the middle and use symmetry"
+        raise ConfigError("contact.friction", problem, remedy)
+    if not isinstance(coefficient, str):
+        if coefficient <= MAX_SLIPPING_FRICTION:
+            return law, "implicit", [Choice("contact.friction", coefficient, STEP_START_STICK_WHY)]
+        return law, "mid", on_its_way
+    rim_width = tensile_rim_width(
+        physics.indenter, physics.material.constants.nu, sizes, physics.domain.dim
+    )
+    if not rim_width:
+        return law, "mid", on_its_way
+    why = (
+        f"in place of stick: within {rim_width * physics.scales.length:.2g} of the sharp edge, a "
+        "sticking surface would need tensile contact pressures"
+    )
+    law = replace(law, friction=STICK_FRICTION)  # type: ignore[arg-type]
+    return law, "mid", [Choice("contact.friction", STICK_FRICTION, why)]
+
+
+def adhesion(
+    law: ContactLaw, setup: ProblemSetup, sizes: Sizes
+) -> tuple[ExpectedAdhesion | None, Choices]:
+    """Check the adhesion, and predict its cohesive zone and pull-off force.
+
+    Returns
+    -------
+    ExpectedAdhesion or None
+        The prediction; None without adhesion.
+    list of Choice
+        Empty without adhesion.
+
+    Raises
+    ------
+    ConfigError
+        If the elements do not resolve the cohesive zone, or in plane strain, for which adhesion is
+        not verified.
+    """
+    attraction = law.adhesion
+    if attraction is None:
+        return None, []
+    if setup.physics.body.dim == 2:
+        problem = "is not verified in plane strain"
+        raise ConfigError(
+            "contact.adhesion", problem, "use an axisymmetric or a three-dimensional body"
+        )
+    L = setup.physics.scales.length
+    E_star = setup.physics.material.E_star
+    h = sizes.h_contact
+    smallest = attraction.range_for_cohesive_zone(h / MAX_ELEMENT_RATIO, E_star) * L
+    if attraction.range is None:
+        remedy = (
+            f"at least {smallest:.3g} for h_contact = {h * L:.3g}; for the limit of range 0 use "
+            "experiment.adhesion"
+        )
+        raise ConfigError(
+            "contact.adhesion.range",
+            "is missing: the distance over which the attraction acts",
+            remedy,
+        )
+    zone = attraction.cohesive_zone(E_star)
+    if h > MAX_ELEMENT_RATIO * zone * (1 + 1e-9):
+        size_text = f"which needs elements of at most {MAX_ELEMENT_RATIO:g} times its size"
+        problem = (
+            f"has a cohesive zone of {zone * L:.3g}, and elements of {h * L:.3g} do not "
+            f"resolve it, {size_text}"
+        )
+        remedy = (
+            f"a range of at least {smallest:.3g}, or mesh.h_contact of at most "
+            f"{MAX_ELEMENT_RATIO * zone * L:.3g}"
+        )
+        raise ConfigError("contact.adhesion.range", problem, remedy)
+    expected = _expected_adhesion(attraction, setup, zone, h)
+    return expected, [Choice("contact.adhesion", attraction.range * L, expected.description)]
+
+
+def _expected_adhesion(
+    attraction: Adhesion, setup: ProblemSetup, zone: float, h: float
+) -> ExpectedAdhesion:
+    """Predict the adhesion from its cohesive zone and the size h of the elements there [length]."""
+    from indent_sim.theory.adhesion import (
+        maugis_lambda,
+        maugis_pull_off,
+        tabor_number,
+    )  # with scipy's searches
+
+    L = setup.physics.scales.length
+    F = setup.physics.scales.force
+    R = getattr(setup.relative_tip, "R", None)
+    pull_off = None
+    with contextlib.suppress(*SOLUTION_ERRORS):
+        pull_off = setup.jkr.pull_off(inf).force if setup.jkr else None
+    expected = ExpectedAdhesion(zone * L, zone / h, jkr_pull_off=pull_off and pull_off * F)
+    if R is None:
+        return expected
+    assert attraction.range is not None
+    numbers = (attraction.work, attraction.range, R, setup.physics.material.E_star)
+    unit = pi * attraction.work * R
+    is_half_space_like = (
+        pull_off is not None and abs(pull_off / (-1.5 * unit) - 1) <= PULL_OFF_DIFFERENCE
+    )
+    dugdale = maugis_pull_off(maugis_lambda(*numbers)) * unit * F if is_half_space_like else None
+    return replace(
+        expected,
+        tabor=tabor_number(*numbers),
+        maugis_lambda=maugis_lambda(*numbers),
+        maugis_pull_off=dugdale,
+    )
+
+
+def tip(config: Config, setup: ProblemSetup, gap: str) -> tuple[Indenter, Choices]:
+    """Choose the shape of the tip: rounded, or a plate, where the contact needs it.
+
+    The gap at the deformed point needs a normal everywhere, so that a sharp apex or edge gets a
+    small radius. A punch as wide as the body becomes a plate.
+    """
+    if isinstance(setup.physics.indenter, Plate) and isinstance(config.indenter, FlatPunch):
+        return setup.physics.indenter, [Choice("indenter.shape", "plate", AS_WIDE_WHY)]
+    physics = setup.physics
+    body = setup.physics.body
+    sharp_tip = physics.indenter
+    key = "edge_radius" if isinstance(physics.indenter, FlatPunch) else "tip_radius"
+    if gap == "reference" or getattr(sharp_tip, key, 1.0) > 0:
+        return sharp_tip, []
+    radius = round_length(ROUNDING_FRACTION * setup.a)
+    rounded_tip = replace(sharp_tip, **{key: radius})  # type: ignore[arg-type]
+    theories = [
+        layer_theory(body, setup.layers, item, physics.center) for item in (sharp_tip, rounded_tip)
+    ]
+    solutions = [
+        solution
+        for item in theories
+        if item and setup.max_depth > 0 and (solution := item.solution_at_depth(setup.max_depth))
+    ]
+    change = ""
+    if len(solutions) == 2 and all(item.force for item in solutions):
+        ratio = solutions[1].force / solutions[0].force
+        change = f", which changes the force by {ratio - 1:+.1g} according to layer theory"
+    why = (
+        f"gap: current needs a normal everywhere; {ROUNDING_FRACTION:g} of the expected contact "
+        f"radius{change}"
+    )
+    return rounded_tip, [Choice(f"indenter.{key}", radius * physics.scales.length, why)]

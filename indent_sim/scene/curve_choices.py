@@ -1,0 +1,155 @@
+"""Choices for what is computed from the elastic curve: experiments and histories."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from indent_sim.model.experiment import Experiment
+from indent_sim.process.errors import ConfigError
+from indent_sim.scene.choices import Choice, Choices
+from indent_sim.scene.problem_setup import ProblemSetup
+
+if TYPE_CHECKING:
+    from indent_sim.config.schema import Config
+
+
+JKR_WHY = "the JKR limit: exact for this body if the range of the attraction is short"
+TING_WHY = (
+    "Lee & Radok while the contact grows, Ting while it shrinks: exact for a homogeneous body, or "
+    "for layers that relax alike"
+)
+STEP_WHY = (
+    "viscoelastic time stepping on the surface compliance, to 1e-4: the history is not one loading "
+    "and unloading with prescribed depths"
+)
+QUASI_WHY = "quasi-static: every point is an equilibrium on the elastic curve"
+UNITS_REMEDY = "check that work, R and E are in consistent units"
+MAX_RADIUS_SPREAD = 500.0  # Largest ratio of contact radii that one mesh resolves.
+MAX_RIM_FRACTION = 0.95  # Largest contact radius over the lateral extent of the body.
+
+
+def curve(
+    config: Config, setup: ProblemSetup, solver: Choice, follows_whole: bool = False
+) -> Choices:
+    """Choices of how an experiment and a history are evaluated.
+
+    Parameters
+    ----------
+    config : Config
+        The scene file.
+    setup : ProblemSetup
+        The nondimensional problem.
+    solver : Choice
+        The chosen solver, with its reason.
+    follows_whole : bool, optional
+        True if the history is solved step by step on the mesh.
+
+    Returns
+    -------
+    list of Choice
+        Empty without experiment and history.
+
+    Raises
+    ------
+    ConfigError
+        If the elastic curve does not determine the requested results.
+    """
+    if setup.experiment is None and setup.history is None:
+        return []
+    if follows_whole:
+        reason = solver.why if solver.value == "newton" else config.contact.reason_no_elastic_curve
+        _refuse_curve_features(setup, reason)
+        return [Choice("time", "steps", f"solved on the mesh, row by row: {reason}")]
+    _refuse_curve(
+        config,
+        setup,
+        solver,
+        "experiment" if setup.experiment else f"loading.{config.loading.given_path_keys[0]}",
+    )
+    choices = [Choice("experiment.adhesion", "JKR", JKR_WHY)] if setup.jkr_limit else []
+    if setup.history:
+        reason = TING_WHY if setup.relaxation else QUASI_WHY
+        if setup.uses_time_stepping:
+            reason = STEP_WHY
+        choices.append(Choice("time", "curve", JKR_WHY if setup.jkr_limit else reason))
+    return choices
+
+
+def _refuse_curve_features(setup: ProblemSetup, why: str) -> None:
+    """Raise ConfigError for properties that need an elastic curve; why: the reason for none."""
+    if setup.relaxation:
+        problem = f"all: applies to the elastic curve of a linear, frictionless contact: {why}"
+        raise ConfigError(
+            "material.relaxation.of",
+            problem,
+            "use of: shear, or remove that part of the model",
+        )
+    if experiment_part := next(
+        (name for name, part in vars(setup.experiment or Experiment()).items() if part), None
+    ):
+        problem = f"needs an elastic curve, and this scene is solved row by row: {why}"
+        raise ConfigError(f"experiment.{experiment_part}", problem, "leave one of the two out")
+
+
+def _refuse_curve(config: Config, setup: ProblemSetup, solver: Choice, key: str) -> None:
+    """Raise ConfigError if the elastic curve does not determine what `key` asks for."""
+    physics = setup.physics
+    if setup.history and config.output.fields in ("last", "all"):
+        problem = (
+            f"{config.output.fields}: a history is evaluated on the elastic curve, which has "
+            "no fields"
+        )
+        raise ConfigError("output.fields", problem, "leave it out")
+    if config.contact.reason_no_elastic_curve:
+        problem = (
+            "needs the elastic curve of a tip without friction and adhesion, and the contact of "
+            "this scene has friction or adhesion"
+        )
+        raise ConfigError(key, problem, "leave one of the two out")
+    if solver.value == "newton":
+        problem = (
+            "needs a linear body with a known surface compliance, and this scene is solved on the "
+            f"whole body: {solver.why}"
+        )
+        raise ConfigError(
+            key, problem, "try solver.method: condensed or theory, which reports the obstacle"
+        )
+    if setup.jkr_limit and physics.domain.kinematics.name != "axisymmetric":
+        problem = (
+            "the JKR limit needs a circular contact, and this scene is "
+            f"{physics.domain.kinematics.name.replace('_', ' ')}"
+        )
+        raise ConfigError("experiment.adhesion", problem, "put the tip on the axis of a round body")
+    if setup.jkr_limit and not setup.adhesive_radii:
+        problem = (
+            "the adhesive contact is wider than the theory covers, or does not exist at this depth"
+        )
+        raise ConfigError("experiment.adhesion", problem, UNITS_REMEDY)
+    if setup.jkr_limit and solver.value == "condensed" and setup.adhesive_radii:
+        _refuse_radius_range(setup, *setup.adhesive_radii)
+    if setup.uses_time_stepping and solver.value == "theory" and physics.body.dim == 2:
+        problem = (
+            "this history of a relaxing strip needs time stepping on the surface compliance of a "
+            "mesh"
+        )
+        raise ConfigError("material.relaxation", problem, "use solver.method: condensed")
+
+
+def _refuse_radius_range(setup: ProblemSetup, smallest: float, largest: float) -> None:
+    """Raise ConfigError if one mesh cannot resolve all contacts, from pull-off to the deepest."""
+    L = setup.physics.scales.length
+    rim = setup.physics.body.lateral_extent(setup.physics.center)
+    if largest > MAX_RIM_FRACTION * rim:
+        problem = (
+            f"widens the contact to a radius of {largest * L:.3g}, and the body ends at "
+            f"{rim * L:.3g}"
+        )
+        raise ConfigError("experiment.adhesion.work", problem, UNITS_REMEDY)
+    if largest > MAX_RADIUS_SPREAD * smallest:
+        problem = (
+            f"gives a contact radius of {smallest * L:.3g} at pull-off, which is far below that of "
+            f"the deepest contact, {largest * L:.3g}"
+        )
+        raise ConfigError(
+            "experiment.adhesion.work", problem, "use a smaller depth, or solver.method: theory"
+        )

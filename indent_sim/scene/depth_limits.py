@@ -1,0 +1,329 @@
+"""Depths to expect, and the limits that the body and the tip set to them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from indent_sim.model.body import (
+    Body,
+    ImportedBody,
+    Layer,
+    Points,
+    SphericalBody,
+)
+from indent_sim.model.loading import History, Loading, LoadPath
+from indent_sim.model.materials import Material
+from indent_sim.model.tips import FlatPunch, Indenter
+from indent_sim.model.units import Scales
+from indent_sim.process.errors import ConfigError
+from indent_sim.scene.compression_theory import covers_top
+from indent_sim.scene.half_space_formulas import half_space_force
+from indent_sim.scene.regions import Layers, layer_material
+from indent_sim.theory.half_space import estimate_depth
+from indent_sim.theory.theory import Theory
+
+Center = tuple[float, ...]  # Horizontal position of the tip's axis [length].
+# Prescribed forces are expected to reach at most this part of the thickness.
+MAX_DEPTH_FRACTION = 0.9
+# Number of forces at which theory is solved for a depth; others are interpolated. The mesh depends
+# on the largest depth only, and load control needs no better initial guess.
+MAX_THEORY_FORCES = 3
+# Distance from the tip's axis to the edge of an imported contact surface, relative to the largest
+# one, up to which the axis is on the edge.
+RIM_TOLERANCE = 1e-9
+
+
+def expected_depths(
+    path: LoadPath,
+    theory: Theory | None,
+    tip: Indenter,
+    material: Material,
+    height: float,
+    scales: Scales,
+    mirror_multiplicity: int = 1,
+) -> tuple[float, ...]:
+    """Return the prescribed depths, or those to expect at the prescribed forces.
+
+    Depths at forces follow from theory, or from the cross-section of the tip if theory has none;
+    between MAX_THEORY_FORCES forces they are interpolated by power laws.
+
+    Parameters
+    ----------
+    path : LoadPath
+        The prescribed depths or forces, nondimensional.
+    theory : Theory or None
+        The reference theory.
+    tip : Indenter
+        The tip that has the same gap over a flat body.
+    material : Material
+        The material below the tip.
+    height : float
+        Height of the body [length]; depths are at most MAX_DEPTH_FRACTION of it.
+    scales : Scales
+        Scales of the problem, for messages.
+    mirror_multiplicity : int, optional
+        Number of mirrored bodies that the tip indents, each with the prescribed force.
+
+    Returns
+    -------
+    tuple of float
+        One depth per value of the path [length].
+
+    Raises
+    ------
+    ConfigError
+        If a linear body would be compressed too far by the largest force, according to theory.
+    """
+    if path.control == "depth":
+        return path.values
+    max_depth = MAX_DEPTH_FRACTION * height
+    forces = [mirror_multiplicity * force for force in path.values]
+    positive_forces = np.unique([force for force in forces if force > 0])
+    sample_forces = (
+        positive_forces
+        if len(positive_forces) <= MAX_THEORY_FORCES
+        else np.geomspace(positive_forces[0], positive_forces[-1], MAX_THEORY_FORCES)
+    )
+    sample_depths = []
+    E_star = material.E_star
+    for force in map(float, sample_forces):
+        start = estimate_depth(tip.radius_at, force, E_star) if scales.dim == 3 else force / E_star
+        depth = (theory and theory.depth_of_force(force, max_depth)) or min(start, max_depth / 2)
+        # Rounding makes the depth, and with it the mesh, independent of the user's units.
+        sample_depths.append(float(f"{depth:.9g}"))
+    interpolate_log = partial(np.interp, xp=np.log(sample_forces), fp=np.log(sample_depths))
+    depths = tuple(
+        float(np.exp(interpolate_log(np.log(force)))) if force > 0 else 0.0 for force in forces
+    )
+    if material.is_small_strain and theory and max(depths) > (1 - 1e-6) * max_depth:
+        largest = max(path.values) * scales.force
+        problem = (
+            f"a force of {largest:g} would press the tip to {MAX_DEPTH_FRACTION:.0%} of the body's "
+            "thickness or deeper"
+        )
+        raise ConfigError("loading", problem, "use a smaller force")
+    return depths
+
+
+def check_scene(
+    body: Body,
+    layers: Layers,
+    tip: Indenter,
+    center: Center,
+    path: LoadPath,
+    contacts: int,
+    key: str,
+) -> None:
+    """Check that the tip stands above the body, and that it can reach the depths of the path.
+
+    Parameters
+    ----------
+    body : Body
+        The body, in the user's units.
+    layers : tuple of Layer
+        Its layers from the top.
+    tip : Indenter
+        The tip, in the user's units.
+    center : tuple of float
+        Horizontal position of the tip's axis [length].
+    path : LoadPath
+        The prescribed depths or forces.
+    contacts : int
+        Number of equal contacts of the body, which share its height.
+    key : str
+        The key of the path in the scene file.
+
+    Raises
+    ------
+    ConfigError
+        If a check fails.
+    """
+    if body.lateral_extent(center) < 0:
+        raise ConfigError(
+            "indenter.center",
+            f"{list(center)} lies outside the body's top surface",
+            "move it inside",
+        )
+    delta = max(path.values)
+    thickness = contacts * body.height
+    _check_punch_width(body, tip, center)
+    if path.control == "force":
+        return
+    if delta >= thickness:
+        problem = f"depth {delta:g} is beyond the body's thickness {thickness:g}"
+        raise ConfigError(key, problem, f"stay below {thickness:g}")
+    if delta >= (coverage_depth := top_coverage_depth(body, layers, tip, center)):
+        coverage_text = f"at {coverage_depth:g} the tip would cover its whole top"
+        problem = (
+            f"depth {delta:g} leaves no room to an incompressible body held on all sides: "
+            f"{coverage_text}"
+        )
+        raise ConfigError(key, problem, "stay well below, free a side, or use nu < 0.5")
+    if delta > (side_depth := side_contact_depth(body, tip, center)):
+        side = f"the top of a fixed side, which it reaches at {side_depth:g}"
+        problem = (
+            f"depth {delta:g} presses the tip onto {side}: that side cannot move, and the force "
+            "has no bound"
+        )
+        raise ConfigError(
+            key, problem, f"stay below {side_depth:g}, free that side, or take a wider body"
+        )
+
+
+def _check_punch_width(body: Body, tip: Indenter, center: Center) -> None:
+    """Raise ConfigError if the edge of a sharp punch crosses the edge of a flat top."""
+    if (
+        not isinstance(tip, FlatPunch)
+        or tip.edge_radius
+        or isinstance(body, SphericalBody)
+        or covers_top(tip, body, center)
+    ):
+        return
+    widest = body.lateral_extent(body.center)
+    if tip.radius > widest:
+        problem = f"the edge of a flat punch of radius {tip.radius:g} crosses that of the body"
+        covering = (
+            ""
+            if isinstance(body, ImportedBody)
+            else f", at least {body.max_lateral_extent(center):g}, or shape: plate"
+        )
+        raise ConfigError("indenter.radius", problem, f"at most {widest:g}{covering}")
+
+
+def expected_radius(
+    theory: Theory | None, tips: Sequence[Indenter], body: Body, center: Center, delta: float
+) -> float:
+    """Return the expected contact radius at a depth, at most the lateral extent of the body.
+
+    It follows from theory, or else from the smallest cross-section of the tips at that depth.
+
+    Parameters
+    ----------
+    theory : Theory or None
+        The reference theory.
+    tips : sequence of Indenter
+        The tip that has the same gap over a flat body, and the tip itself.
+    body : Body
+        The nondimensional body.
+    center : tuple of float
+        Horizontal position of the tip's axis [length].
+    delta : float
+        Depth [length].
+
+    Returns
+    -------
+    float
+        The contact radius [length].
+    """
+    rim = max(body.lateral_extent(center), 0.05 * body.lateral_extent(body.center))
+    if isinstance(body, ImportedBody) and rim <= RIM_TOLERANCE * body.max_lateral_extent(center):
+        # The mesh is half of a symmetric body, with the tip's axis on the mirror plane.
+        rim = body.max_lateral_extent(center)
+    if delta <= 0:
+        return 0.2 * rim if isfinite(rim) else 1.0
+    if isinstance(body, ImportedBody):
+        return min(_overlap_radius(tips[0], body, center, delta), rim)
+    solution = theory.solution_at_depth(delta) if theory else None
+    return min(solution.a if solution else min(tip.radius_at(delta) for tip in tips), rim)
+
+
+def _overlap_radius(tip: Indenter, body: ImportedBody, center: Center, delta: float) -> float:
+    """Radius [length] within which a tip at a depth would overlap the undeformed surface.
+
+    It is interpolated between the corners of the facets.
+    """
+    distances = body.corner_distances(center).ravel()
+    gap = (_tip_heights(tip, body.top_points(), center) - body.facets[..., -1]).ravel()
+    order = np.argsort(np.where(np.isfinite(gap), distances, np.inf))[: np.isfinite(gap).sum()]
+    return float(
+        np.interp(delta, np.maximum.accumulate([0.0, *gap[order]]), [0.0, *distances[order]])
+    )
+
+
+def top_coverage_depth(body: Body, layers: Sequence[Layer], tip: Indenter, center: Center) -> float:
+    """Depth [length] at which the tip would cover the whole top of a confined incompressible body.
+
+    The volume of the body is constant, so that the mean height of its surface remains 0. Below a
+    tip in contact everywhere, this mean height is the mean height of the tip minus the depth. The
+    force grows without bound at a smaller depth. Other bodies have no limit: infinity.
+    """
+    materials = [layer_material(layer) for layer in layers]
+    materials += [inclusion.material.canonical() for inclusion in body.inclusions or ()]
+    if any(material.constants.nu < 0.5 for material in materials) or not body.is_laterally_confined:
+        return float("inf")
+    return float(np.mean(_tip_heights(tip, body.top_points(), center)))
+
+
+def side_contact_depth(body: Body, tip: Indenter, center: Center) -> float:
+    """Depth [length] at which the tip reaches the top of a fixed side; infinity without one.
+
+    At larger depths the surface displacement would have to jump from u_z = 0 at the side to that of
+    the tip. No displacement field of finite energy does, and the force on a mesh grows
+    logarithmically as its elements shrink.
+    """
+    z = body.fixed_points[:, -1] if isinstance(body, ImportedBody) else 0.0
+    return float(np.min(_tip_heights(tip, body.fixed_edge_points(), center) - z, initial=np.inf))
+
+
+def _tip_heights(tip: Indenter, points: Points, center: Center) -> Any:
+    """Height of the tip's surface above its apex [length] at horizontal positions."""
+    along_x, along_y = (*center, 0.0)[:2]
+    return tip.height(points[0] - along_x, points[1] - along_y)
+
+
+def path_to_max_depth(
+    history: History,
+    least_modulus_fraction: float,
+    compliance: float,
+    tip: Indenter,
+    layers: Sequence[Layer],
+) -> LoadPath:
+    """Return a path of equal steps to an upper bound of the depth, or force, of a history.
+
+    Parameters
+    ----------
+    history : History
+        The prescribed history.
+    least_modulus_fraction : float
+        Smallest part of the instantaneous modulus that remains during the history. A prescribed
+        force reaches the depth of a body with this modulus.
+    compliance : float
+        Compliance of the spring that carries the tip [length/force]. The force on it is at least
+        that of a half-space of the softest layer.
+    tip : Indenter
+        The tip that has the same gap over a flat body.
+    layers : sequence of Layer
+        Layers from the top.
+
+    Returns
+    -------
+    LoadPath
+        The path to the largest depth or force.
+    """
+    largest = history.largest_value
+    if history.control == "force":
+        return Loading(force=largest / least_modulus_fraction).path()
+    if not compliance:
+        return Loading(delta=largest).path()
+    E_star = least_modulus_fraction * min(layer_material(layer).E_star for layer in layers)
+
+    def exceeds_history(depth: float) -> bool:
+        half_space_formula = half_space_force(tip, depth, E_star)
+        radius = tip.radius_at(depth)
+        if not half_space_formula and not isfinite(radius):
+            # A plate has no lower bound of the force.
+            return depth >= largest
+        force = half_space_formula[1] if half_space_formula else 0.5 * E_star * radius * depth
+        return depth + compliance * force >= largest
+
+    low = 0.0
+    high = largest
+    for _ in range(40):  # The interval shrinks to 1e-12 of the largest depth.
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if exceeds_history(middle) else (middle, high)
+    return Loading(delta=high).path()

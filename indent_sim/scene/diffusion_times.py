@@ -1,0 +1,57 @@
+"""Diffusion times of the pore fluid through contact, element and body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from indent_sim.scene.problem_definition import ProblemDefinition, largest_diffusivity
+from indent_sim.scene.problem_setup import ProblemSetup
+
+# First time step of a segment, relative to the diffusion time of the contact. A step is at least
+# 1/ELEMENT_DRAINAGE_FACTOR of the diffusion time of an element: in a shorter one, elements with
+# linear pressure do not drain as a half-space does, and the force is up to 1.4 % too low.
+FIRST_STEP_FRACTION = 1e-3
+ELEMENT_DRAINAGE_FACTOR = 6.0
+
+
+@dataclass(frozen=True)
+class DiffusionTimes:
+    """Diffusion times L^2/D [time] of the pore fluid.
+
+    Attributes
+    ----------
+    contact : float
+        L is the expected contact radius.
+    element : float
+        L is the element size at the contact.
+    height : float
+        L is the height of the body.
+    wall : float
+        L is half of the distance from the tip's axis to the edge of the body.
+    """
+
+    contact: float
+    element: float
+    height: float
+    wall: float
+
+    @staticmethod
+    def compute(
+        setup: ProblemSetup, physics: ProblemDefinition, h_contact: float
+    ) -> DiffusionTimes:
+        """Diffusion times in the region of largest diffusivity; h_contact is an element size."""
+        D = largest_diffusivity(physics)
+        lengths = (
+            setup.a,
+            h_contact,
+            physics.body.height,
+            physics.body.lateral_extent(physics.center) / 2,
+        )
+        return DiffusionTimes(*(length**2 / D for length in lengths))
+
+    def first_step(self, shortest: float) -> float:
+        """First time step of a segment, at most `shortest` unless an element needs longer."""
+        return max(
+            min(FIRST_STEP_FRACTION * self.contact, shortest),
+            self.element / ELEMENT_DRAINAGE_FACTOR,
+        )

@@ -1,0 +1,172 @@
+"""The problem whose load path is a prescribed history, with its steps in time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf
+
+from indent_sim.mesh.model_domain import ModelDomain, Region
+from indent_sim.model.loading import History, LoadPath
+from indent_sim.process.errors import ConfigError
+from indent_sim.scene.depth_limits import expected_depths
+from indent_sim.scene.diffusion_times import ELEMENT_DRAINAGE_FACTOR, DiffusionTimes
+from indent_sim.scene.prescribed_history import prony_series
+from indent_sim.scene.problem_definition import (
+    ProblemDefinition,
+    has_drained_surface,
+    is_undrained_incompressible,
+    largest_diffusivity,
+)
+from indent_sim.scene.problem_setup import ProblemSetup
+
+# Time over which a sudden change of the bath is applied at finite strain, relative to the diffusion
+# time of the contact or of a thinner body. It takes RAMP_STEPS first steps, since Newton's method
+# does not find a surface layer that swells at once. Elements of a tenth of the contact radius just
+# drain in such a step of h^2/(ELEMENT_DRAINAGE_FACTOR D).
+RAMP_STEPS = 8.0
+BATH_RAMP_FRACTION = RAMP_STEPS / ELEMENT_DRAINAGE_FACTOR / 10**2
+# First steps of a segment per shortest relaxation time.
+STEPS_PER_RELAXATION_TIME = 20.0
+# The first step is at least this part of the shortest segment of a history.
+MIN_STEP_FRACTION = 1e-3
+# Shortest relaxation time of the Prony series for a power law, relative to that first step.
+SHORTEST_TIME_FRACTION = 1e-2
+
+
+def problem_along_history(
+    setup: ProblemSetup, physics: ProblemDefinition, h_contact: float
+) -> ProblemDefinition:
+    """Return the problem whose load path is the history instead of the path to its largest depth.
+
+    Parameters
+    ----------
+    setup : ProblemSetup
+        The problem setup, with a history.
+    physics : ProblemDefinition
+        The problem with the choices for its mesh.
+    h_contact : float
+        Element size at the contact [length].
+
+    Returns
+    -------
+    ProblemDefinition
+        The same problem with its time steps.
+
+    Raises
+    ------
+    ConfigError
+        If the body cannot be compressed because no fluid drains.
+    """
+    assert setup.history is not None
+    path = setup.history.path
+    if physics.is_time_dependent:
+        physics = replace(physics, domain=_expand_relaxation(physics, setup.history))
+        physics = replace(physics, bath_ramp=bath_ramp_time(setup, physics))
+        path = setup.history.time_stepped_path(
+            first_step(setup, physics, h_contact), setup.steps_per_doubling
+        )
+        if is_undrained_incompressible(physics) and not has_drained_surface(physics):
+            problem = (
+                "no fluid leaves the pores, and the tip covers the top of a body that is held on "
+                "all other sides"
+            )
+            remedy = (
+                "drain the tip, the base or the sides, free the sides, or give the material a "
+                "flow.storage"
+            )
+            raise ConfigError("drainage", f"{problem}: it cannot be compressed", remedy)
+        if path.has_jumps and is_undrained_incompressible(physics):
+            path = _remove_jumps(
+                path, "loading.force_history" if path.control == "force" else "loading.history"
+            )
+    tip = setup.relative_tip
+    height = physics.body.height
+    return replace(
+        physics,
+        path=path,
+        deltas=expected_depths(
+            path,
+            setup.theory,
+            tip,
+            physics.material,
+            height,
+            physics.scales,
+            physics.mirror_multiplicity,
+        ),
+    )
+
+
+def bath_ramp_time(setup: ProblemSetup, physics: ProblemDefinition) -> float:
+    """Return the time [time] over which the chemical potential of a gel's bath ramps up linearly.
+
+    It is 0 for a body that no bath swells or shrinks, and for an instantaneous change of the bath.
+    The key `drainage.bath_ramp` gives it; for `auto` at finite strain it is
+    BATH_RAMP_FRACTION L^2/D, where D is the largest diffusivity and L the smaller of the expected
+    contact radius and the body's height. The ramp does not depend on the mesh.
+    """
+    if not physics.is_swelling:
+        return 0.0
+    if physics.drainage.bath_ramp != "auto":
+        return physics.drainage.bath_ramp
+    if physics.small_strain:
+        return 0.0
+    return (
+        BATH_RAMP_FRACTION * min(setup.a, physics.body.height) ** 2 / largest_diffusivity(physics)
+    )
+
+
+def _remove_jumps(path: LoadPath, key: str) -> LoadPath:
+    """Return the path without instantaneous load increments.
+
+    Raises
+    ------
+    ConfigError
+        If such an increment ends at a requested time, or if there are no other rows.
+    """
+    requested_jumps = path.sudden_rows if path.turns else ()
+    if requested_jumps or len(path.sudden_rows) == len(path.values):
+        time_text = f" at t = {path.times[requested_jumps[0] - 1]:g}" if requested_jumps else ""
+        problem = (
+            f"jumps{time_text}, and this body cannot be compressed before fluid has drained: there "
+            "is no equilibrium at that time"
+        )
+        raise ConfigError(key, problem, "ask for a later time, or replace the jump by a ramp")
+    return path.without_sudden_rows()
+
+
+def first_step(setup: ProblemSetup, physics: ProblemDefinition, h_contact: float) -> float:
+    """Return the first time step of a segment of the history [time].
+
+    It resolves diffusion, relaxation and the ramp of a bath; h_contact is the element size at the
+    contact [length].
+    """
+    assert setup.history is not None
+    times = [
+        t
+        for region in physics.domain.regions
+        if region.relaxation_series
+        for t in region.relaxation_series.times
+    ]
+    shortest = max(
+        min(times, default=inf) / STEPS_PER_RELAXATION_TIME,
+        MIN_STEP_FRACTION * setup.history.shortest_segment,
+    )
+    if not physics.permeable_regions:
+        return shortest
+    first = DiffusionTimes.compute(setup, physics, h_contact).first_step(shortest)
+    return min(first, physics.bath_ramp / RAMP_STEPS) if physics.bath_ramp else first
+
+
+def _expand_relaxation(physics: ProblemDefinition, history: History) -> ModelDomain:
+    """Return the model domain with the relaxation of its regions as Prony series."""
+
+    def with_prony_series(region: Region) -> Region:
+        law = region.material.relaxation
+        shortest = SHORTEST_TIME_FRACTION * MIN_STEP_FRACTION * history.shortest_segment
+        return (
+            replace(region, relaxation_series=prony_series(law, shortest, history.duration))
+            if law
+            else region
+        )
+
+    return replace(physics.domain, regions=tuple(map(with_prony_series, physics.domain.regions)))

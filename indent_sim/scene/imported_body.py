@@ -1,0 +1,136 @@
+"""Imported bodies: reading a mesh file, positioning below the tip, materials of the regions."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from indent_sim.mesh import imported_domain, mesh_import
+from indent_sim.mesh.imported_mesh import BoundaryCells, ImportedMesh
+from indent_sim.mesh.model_domain import ModelDomain, Region
+from indent_sim.model.body import (
+    ImportedBody,
+    MeshFromFile,
+)
+from indent_sim.model.materials import Material
+from indent_sim.model.units import Scales
+from indent_sim.process.errors import ConfigError
+from indent_sim.process.ranks import run_on_root
+from indent_sim.scene.regions import choose_formulation, instantaneous_law, least_shear_fraction
+
+if TYPE_CHECKING:
+    from indent_sim.config.schema import Config
+
+
+def position_imported_mesh(
+    config: Config, source: MeshFromFile, imported_mesh: ImportedMesh
+) -> tuple[ImportedBody, ImportedMesh]:
+    """Translate an imported mesh so that the tip first touches it at z = 0.
+
+    Returns
+    -------
+    ImportedBody
+        The body with its material below the tip.
+    ImportedMesh
+        The translated mesh.
+
+    Raises
+    ------
+    ConfigError
+        If the mesh has another hash than the config, or was cut at a plane that is not declared.
+    """
+    center = config.center or source.center
+    if source.hash not in (None, imported_mesh.hash):
+        remedy = "use the mesh file of this scene, or leave the hash out"
+        raise ConfigError(
+            "body.hash", f"'{source.file}' has another hash, {imported_mesh.hash}", remedy
+        )
+    imported_mesh = imported_mesh.with_leading_region(
+        imported_domain.region_under_axis(imported_mesh, center)
+    )
+    imported_domain.refuse_forgotten_mirrors(imported_mesh, source, center)
+    placed_mesh = imported_mesh.translated_to_contact(
+        imported_domain.first_contact_height(config.indenter, imported_mesh, center)
+    )
+    return imported_domain.imported_body(
+        placed_mesh, source, center, _region_materials(placed_mesh, config)[0][1]
+    ), placed_mesh
+
+
+def read_imported_mesh(config: Config, comm: Any) -> ImportedMesh | None:
+    """Read the mesh file of a config; None if it names none (collective).
+
+    On several ranks, rank 0 reads the file and maps its arrays into memory; the others receive the
+    boundary cells.
+    """
+    if not isinstance(config.body, MeshFromFile):
+        return None
+    if comm.size == 1:
+        return read_mesh_file(config, config.body)
+    boundary_cells = run_on_root(comm, _read_boundary_cells, config, config.body)
+    shared_cells = comm.bcast(
+        replace(boundary_cells, unplaced_mesh=None) if boundary_cells else None, root=0
+    )
+    return boundary_cells or shared_cells
+
+
+def read_mesh_file(config: Config, source: MeshFromFile) -> ImportedMesh:
+    """Read a mesh file, whose path is relative to the folder of the scene file."""
+    return mesh_import.import_mesh(os.path.dirname(config.source.name), source, config.material)
+
+
+def _read_boundary_cells(config: Config, source: MeshFromFile) -> BoundaryCells:
+    """Read the boundary cells in the process that meshes; all other arrays stay in a file."""
+    from indent_sim.mesh import gmsh
+
+    failure_text = f"'{source.file}' could not be read"
+    folder = os.path.dirname(config.source.name)
+    return gmsh.call_in_mesher(
+        failure_text, mesh_import.import_boundary_cells, folder, source, config.material
+    )()
+
+
+def _region_materials(imported_mesh: ImportedMesh, config: Config) -> list[tuple[str, Material]]:
+    """Return key and material of every region of a mesh, in the order of the regions."""
+    regions = getattr(config.body, "regions", None) or {}
+    region_laws = {name: (f"body.regions.{name}", material) for name, material in regions.items()}
+    laws = [
+        region_laws.get(name, ("material", config.material)) for name in imported_mesh.region_names
+    ]
+    return [
+        (key, instantaneous_law(config, material)) for key, material in laws if material is not None
+    ]
+
+
+def imported_model_domain(
+    config: Config, imported_mesh: ImportedMesh, scales: Scales
+) -> tuple[ModelDomain, str]:
+    """Return the model domain of an imported mesh, and the reason for its symmetry."""
+    assert isinstance(config.body, MeshFromFile)
+    materials = [
+        (key, scales.nondimensionalize(material))
+        for key, material in _region_materials(imported_mesh, config)
+    ]
+    names = [f"regions.{name}" if name else "body" for name in imported_mesh.region_names]
+    named_laws = zip(names, materials, strict=True)
+    shear_fractions = [least_shear_fraction(config, law) for _, law in materials]
+    regions = tuple(
+        Region(
+            name,
+            law,
+            choose_formulation(key, law, shear_fraction),
+            0.0,
+            min_shear_fraction=shear_fraction,
+        )
+        for (name, (key, law)), shear_fraction in zip(named_laws, shear_fractions, strict=True)
+    )
+    domain = imported_domain.imported_domain(
+        imported_mesh.scaled_by_length(scales.length), config.body, regions
+    )
+    surfaces_text = (
+        ""
+        if config.body.surface_names == config.body.surfaces
+        else "; surfaces without a name are identified by their normals"
+    )
+    return domain, f"an imported mesh is modelled without symmetry reduction{surfaces_text}"

@@ -1,0 +1,79 @@
+"""Properties of a prescribed history that the problem setup needs: depth, modulus, steps."""
+
+from __future__ import annotations
+
+from math import ceil, sqrt
+from typing import TYPE_CHECKING
+
+from indent_sim.model.loading import STEPS_PER_DOUBLING, History
+from indent_sim.model.materials import PronySeries, Relaxation
+from indent_sim.scene.resolution import target_error
+
+if TYPE_CHECKING:
+    from indent_sim.config.schema import Config
+
+
+# Relative error of the force by time stepping with STEPS_PER_DOUBLING steps of each length. It is
+# of second order in the step size. With friction it is known less accurately: the error bar is five
+# times the change by half the step size.
+TIME_STEPPING_ERROR = 0.004
+FRICTION_STEPPING_ERROR = 0.02
+
+
+def needs_time_stepping(history: History | None, law: Relaxation | None, compliance: float) -> bool:
+    """True if a relaxing body needs viscoelastic time stepping instead of a quadrature.
+
+    This is so for prescribed forces, for a tip on a spring, and for repeated loading.
+    """
+    is_general = history is not None and (
+        history.control == "force" or compliance > 0 or history.has_reloading
+    )
+    return law is not None and is_general
+
+
+def prony_series(law: Relaxation, shortest: float, longest: float) -> PronySeries:
+    """Return a relaxation as a Prony series.
+
+    Parameters
+    ----------
+    law : Relaxation
+        A Prony series or a power law.
+    shortest, longest : float
+        Range of times [time] in which the series matches a power law to 1e-5.
+    """
+    if law.power_law is None:
+        fractions, times = zip(*(law.prony or ()), strict=True)
+        return PronySeries(1.0 - sum(fractions), fractions, times)
+    # Only power laws need this module, which imports the splines of scipy.
+    from indent_sim.theory.viscoelasticity import PowerLaw
+
+    series = PowerLaw(law.power_law.exponent, law.power_law.time).prony_series(shortest, longest)
+    return PronySeries(series.long_term, series.fractions, series.times)
+
+
+def remaining_modulus_fraction(law: Relaxation | None, history: History | None) -> float:
+    """Return the smallest part of the instantaneous modulus that remains during a history.
+
+    It can exceed 1 for a power law, whose modulus is that at its reference time.
+    """
+    if law is None:
+        return 1.0
+    if law.power_law is None:
+        return 1.0 - sum(fraction for fraction, _ in law.prony or ())
+    return (
+        float((history.duration / law.power_law.time) ** -law.power_law.exponent)
+        if history
+        else 1.0
+    )
+
+
+def time_steps_per_doubling(config: Config) -> int:
+    """Return the number of time steps before the step size doubles, as given or from `accuracy`.
+
+    The error falls with its square.
+    """
+    default_error = (
+        TIME_STEPPING_ERROR if config.contact.is_conservative else FRICTION_STEPPING_ERROR
+    )
+    step_factor = ceil(sqrt(default_error / (target_error(config.accuracy) or default_error)))
+    return config.loading.per_doubling or STEPS_PER_DOUBLING * max(1, step_factor)

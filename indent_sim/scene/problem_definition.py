@@ -1,0 +1,410 @@
+"""The nondimensional problem: body, tip, contact law, load path and what follows from them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+
+from indent_sim.mesh.model_domain import ModelDomain, Region
+from indent_sim.model.body import (
+    Body,
+    Drainage,
+)
+from indent_sim.model.contact import ActiveSet, ContactLaw, SlipReference
+from indent_sim.model.loading import LoadPath
+from indent_sim.model.materials import Gel, Material
+from indent_sim.model.state import FLUID_COLUMNS, FRICTION_COLUMNS
+from indent_sim.model.tips import Indenter
+from indent_sim.model.units import Scales
+from indent_sim.scene.compression_theory import covers_top
+from indent_sim.scene.cost import SolverWork
+from indent_sim.scene.depth_limits import Center, side_contact_depth
+from indent_sim.scene.reference_theory import relative_tip
+
+# Ratio of the stretches normal to and along the surface of a surface layer, from which the surface
+# of an incompressible network creases (Hong, Zhao & Suo 2009, Appl. Phys. Lett. 95, 111901). No
+# smooth surface is stable from 3.4 on (Biot 1963).
+CREASING_STRETCH = 2.4
+# Linear solves of load control per linear solve of depth control.
+FORCE_SEARCH_FACTOR = 2
+# Elastocapillary number gamma/(mu R) from which surface tension alone stabilizes the surface.
+# Without a membrane, a ball between plates is solved at 33, in 300 iterations, and not at 100.
+DROP_THRESHOLD = 50.0
+
+
+@dataclass(frozen=True)
+class ProblemDefinition:
+    """The nondimensional problem: every number is divided by the `scales`.
+
+    It is made from the config, with the contact conditions of the reference theory; the choices for
+    a mesh then replace contact law, gap, tip and stiffnesses.
+
+    Attributes
+    ----------
+    domain : ModelDomain
+        The part of the body that is meshed.
+    center : tuple of float
+        Horizontal position of the tip's axis [length].
+    path : LoadPath
+        The prescribed depths or forces.
+    deltas : tuple of float
+        The prescribed depths, or those to expect at the prescribed forces [length].
+    gap : str
+        Where the gap is evaluated: reference (undeformed point) | current (deformed point).
+    wall_stiffness : float
+        Stiffness of the weak condition u . n = 0 on the curved wall of a three-dimensional cylinder
+        [pressure/length]; 0 without such a wall.
+    slip_reference : SlipReference
+        The point from which the slip of a new contact is counted.
+    surface_tension : float
+        Surface tension of the contact surface [pressure length].
+    drainage : Drainage
+        Boundary conditions of the pore fluid, with times since the beginning of the history.
+    bath_ramp : float
+        Time over which a sudden change of the bath is applied [time]; 0 for an instantaneous one.
+    """
+
+    scales: Scales
+    body: Body
+    domain: ModelDomain
+    indenter: Indenter
+    center: Center
+    path: LoadPath
+    deltas: tuple[float, ...]
+    contact: ContactLaw = field(default_factory=ActiveSet)
+    gap: str = "reference"
+    wall_stiffness: float = 0.0
+    slip_reference: SlipReference = "implicit"
+    surface_tension: float = 0.0
+    drainage: Drainage = field(default_factory=Drainage)
+    bath_ramp: float = 0.0
+
+    @cached_property
+    def is_compressed(self) -> bool:
+        """True if a plate, or a punch wider than the body, covers the whole flat top."""
+        return covers_top(self.indenter, self.body, self.center)
+
+    @cached_property
+    def max_depth(self) -> float:
+        """The largest depth of the path [length]."""
+        return max(self.deltas)
+
+    @cached_property
+    def side_contact_depth(self) -> float:
+        """The depth at which the tip reaches the upper edge of a fixed side [length]."""
+        return side_contact_depth(self.body, self.indenter, self.center)
+
+    @property
+    def has_friction(self) -> bool:
+        """True if the contact has friction."""
+        return not self.contact.is_conservative
+
+    @property
+    def largest_force(self) -> float | None:
+        """The largest prescribed force [pressure length^2]; None where depths are prescribed."""
+        return max(self.path.values) if self.path.control == "force" else None
+
+    @property
+    def side_force_axes(self) -> dict[str, int]:
+        """Horizontal axes, by name, along which friction can produce a net side force.
+
+        Symmetry excludes an axis that is normal to a mirror plane through the tip.
+        """
+        if not self.has_friction or self.domain.kinematics.name == "axisymmetric":
+            return {}
+        mirror_surfaces = self.domain.mirror_walls(self.center)
+        axes = {name: axis for axis, name in enumerate("xy"[: self.domain.dim - 1])}
+        return {
+            name: axis
+            for name, axis in axes.items()
+            if not mirror_surfaces & {f"{name}_min", f"{name}_max"}
+        }
+
+    @property
+    def mirror_multiplicity(self) -> int:
+        """Number of bodies that the tip indents, counting those behind mirror planes at the tip."""
+        return self.domain.mirrored_body_count(self.center)
+
+    def full_contact_radius(self, a: float) -> float:
+        """Radius [length] of the contact including its mirror images.
+
+        Parameters
+        ----------
+        a : float
+            The contact radius of a row: that of a circle with the contact area on the body itself,
+            in plane strain half the width [length].
+        """
+        kinematics = self.domain.kinematics
+        if self.mirror_multiplicity == 1:
+            return a
+        return kinematics.contact_radius(self.mirror_multiplicity * kinematics.contact_area(a))
+
+    def row_contact_radius(self, a: float) -> float:
+        """Contact radius of a row [length] for a radius a that includes the mirror images."""
+        kinematics = self.domain.kinematics
+        if self.mirror_multiplicity == 1:
+            return a
+        return kinematics.contact_radius(kinematics.contact_area(a) / self.mirror_multiplicity)
+
+    @property
+    def drained_walls(self) -> tuple[str, ...]:
+        """The side walls through which pore fluid drains."""
+        mirror_surfaces = self.domain.mirror_walls(self.center)
+        walls = [
+            wall for wall in self.domain.wall_distances(self.center) if wall not in mirror_surfaces
+        ]
+        return tuple(
+            wall
+            for wall in walls
+            if self.drainage.drains_wall(self.domain.supports.get(wall, "free"))
+        )
+
+    @property
+    def permeable_regions(self) -> tuple[Region, ...]:
+        """The regions with pore fluid."""
+        return tuple(region for region in self.domain.regions if region.material.flow)
+
+    @property
+    def is_porous_column(self) -> bool:
+        """True if the tip covers the top of a poroelastic body, as in Terzaghi's consolidation."""
+        return self.is_compressed and bool(self.permeable_regions)
+
+    def bath_pressure(self, region: Region, t: float) -> float:
+        """Pressure p_b [pressure] of the bath of a permeable region.
+
+        Parameters
+        ----------
+        region : Region
+            A region with pore fluid.
+        t : float
+            Time since the beginning of the history [time]; the pressure is 0 for t <= 0.
+        """
+        if t <= 0:
+            return 0.0
+        bath: float = region.material.bath_pressure(self.drainage.bath_at(t))
+        return bath * min(1.0, t / self.bath_ramp) if self.bath_ramp else bath
+
+    @property
+    def is_swelling(self) -> bool:
+        """True if a bath makes a gel swell or shrink."""
+        return any(
+            region.material.bath_pressure(bath) != 0
+            for region in self.permeable_regions
+            for bath in self.drainage.bath_values
+        )
+
+    @property
+    def surface_layer_stretch(self) -> float:
+        """Stretch normal to the surface of a gel whose surface layer has swollen; 1 without a gel.
+
+        The gel below the surface layer prevents its lateral swelling: transiently in a free body,
+        permanently in a body between walls.
+        """
+        law = self.domain.regions[0].material
+        if not isinstance(law, Gel) or not law.flow:
+            return 1.0
+        return max(
+            law.confined_swelling(law.bath_pressure(bath)).stretch
+            for bath in self.drainage.bath_values
+        )
+
+    @property
+    def creasing_message(self) -> str:
+        """Message that swelling makes the surface of a gel crease; empty if it stays smooth."""
+        if self.surface_layer_stretch <= CREASING_STRETCH:
+            return ""
+        swelling_text = (
+            f"the surface layer of the gel swells to {self.surface_layer_stretch:.3g} times its "
+            "thickness, laterally confined by the gel below"
+        )
+        return (
+            f"{swelling_text}; from {CREASING_STRETCH:g} on the surface has creases, which are not "
+            "modelled"
+        )
+
+    def is_closed_by_swelling(self, depth: float, a: float) -> bool:
+        """True if swelling has widened a contact of radius a beyond the tip's radius at its depth.
+
+        Parameters
+        ----------
+        depth : float
+            The indentation depth [length].
+        a : float
+            The contact radius [length].
+        """
+        return self.is_swelling and a > relative_tip(self.indenter, self.body).radius_at(
+            max(depth, 0.0)
+        )
+
+    @property
+    def relaxing_regions(self) -> tuple[Region, ...]:
+        """The regions with stress relaxation."""
+        return tuple(region for region in self.domain.regions if region.material.relaxation)
+
+    @property
+    def is_time_dependent(self) -> bool:
+        """True if the force changes with time at a constant depth."""
+        return any(region.material.is_time_dependent for region in self.domain.regions)
+
+    @property
+    def is_path_dependent(self) -> bool:
+        """True if the force depends on the load path or on time."""
+        return self.contact.is_path_dependent or self.is_time_dependent
+
+    @property
+    def depends_on_step_size(self) -> bool:
+        """True if the result depends on the step size: friction or a time-dependent body."""
+        return self.has_friction or self.is_time_dependent
+
+    @property
+    def searches_pull_off(self) -> bool:
+        """True if the pull-off force is searched for between the rows.
+
+        This needs an attraction with a finite range, and prescribed depths that decrease.
+        """
+        if not self.contact.adhesion_range or self.path.control != "depth":
+            return False
+        steps = range(1, len(self.path.values) + 1)
+        depths = [depth for row in steps for depth, _ in self.path.segment(row)]
+        return any(after < before for before, after in pairwise(depths))
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns of the force table that friction and pore fluid add, in order."""
+        fluid = FLUID_COLUMNS if self.permeable_regions else ()
+        if not self.has_friction:
+            return fluid
+        side_force_columns = [f"side_force_{axis}" for axis in self.side_force_axes]
+        return (
+            *(
+                name
+                for name in FRICTION_COLUMNS
+                if not name.startswith("side") or name in side_force_columns
+            ),
+            *fluid,
+        )
+
+    @property
+    def material(self) -> Material:
+        """Material below the tip."""
+        return self.domain.regions[0].material
+
+    @property
+    def small_strain(self) -> bool:
+        """True if all materials are for small strain."""
+        return all(region.material.is_small_strain for region in self.domain.regions)
+
+    @property
+    def largest_locking_nu(self) -> float:
+        """The largest Poisson's ratio, during the history, of displacement elements without fluid.
+
+        Such elements lock if it is close to 0.5; with pore fluid, its pressure prevents locking.
+        """
+        locking_regions = [
+            candidate
+            for candidate in self.domain.regions
+            if candidate.formulation == "displacement" and not candidate.material.flow
+        ]
+        return max((region.softest_constants.nu for region in locking_regions), default=0.0)
+
+    @property
+    def largest_nu(self) -> float:
+        """The largest Poisson's ratio of the material below the tip during the history."""
+        return self.domain.regions[0].softest_constants.nu
+
+    @property
+    def drop_number(self) -> float:
+        """Elastocapillary number gamma/(mu R) of a round body at finite strain.
+
+        mu is the shear modulus of the softest region. The number is 0 without surface tension.
+        """
+        if self.small_strain or not self.domain.top_radius or not self.surface_tension:
+            return 0.0
+        softest = min(
+            E / (2 * (1 + nu))
+            for E, nu in (region.softest_constants for region in self.domain.regions)
+        )
+        return self.surface_tension / (softest * self.domain.top_radius)
+
+    @property
+    def is_drop(self) -> bool:
+        """True if surface tension dominates the elasticity of a round body."""
+        return self.drop_number >= DROP_THRESHOLD
+
+    @property
+    def is_linear(self) -> bool:
+        """True if strains are small and the gap is evaluated at the undeformed point."""
+        return self.small_strain and self.gap == "reference"
+
+    def solver_work(self, method: str, linear: str) -> SolverWork:
+        """Work of a solver for this problem, for the prediction of its cost.
+
+        Parameters
+        ----------
+        method : str
+            condensed | newton.
+        linear : str
+            direct | iterative.
+        """
+        solves_per_row = (1 if self.largest_force is None else FORCE_SEARCH_FACTOR) * (
+            2 if self.slip_reference == "mid" else 1
+        )
+        mixed = any(
+            region.formulation == "mixed" or region.material.flow for region in self.domain.regions
+        )
+        stages = 2 if self.permeable_regions else 1
+        is_nonlinear = self.contact.is_path_dependent or not self.is_linear
+        steps = len(self.deltas) + sum(map(len, self.path.turns))
+        # The contact of a hold must not grow. Three-dimensional holds have not been measured.
+        is_hold_linear = (
+            self.domain.dim == 2
+            and not is_nonlinear
+            and not self.is_swelling
+            and self.path.control == "depth"
+        )
+        holding_steps = self.path.hold_count if self.is_time_dependent and is_hold_linear else 0
+        touches = [False, *(delta > 0 for delta in self.deltas)]
+        snaps = (
+            sum(touches_now != touches_next for touches_now, touches_next in pairwise(touches))
+            if self.contact.may_snap_through
+            else 0
+        )
+        is_nonlinear_in_time = self.is_time_dependent and not self.small_strain
+        moving_solves = stages * solves_per_row * (steps - holding_steps)
+        holding_solves = stages * holding_steps
+        return SolverWork(
+            method,
+            linear,
+            mixed,
+            moving_solves,
+            is_nonlinear,
+            self.has_friction,
+            snaps,
+            is_nonlinear_in_time,
+            holding_solves,
+        )
+
+
+def largest_diffusivity(physics: ProblemDefinition) -> float:
+    """The largest diffusivity D [length^2/time] of the regions in which fluid flows."""
+    return max(region.material.diffusivity for region in physics.permeable_regions)
+
+
+def is_undrained_incompressible(physics: ProblemDefinition) -> bool:
+    """True if a body below a tip that covers its top cannot be compressed before fluid drains."""
+    is_closed = all(
+        physics.domain.supports.get(wall, "free") != "free"
+        for wall in physics.domain.wall_distances(physics.center)
+    )
+    is_full = all(
+        region.material.flow and not region.material.flow.storage
+        for region in physics.domain.regions
+    )
+    return bool(physics.is_compressed and is_closed and is_full)
+
+
+def has_drained_surface(physics: ProblemDefinition) -> bool:
+    """True if fluid drains from a body whose top the tip covers."""
+    drainage = physics.drainage
+    return drainage.tip != "sealed" or drainage.base != "sealed" or bool(physics.drained_walls)
