@@ -31,26 +31,28 @@ from indent_sim.config.key_types import (
     union_members,
 )
 from indent_sim.config.strict_yaml import KeyPath
-from indent_sim.model import body as bodies
-from indent_sim.model.body import (
-    Ball,
-    Box,
-    Cap,
-    Cylinder,
-    Drainage,
-    HalfSpace,
-    Inclusion,
-    Layer,
-    MeshFromFile,
-    Strip,
-    UnboundedBody,
-)
+from indent_sim.model.body import AnyBody, Cylinder
 from indent_sim.model.contact import AutoContact, Contact, Nitsche
+from indent_sim.model.drainage import Drainage
 from indent_sim.model.experiment import Experiment, JKRAdhesion
+from indent_sim.model.gel import Gel
+from indent_sim.model.hyperelasticity import NeoHookean
+from indent_sim.model.imported_body import MeshFromFile
+from indent_sim.model.inclusions import (
+    POSITION_TOLERANCE,
+    BoxInclusion,
+    EllipsoidInclusion,
+    Inclusion,
+)
+from indent_sim.model.layers import Layer
 from indent_sim.model.loading import PATH_KEYS, Loading
-from indent_sim.model.materials import Gel, Material, NeoHookean, Relaxation, ShearRelaxingLaw
+from indent_sim.model.materials import Material, ShearRelaxingLaw
+from indent_sim.model.relaxation import Relaxation
+from indent_sim.model.spherical_bodies import Ball, Cap
 from indent_sim.model.tips import FlatPunch, Indenter, Plate, Profile
+from indent_sim.model.unbounded_bodies import HalfSpace, UnboundedBody
 from indent_sim.model.units import LENGTH, Auto, Coordinate, Length, PositiveInt, TaggedBy
+from indent_sim.model.walled_bodies import Box, Strip
 from indent_sim.process.errors import ConfigError, ConfigErrors, printable
 
 # of a folder [bytes]; room for the names beside it
@@ -195,7 +197,7 @@ class Config(BaseModel):
 
     title: str = ""
     units: Units = Units()
-    body: Annotated[bodies.AnyBody, TaggedBy("shape")]
+    body: Annotated[AnyBody, TaggedBy("shape")]
     material: Annotated[Material | None, TaggedBy("model")] = (
         None  # required unless every layer or region has its own
     )
@@ -450,7 +452,7 @@ def _inclusion_errors(config: Config) -> Iterator[ConfigError]:
             yield ConfigError(key_of_inclusion(k), problem, remedy)
 
 
-def _unsupported_inclusion(body: bodies.AnyBody, inclusion: Inclusion) -> tuple[str, str] | None:
+def _unsupported_inclusion(body: AnyBody, inclusion: Inclusion) -> tuple[str, str] | None:
     """Why a body of this kind has no such inclusion, and what it may have."""
     if isinstance(body, Strip) and inclusion.center[1]:
         return (
@@ -460,11 +462,11 @@ def _unsupported_inclusion(body: bodies.AnyBody, inclusion: Inclusion) -> tuple[
     if isinstance(body, Cap | Ball) and not inclusion.is_axisymmetric_about((0.0, 0.0)):
         reason = (
             "a box is no body of revolution"
-            if isinstance(inclusion, bodies.BoxInclusion)
+            if isinstance(inclusion, BoxInclusion)
             else "it is off the axis"
         )
         if (
-            isinstance(inclusion, bodies.EllipsoidInclusion)
+            isinstance(inclusion, EllipsoidInclusion)
             and inclusion.semi_axes[0] != inclusion.semi_axes[1]
         ):
             reason = (
@@ -476,7 +478,7 @@ def _unsupported_inclusion(body: bodies.AnyBody, inclusion: Inclusion) -> tuple[
     return None
 
 
-def _side_problem(body: bodies.AnyBody, inclusion: Inclusion) -> str:
+def _side_problem(body: AnyBody, inclusion: Inclusion) -> str:
     """That an inclusion leaves the body through a side, or nearly does."""
     shape = body.spherical_body if isinstance(body, Cap | Ball) else body
     clearance = shape.wall_clearance(inclusion)  # type: ignore[union-attr]
@@ -495,7 +497,7 @@ def _level_face_problem(faces: Sequence[tuple[str, float]], inclusion: Inclusion
     half_height = inclusion.half_width(2)
     min_clearance = _min_clearance(inclusion)
     for name, height in faces:
-        if name == MIRROR_PLANE and isclose(z, height, rel_tol=bodies.POSITION_TOLERANCE):
+        if name == MIRROR_PLANE and isclose(z, height, rel_tol=POSITION_TOLERANCE):
             return ""
         if abs(z - height) < half_height:
             return f"crosses {name} at z = {height:.6g}: it spans z = {z - half_height:.6g} to {z + half_height:.6g}"
@@ -510,7 +512,7 @@ def _level_face_problem(faces: Sequence[tuple[str, float]], inclusion: Inclusion
     )
 
 
-def _coating_face_problem(body: bodies.AnyBody, inclusion: Inclusion) -> str:
+def _coating_face_problem(body: AnyBody, inclusion: Inclusion) -> str:
     """That an inclusion crosses the inner face of a skin, or nearly does."""
     if not isinstance(body, Cap | Ball):
         return ""

@@ -9,7 +9,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Len
 
-from indent_sim.model.materials import Fraction
+from indent_sim.model.relaxation import Fraction
 from indent_sim.model.units import ADHESION, Length, Scales, Unit
 
 MAX_FREQUENCIES = 10_000

@@ -13,15 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from indent_sim.model.algebra import Expr
-from indent_sim.model.materials import (
-    Fung,
-    Gel,
-    Gent,
-    LinearElastic,
-    Material,
-    NeoHookean,
-    TransverselyIsotropic,
-)
+from indent_sim.model.gel import Gel
+from indent_sim.model.hyperelasticity import Fung, Gent, NeoHookean
+from indent_sim.model.linear_elasticity import LinearElastic, TransverselyIsotropic
+from indent_sim.model.materials import Material
 from indent_sim.model.tips import Indenter
 
 # principal logarithmic strains (e1, e2) at a stretch exp(e)

@@ -12,7 +12,8 @@ import numpy as np
 
 from indent_sim.config.scene_file import load_result_config
 from indent_sim.config.schema import Config
-from indent_sim.model.body import AnyBody, Ball
+from indent_sim.model.body import AnyBody
+from indent_sim.model.spherical_bodies import Ball
 from indent_sim.model.tips import Indenter, RegularPyramid, Sphere, max_radius
 from indent_sim.process.errors import IndentSimError
 from indent_sim.results.folder import CONFIG, read_regular_file

@@ -11,9 +11,8 @@ from indent_sim.config.strict_yaml import key_text
 from indent_sim.mesh.imported_domain import ImportedDomain
 from indent_sim.mesh.model_domain import Region
 from indent_sim.mesh.sizes import Sizes
-from indent_sim.model.body import MeshFromFile, UnboundedBody
+from indent_sim.model.adhesion import Adhesion
 from indent_sim.model.contact import (
-    Adhesion,
     AugmentedLagrangian,
     AutoContact,
     Contact,
@@ -21,9 +20,11 @@ from indent_sim.model.contact import (
     Penalty,
     SlipReference,
 )
+from indent_sim.model.elastic_law import LOCKING_POISSON_RATIO
 from indent_sim.model.experiment import Experiment
-from indent_sim.model.materials import LOCKING_POISSON_RATIO
+from indent_sim.model.imported_body import MeshFromFile
 from indent_sim.model.tips import FlatPunch, Indenter, Plate, max_radius
+from indent_sim.model.unbounded_bodies import UnboundedBody
 from indent_sim.model.units import round_length
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.cost import DENSE_BYTES, MAX_CANDIDATES, Cost

@@ -17,7 +17,8 @@ from indent_sim.mesh.sizes import DOUBTFUL_ELEMENTS, Sizes
 from indent_sim.model import stability
 from indent_sim.model.algebra import cos, tan
 from indent_sim.model.contact import ContactLaw, Nitsche, Penalty
-from indent_sim.model.materials import LOCKING_POISSON_RATIO, Material
+from indent_sim.model.elastic_law import LOCKING_POISSON_RATIO
+from indent_sim.model.materials import Material
 from indent_sim.model.tips import (
     STEM_HALF_ANGLE,
     Cone,

@@ -16,9 +16,9 @@ import numpy as np
 
 from indent_sim.mesh.model_domain import ModelDomain
 from indent_sim.mesh.sizes import Sizes
-from indent_sim.model.body import SphericalBody
 from indent_sim.model.contact import Friction
 from indent_sim.model.materials import Material
+from indent_sim.model.spherical_bodies import SphericalBody
 from indent_sim.model.symbols import ADHESION_SYMBOLS
 from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid, Sphere
 from indent_sim.scene.problem_setup import (

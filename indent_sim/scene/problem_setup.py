@@ -18,26 +18,25 @@ import numpy as np
 from indent_sim.mesh import imported_domain, mesh_import
 from indent_sim.mesh.imported_mesh import BoundaryCells, ImportedMesh
 from indent_sim.mesh.model_domain import ModelDomain, Region
-from indent_sim.model.body import (
-    Ball,
-    Body,
-    Cap,
-    DimensionedBody,
-    Drainage,
-    HalfSpace,
-    ImportedBody,
-    Layer,
-    MeshFromFile,
-    Points,
-    SphericalBody,
-    UnboundedBody,
-)
-from indent_sim.model.contact import ActiveSet, Adhesion, ContactLaw, SlipReference
+from indent_sim.model.adhesion import Adhesion
+from indent_sim.model.body import Body, DimensionedBody
+from indent_sim.model.body_base import Points
+from indent_sim.model.contact import ActiveSet, ContactLaw, SlipReference
+from indent_sim.model.drainage import Drainage
+from indent_sim.model.elastic_law import LOCKING_POISSON_RATIO
 from indent_sim.model.experiment import Experiment, JKRAdhesion
-from indent_sim.model.loading import STEPS_PER_DOUBLING, History, Loading, LoadPath
-from indent_sim.model.materials import LOCKING_POISSON_RATIO, Gel, Material, PronySeries, Relaxation
+from indent_sim.model.gel import Gel
+from indent_sim.model.history import History
+from indent_sim.model.imported_body import ImportedBody, MeshFromFile
+from indent_sim.model.layers import Layer
+from indent_sim.model.load_path import LoadPath
+from indent_sim.model.loading import STEPS_PER_DOUBLING, Loading
+from indent_sim.model.materials import Material
+from indent_sim.model.relaxation import PronySeries, Relaxation
+from indent_sim.model.spherical_bodies import Ball, Cap, SphericalBody
 from indent_sim.model.state import FLUID_COLUMNS, FRICTION_COLUMNS
 from indent_sim.model.tips import FlatPunch, Indenter, Plate
+from indent_sim.model.unbounded_bodies import HalfSpace, UnboundedBody
 from indent_sim.model.units import Scales, round_length
 from indent_sim.process.errors import ConfigError
 from indent_sim.process.ranks import run_on_root

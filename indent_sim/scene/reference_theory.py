@@ -13,24 +13,14 @@ from math import inf
 import numpy as np
 
 from indent_sim.model import tips
-from indent_sim.model.body import (
-    Body,
-    Box,
-    Cylinder,
-    HalfSpace,
-    ImportedBody,
-    SphericalBody,
-    UnboundedBody,
-)
-from indent_sim.model.body import Layer as BodyLayer
-from indent_sim.model.body import Strip as BodyStrip
-from indent_sim.model.materials import (
-    Gel,
-    LinearElastic,
-    Material,
-    NeoHookean,
-    TransverselyIsotropic,
-)
+from indent_sim.model.body import Body, Cylinder
+from indent_sim.model.gel import Gel
+from indent_sim.model.hyperelasticity import NeoHookean
+from indent_sim.model.imported_body import ImportedBody
+from indent_sim.model.layers import Layer as BodyLayer
+from indent_sim.model.linear_elasticity import LinearElastic, TransverselyIsotropic
+from indent_sim.model.materials import Material
+from indent_sim.model.spherical_bodies import SphericalBody
 from indent_sim.model.tips import (
     FlatPunch,
     Indenter,
@@ -41,7 +31,10 @@ from indent_sim.model.tips import (
     Sphere,
     flat_radius,
 )
+from indent_sim.model.unbounded_bodies import HalfSpace, UnboundedBody
 from indent_sim.model.units import Scales
+from indent_sim.model.walled_bodies import Box
+from indent_sim.model.walled_bodies import Strip as BodyStrip
 from indent_sim.theory import half_space, profiles
 from indent_sim.theory.compression import (
     Bar,

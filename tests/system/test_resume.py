@@ -27,7 +27,7 @@ from indent_sim.cli import commands
 from indent_sim.config.scene_file import load
 from indent_sim.fe.path.load_stepping import LoadStepper
 from indent_sim.fe.path.pull_off import PullPoint
-from indent_sim.model.loading import LoadPath
+from indent_sim.model.load_path import LoadPath
 from indent_sim.results import folder
 from indent_sim.results.reader import read
 from indent_sim.results.tip_geometry import scene_of

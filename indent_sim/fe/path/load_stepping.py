@@ -22,7 +22,7 @@ from indent_sim.fe.path.pull_off import (
 )
 from indent_sim.fe.path.step_size_control import LoadPoint, LoadSegment, StepSizeControl
 from indent_sim.fe.postprocessing import measurements
-from indent_sim.model.loading import LoadPath
+from indent_sim.model.load_path import LoadPath
 from indent_sim.model.state import PullOff, State
 
 LARGEST_PARABOLA_STEP = (

@@ -24,7 +24,7 @@ from indent_sim.fe.terms.contact.multiplier import stiffness_scale
 from indent_sim.fe.terms.contact.traction import Traction
 from indent_sim.fe.terms.scene_terms import BulkTerms, ContactTerms, bulk_terms, contact_terms
 from indent_sim.fe.terms.term import Stage
-from indent_sim.model.loading import LoadPath
+from indent_sim.model.load_path import LoadPath
 from indent_sim.model.tips import pass_through_depth
 
 MOST_SEAL_UPDATES = 6  # of vertices under a tip that seals, in one stage

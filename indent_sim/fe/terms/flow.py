@@ -33,7 +33,7 @@ from indent_sim.fe.surface import barycentric, cell_heights, facet_nodes
 from indent_sim.fe.terms.contact.multiplier import sum_nodal_contributions
 from indent_sim.fe.terms.term import SDIRK2_GAMMA, Stage, Term
 from indent_sim.mesh.model_domain import Region
-from indent_sim.model.body import Conductance
+from indent_sim.model.drainage import Conductance
 from indent_sim.scene.scene import Scene
 
 FIELD_NAME = "pore"

@@ -11,7 +11,7 @@ from ufl.core.expr import Expr
 
 from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.terms.term import Term
-from indent_sim.model.materials import NeoHookean
+from indent_sim.model.hyperelasticity import NeoHookean
 
 SURFACE_DEGREE = 6  # of the quadrature: squares of slopes, and at finite strain the root of them
 

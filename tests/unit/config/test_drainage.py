@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from indent_sim.config.scene_file import config_from_mapping, loads, to_yaml
-from indent_sim.model.body import Conductance
-from indent_sim.model.loading import doubling_times
+from indent_sim.model.drainage import Conductance
+from indent_sim.model.history import doubling_times
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.scene import resolve
 

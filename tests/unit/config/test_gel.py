@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from indent_sim.config.scene_file import config_from_mapping, loads, to_yaml
-from indent_sim.model.materials import Gel
+from indent_sim.model.gel import Gel
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.explicit_config import automatic_keys, explicit_config
 from indent_sim.scene.scene import Scene, resolve

@@ -20,7 +20,7 @@ from indent_sim.mesh import mesh_import
 from indent_sim.mesh.grid import boundary_facets, iterate_facets
 from indent_sim.mesh.imported_domain import ImportedDomain, first_contact_height, refine_domain
 from indent_sim.mesh.imported_mesh import ImportedMesh, msh_text_parts, refined_once
-from indent_sim.model.body import MeshFromFile, MeshSurfaces
+from indent_sim.model.imported_body import MeshFromFile, MeshSurfaces
 from indent_sim.model.tips import Paraboloid
 from indent_sim.process.errors import ConfigError, MeshFileError
 from indent_sim.scene.scene import Scene, resolve

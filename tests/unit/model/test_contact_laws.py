@@ -4,14 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from indent_sim.model.contact import (
-    Adhesion,
-    AugmentedLagrangian,
-    AutoContact,
-    ContactLaw,
-    Nitsche,
-    Penalty,
-)
+from indent_sim.model.adhesion import Adhesion
+from indent_sim.model.contact import AugmentedLagrangian, AutoContact, ContactLaw, Nitsche, Penalty
 
 ADHESION = Adhesion(work=0.1, range=0.01)
 ROUGH, STUCK = AugmentedLagrangian(friction=0.3), AugmentedLagrangian(friction="stick")

@@ -14,7 +14,8 @@ import ufl
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.apply_derivatives import apply_derivatives
 
-from indent_sim.model.materials import Gel, HolmesMow
+from indent_sim.model.gel import Gel
+from indent_sim.model.pore_flow import HolmesMow
 
 SOFT = Gel(G=1.0, n_omega=1e-3, chi=0.6, stretch=1.4)
 FIRM = Gel(G=1.0, n_omega=1e-2, chi=0.4, stretch=1.3)

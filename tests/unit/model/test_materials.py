@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from indent_sim.config.scene_file import config_from_mapping
-from indent_sim.model.materials import Fung, Gent, MooneyRivlin, Ogden, TransverselyIsotropic, Yeoh
+from indent_sim.model.hyperelasticity import Fung, Gent, MooneyRivlin, Ogden, Yeoh
+from indent_sim.model.linear_elasticity import TransverselyIsotropic
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.scene import resolve
 

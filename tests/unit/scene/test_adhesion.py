@@ -9,7 +9,7 @@ import pytest
 from scenes import CYLINDER, E_STAR, STRIP, WALLED, scene
 
 from indent_sim.config.scene_file import config_from_mapping
-from indent_sim.model.contact import Adhesion
+from indent_sim.model.adhesion import Adhesion
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.explicit_config import explicit_config
 from indent_sim.scene.scene import resolve

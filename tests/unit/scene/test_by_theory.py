@@ -12,8 +12,8 @@ from scenes import CYLINDER, ELASTIC, STRIP, WALLED, scene
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.body import Cylinder
-from indent_sim.model.body import Layer as BodyLayer
-from indent_sim.model.materials import LinearElastic
+from indent_sim.model.layers import Layer as BodyLayer
+from indent_sim.model.linear_elasticity import LinearElastic
 from indent_sim.model.tips import FlatPunch, Paraboloid
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.choices import needs_mesh

@@ -1,0 +1,231 @@
+"""Histories: depths or forces prescribed in time, and their rows."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from math import inf
+
+from indent_sim.model.load_path import Control, LoadPath
+
+HISTORY_ROWS = 200  # of a history on the elastic curve at least, and at most as many more
+LEAST_STEP_FRACTION = 1e-9  # of a piece: a last step shorter than that is none
+ROWS_PER_SEGMENT = 20  # of each piece of a history on the whole body
+LEAST_STEPS_PER_SEGMENT = 5  # times the steps of each length, the least of a piece that moves
+
+
+@dataclass(frozen=True)
+class HistoryRow:
+    """A row of a history: the time [time], what is prescribed there, and whether the tip
+    approaches, holds or retracts.
+    """
+
+    t: float
+    value: float
+    branch: str
+
+
+@dataclass(frozen=True)
+class History:
+    """Depths, ways of a base [length] or forces [force] in time: `points` (t, value), straight
+    between them; two equal times are a jump. Before the first point the body is at rest.
+    `times`: of the rows; none: every point and, between them, enough for a curve.
+    """
+
+    control: Control
+    points: tuple[tuple[float, float], ...]
+    times: tuple[float, ...] = ()
+
+    @property
+    def largest_value(self) -> float:
+        """The largest value."""
+        return max(value for _, value in self.points)
+
+    @property
+    def duration(self) -> float:
+        """From the first point to the last [time]."""
+        return self.points[-1][0] - self.points[0][0]
+
+    @property
+    def loading_duration(self) -> float:
+        """From where the tip sets out to where its value is the largest [time]; a jump takes none."""
+        points = self.points_from_rest
+        peak_index = max(range(len(points)), key=lambda k: (points[k][1], -k))
+        start_index = max((k for k in range(peak_index) if points[k][1] <= 0), default=0)
+        return points[peak_index][0] - points[start_index][0]
+
+    @property
+    def hold_duration(self) -> float:
+        """From its largest value to the end where it stays there [time], else 0."""
+        peak_index = next(
+            k for k, (_, value) in enumerate(self.points) if value == self.largest_value
+        )
+        is_held = all(value == self.largest_value for _, value in self.points[peak_index:])
+        return self.points[-1][0] - self.points[peak_index][0] if is_held else 0.0
+
+    @property
+    def shortest_segment(self) -> float:
+        """The shortest time between two points that is none [time]."""
+        return min(end - start for (start, _), (end, _) in pairwise(self.points) if end > start)
+
+    @property
+    def has_reloading(self) -> bool:
+        """Whether a value rises again after it fell: more than one cycle."""
+        steps = [next_value - value for (_, value), (_, next_value) in pairwise(self.points)]
+        falls = [k for k, step in enumerate(steps) if step < 0]
+        return bool(falls) and any(step > 0 for step in steps[falls[0] :])
+
+    @property
+    def has_jumps(self) -> bool:
+        """Whether a value changes at once, from rest too."""
+        return self.points[0][1] > 0 or any(
+            a[0] == b[0] and a[1] != b[1] for a, b in pairwise(self.points)
+        )
+
+    @property
+    def points_from_rest(self) -> tuple[tuple[float, float], ...]:
+        """The points, after one at rest where the first jumps in."""
+        (t, value), *_ = self.points
+        return ((t, 0.0), *self.points) if value > 0 else self.points
+
+    @property
+    def rows_per_segment(self) -> tuple[int, ...]:
+        """Rows of each piece of `from_rest`: its share of the time, or of the pieces if that is
+        more; a jump: 1.
+        """
+        spans = [end - start for (start, _), (end, _) in pairwise(self.points_from_rest)]
+        fractions = [max(span / self.duration, 1.0 / len(spans)) for span in spans]
+        return tuple(
+            max(1, round(HISTORY_ROWS * fraction)) if span > 0 else 1
+            for fraction, span in zip(fractions, spans, strict=True)
+        )
+
+    @property
+    def with_row_times_inserted(self) -> History:
+        """The same with its `times` as points, and a row at every point and between."""
+        point_times = [t for t, _ in self.points]
+        points = list(self.points)
+        for t in sorted({*self.times} - {*point_times}):
+            next_index = bisect_right(point_times, t)
+            (t0, v0), (t1, v1) = self.points[next_index - 1 : next_index + 1]
+            points.append((t, v0 + (v1 - v0) * (t - t0) / (t1 - t0)))
+        return replace(self, points=tuple(sorted(points, key=lambda point: point[0])), times=())
+
+    @property
+    def rows(self) -> tuple[HistoryRow, ...]:
+        """Every point and those between, and at a jump the state before and after it."""
+        points = self.points_from_rest
+        history_rows = (
+            []
+            if len(points) > len(self.points)
+            else [HistoryRow(*points[0], branch_of(points[0][1], points[1][1]))]
+        )
+        for ((t0, v0), (t1, v1)), rows in zip(pairwise(points), self.rows_per_segment, strict=True):
+            branch = branch_of(v0, v1)
+            history_rows += [
+                HistoryRow(t0 + (t1 - t0) * k / rows, v0 + (v1 - v0) * k / rows, branch)
+                for k in range(1, rows)
+            ]
+            history_rows.append(HistoryRow(t1, v1, branch))
+        return tuple(history_rows)
+
+    @property
+    def path(self) -> LoadPath:
+        """Its rows as a path of the whole body: PIECE_ROWS in each piece that moves, the end of a
+        hold, the state after a jump; or those at its `times`, and where it turns between them.
+        """
+        return self._path_at_fractions(
+            lambda span, moves: (
+                [k / ROWS_PER_SEGMENT for k in range(1, ROWS_PER_SEGMENT)] if moves else []
+            )
+        )
+
+    def time_stepped_path(self, first_step: float, per_doubling: int) -> LoadPath:
+        """The path of a body that takes time, every step a row: in each piece `per_doubling` steps
+        of each length, `first_step` [time] and twice the one before, and PER_PIECE times as many at
+        least where it moves; or rows as `path`.
+        """
+
+        def step_fractions(span: float, moves: bool) -> list[float]:
+            longest = span / (LEAST_STEPS_PER_SEGMENT * per_doubling) if moves else inf
+            return [t / span for t in doubling_times(span, first_step, per_doubling, longest)]
+
+        return replace(self._path_at_fractions(step_fractions), start_time=self.points[0][0])
+
+    def _path_at_fractions(
+        self, fractions_of: Callable[[float, bool], Sequence[float]]
+    ) -> LoadPath:
+        """Its rows at shares of each piece in time, by its span and whether it moves, and at its
+        end.
+        """
+        rows = (
+            []
+            if len(self.points_from_rest) > len(self.points)
+            else [HistoryRow(*self.points[0], "approach")]
+        )
+        for (t0, v0), (t1, v1) in pairwise(self.points_from_rest):
+            fractions = fractions_of(t1 - t0, v1 != v0) if t1 > t0 else ()
+            branch = branch_of(v0, v1)
+            rows += [
+                HistoryRow(t0 + (t1 - t0) * fraction, v0 + (v1 - v0) * fraction, branch)
+                for fraction in fractions
+            ]
+            rows.append(HistoryRow(t1, v1, branch))
+        if self.times:
+            return self._path_at_times(rows)
+        values, times, branches = zip(
+            *((row.value, row.t, row.branch) for row in rows), strict=True
+        )
+        return LoadPath(self.control, values, times, branches)
+
+    def _path_at_times(self, rows: Sequence[HistoryRow]) -> LoadPath:
+        """The rows at its `times`, at a jump the one after it; the others stay, as steps on the way
+        to them.
+        """
+        value_at = dict(self.with_row_times_inserted.points)
+        row_times = [row.t for row in rows]
+        segments = []
+        ends = [bisect_right(row_times, t) for t in self.times]
+        for begin, end, t in zip((0, *ends), ends, self.times, strict=False):
+            segment_rows = rows[begin:end]
+            segments.append(
+                segment_rows[:-1] if segment_rows and row_times[end - 1] == t else segment_rows
+            )
+        row_indices = (
+            end - 1 if row_times[end - 1] == t else end
+            for end, t in zip(ends, self.times, strict=True)
+        )
+        values = tuple(value_at[t] for t in self.times)
+        branches = tuple(rows[row_index].branch for row_index in row_indices)
+        turns = tuple(tuple(row.value for row in segment) for segment in segments)
+        turn_times = tuple(tuple(row.t for row in segment) for segment in segments)
+        return LoadPath(self.control, values, self.times, branches, turns, turn_times)
+
+    def nondimensionalize(self, unit: float) -> History:
+        """The same with values in a unit; times stay."""
+        return replace(self, points=tuple((t, value / unit) for t, value in self.points))
+
+
+def doubling_times(
+    span: float, first_step: float, per_doubling: int, longest: float = inf
+) -> list[float]:
+    """Times from 0 to a span, without both: as many steps of each length as `per_doubling`, `first_step`
+    and then twice the one before, but no longer than `longest` [time].
+    """
+    times = list[float]()
+    t = 0.0
+    dt = min(first_step, longest)
+    while True:
+        for _ in range(per_doubling):
+            t += dt
+            if t >= span * (1 - LEAST_STEP_FRACTION):
+                return times
+            times.append(t)
+        dt = min(2 * dt, longest)
+
+
+def branch_of(value: float, next_value: float) -> str:
+    """What a tip does between two values."""
+    return "hold" if value == next_value else "approach" if next_value > value else "retract"
