@@ -25,7 +25,7 @@ from indent_sim.model.walled_bodies import Box, Strip
 
 @dataclass(frozen=True)
 class Cylinder(RoundBody):
-    """0 <= r <= radius, -height <= z <= 0 [length]."""
+    """Cylinder 0 <= r <= radius, -height <= z <= 0 [length]."""
 
     radius: Length
     height: Length
@@ -37,16 +37,16 @@ class Cylinder(RoundBody):
     surface_tension: SurfaceTension = 0.0
 
     def wall_clearance(self, inclusion: Inclusion) -> float:
-        """Distance [length] from an inclusion to the wall; negative where it is outside."""
+        """Return the distance [length] from an inclusion to the wall; negative if it protrudes."""
         return self.radius - inclusion.farthest_distance((0.0, 0.0), (0, 1))
 
     @property
     def is_laterally_confined(self) -> bool:
-        """Whether no side lets the body out."""
+        """True if no side is free."""
         return self.sides != "free"
 
     def fixed_edge_points(self) -> Points:
-        """Points along the top of all fixed sides."""
+        """Return points along the top edge of all fixed sides."""
         angle = 2 * np.pi * (UNIT_POINTS if self.sides == "fixed" else UNIT_POINTS[:0])
         return self.radius * np.cos(angle), self.radius * np.sin(angle)
 

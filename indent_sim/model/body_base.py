@@ -17,43 +17,42 @@ UNIT_POINTS = np.linspace(0, 1, POINTS_PER_AXIS + 1)
 
 
 class CenteredBody:
-    """What holds of a body about the z axis that says nothing else: no side holds it."""
+    """Base class of bodies about the z axis without supported sides."""
 
-    dim: ClassVar[int] = 3  # 2 in plane strain, where forces are per unit length
-    center: ClassVar[tuple[float, ...]] = (0.0, 0.0)  # where the tip stands
+    dim: ClassVar[int] = 3
+    # Default position of the tip's axis [length].
+    center: ClassVar[tuple[float, ...]] = (0.0, 0.0)
 
     @property
     def is_laterally_confined(self) -> bool:
-        """Whether no side lets the body out."""
+        """True if no side is free."""
         return False
 
     def fixed_edge_points(self) -> Points:
-        """Points along the top of all fixed sides."""
+        """Return points along the top edge of all fixed sides."""
         return np.empty(0), np.empty(0)
 
 
 class RoundBody(CenteredBody):
-    """What bodies of revolution have in common: their outline, as seen from above, is a circle
-    about the origin.
-    """
+    """Base class of bodies of revolution, whose outline from above is a circle about the origin."""
 
     radius: float
 
     @property
     def max_section_radius(self) -> float:
-        """The largest radius of a horizontal section [length]."""
+        """Largest radius of a horizontal section [length]."""
         return self.radius
 
     def lateral_extent(self, center: tuple[float, ...]) -> float:
-        """Distance [length] from `center` to the outline."""
+        """Return the distance [length] from `center` to the outline."""
         return self.max_section_radius - float(sum(c * c for c in center) ** 0.5)
 
     def max_lateral_extent(self, center: tuple[float, ...]) -> float:
-        """Distance [length] from `center` to the farthest point of the outline."""
+        """Return the distance [length] from `center` to the farthest point of the outline."""
         return self.max_section_radius + float(sum(c * c for c in center) ** 0.5)
 
     def top_points(self) -> Points:
-        """Points as seen from above, each standing for an equal area there."""
+        """Return points as seen from above, each for an equal area in that view."""
         r = self.max_section_radius * np.sqrt(UNIT_MIDPOINTS)[:, None]
         angle = 2 * np.pi * UNIT_MIDPOINTS[None, :]
         return r * np.cos(angle), r * np.sin(angle)

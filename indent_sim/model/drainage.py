@@ -16,13 +16,14 @@ from indent_sim.model.units import (
     UnitRow,
 )
 
-MAX_BATH_POINTS = 10_000  # of a bath
+MAX_BATH_POINTS = 10_000
 
 
 @dataclass(frozen=True)
 class Conductance:
-    """A surface that lets out the flux `conductance` p [length/time] at the pressure p above the
-    bath's.
+    """Permeable surface: flux conductance p [length/time] at the pore pressure p.
+
+    p is counted from the pressure of the bath.
     """
 
     conductance: Annotated[float, Gt(0), Unit("length/(pressure time)")]
@@ -34,18 +35,29 @@ BathPoint = Annotated[tuple[float, ...], Len(2, 2), UnitRow((TIME, PRESSURE))]
 
 @dataclass(frozen=True)
 class Drainage:
-    """Where a body with fluid in its pores lets it out, into a bath of the pressure `bath`
-    [pressure].
+    """Boundary conditions of the pore fluid and the pressure `bath` [pressure] of its bath.
 
-    surface: what the tip may touch, where it does not; tip: where it does; sides auto: drained
-    where they are free. Mirror planes are sealed. bath: a number, or [t, value] points, straight
-    between them; at rest there is none. Of a gel it is the solvent's chemical potential [kT], and
-    at rest that of free swelling.
+    Mirror planes are sealed.
 
-    bath_ramp: the time that a sudden bath takes to come. No step of Newton's method finds the thin
-    layer that swells at once, so that a sudden bath at finite strain comes evenly within it; auto:
-    a seventy-fifth of the time that fluid takes through the contact, whatever the mesh. At small
-    strain auto is 0, at once.
+    Attributes
+    ----------
+    surface
+        Contact surface where the tip does not touch.
+    tip
+        Contact surface where the tip touches.
+    base
+        Lower face.
+    sides
+        Walls; "auto": drained where they are free.
+    bath
+        Pressure, or points [t, value] with straight lines between them; 0 in the undeformed body.
+        For a gel it is the solvent's chemical potential [kT], in the reference state that of free
+        swelling.
+    bath_ramp
+        Time in which a sudden change of the bath is imposed at a constant rate. Newton's method
+        does not converge to the thin layer that swells at once at finite strain; "auto" is there
+        1/75 of the time that the fluid takes through the contact, whatever the mesh. At small
+        strain "auto" is 0: the change is imposed at once.
     """
 
     surface: DrainCondition = "drained"
@@ -58,18 +70,18 @@ class Drainage:
     bath_ramp: Annotated[float, Gt(0), TIME] | Auto = "auto"
 
     def with_time_origin(self, origin: float) -> Drainage:
-        """The same with the bath's times counted from another one."""
+        """Return the same drainage with the bath's times counted from `origin`."""
         if isinstance(self.bath, float | int):
             return self
         return replace(self, bath=tuple((t - origin, value) for t, value in self.bath))
 
     def drains_wall(self, support: str) -> bool:
-        """Whether a wall with this support lets fluid out."""
+        """Return whether a wall with this support lets fluid out."""
         return self.sides == "drained" or (self.sides == "auto" and support == "free")
 
     @property
     def bath_values(self) -> tuple[float, ...]:
-        """Values of the bath, between which all others lie."""
+        """Values of the bath, between which its value always lies."""
         return (
             (float(self.bath),)
             if isinstance(self.bath, float | int)
@@ -77,7 +89,7 @@ class Drainage:
         )
 
     def bath_at(self, t: float) -> float:
-        """The bath at a time; before the first point, and after the last, as there."""
+        """Return the bath's value at a time; constant before the first and after the last point."""
         if isinstance(self.bath, float | int):
             return float(self.bath)
         times, values = zip(*self.bath, strict=True)

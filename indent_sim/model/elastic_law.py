@@ -28,9 +28,8 @@ from indent_sim.model.units import (
 )
 
 Formulation = Literal["auto", "displacement", "mixed"]
-LOCKING_POISSON_RATIO = (
-    0.45  # Poisson's ratio from which displacement elements lock: see `docs/theory.md`
-)
+# Displacement elements lock from this Poisson's ratio on: see `docs/theory.md`.
+LOCKING_POISSON_RATIO = 0.45
 
 
 class Constants(NamedTuple):
@@ -46,29 +45,30 @@ class Constants(NamedTuple):
 
 
 class ElasticLaw(ABC):
-    """What follows from the small-strain constants E and nu of any law, and from psi = rest +
-    stiffness theta^2/2.
+    """Base class of all elastic laws.
+
+    It derives what follows from the small-strain constants E and nu, and from a strain energy
+    density of the form psi = remaining energy + stiffness theta^2/2, theta a measure of the volume
+    change.
     """
 
     is_small_strain: ClassVar[bool] = False
     is_isotropic: ClassVar[bool] = True
-    is_conservative: ClassVar[bool] = (
-        True  # the stress is the slope of an energy: strains that come back cost no work
-    )
-    is_path_dependent: ClassVar[bool] = (
-        False  # the stress depends on the strains before as well as on the present one
-    )
+    # The stress is the derivative of an energy: a closed strain cycle costs no work.
+    is_conservative: ClassVar[bool] = True
+    # The stress depends on earlier strains as well as on the present one.
+    is_path_dependent: ClassVar[bool] = False
     relaxation: Relaxation | None
     flow: Flow | None
 
     @property
     def has_shear_relaxation(self) -> bool:
-        """Whether its shear relaxes alone."""
+        """True if the shear modulus relaxes and the bulk modulus does not."""
         return self.relaxation is not None and self.relaxation.of == "shear"
 
     @property
     def is_time_dependent(self) -> bool:
-        """Whether a body of it changes with time other than by one common factor."""
+        """True if the response changes with time by more than one common factor."""
         return self.flow is not None or self.has_shear_relaxation
 
     @property
@@ -78,8 +78,9 @@ class ElasticLaw(ABC):
 
     @property
     def decay_rates(self) -> tuple[float, float]:
-        """How fast the two waves exp(-k s z) of a surface pressure of wavenumber k fade, the slower
-        first: Re s.
+        """Decay rates Re s of the two waves exp(-k s z) below a surface pressure, smaller first.
+
+        k is the wavenumber of the pressure along the surface; s = 1 twice if the law is isotropic.
         """
         return 1.0, 1.0
 
@@ -89,19 +90,18 @@ class ElasticLaw(ABC):
         return self.constants.E_star
 
     def relaxed_constants(self, shear_fraction: float) -> Constants:
-        """Small-strain constants of which a share of the shear modulus is left, and all of the bulk
-        modulus.
+        """Return the small-strain constants after relaxation at constant bulk modulus.
 
         Parameters
         ----------
-        share : float
-            Of the shear modulus mu; 1 leaves the constants as they are.
+        shear_fraction : float
+            Fraction of the shear modulus mu that is left; 1 leaves the constants as they are.
 
         Returns
         -------
         Constants
-            E = 9 kappa mu'/(3 kappa + mu') [pressure] and nu = (3 kappa - 2 mu')/(2 (3 kappa + mu')),
-            mu' = share mu: the less of mu is left, the nearer nu is to 1/2.
+            E = 9 kappa mu'/(3 kappa + mu') [pressure] and nu = (3 kappa - 2 mu')/(2 (3 kappa +
+            mu')) with mu' = shear_fraction mu: the smaller mu', the nearer nu is to 1/2.
         """
         E, nu = self.constants
         if shear_fraction == 1 or nu == 0.5:
@@ -113,28 +113,36 @@ class ElasticLaw(ABC):
 
     @property
     def confined_modulus(self) -> float:
-        """Small-strain M_c = E (1 - nu)/((1 + nu)(1 - 2 nu)) [pressure] of a bar between rigid
-        walls.
+        """Small-strain modulus M_c [pressure] in uniaxial strain.
+
+        M_c = E (1 - nu)/((1 + nu)(1 - 2 nu)); infinite if incompressible.
         """
         E, nu = self.constants
         return E * (1 - nu) / ((1 + nu) * (1 - 2 * nu)) if nu < 0.5 else math.inf
 
     def bar_modulus(self, confined_directions: int) -> float:
-        """Small-strain modulus [pressure] of a bar along z that `confined_directions` of the two directions across
-        it cannot leave: E, E/(1 - nu^2) or M_c.
+        """Return the small-strain modulus [pressure] of a bar along z, free or laterally confined.
+
+        `confined_directions` is the number of directions across the bar (0, 1 or 2) in which it
+        cannot expand; the modulus is E, E/(1 - nu^2) or M_c.
         """
         return (self.constants.E, self.E_star, self.confined_modulus)[confined_directions]
 
     def energy_of_bar(self, l1: float, l2: float, l3: float) -> float:
-        """psi [pressure] of principal stretches (floats) at finite strain; of an incompressible law
-        their product is one. TypeError for a law of small strain.
+        """Return psi [pressure] at finite strain for principal stretches (floats).
+
+        The product of the stretches has to be 1 if the law is incompressible. TypeError for a law
+        of small strain.
         """
         raise TypeError(f"{type(self).__name__} knows no stretches")
 
     @property
     def diffusivity(self) -> float:
-        """Small-strain D = permeability/(storage + alpha^2/M_c) [length^2/time] of its flow, said
-        by permeability.
+        """Small-strain diffusivity D [length^2/time] of the pore pressure.
+
+        D = permeability/(storage + alpha^2/M_c), M_c the `confined_modulus`.
+
+        The flow has to be given by its permeability (`flow_by_permeability`).
         """
         assert self.flow and self.flow.permeability
         return self.flow.permeability / (
@@ -143,29 +151,33 @@ class ElasticLaw(ABC):
 
     @property
     def flow_by_permeability(self) -> Flow | None:
-        """Its flow, said by the permeability; ValueError where it is not well said."""
+        """Its flow, given by the permeability; ValueError as of `Flow.canonical`."""
         return self.flow and self.flow.canonical(self.confined_modulus)
 
     def volume_growth(self, H: Expr) -> Expr:
-        """Growth e of the volume, per undeformed volume: tr eps at small strain, else J - 1, to all
-        digits.
+        """Return the volume change e per undeformed volume: tr eps at small strain, else J - 1.
+
+        No digit is lost where H is small.
         """
         return ufl.tr(H) if self.is_small_strain else ufl.tr(H) + nonlinear_volume_growth(H)
 
     def fluid_content(self, H: Expr, p: Expr) -> Expr:
-        """zeta = alpha e + storage p of the fluid per undeformed volume; p [pressure] from that at
-        rest.
+        """Return the fluid content zeta = alpha e + storage p per undeformed volume.
+
+        p [pressure] is the pore pressure above that of the undeformed body.
         """
         assert self.flow
         return self.flow.alpha * self.volume_growth(H) + self.flow.storage * p
 
     def swelling_ratio(self, J: Expr) -> Expr:
-        """The volume over that of the dry body; J where nothing has swollen the body at rest."""
+        """Return the volume over that of the dry body; J for a law without swelling."""
         return J
 
     def nominal_permeability(self, H: Expr) -> Expr:
-        """m (3 x 3) [length^2/(pressure time)] of the nominal flux -m grad p: the permeability at
-        small strain, else J k(J) F^-1 F^-T with that of the deformed body, k(J).
+        """Return the nominal permeability m (3 x 3) of the nominal fluid flux -m grad p.
+
+        m [length^2/(pressure time)] is the permeability at small strain, else J k(J) F^-1 F^-T with
+        the permeability k(J) of the deformed body.
         """
         assert self.flow
         if self.is_small_strain:
@@ -181,40 +193,44 @@ class ElasticLaw(ABC):
         )
 
     def permeability_ratio(self, J: Expr) -> Expr:
-        """The permeability of the deformed body over that at rest."""
+        """Return the permeability of the deformed body over that of the undeformed body."""
         return (
             self.flow.holmes_mow.permeability_ratio(J) if self.flow and self.flow.holmes_mow else 1
         )
 
     def bath_pressure(self, bath: float) -> float:
-        """The pressure [pressure] of a bath above that at rest."""
+        """Return the pressure [pressure] of a bath above that of the undeformed body."""
         return bath
 
     @property
     @abstractmethod
     def volumetric_compliance(self) -> Expr:
-        """1/stiffness [1/pressure] of the volume-like strain; 0 when incompressible."""
+        """1/stiffness [1/pressure] of the volume measure theta; 0 if incompressible."""
 
     @abstractmethod
     def energy_parts(self, H: Expr) -> tuple[Expr, Expr]:
-        """The energy without its volumetric part [pressure], and the volume-like strain theta: tr
-        eps, or ln J.
-        """
+        """Return the energy [pressure] without its volumetric part, and theta: tr eps or ln J."""
 
     def energy(self, H: Expr) -> Expr:
-        """psi [pressure] of the displacement gradient H (3 x 3)."""
+        """Return psi [pressure] of the displacement gradient H (3 x 3)."""
         remaining_energy, theta = self.energy_parts(H)
         return remaining_energy + theta**2 / (2 * self.volumetric_compliance)
 
     def mixed_energy(self, H: Expr, q: Expr) -> Expr:
-        """The same with q theta - q^2/(2 stiffness) in place of stiffness theta^2/2 [pressure]."""
+        """Return the energy [pressure] of the mixed formulation with the pressure-like field q.
+
+        The volumetric part is q theta - q^2/(2 stiffness) in place of stiffness theta^2/2.
+        """
         remaining_energy, theta = self.energy_parts(H)
         return remaining_energy + q * theta - q * q * self.volumetric_compliance / 2
 
 
 @dataclass(frozen=True)
 class TwoConstantLaw(ElasticLaw):
-    """Any two of E [pressure], nu [1], mu [pressure], kappa [pressure], lame_lambda [pressure]."""
+    """Base class of isotropic laws that any two constants define.
+
+    The constants are E [pressure], nu [1], mu [pressure], kappa [pressure], lame_lambda [pressure].
+    """
 
     E: Modulus | None = None
     nu: PoissonRatio | None = None
@@ -226,8 +242,9 @@ class TwoConstantLaw(ElasticLaw):
     flow: Flow | None = None
 
     def canonical(self) -> Self:
-        """The same material said by E and nu; ValueError when it is not said by exactly two
-        constants.
+        """Return the same material given by E and nu.
+
+        ValueError unless exactly two constants are given.
         """
         given = {
             name: getattr(self, name)

@@ -32,20 +32,21 @@ from indent_sim.model.units import (
 
 @dataclass(frozen=True)
 class NeoHookean(TwoConstantLaw):
-    """psi = mu/2 (I1 - 3) - mu ln J + lame_lambda/2 (ln J)^2.
+    """Compressible neo-Hookean law, psi = mu/2 (I1 - 3) - mu ln J + lame_lambda/2 (ln J)^2.
 
-    Any two of E [pressure], nu [1], mu [pressure], kappa [pressure], lame_lambda [pressure] say it.
+    Any two of E [pressure], nu [1], mu [pressure], kappa [pressure], lame_lambda [pressure] define
+    it.
     """
 
     model: Literal["neo_hookean"] = "neo_hookean"
 
     def energy_parts(self, H: Expr) -> tuple[Expr, Expr]:
-        """mu/2 (I1 - 3) - mu ln J and ln J."""
+        """Return mu/2 (I1 - 3) - mu ln J and ln J."""
         excess, log_J = excess_and_log_J(H)
         return self.shear_modulus * excess, log_J
 
     def energy_of_bar(self, l1: float, l2: float, l3: float) -> float:
-        """psi [pressure] of principal stretches."""
+        """Return psi [pressure] of principal stretches."""
         log_J = math.log(l1 * l2 * l3)
         shear_energy = float(self.shear_modulus) * ((l1 * l1 + l2 * l2 + l3 * l3 - 3) / 2 - log_J)
         E, nu = self.constants
@@ -55,7 +56,10 @@ class NeoHookean(TwoConstantLaw):
 
 @dataclass(frozen=True)
 class _IsochoricLaw(ElasticLaw):
-    """psi = isochoric(J^-2/3 C) + kappa/2 (ln J)^2, with the law's own constants and nu or kappa."""
+    """Base class of laws psi = isochoric energy(J^-2/3 C) + kappa/2 (ln J)^2.
+
+    They have constants of their own, and nu or kappa.
+    """
 
     nu: PoissonRatio | None = None
     kappa: Modulus | None = None
@@ -71,32 +75,43 @@ class _IsochoricLaw(ElasticLaw):
     @property
     @abstractmethod
     def poynting_coefficient(self) -> Expr:
-        """k [pressure]: simple shear by gamma at constant volume gives the plane that it shears
-        along a normal stress less than the mean stress by k gamma^2, to leading order (Poynting
-        effect).
+        """Coefficient k [pressure] of the Poynting effect in simple shear.
 
-        In the logarithms h_i of stretches whose product is one, the energy of any isotropic law
-        begins with mu (h_1^2 + h_2^2 + h_3^2) + c h_1 h_2 h_3. In simple shear they are gamma/2,
-        -gamma/2 and 0, and the principal axes lie gamma/4 beside those at 45 degrees, from which k
-        = mu/2 - c/12 follows.
+        Simple shear by gamma at constant volume gives the sheared plane a normal stress that is
+        less than the mean stress by k gamma^2, to leading order. In the logarithms h_i of stretches
+        whose product is one, the energy of any isotropic law begins with mu (h_1^2 + h_2^2 + h_3^2)
+        + c h_1 h_2 h_3. In simple shear the h_i are gamma/2, -gamma/2 and 0, and the principal axes
+        are turned by gamma/4 from those at 45 degrees, from which k = mu/2 - c/12 follows.
         """
 
     @abstractmethod
     def isochoric_energy(self, excess: Expr, square: Expr, cube: Expr) -> Expr:
-        """Isochoric energy [pressure] of excess = tr C/3 - 1, square = dev C : dev C/6, cube = det
-        dev C; det C = 1.
+        """Return the isochoric energy [pressure] of a right Cauchy-Green tensor C with det C = 1.
+
+        Parameters
+        ----------
+        excess : Expr
+            tr C/3 - 1.
+        square : Expr
+            dev C : dev C/6.
+        cube : Expr
+            det dev C.
         """
 
     @abstractmethod
     def energy_of_stretches(self, l1: Expr, l2: Expr, l3: Expr) -> Expr:
-        """Isochoric energy [pressure] of principal stretches whose product is one (floats or
-        arrays).
+        """Return the isochoric energy [pressure] of principal stretches whose product is one.
+
+        The stretches are floats or arrays.
         """
 
     def canonical(self) -> Self:
-        """The same material said with nu; ValueError when not exactly one of nu and kappa is given."""
+        """Return the same material given by nu.
+
+        ValueError unless exactly one of nu and kappa is given.
+        """
         if (self.nu is None) == (self.kappa is None):
-            raise ValueError("needs exactly one of nu, kappa beside the law's own constants")
+            raise ValueError("needs exactly one of nu, kappa besides the law's own constants")
         mu = self.small_strain_mu
         if not (math.isfinite(mu) and mu > 0):
             raise ValueError(f"the small-strain shear modulus is {mu:g}; it must be > 0")
@@ -105,7 +120,8 @@ class _IsochoricLaw(ElasticLaw):
         nu = (3 * self.kappa - 2 * mu) / (2 * (3 * self.kappa + mu))
         if not nu > -1:
             raise ValueError(
-                f"kappa = {self.kappa:g} is lost beside mu = {mu:g}: nu is -1 to all digits"
+                f"kappa = {self.kappa:g} is too small against mu = {mu:g}: "
+                "nu would be -1 to all digits"
             )
         material = replace(self, nu=nu, kappa=None)
         return replace(material, flow=material.flow_by_permeability)
@@ -122,12 +138,13 @@ class _IsochoricLaw(ElasticLaw):
         return 3 * (1 - 2 * self.nu) / (2 * self.small_strain_mu * (1 + self.nu))  # type: ignore[operator]
 
     def energy_parts(self, H: Expr) -> tuple[Expr, Expr]:
-        """The isochoric energy and ln J by way of a few scalar variables, through which all
-        derivatives can pass.
+        """Return the isochoric energy and ln J.
+
+        The energy is a function of three UFL variables, so that UFL differentiates short
+        expressions.
         """
-        w, log_J = map(
-            ufl.variable, excess_and_log_J(H)
-        )  # tr C/3 = 1 + 2/3 ln J + 2/3 w: no digit is lost at rest
+        # tr C/3 = 1 + 2/3 ln J + 2/3 w loses no digit at small strain.
+        w, log_J = map(ufl.variable, excess_and_log_J(H))
         strain = H + H.T + H.T * H
         deviator = strain - ufl.tr(strain) / 3 * ufl.Identity(3)
         square = ufl.variable(ufl.inner(deviator, deviator) / 6)
@@ -139,21 +156,21 @@ class _IsochoricLaw(ElasticLaw):
         ), log_J
 
     def mixed_energy(self, H: Expr, q: Expr) -> Expr:
-        """The same energy with the q of `mixed_volume`."""
+        """Return the energy [pressure] with the field q of `mixed_volumetric_energy`."""
         remaining_energy, log_J = self.energy_parts(H)
         return remaining_energy + self.mixed_volumetric_energy(H, log_J, q)
 
     def mixed_volumetric_energy(
         self, H: Expr, log_J: Expr, q: Expr, shear_fraction: Expr = 1.0
     ) -> Expr:
-        """Energy of the volume with a field q that is the normal stress on a sheared surface, not
-        the mean stress.
+        """Return the volumetric energy with a field q, the normal stress on a sheared surface.
 
-        The mean stress in sheared material is q + k (I1 - 3), with k the `poynting_coefficient`, or
-        0 where that is below 0; to leading order I1 - 3 is gamma^2. Contact holds the normal stress
-        of a surface, and the shear gamma along it jumps between elements. A continuous mean stress
-        cannot follow, and the pressure became a saw-tooth under friction. The stationary point is
-        that of the displacement law whatever k is, also where the law is incompressible
+        q is not the mean stress: the mean stress in sheared material is q + k (I1 - 3), with k the
+        `poynting_coefficient`, or 0 where that is negative; to leading order I1 - 3 is gamma^2.
+        Contact prescribes the normal stress of a surface, and the shear gamma along it jumps
+        between elements. A continuous mean stress cannot follow, and the contact pressure
+        alternated from node to node under friction. The stationary point is that of the
+        displacement law for any k, also if the law is incompressible
         (docs/decisions/0048-a-mixed-pressure-that-shear-leaves-alone.md).
 
         Parameters
@@ -161,30 +178,29 @@ class _IsochoricLaw(ElasticLaw):
         H : Expr
             Displacement gradient (3 x 3).
         log_J : Expr
-            ln J of it, as `parts` gives it.
+            ln J, as `energy_parts` returns it.
         q : Expr
             Field [pressure], positive in tension.
-        share : Expr
-            Of the shear modulus, and so of k, that is left.
+        shear_fraction : Expr
+            Fraction of the shear modulus, and so of k, that is left after relaxation.
 
         Returns
         -------
         Expr
-            p ln J - p^2/(2 kappa) [pressure] with the mean stress p = q + share k (I1 - 3).
+            p ln J - p^2/(2 kappa) [pressure] with the mean stress p = q + shear_fraction k (I1 -
+            3).
         """
-        # not scaled by J^(-2/3): that is concave in ln J, and Newton's method then failed in
-        # uniform shear
-        elongation = ufl.variable(
-            2 * ufl.tr(H) + ufl.inner(H, H)
-        )  # I1 - 3, with its digits where H is small
-        # with k < 0, as of Ogden's law with alpha = 9, Newton's method did not converge (under a
-        # ball, depth 0.4 R)
+        # I1 - 3, without loss of digits at small H. It is not scaled by J^(-2/3): that is concave
+        # in ln J, and Newton's method then failed in uniform shear.
+        elongation = ufl.variable(2 * ufl.tr(H) + ufl.inner(H, H))
+        # With k < 0, as of Ogden's law with alpha = 9, Newton's method did not converge (sphere,
+        # depth 0.4 R).
         k = algebra.maximum(self.poynting_coefficient, 0.0)
         mean_stress = q + shear_fraction * k * elongation
         return mean_stress * log_J - mean_stress * mean_stress * self.volumetric_compliance / 2
 
     def energy_of_bar(self, l1: float, l2: float, l3: float) -> float:
-        """psi [pressure] of principal stretches."""
+        """Return psi [pressure] of principal stretches."""
         J = l1 * l2 * l3
         isochoric_factor = J ** (-1 / 3)
         isochoric = self.energy_of_stretches(
@@ -194,7 +210,7 @@ class _IsochoricLaw(ElasticLaw):
         return float(isochoric) + kappa * math.log(J) ** 2 / 2
 
     def isochoric_parts(self, H: Expr) -> tuple[Expr, Expr]:
-        """The energy that is free of any change of volume, and ln J: its `parts`."""
+        """Return the energy that does not depend on the volume change, and ln J."""
         return self.energy_parts(H)
 
     @property
@@ -205,23 +221,29 @@ class _IsochoricLaw(ElasticLaw):
 
 @dataclass(frozen=True)
 class _InvariantLaw(_IsochoricLaw):
-    """Laws of the modified invariants J^-2/3 I1 and J^-4/3 I2."""
+    """Base class of laws of the modified invariants J^-2/3 I1 and J^-4/3 I2."""
 
     @property
     def poynting_coefficient(self) -> Expr:
-        """mu/3, of a law of I1 alone; 2/3 of the slope along I2 more where there is one."""
+        """k = mu/3 [pressure], which holds for a law of I1 alone.
+
+        A law that depends on I2 adds 2/3 of its derivative with respect to I2.
+        """
         return self.small_strain_mu / 3
 
     @abstractmethod
     def energy_of_invariants(self, i1: Expr, i2: Expr) -> Expr:
-        """Isochoric energy [pressure] of i1 = J^-2/3 I1 - 3 and i2 = J^-4/3 I2 - 3."""
+        """Return the isochoric energy [pressure] of i1 = J^-2/3 I1 - 3 and i2 = J^-4/3 I2 - 3."""
 
     def isochoric_energy(self, excess: Expr, square: Expr, cube: Expr) -> Expr:
-        """As `_Isochoric`: i1 = 3 excess, i2 = 3 (2 excess + excess^2 - square)."""
+        """Return the isochoric energy [pressure] as a function of the invariants.
+
+        i1 = 3 excess and i2 = 3 (2 excess + excess^2 - square).
+        """
         return self.energy_of_invariants(3 * excess, 3 * (excess * (2 + excess) - square))
 
     def energy_of_stretches(self, l1: Expr, l2: Expr, l3: Expr) -> Expr:
-        """As `_Isochoric`: I1 and I2 are sums of the squares and of their products."""
+        """Return the isochoric energy [pressure] of principal stretches whose product is one."""
         a = l1 * l1
         b = l2 * l2
         c = l3 * l3
@@ -230,7 +252,7 @@ class _InvariantLaw(_IsochoricLaw):
 
 @dataclass(frozen=True)
 class MooneyRivlin(_InvariantLaw):
-    """C10 (I1 - 3) + C01 (I2 - 3)."""
+    """Mooney-Rivlin law, C10 (I1 - 3) + C01 (I2 - 3)."""
 
     C10: AnyModulus = 0.0
     C01: AnyModulus = 0.0
@@ -243,7 +265,7 @@ class MooneyRivlin(_InvariantLaw):
 
     @property
     def poynting_coefficient(self) -> Expr:
-        """(2 C10 + 4 C01)/3."""
+        """k = (2 C10 + 4 C01)/3 [pressure]."""
         return (2 * self.C10 + 4 * self.C01) / 3
 
     def energy_of_invariants(self, i1: Expr, i2: Expr) -> Expr:
@@ -253,7 +275,7 @@ class MooneyRivlin(_InvariantLaw):
 
 @dataclass(frozen=True, kw_only=True)
 class Yeoh(_InvariantLaw):
-    """C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3."""
+    """Yeoh law, C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3."""
 
     C10: Modulus
     C20: AnyModulus = 0.0
@@ -272,20 +294,27 @@ class Yeoh(_InvariantLaw):
 
 @dataclass(frozen=True, kw_only=True)
 class Ogden(_IsochoricLaw):
-    """sum mu_i/alpha_i (sum of stretches^alpha_i - 3); small-strain mu = sum mu_i alpha_i / 2."""
+    """Ogden law, sum mu_i/alpha_i (sum of stretches^alpha_i - 3).
+
+    Its small-strain shear modulus is sum mu_i alpha_i / 2.
+    """
 
     mu: Annotated[tuple[float, ...], Len(1, 20), PRESSURE]
     alpha: Annotated[tuple[float, ...], Len(1, 20)]
     model: Literal["ogden"] = "ogden"
 
     def canonical(self) -> Self:
-        """As `_Isochoric`; ValueError too when mu and alpha differ in length or an alpha is zero."""
+        """Return the same material given by nu.
+
+        ValueError as of the other isochoric laws, and if mu and alpha differ in length or an alpha
+        is zero.
+        """
         if len(self.mu) != len(self.alpha):
             raise ValueError(
                 f"mu has {len(self.mu)} entries and alpha {len(self.alpha)}; they belong in pairs"
             )
         if 0 in self.alpha:
-            raise ValueError("an alpha of zero has no meaning")
+            raise ValueError("alpha must not be zero")
         return super().canonical()
 
     @property
@@ -295,13 +324,14 @@ class Ogden(_IsochoricLaw):
 
     @property
     def poynting_coefficient(self) -> Expr:
-        """sum mu_i alpha_i (6 - alpha_i)/24, since c = sum mu_i alpha_i^2 / 2."""
+        """k = sum mu_i alpha_i (6 - alpha_i)/24 [pressure], since c = sum mu_i alpha_i^2 / 2."""
         pairs = zip(self.mu, self.alpha, strict=True)
         return sum(mu * alpha * (6 - alpha) for mu, alpha in pairs) / 24
 
     def isochoric_energy(self, excess: Expr, square: Expr, cube: Expr) -> Expr:
-        """sum mu_i/alpha_i (sum of stretches^alpha_i - 3); near rest, where stretches lose digits,
-        by a series.
+        """Return sum mu_i/alpha_i (sum of stretches^alpha_i - 3) [pressure].
+
+        At small strain, where the stretches lose digits, it is summed by a series.
         """
         distinct_stretch, mean_stretch, spread = algebra.unimodular_stretches(
             1 + excess, square, cube
@@ -316,7 +346,9 @@ class Ogden(_IsochoricLaw):
         )
 
     def _energy_series(self, excess: Expr, square: Expr, cube: Expr) -> Expr:
-        """The squared stretches are mean (1 + t_i) with mean = 1 + excess and the t_i of a
+        """Return the same energy as a series in the deviator of C.
+
+        The squared stretches are mean (1 + t_i) with mean = 1 + excess and the eigenvalues t_i of a
         traceless tensor.
         """
         mean = 1 + excess
@@ -345,7 +377,10 @@ class Ogden(_IsochoricLaw):
 
 @dataclass(frozen=True, kw_only=True)
 class Gent(_InvariantLaw):
-    """-mu Jm/2 ln(1 - (I1 - 3)/Jm): stiffens without bound as I1 - 3 comes to Jm."""
+    """Gent law, -mu Jm/2 ln(1 - (I1 - 3)/Jm), with a limit Jm of I1 - 3.
+
+    It stiffens without bound as I1 - 3 approaches Jm.
+    """
 
     mu: Modulus
     Jm: Annotated[float, Gt(0)]
@@ -357,14 +392,15 @@ class Gent(_InvariantLaw):
         return self.mu
 
     def energy_of_invariants(self, i1: Expr, i2: Expr) -> Expr:
-        """-mu Jm/2 ln(1 - i1/Jm); not a number beyond the limit, which ends a Newton step."""
+        """Return -mu Jm/2 ln(1 - i1/Jm); NaN beyond the limit, which rejects the Newton step."""
         return -self.mu * self.Jm / 2 * log1p(-i1 / self.Jm)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fung(_InvariantLaw):
-    """mu/(2 b) (exp(b (I1 - 3)) - 1): tissue, which stiffens exponentially; b -> 0 is mooney_rivlin
-    with C10 = mu/2.
+    """Fung law of soft tissue, mu/(2 b) (exp(b (I1 - 3)) - 1), which stiffens exponentially.
+
+    For b -> 0 it is mooney_rivlin with C10 = mu/2.
     """
 
     mu: Modulus
@@ -377,18 +413,22 @@ class Fung(_InvariantLaw):
         return self.mu
 
     def energy_of_invariants(self, i1: Expr, i2: Expr) -> Expr:
-        """mu/(2 b) (exp(b i1) - 1), with all digits of a small b i1."""
+        """Return mu/(2 b) (exp(b i1) - 1) without loss of digits at small b i1."""
         return self.mu / (2 * self.b) * (self.b * i1 + expm1_remainder(self.b * i1))
 
 
-# Series of the inverse Langevin function (Arruda & Boyce 1993): psi = mu sum c_i lambda_m^(2-2i)
-# (I1^i - 3^i)
+# Coefficients c_i of psi = mu sum c_i lambda_m^(2-2i) (I1^i - 3^i), from the series of the inverse
+# Langevin function (Arruda & Boyce 1993).
 LANGEVIN_SERIES = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ArrudaBoyce(_InvariantLaw):
-    """mu sum_i c_i lambda_m^(2-2i) (I1^i - 3^i), c = 1/2, 1/20, 11/1050, 19/7000, 519/673750."""
+    """Arruda-Boyce law, mu sum_i c_i lambda_m^(2-2i) (I1^i - 3^i).
+
+    The coefficients c = 1/2, 1/20, 11/1050, 19/7000, 519/673750 are those of the series of the
+    inverse Langevin function.
+    """
 
     mu: Modulus
     lambda_m: Annotated[float, Gt(1)]
@@ -396,8 +436,9 @@ class ArrudaBoyce(_InvariantLaw):
 
     @property
     def small_strain_mu(self) -> Expr:
-        """mu (1 + 3/(5 lambda_m^2) + 99/(175 lambda_m^4) + ...), twice the derivative of psi at I1
-        = 3.
+        """Twice the derivative of psi at I1 = 3 [pressure].
+
+        mu (1 + 3/(5 lambda_m^2) + 99/(175 lambda_m^4) + ...).
         """
         terms = (
             i * c * 3 ** (i - 1) * self.lambda_m ** (2 - 2 * i)
@@ -406,8 +447,9 @@ class ArrudaBoyce(_InvariantLaw):
         return 2 * self.mu * sum(terms)
 
     def energy_of_invariants(self, i1: Expr, i2: Expr) -> Expr:
-        """mu sum_i c_i lambda_m^(2-2i) (I1^i - 3^i), I1^i - 3^i = i1 (I1^(i-1) + 3 I1^(i-2) + ... +
-        3^(i-1)).
+        """Return mu sum_i c_i lambda_m^(2-2i) (I1^i - 3^i) [pressure].
+
+        I1^i - 3^i is written as i1 (I1^(i-1) + 3 I1^(i-2) + ... + 3^(i-1)), which loses no digits.
         """
         I1 = 3 + i1
         slope = 0.0

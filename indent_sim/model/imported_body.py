@@ -17,17 +17,18 @@ from indent_sim.model.units import (
     TaggedBy,
 )
 
-FACET_TOLERANCE = 1e-9  # of a facet: so far outside a point still counts as on it
-TINY_SQUARE = 1e-300  # no length is 0
+# A point outside a facet by less than this fraction of its size counts as on it.
+FACET_TOLERANCE = 1e-9
+# Squared edge lengths [length^2] are bounded below by this number, so that none is divided by zero.
+TINY_SQUARE = 1e-300
 
 
 @dataclass(frozen=True)
 class MeshSurfaces:
-    """Names that the file gives to the surface which the tip may touch, to the base and to the
-    sides.
+    """Names in a mesh file of the surface that the tip may touch, of the base and of the sides.
 
-    Without them the contact surface is what faces up, the base what faces down and is level, and
-    sides that are held what is upright.
+    Without names the contact surface is what faces up, the base what faces down and is level, and
+    supported sides are the vertical faces.
     """
 
     contact: str | None = None
@@ -37,14 +38,15 @@ class MeshSurfaces:
 
 @dataclass(frozen=True)
 class MeshFromFile:
-    """A body meshed elsewhere, z up; a file in two dimensions has (r, z) or (x, z) in its (x, y),
-    the axis is r = 0.
+    """Body whose mesh is read from a file, z up.
 
-    The tip's axis is at x = 0, y = 0 of the file unless `indenter.center` says otherwise. What is
-    none of `surfaces` is free; a surface without a name is known by where it faces, or the file is
-    refused. `regions` gives each named region its material; cells of no region are of the scene's.
-    sides auto: free, but asked for where a face lies in a plane through the tip's axis, which is a
-    mirror (roller) of half a body, or an end (free) of a whole one.
+    A file in two dimensions has (r, z) or (x, z) in its coordinates (x, y); the axis of revolution
+    is r = 0. The tip's axis is at x = 0, y = 0 of the file unless `indenter.center` is given. Faces
+    that are none of `surfaces` are free; a surface without a name is recognized by its orientation,
+    or the file is refused. `regions` gives each named region its material; cells of no region have
+    the scene's. sides "auto": free, but an error asks for the support where a face lies in a plane
+    through the tip's axis, which may be a mirror plane (roller) of half a body or an end (free) of
+    a whole one.
     """
 
     file: str
@@ -56,54 +58,67 @@ class MeshFromFile:
     regions: dict[str, Annotated[Material, TaggedBy("model")]] | None = None
     hash: str | None = None
 
-    layers: ClassVar[None] = None  # it has regions
+    # Its materials are given by `regions`.
+    layers: ClassVar[None] = None
     inclusions: ClassVar[None] = None
     surface_tension: ClassVar[float] = 0.0
 
     @property
     def surface_names(self) -> MeshSurfaces:
-        """The names of all surfaces that it has, those for a copy of the file among them."""
+        """Names of all its surfaces, with defaults that a copy of the file gets."""
         given = self.surfaces
         sides = "sides" if self.sides in ("roller", "fixed") else None
         return MeshSurfaces(given.contact or "contact", given.base or "base", given.sides or sides)
 
     @property
     def dim(self) -> int:
-        """2 in plane strain, where forces are per unit length."""
+        """3, or 2 in plane strain, where forces are per unit length."""
         return 2 if self.kinematics == "plane_strain" else 3
 
     @property
     def center(self) -> tuple[float, ...]:
-        """The file's own axis."""
+        """Axis of the file's coordinates."""
         return (0.0,) * (self.dim - 1)
 
 
 @dataclass(frozen=True)
 class ImportedBody:
-    """A body as its mesh has it: what is known of its contact surface. z = 0 where the tip first
-    touches.
+    """Properties of an imported mesh as a body. z = 0 is where the tip first touches.
 
-    facets (k, n, n): corners of the contact surface's facets; rim (m, n - 1, n): the edges around
-    it, in two dimensions its ends; clamped (j, n): those of its points that are held too [length].
+    Attributes
+    ----------
+    facets : (k, n, n)
+        Corners of the facets of the contact surface [length].
+    boundary_edges : (m, n - 1, n)
+        Edges around the contact surface, in two dimensions its ends [length].
+    fixed_points : (j, n)
+        Points of the contact surface whose displacement is prescribed by a support [length].
+    layers
+        Material under the tip's axis, as a single layer.
     """
 
     height: Length
-    center: Annotated[tuple[float, ...], LENGTH]  # where the tip's axis is
+    # Position of the tip's axis.
+    center: Annotated[tuple[float, ...], LENGTH]
     facets: Annotated[np.ndarray, LENGTH]
     boundary_edges: Annotated[np.ndarray, LENGTH]
     fixed_points: Annotated[np.ndarray, LENGTH]
-    layers: Layers  # the matter under the tip's axis, as a single one
+    layers: Layers
     base: BaseSupport
     sides: Support
-    dim: int  # 2 in plane strain, where forces are per unit length
+    # 2 in plane strain, where forces are per unit length.
+    dim: int
     shape: Literal["mesh"] = "mesh"
 
-    is_laterally_confined: ClassVar[bool] = False  # not known, and what is not known is not refused
+    # A mesh file does not tell whether all sides are confined. False skips the check for a confined
+    # incompressible body.
+    is_laterally_confined: ClassVar[bool] = False
     inclusions: ClassVar[None] = None
 
     def lateral_extent(self, center: tuple[float, ...]) -> float:
-        """Distance [length] from `center` to the nearest edge of the contact surface; negative
-        outside of it.
+        """Return the distance [length] from `center` to the nearest edge of the contact surface.
+
+        It is negative if `center` is outside of the contact surface.
         """
         position = self._plan_coordinates(center)
         start = self.boundary_edges[:, 0, :-1]
@@ -120,31 +135,32 @@ class ImportedBody:
         )
 
     def max_lateral_extent(self, center: tuple[float, ...]) -> float:
-        """Distance [length] from `center` to the farthest point of the contact surface."""
+        """Return the distance [length] from `center` to the contact surface's farthest point."""
         return float(self.corner_distances(center).max())
 
     def corner_distances(self, center: tuple[float, ...]) -> np.ndarray:
-        """Distances [length] of the corners of the facets from a vertical axis (k, n)."""
+        """Return distances (k, n) [length] of the facets' corners from a vertical axis."""
         return np.asarray(
             np.linalg.norm(self.facets[..., :-1] - self._plan_coordinates(center), axis=-1)
         )
 
     def top_points(self) -> Points:
-        """The corners of the facets, seen from above."""
+        """Return the corners of the facets as seen from above."""
         x, y = np.moveaxis(np.pad(self.facets[..., :-1], ((0, 0), (0, 0), (0, 1)))[..., :2], -1, 0)
         return x, y
 
     def fixed_edge_points(self) -> Points:
-        """Those points of the contact surface that are held, seen from above."""
+        """Return the supported points of the contact surface as seen from above."""
         x, y = np.pad(self.fixed_points[:, :-1], ((0, 0), (0, 1)))[:, :2].T
         return x, y
 
     def _plan_coordinates(self, center: tuple[float, ...]) -> np.ndarray:
+        """Return the horizontal coordinates of a center in the dimension of the mesh."""
         return np.asarray(center[: self.facets.shape[2] - 1])
 
 
 def barycentric_coordinates(facets: np.ndarray, center: tuple[float, ...]) -> np.ndarray:
-    """The barycentric coordinates (k, n) of a point in facets (k, n, n), seen from above."""
+    """Return barycentric coordinates (k, n) of a point in facets (k, n, n), seen from above."""
     plan_corners = facets[..., :-1]
     edges = np.swapaxes(plan_corners[:, 1:] - plan_corners[:, :1], 1, 2)
     coordinates = np.linalg.solve(

@@ -21,20 +21,28 @@ from indent_sim.model.units import (
 )
 
 PositiveSize = Annotated[tuple[Annotated[float, Gt(0)], ...], Len(3, 3), LENGTH]
-Spans = tuple[tuple[tuple[int, ...], float], ...]  # axes and half-width [length] of each
-UNIT_BALL_MEASURES = {1: 2.0, 2: pi, 3: 4 * pi / 3}  # their measures, by dimension
-ALL_AXES = (0, 1, 2)  # axes
-POSITION_TOLERANCE = 2e-11  # of a body: places to 12 digits
-# of two convex bodies on one another, until they come no closer than by this share
+# Axes and half-width [length] of each span.
+Spans = tuple[tuple[tuple[int, ...], float], ...]
+# Length, area and volume of the unit ball by dimension.
+UNIT_BALL_MEASURES = {1: 2.0, 2: pi, 3: 4 * pi / 3}
+ALL_AXES = (0, 1, 2)
+# Positions that differ by less than this fraction of a body's size count as equal, because lengths
+# are rounded to 12 digits.
+POSITION_TOLERANCE = 2e-11
+# Alternating projections end when the distance decreases by less than this fraction.
 MAX_PROJECTIONS = 1000
 LEAST_APPROACH = 1e-9
-NEWTON_STEPS = 40  # of Newton's method: ellipsoids a thousand times as long as thick need 20
-SYMMETRY_OFFSET = 1e-12  # of a semi-axis: so far from a plane of symmetry nothing is on two sides
+# Ellipsoids a thousand times as long as thick need 20 steps of Newton's method.
+NEWTON_STEPS = 40
+# Points are moved by this fraction of a semi-axis off a plane of symmetry, on which the farthest
+# point of an ellipsoid is not unique.
+SYMMETRY_OFFSET = 1e-12
 
 
 class _Inclusion(ABC):
-    """Other matter inside one layer, convex and mirrored by the three planes through `center`
-    normal to the axes.
+    """Base class of inclusions: convex regions of another material inside one layer.
+
+    The three planes through `center` normal to the axes are mirror planes.
     """
 
     center: Position
@@ -46,29 +54,33 @@ class _Inclusion(ABC):
 
     @abstractmethod
     def half_width(self, axis: int) -> float:
-        """How far it reaches from its center along an axis [length]."""
+        """Return the extent from its center along an axis [length]."""
 
     @abstractmethod
     def is_curved_where_thinnest(self, dim: int) -> bool:
-        """Whether it is curved where it is thinnest, in the section that is meshed or in space."""
+        """Return whether the surface is curved across the smallest thickness.
+
+        dim = 2: in the section that is meshed; dim = 3: in space.
+        """
 
     @abstractmethod
     def is_axisymmetric_about(self, center: tuple[float, ...]) -> bool:
-        """Whether it is a body of revolution about a vertical axis."""
+        """Return whether it is a body of revolution about a vertical axis."""
 
     @abstractmethod
     def measure_within_distance(self, distance: Expr, dim: int) -> Expr:
-        """About the area of its section, or the volume, of what is no farther from it than `distance`
-        [length].
+        """Return approximately the measure of all points within `distance` of it.
+
+        The measure is the area of the section in two dimensions, the volume in three.
         """
 
     @abstractmethod
     def nearest_point(self, point: Sequence[Expr]) -> list[Expr]:
-        """Its point nearest to a point (x, y, z), which itself may be inside [length]."""
+        """Return its point nearest to a point (x, y, z) [length], which may be inside."""
 
     @abstractmethod
     def farthest_distance(self, point: Sequence[float], axes: Sequence[int] = ALL_AXES) -> float:
-        """Distance [length] from a point to its farthest point along some axes."""
+        """Return the distance [length] from a point to its farthest point along some axes."""
 
     @property
     def min_half_width(self) -> float:
@@ -77,10 +89,10 @@ class _Inclusion(ABC):
 
     @abstractmethod
     def contains(self, point: Sequence[Expr]) -> Expr:
-        """Whether points (x, y, z) [length] are inside."""
+        """Return whether points (x, y, z) [length] are inside."""
 
     def distance(self, point: Sequence[Expr]) -> Expr:
-        """Distance [length] from points to it, 0 inside."""
+        """Return the distance [length] from points to it, 0 inside."""
         return _norm(
             [
                 nearest_coordinate - coordinate
@@ -91,8 +103,9 @@ class _Inclusion(ABC):
         )
 
     def overlaps(self, second: _Inclusion, min_distance: float) -> bool:
-        """Whether the two are nearer than a distance [length]: by projections on the one and on the
-        other in turn.
+        """Return whether two inclusions are nearer to each other than `min_distance` [length].
+
+        The distance is found by alternating projections onto the two convex sets.
         """
         point = list(self.center)
         distance = inf
@@ -106,23 +119,25 @@ class _Inclusion(ABC):
         return distance < min_distance
 
     def mirror_image(self, axis: int, position: float) -> Self:
-        """Its mirror image about a plane normal to an axis."""
+        """Return its mirror image about a plane normal to an axis."""
         center = list(self.center)
         center[axis] = 2 * position - center[axis]
         return replace(self, center=tuple(center))  # type: ignore[type-var]
 
     def _is_centered_on(self, center: tuple[float, ...]) -> bool:
-        """Whether its center is on a vertical axis."""
+        """Return whether its center lies on a vertical axis."""
         return bool(
             self._distance_from_center((*center, 0.0), (0, 1))
             <= POSITION_TOLERANCE * max(1.0, *map(abs, center))
         )
 
     def _distance_from_center(self, point: Sequence[Expr], axes: Sequence[int]) -> Expr:
+        """Return the distance of a point from the center along some axes [length]."""
         return _norm([point[axis] - self.center[axis] for axis in axes])
 
 
 def _norm(components: Sequence[Expr]) -> Expr:
+    """Return the Euclidean norm of some components."""
     return (
         np.abs(components[0])
         if len(components) == 1
@@ -131,7 +146,7 @@ def _norm(components: Sequence[Expr]) -> Expr:
 
 
 class _ProductInclusion(_Inclusion):
-    """The points within the half-width of each span from `center` along its axes."""
+    """Product of intervals and disks: all points within the half-width of each span."""
 
     @property
     @abstractmethod
@@ -144,20 +159,20 @@ class _ProductInclusion(_Inclusion):
         return prod(UNIT_BALL_MEASURES[len(axes)] * half ** len(axes) for axes, half in self.spans)
 
     def is_curved_where_thinnest(self, dim: int) -> bool:
-        """As `_Inclusion`."""
+        """Return whether the surface is curved across the smallest thickness."""
         axes, _ = min(self.spans, key=lambda span: span[1])
         return len(axes) > (2 if dim == 2 else 1)
 
     def half_width(self, axis: int) -> float:
-        """As `_Inclusion`."""
+        """Return the extent from its center along an axis [length]."""
         return next(half for axes, half in self.spans if axis in axes)
 
     def is_axisymmetric_about(self, center: tuple[float, ...]) -> bool:
-        """As `_Inclusion`."""
+        """Return whether it is a body of revolution about a vertical axis."""
         return any({0, 1} <= set(axes) for axes, _ in self.spans) and self._is_centered_on(center)
 
     def measure_within_distance(self, distance: Expr, dim: int) -> Expr:
-        """As `_Inclusion`, corners sharp."""
+        """Return approximately the measure of all points within `distance`, corners sharp."""
         spans = self.spans if dim == 3 else [((axis,), self.half_width(axis)) for axis in (0, 2)]
         return np.prod(
             [
@@ -168,12 +183,12 @@ class _ProductInclusion(_Inclusion):
         )
 
     def contains(self, point: Sequence[Expr]) -> Expr:
-        """As `_Inclusion`."""
+        """Return whether points (x, y, z) [length] are inside."""
         is_within = [self._distance_from_center(point, axes) <= half for axes, half in self.spans]
         return np.all(np.broadcast_arrays(*is_within), axis=0)
 
     def nearest_point(self, point: Sequence[Expr]) -> list[Expr]:
-        """As `_Inclusion`: nearest along each span."""
+        """Return its nearest point to (x, y, z) [length], which is nearest along each span."""
         coordinates = list(point)
         for axes, half in self.spans:
             scale = half / np.maximum(self._distance_from_center(point, axes), half)
@@ -182,7 +197,7 @@ class _ProductInclusion(_Inclusion):
         return coordinates
 
     def farthest_distance(self, point: Sequence[float], axes: Sequence[int] = ALL_AXES) -> float:
-        """As `_Inclusion`."""
+        """Return the distance [length] from a point to its farthest point along some axes."""
         relevant_spans = [
             (tuple(axis for axis in span_axes if axis in axes), half)
             for span_axes, half in self.spans
@@ -200,7 +215,7 @@ class _ProductInclusion(_Inclusion):
 
 @dataclass(frozen=True)
 class BallInclusion(_ProductInclusion):
-    """A ball about `center`; in a strip a round rod along y."""
+    """Ball about `center`; in a strip a round rod along y."""
 
     center: Position
     radius: Length
@@ -209,13 +224,13 @@ class BallInclusion(_ProductInclusion):
 
     @property
     def spans(self) -> Spans:
-        """Round in all directions."""
+        """One span of all axes."""
         return ((ALL_AXES, self.radius),)
 
 
 @dataclass(frozen=True)
 class CylinderInclusion(_ProductInclusion):
-    """An upright cylinder whose middle is `center`; in a strip a bar along y, 2 radius wide."""
+    """Upright cylinder with its middle at `center`; in a strip a bar along y, 2 radius wide."""
 
     center: Position
     radius: Length
@@ -225,15 +240,13 @@ class CylinderInclusion(_ProductInclusion):
 
     @property
     def spans(self) -> Spans:
-        """Round from above."""
+        """A disk in (x, y) and an interval in z."""
         return ((0, 1), self.radius), ((2,), self.height / 2)
 
 
 @dataclass(frozen=True)
 class BoxInclusion(_ProductInclusion):
-    """A box with edges along the axes whose middle is `center`; in a strip it goes on without end
-    along y.
-    """
+    """Box with edges along the axes about `center`; in a strip it is infinite along y."""
 
     center: Position
     size: PositiveSize
@@ -242,15 +255,13 @@ class BoxInclusion(_ProductInclusion):
 
     @property
     def spans(self) -> Spans:
-        """Between three pairs of faces."""
+        """Three intervals."""
         return tuple(((axis,), edge / 2) for axis, edge in enumerate(self.size))
 
 
 @dataclass(frozen=True)
 class EllipsoidInclusion(_Inclusion):
-    """An ellipsoid about `center` with semi-axes along x, y and z; in a strip an elliptic rod along
-    y.
-    """
+    """Ellipsoid about `center`, semi-axes along x, y, z; in a strip an elliptic rod along y."""
 
     center: Position
     semi_axes: PositiveSize
@@ -263,25 +274,25 @@ class EllipsoidInclusion(_Inclusion):
         return UNIT_BALL_MEASURES[3] * prod(self.semi_axes)
 
     def half_width(self, axis: int) -> float:
-        """As `_Inclusion`."""
+        """Return the extent from its center along an axis [length]."""
         return self.semi_axes[axis]
 
     def is_curved_where_thinnest(self, dim: int) -> bool:
-        """It is."""
+        """Return True: an ellipsoid is curved everywhere."""
         return True
 
     def is_axisymmetric_about(self, center: tuple[float, ...]) -> bool:
-        """As `_Inclusion`."""
+        """Return whether it is a body of revolution about a vertical axis."""
         a, b, _ = self.semi_axes
         return isclose(a, b, rel_tol=POSITION_TOLERANCE) and self._is_centered_on(center)
 
     def measure_within_distance(self, distance: Expr, dim: int) -> Expr:
-        """As `_Inclusion`, by semi-axes that are longer by so much."""
+        """Return the measure of the ellipsoid whose semi-axes are longer by `distance`."""
         halves = self.semi_axes if dim == 3 else self.semi_axes[::2]
         return UNIT_BALL_MEASURES[dim] * np.prod([half + distance for half in halves], axis=0)
 
     def contains(self, point: Sequence[Expr]) -> Expr:
-        """As `_Inclusion`."""
+        """Return whether points (x, y, z) [length] are inside."""
         return (
             sum(
                 ((p - c) / s) ** 2
@@ -291,8 +302,10 @@ class EllipsoidInclusion(_Inclusion):
         )
 
     def nearest_point(self, point: Sequence[Expr]) -> list[Expr]:
-        """As `_Inclusion`: center + s^2 v/(t + s^2) of points center + v, t > 0 where that is on
-        the surface.
+        """Return its point nearest to a point (x, y, z) [length].
+
+        For a point center + v it is center + s^2 v/(t + s^2) with the t > 0 that puts it on the
+        surface.
         """
         offset = np.array(
             np.broadcast_arrays(*(p - c for p, c in zip(point, self.center, strict=True))),
@@ -308,13 +321,15 @@ class EllipsoidInclusion(_Inclusion):
         return [c + component for c, component in zip(self.center, surface_offset, strict=True)]
 
     def farthest_distance(self, point: Sequence[float], axes: Sequence[int] = ALL_AXES) -> float:
-        """As `_Inclusion`: likewise with the largest -t, longest^2 + beyond, where all of it is on
-        this side of it.
+        """Return the distance [length] from a point to its farthest point along some axes.
+
+        The farthest point is that of `nearest_point` with the smallest root t < 0, for which it
+        lies on the other side of the center. -t = max(s)^2 + x is found by bisection of x >= 0.
         """
         s = np.array([self.semi_axes[axis] for axis in axes])
         offset = (
             np.array([abs(point[axis] - self.center[axis]) for axis in axes]) + SYMMETRY_OFFSET * s
-        )  # on one side of it
+        )
         squared_differences = (s.max() - s) * (s.max() + s)
         low = 0.0
         high = float(s.max() * np.sqrt(len(s)) * np.max(offset))
@@ -325,8 +340,9 @@ class EllipsoidInclusion(_Inclusion):
 
 
 def _projection_multiplier(offset: np.ndarray, s: np.ndarray, start: np.ndarray) -> np.ndarray:
-    """The root t of sum (s off/(t + s^2))^2 = 1 by Newton's method from below, where the sum is
-    convex and falls.
+    """Return the root t of sum (s offset/(t + s^2))^2 = 1 by Newton's method from below.
+
+    The sum is convex and decreases with t there, so that the iteration is monotone.
     """
     t = start
     for _ in range(NEWTON_STEPS):

@@ -6,14 +6,14 @@ import math
 from collections.abc import Callable
 
 ISOTROPIC_CONSTANTS = ("E", "nu", "mu", "kappa", "lame_lambda")
-STABILITY_CONDITIONS = {  # of two constants whose numbers do not show what a stable material is
+# Stability conditions of pairs of constants from whose ranges stability does not follow.
+STABILITY_CONDITIONS = {
     frozenset({"mu", "lame_lambda"}): "lame_lambda > -2 mu/3",
     frozenset({"kappa", "lame_lambda"}): "lame_lambda < kappa",
     frozenset({"nu", "lame_lambda"}): "lame_lambda of the sign of nu, which is not 0",
 }
-YOUNG_AND_POISSON: dict[
-    tuple[str, ...], Callable[[float, float], tuple[float, float]]
-] = {  # E and nu, of each two constants
+# E and nu from each pair of constants.
+YOUNG_AND_POISSON: dict[tuple[str, ...], Callable[[float, float], tuple[float, float]]] = {
     ("E", "nu"): lambda E, nu: (E, nu),
     ("E", "mu"): lambda E, mu: (E, E / (2 * mu) - 1),
     ("E", "kappa"): lambda E, kappa: (E, (3 * kappa - E) / (6 * kappa)),
@@ -43,11 +43,19 @@ YOUNG_AND_POISSON: dict[
 
 
 def young_and_poisson(given: dict[str, float]) -> tuple[float, float]:
-    """E and nu from exactly two isotropic constants.
+    """Return E and nu of an isotropic material from exactly two of its constants.
 
-    Everything passes through E = 9 kappa mu / (3 kappa + mu) and its kin (Slaughter 2002, table
-    5.1). Raises ValueError when not exactly two are given, or when they belong to no stable
-    material.
+    Formulas: Slaughter (2002), The Linearized Theory of Elasticity, table 5.1.
+
+    Parameters
+    ----------
+    given : dict
+        Two of E, nu, mu, kappa, lame_lambda by name; moduli in [pressure].
+
+    Raises
+    ------
+    ValueError
+        Not exactly two constants are given, or no stable material has them.
     """
     if len(given) != 2:
         raise ValueError(

@@ -19,11 +19,10 @@ Position = Annotated[tuple[float, ...], Len(3, 3), LENGTH]  # (x, y, z)
 
 @dataclass(frozen=True)
 class Layer:
-    """One layer of a body, bonded to its neighbours; of the body's material where it has none of
-    its own.
+    """One layer of a body, bonded to its neighbours.
 
-    The last one of a half-space has no thickness, nor has that of a cap or ball, whose others are
-    skins around it.
+    Without a material it has that of the body. The last layer of a half-space has no thickness, nor
+    has the core of a cap or ball, whose other layers are coatings around it.
     """
 
     thickness: Length | None = None
@@ -35,9 +34,7 @@ Layers = Annotated[tuple[Layer, ...], Len(1, 50)]
 
 @dataclass(frozen=True)
 class Coating:
-    """The points whose distance from `center` is between two radii [length]: a skin of a cap or a
-    ball.
-    """
+    """Region between two spheres about `center` [length]: a coating of a cap or a ball."""
 
     center: Position
     inner_radius: float
@@ -45,5 +42,5 @@ class Coating:
 
     @property
     def thickness(self) -> float:
-        """outer - inner [length]."""
+        """outer_radius - inner_radius [length]."""
         return self.outer_radius - self.inner_radius

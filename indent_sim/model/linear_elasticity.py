@@ -19,16 +19,18 @@ from indent_sim.model.units import (
     Modulus,
 )
 
-ENERGY_ROUNDING = 1e-14  # of 1, a strain energy that is 0
-LEAST_POISSON_RATIO = -0.99  # Poisson's ratio of an isotropic stand-in
+# Rounding error of a strain energy that is 0, relative to 1.
+ENERGY_ROUNDING = 1e-14
+# Smallest Poisson's ratio of the equivalent isotropic material.
+LEAST_POISSON_RATIO = -0.99
 
 
 @dataclass(frozen=True)
 class LinearElastic(TwoConstantLaw):
-    """Isotropic Hooke's law at small strain, psi = mu eps:eps + lame_lambda/2 (tr eps)^2 (notes
-    2.1-2.4).
+    """Isotropic Hooke's law at small strain, psi = mu eps:eps + lame_lambda/2 (tr eps)^2.
 
-    Any two of E [pressure], nu [1], mu [pressure], kappa [pressure], lame_lambda [pressure] say it.
+    Source: notes, equations 2.1-2.4. Any two of E [pressure], nu [1], mu [pressure], kappa
+    [pressure], lame_lambda [pressure] define it.
     """
 
     model: Literal["linear_elastic"] = "linear_elastic"
@@ -36,20 +38,21 @@ class LinearElastic(TwoConstantLaw):
     is_small_strain: ClassVar[bool] = True
 
     def energy_parts(self, H: Expr) -> tuple[Expr, Expr]:
-        """mu eps:eps and tr eps."""
+        """Return mu eps:eps and tr eps."""
         eps = ufl.sym(H)
         return self.shear_modulus * ufl.inner(eps, eps), ufl.tr(eps)
 
     def isochoric_parts(self, H: Expr) -> tuple[Expr, Expr]:
-        """mu dev eps : dev eps, which is free of any change of volume, and tr eps."""
+        """Return mu dev eps : dev eps, which does not depend on the volume change, and tr eps."""
         deviator = ufl.dev(ufl.sym(H))
         return self.shear_modulus * ufl.inner(deviator, deviator), ufl.tr(H)
 
     def mixed_volumetric_energy(
         self, H: Expr, theta: Expr, q: Expr, shear_fraction: Expr = 1.0
     ) -> Expr:
-        """q theta - q^2/(2 kappa) [pressure], whatever share of the shear modulus is left; q is the
-        mean stress.
+        """Return q theta - q^2/(2 kappa) [pressure] with the mean stress q.
+
+        The bulk modulus does not relax, so that `shear_fraction` has no effect.
         """
         return q * theta - q * q * self.inverse_bulk_modulus / 2
 
@@ -61,15 +64,21 @@ class LinearElastic(TwoConstantLaw):
 
 @dataclass(frozen=True, kw_only=True)
 class TransverselyIsotropic(ElasticLaw):
-    """Hooke's law with the axis z: E, nu in the plane across it, nu_z = -eps_plane/eps_z under
-    sigma_z, shear G_z.
+    """Transversely isotropic Hooke's law at small strain with the axis z.
+
+    E and nu hold in the plane across the axis; nu_z = -eps_plane/eps_z under a stress sigma_z; G_z
+    is the shear modulus of planes through the axis.
 
     With D = 1 - nu - 2 nu_z^2 E/E_z >= 0, d = D/(1 + nu), G = E/(2 (1 + nu)), alpha = 2 nu_z + d
-    and the volume-like strain theta = eps_x + eps_y + alpha eps_z, psi = G (eps_x^2 + eps_y^2 + 2
-    eps_xy^2) + 2 G_z (eps_xz^2 + eps_yz^2) + G (alpha - 1)(eps_x + eps_y) eps_z + [E_z + G (alpha^2
-    - 4 nu_z - d)] eps_z^2/2 + stiffness theta^2/2 with stiffness = E (1 - d)/(2 D). All but the
-    last is finite at D = 0; where it is isotropic theta is tr eps and the stiffness lame_lambda.
-    Lekhnitskii (1963), Theory of Elasticity of an Anisotropic Elastic Body.
+    and the volume measure theta = eps_x + eps_y + alpha eps_z,
+
+        psi = G (eps_x^2 + eps_y^2 + 2 eps_xy^2) + 2 G_z (eps_xz^2 + eps_yz^2)
+              + G (alpha - 1)(eps_x + eps_y) eps_z + [E_z + G (alpha^2 - 4 nu_z - d)] eps_z^2/2
+              + stiffness theta^2/2,    stiffness = E (1 - d)/(2 D).
+
+    All terms but the last are finite at D = 0 (incompressible). For isotropic constants theta is tr
+    eps and the stiffness is lame_lambda. Source: Lekhnitskii (1963), Theory of Elasticity of an
+    Anisotropic Elastic Body.
     """
 
     E: Modulus
@@ -86,7 +95,10 @@ class TransverselyIsotropic(ElasticLaw):
     is_isotropic: ClassVar[bool] = False
 
     def canonical(self) -> Self:
-        """Itself; ValueError where some strain would have negative energy."""
+        """Return the same material with its flow given by the permeability.
+
+        ValueError if the energy of some strain is negative.
+        """
         if not self._D >= -ENERGY_ROUNDING:
             largest_nu_z = math.sqrt((1 - self.nu) * self.E_z / (2 * self.E))
             problem = f"nu_z = {self.nu_z:g} makes the energy of some strain negative"
@@ -97,30 +109,36 @@ class TransverselyIsotropic(ElasticLaw):
 
     @property
     def constants(self) -> Constants:
-        """E [pressure] and nu of the isotropic material that stands for it: of the same indentation
-        modulus, and as compressible, nu = (1 - d)/2.
+        """E [pressure] and nu of the equivalent isotropic material.
+
+        It has the same indentation modulus and, with nu = (1 - d)/2, the same compressibility.
         """
         nu = min(max((1 - self._d) / 2, LEAST_POISSON_RATIO), 0.5)
         return Constants(self._indentation_modulus * (1 - nu * nu), nu)
 
     def bar_modulus(self, confined_directions: int) -> float:
-        """E_z, E_z/(1 - nu_z^2 E/E_z), or C33 = E_z (1 - nu)/D [pressure]."""
+        """Return E_z, E_z/(1 - nu_z^2 E/E_z) or C33 = E_z (1 - nu)/D [pressure]."""
         if confined_directions < 2:
             return self.E_z / (1 - confined_directions * self.nu_z**2 * self.E / self.E_z)
         return self.E_z * (1 - self.nu) / self._D if self._D > ENERGY_ROUNDING else math.inf
 
     @property
     def _D(self) -> Expr:
+        """D = 1 - nu - 2 nu_z^2 E/E_z, which vanishes if the material is incompressible."""
         return 1 - self.nu - 2 * self.nu_z**2 * self.E / self.E_z
 
     @property
     def _d(self) -> Expr:
+        """d = D/(1 + nu)."""
         return self._D / (1 + self.nu)
 
     @property
     def decay_rates(self) -> tuple[float, float]:
-        """The roots of C33 C44 s^4 - (C11 C33 - C13^2 - 2 C13 C44) s^2 + C11 C44 = 0, multiplied by
-        D.
+        """Real parts of the two roots s with Re s > 0 of a biquadratic equation.
+
+        C33 C44 s^4 - (C11 C33 - C13^2 - 2 C13 C44) s^2 + C11 C44 = 0.
+
+        The stiffnesses are multiplied by D, so that they are finite at D = 0.
         """
         E = self.E
         E_z = self.E_z
@@ -133,22 +151,24 @@ class TransverselyIsotropic(ElasticLaw):
         mean = (C11 * self._plane_stiffness - 2 * C13 * G_z) / (2 * C33 * G_z)
         mean_root = math.sqrt(max(mean + product, ENERGY_ROUNDING * product) / 2)
         root_difference = math.sqrt(max(mean - product, 0.0) / 2)
-        return product / (
-            mean_root + root_difference
-        ) if root_difference else mean_root, mean_root + root_difference
+        if not root_difference:
+            return mean_root, mean_root + root_difference
+        return product / (mean_root + root_difference), mean_root + root_difference
 
     @property
     def _plane_stiffness(self) -> float:
-        """C33 - C13^2/C11 [pressure]."""
+        """C33 - C13^2/C11 [pressure], which is finite at D = 0."""
         return self.E_z + 2 * self.nu_z**2 * self.E / (1 + self.nu + max(self._D, 0.0))
 
     @property
     def _indentation_modulus(self) -> float:
-        """M [pressure], finite for D = 0: 2 sqrt((C11 C33 - C13^2)/C11/(1/C44 + 2/(sqrt(C11 C33) +
-        C13))).
+        """Indentation modulus M [pressure] along the axis, finite at D = 0.
+
+        M = 2 sqrt((C11 C33 - C13^2)/C11 / (1/C44 + 2/(sqrt(C11 C33) + C13))).
+
+        Source: Elliott (1949), Proc. Camb. Phil. Soc. 45, 621; Delafargue & Ulm (2004), Int. J.
+        Solids Struct. 41, 7351.
         """
-        # Elliott (1949), Proc. Camb. Phil. Soc. 45, 621; Delafargue & Ulm (2004), Int. J. Solids
-        # Struct. 41, 7351
         E = self.E
         E_z = self.E_z
         nu = self.nu
@@ -163,7 +183,7 @@ class TransverselyIsotropic(ElasticLaw):
         return 2 * self._D / (self.E * (1 - self._d))
 
     def energy_parts(self, H: Expr) -> tuple[Expr, Expr]:
-        """The energy without theta, and theta."""
+        """Return the energy [pressure] without the theta term, and theta."""
         eps = ufl.sym(H)
         G = self.E / (2 * (1 + self.nu))
         d = self._d

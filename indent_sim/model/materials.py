@@ -26,5 +26,5 @@ Material = (
     | ArrudaBoyce
     | Gel
 )
-# Laws that `split`: shear may relax alone
+# Laws whose energy separates into a shear and a volumetric part, so that shear may relax alone.
 ShearRelaxingLaw = LinearElastic | MooneyRivlin | Yeoh | Ogden | Gent | Fung | ArrudaBoyce

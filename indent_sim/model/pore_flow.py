@@ -19,8 +19,10 @@ from indent_sim.model.units import (
 
 @dataclass(frozen=True)
 class HolmesMow:
-    """Pores that close: permeability ((J - phi0)/(1 - phi0))^alpha exp(M (J^2 - 1)/2), with the
-    solid's share phi0 of the volume at rest (Holmes & Mow 1990, J. Biomech. 23, 1145).
+    """Permeability of pores that close as the volume shrinks.
+
+    k(J)/k(1) = ((J - phi0)/(1 - phi0))^alpha exp(M (J^2 - 1)/2), phi0 the volume fraction of the
+    solid in the undeformed body (Holmes & Mow 1990, J. Biomech. 23, 1145).
     """
 
     phi0: Annotated[float, Ge(0), Lt(1)]
@@ -28,20 +30,31 @@ class HolmesMow:
     M: Annotated[float, Ge(0)] = 0.0
 
     def permeability_ratio(self, J: Expr) -> Expr:
-        """Of the permeability at rest, at a volume ratio J; not a number where no pore is left."""
+        """Return k(J)/k(1) at the volume ratio J; NaN where J <= phi0, because no pore is left."""
         return ((J - self.phi0) / (1 - self.phi0)) ** self.alpha * exp(self.M * (J * J - 1) / 2)
 
 
 @dataclass(frozen=True)
 class Flow:
-    """Fluid in the pores of a law whose own constants are those of the drained body (Biot 1941).
+    """Fluid in the pores of a law whose constants are those of the drained body (Biot 1941).
 
-    Fluid content per volume zeta = alpha tr eps + storage p, zeta' = div(permeability grad p).
-    `permeability`: that of the pores over the viscosity [length^2/(pressure time)]; or
-    `diffusivity` [length^2/time], with which pressure evens out while the body is confined,
-    permeability/(storage + alpha^2/M_c). alpha [1]: 1 where grains do not change their volume;
-    storage [1/pressure]: 0 where, besides, the fluid does not. holmes_mow: how the permeability
-    changes at finite strain; without it that of the deformed body stays what it is.
+    The fluid content per volume is zeta = alpha tr eps + storage p with zeta' = div(permeability
+    grad p).
+
+    Attributes
+    ----------
+    permeability
+        Permeability of the pores over the viscosity of the fluid [length^2/(pressure time)].
+    diffusivity
+        Instead of it, the diffusivity of the pressure in the laterally confined body,
+        permeability/(storage + alpha^2/M_c) [length^2/time].
+    alpha
+        Biot's coefficient [1]; 1 where the grains are incompressible.
+    storage
+        Specific storage [1/pressure]; 0 where grains and fluid are incompressible.
+    holmes_mow
+        Change of the permeability at finite strain; without it the permeability of the deformed
+        body is constant.
     """
 
     permeability: Annotated[float, Gt(0), Unit("length^2/(pressure time)")] | None = None
@@ -51,8 +64,18 @@ class Flow:
     holmes_mow: HolmesMow | None = None
 
     def canonical(self, confined_modulus: float) -> Self:
-        """The same said by the permeability; ValueError when not exactly one way of saying it is
-        used. confined_modulus: M_c of the drained body [pressure].
+        """Return the same flow with its permeability given instead of its diffusivity.
+
+        Parameters
+        ----------
+        confined_modulus : float
+            Modulus M_c [pressure] of the drained body in uniaxial strain.
+
+        Raises
+        ------
+        ValueError
+            Both or neither of permeability and diffusivity are given, or M_c is infinite (nu =
+            0.5).
         """
         if (self.permeability is None) == (self.diffusivity is None):
             raise ValueError("flow needs exactly one of permeability, diffusivity")

@@ -12,7 +12,7 @@ from indent_sim.model.units import (
     UnitRow,
 )
 
-MAX_PRONY_TERMS = 100  # of a relaxation
+MAX_PRONY_TERMS = 100
 Time = Annotated[float, Gt(0), TIME]
 Fraction = Annotated[float, Ge(0), Lt(1)]
 RelaxationTerm = Annotated[tuple[float, ...], Len(2, 2), UnitRow((None, TIME))]
@@ -20,7 +20,7 @@ RelaxationTerm = Annotated[tuple[float, ...], Len(2, 2), UnitRow((None, TIME))]
 
 @dataclass(frozen=True)
 class PowerLaw:
-    """E(t) = E (t/time)^-exponent."""
+    """Power-law relaxation of Young's modulus, E(t) = E (t/time)^-exponent."""
 
     exponent: Annotated[float, Gt(0), Lt(1)]
     time: Time
@@ -28,9 +28,11 @@ class PowerLaw:
 
 @dataclass(frozen=True)
 class Relaxation:
-    """G(t) of a law whose own constants are the instantaneous ones: `prony` terms [fraction, time],
-    whose fractions sum below 1, or a power law. `of`: all moduli fall alike, nu stays what it is
-    | shear: the bulk modulus stays what it is, and at finite strain too.
+    """Stress relaxation of a law whose constants are the instantaneous ones.
+
+    Either `prony` terms [fraction, time], whose fractions sum to less than 1, or a power law. `of`:
+    "all" relaxes all moduli by one factor and keeps nu; "shear" relaxes the shear modulus alone and
+    keeps the bulk modulus, also at finite strain.
     """
 
     prony: Annotated[tuple[RelaxationTerm, ...], Len(1, MAX_PRONY_TERMS)] | None = None
@@ -39,8 +41,9 @@ class Relaxation:
 
 
 class PronySeries(NamedTuple):
-    """G(t) = rest + sum fraction exp(-t/time) of a modulus, over that of the law's constants; times
-    [time] > 0.
+    """Relaxation function G(t)/G(0) = long_term + sum fraction exp(-t/time) of a modulus.
+
+    G(0) is the modulus of the law's constants; the times [time] are > 0.
     """
 
     long_term: float

@@ -22,10 +22,10 @@ ContactAngle = Annotated[float, Gt(0), Lt(180), ANGLE]
 
 @dataclass(frozen=True)
 class SphericalBody(RoundBody):
-    """The piece of a ball below its apex at z = 0, down to the plane z = -height [length]; its base
-    is there.
+    """Part of a ball below its apex at z = 0, down to its base in the plane z = -height [length].
 
-    A whole ball (height = 2 radius) is held below its equator instead. pieces: see `Scales`.
+    A whole ball (height = 2 radius) is supported below its equator instead. contacts_per_body: see
+    `Scales`.
     """
 
     radius: Length
@@ -37,8 +37,9 @@ class SphericalBody(RoundBody):
 
     @property
     def max_coating_thickness(self) -> float:
-        """How thick skins may be together [length], all but: beyond it the core would not reach the
-        base.
+        """Upper bound of the total thickness of all coatings [length].
+
+        With thicker coatings the core would not reach the base.
         """
         return (
             self.radius
@@ -54,23 +55,25 @@ class SphericalBody(RoundBody):
 
     @property
     def max_section_radius(self) -> float:
-        """The largest radius of a horizontal section [length]."""
+        """Largest radius of a horizontal section [length]."""
         return self.radius if self.height > self.radius else self.base_edge[0]
 
     def wall_clearance(self, inclusion: Inclusion) -> float:
-        """Distance [length] from an inclusion to the curved surface; negative where it is outside."""
+        """Return the distance [length] from an inclusion to the curved surface.
+
+        It is negative if the inclusion protrudes.
+        """
         return self.radius - inclusion.farthest_distance((0.0, 0.0, -self.radius))
 
 
 @dataclass(frozen=True)
 class Cap(CenteredBody):
-    """The part of a ball above the plane z = -height, on which it stands with `base_radius`
-    [length].
+    """Part of a ball above the plane z = -height, on which it stands with `base_radius` [length].
 
-    Either `height` or `contact_angle` [degrees], between base and surface inside the body: height =
-    base_radius tan(contact_angle/2). Beyond 90 degrees the body is wider than its base. Layers are
-    skins of constant thickness, concentric, from the curved surface inwards; the last one, the
-    core, has no thickness.
+    Either `height` or `contact_angle` [degrees] is given, the angle between base and surface inside
+    the body: height = base_radius tan(contact_angle/2). Beyond 90 degrees the body is wider than
+    its base. Layers are concentric coatings of constant thickness from the curved surface inwards;
+    the last one, the core, has no thickness.
     """
 
     base_radius: Length
@@ -84,12 +87,12 @@ class Cap(CenteredBody):
 
     @property
     def apex_height(self) -> float:
-        """The height, given or by the contact angle [length]."""
+        """Height [length], given or from the contact angle."""
         return self.height or self.base_radius * tan(radians(self.contact_angle or 90.0) / 2)
 
     @property
     def spherical_body(self) -> SphericalBody:
-        """The same body by the radius of its ball, (base_radius^2 + height^2)/(2 height)."""
+        """The same body with the radius of its ball, (base_radius^2 + height^2)/(2 height)."""
         height = self.apex_height
         radius = (self.base_radius**2 + height**2) / (2 * height)
         return SphericalBody(radius, height, "cap", self.base, inclusions=self.inclusions)
@@ -97,12 +100,13 @@ class Cap(CenteredBody):
 
 @dataclass(frozen=True)
 class Ball(CenteredBody):
-    """A ball whose highest point is the origin: -2 radius <= z <= 0 [length].
+    """Ball whose highest point is the origin: -2 radius <= z <= 0 [length].
 
-    base roller: the plane through its center is a mirror plane, below which the same tip pushes up:
-    `delta` is the approach of the two, and an inclusion is above that plane, and mirrored, or
-    centered on it. fixed: the lower half of its surface is bonded to something rigid. Layers are
-    concentric skins from the surface inwards; the last one, the core, has no thickness.
+    base "roller": the plane through the center is a mirror plane, and an equal tip pushes up from
+    below. `delta` is the approach of the two tips; an inclusion is above that plane and mirrored,
+    or centered on it. base "fixed": the lower half of the surface is bonded to a rigid support.
+    Layers are concentric coatings from the surface inwards; the last one, the core, has no
+    thickness.
     """
 
     radius: Length
@@ -114,7 +118,7 @@ class Ball(CenteredBody):
 
     @property
     def spherical_body(self) -> SphericalBody:
-        """What is modelled of it: the half above the mirror plane, or all of it."""
+        """The modelled part: the half above the mirror plane, or the whole ball."""
         if self.base == "roller":
             return SphericalBody(self.radius, self.radius, "ball", self.base, 2, self.inclusions)
         return SphericalBody(

@@ -18,30 +18,28 @@ from indent_sim.model.units import (
 
 
 class _UnboundedBody(CenteredBody):
-    """What bodies without sides have in common: every place is equal, and there is room beside any
-    contact.
-    """
+    """Base class of bodies without sides, whose top surface is unbounded."""
 
     def lateral_extent(self, center: tuple[float, ...]) -> float:
-        """There is no edge of the top surface."""
+        """Return infinity: the top surface has no edge."""
         return inf
 
     def max_lateral_extent(self, center: tuple[float, ...]) -> float:
-        """The top surface has no farthest point."""
+        """Return infinity: the top surface has no farthest point."""
         return inf
 
     def wall_clearance(self, inclusion: Inclusion) -> float:
-        """There is no wall."""
+        """Return infinity: there is no wall."""
         return inf
 
     def top_points(self) -> Points:
-        """No points: there is no mean over all of the top surface."""
+        """Return no points: an unbounded surface has no mean."""
         return np.empty(0), np.empty(0)
 
 
 @dataclass(frozen=True)
 class HalfSpace(_UnboundedBody):
-    """z <= 0 without end: solved by theory, or on a finite body that is large enough."""
+    """Half-space z <= 0: solved by theory, or on a finite body that is large enough."""
 
     shape: Literal["half_space"] = "half_space"
     layers: Layers | None = None
@@ -53,8 +51,9 @@ class HalfSpace(_UnboundedBody):
 
 @dataclass(frozen=True)
 class InfiniteLayer(_UnboundedBody):
-    """-height <= z <= 0 [length], infinitely wide: solved by theory, or on a finite body that is
-    large enough.
+    """Infinitely wide layer -height <= z <= 0 [length].
+
+    It is solved by theory, or on a finite body that is large enough.
     """
 
     height: Length

@@ -26,7 +26,7 @@ from indent_sim.model.units import (
 
 @dataclass(frozen=True)
 class StripSides:
-    """The two walls of a strip; roller: no normal displacement."""
+    """Supports of the two walls of a strip; roller: no normal displacement."""
 
     x_min: Support = "free"
     x_max: Support = "free"
@@ -34,16 +34,14 @@ class StripSides:
 
 @dataclass(frozen=True)
 class BoxSides(StripSides):
-    """The four walls of a box; roller: no normal displacement."""
+    """Supports of the four walls of a box; roller: no normal displacement."""
 
     y_min: Support = "free"
     y_max: Support = "free"
 
 
 class _WalledBody(ABC):
-    """What bodies between vertical walls have in common: each horizontal axis goes from 0 to a
-    width.
-    """
+    """Base class of bodies between vertical walls, from 0 to a width along each horizontal axis."""
 
     sides: StripSides
 
@@ -54,15 +52,14 @@ class _WalledBody(ABC):
 
     @property
     def center(self) -> tuple[float, ...]:
-        """The middle of the top."""
+        """Center of the top surface."""
         return tuple(width / 2 for width in self.widths)
 
     def lateral_extent(self, center: tuple[float, ...]) -> float:
-        """Distance [length] from `center` to the nearest edge of the top, beyond which nothing goes
-        on.
+        """Return the distance [length] from `center` to the nearest edge of the top surface.
 
-        A roller wall right under the tip's axis is a mirror plane: the tip sees the body go on
-        behind it.
+        A roller wall through the tip's axis is a mirror plane, behind which the body continues; it
+        is no edge.
         """
         distances: dict[str, float] = {}
         for axis, position, width in zip("xy", center, self.widths, strict=False):
@@ -72,20 +69,24 @@ class _WalledBody(ABC):
         )
 
     def _is_mirror(self, distance: float, wall: str) -> bool:
+        """Return whether a wall is a roller through the tip's axis."""
         return (
             abs(distance) <= POSITION_TOLERANCE * max(self.widths)
             and getattr(self.sides, wall) == "roller"
         )
 
     def max_lateral_extent(self, center: tuple[float, ...]) -> float:
-        """Distance [length] from `center` to the farthest corner of the top."""
+        """Return the distance [length] from `center` to the farthest corner of the top surface."""
         positions = zip(center, self.widths, strict=True)
         return float(
             sum(max(position, width - position) ** 2 for position, width in positions) ** 0.5
         )
 
     def wall_clearance(self, inclusion: Inclusion) -> float:
-        """Distance [length] from an inclusion to the nearest wall; negative where it is outside."""
+        """Return the distance [length] from an inclusion to the nearest wall.
+
+        It is negative if the inclusion protrudes.
+        """
         positions = enumerate(zip(inclusion.center, self.widths, strict=False))
         return min(
             min(position, width - position) - inclusion.half_width(axis)
@@ -94,13 +95,13 @@ class _WalledBody(ABC):
 
     @property
     def is_laterally_confined(self) -> bool:
-        """Whether no side lets the body out."""
+        """True if no side is free."""
         return "free" not in vars(self.sides).values()
 
 
 @dataclass(frozen=True)
 class Strip(_WalledBody):
-    """0 <= x <= width, -height <= z <= 0 [length], plane strain: forces per unit length."""
+    """Strip 0 <= x <= width, -height <= z <= 0 [length] in plane strain; forces per unit length."""
 
     width: Length
     height: Length
@@ -111,7 +112,8 @@ class Strip(_WalledBody):
     inclusions: Inclusions | None = None
     surface_tension: SurfaceTension = 0.0
 
-    dim: ClassVar[int] = 2  # forces are per unit length
+    # Plane strain: forces are per unit length.
+    dim: ClassVar[int] = 2
 
     @property
     def widths(self) -> tuple[float, ...]:
@@ -119,11 +121,11 @@ class Strip(_WalledBody):
         return (self.width,)
 
     def top_points(self) -> Points:
-        """Points of the top edge, each standing for an equal length."""
+        """Return points of the top edge, each for an equal length."""
         return self.width * UNIT_MIDPOINTS, np.zeros(POINTS_PER_AXIS)
 
     def fixed_edge_points(self) -> Points:
-        """Points along the top of all fixed sides."""
+        """Return the top ends of all fixed sides."""
         wall_positions = {"x_min": 0.0, "x_max": self.width}
         x = np.array(
             [
@@ -137,7 +139,7 @@ class Strip(_WalledBody):
 
 @dataclass(frozen=True)
 class Box(_WalledBody):
-    """0 <= x <= lx, 0 <= y <= ly, -lz <= z <= 0 [length]."""
+    """Box 0 <= x <= lx, 0 <= y <= ly, -lz <= z <= 0 [length]."""
 
     size: PositiveSize
     shape: Literal["box"] = "box"
@@ -160,11 +162,11 @@ class Box(_WalledBody):
         return self.size[:2]
 
     def top_points(self) -> Points:
-        """Points of the top surface, each standing for an equal area."""
+        """Return points of the top surface, each for an equal area."""
         return self.size[0] * UNIT_MIDPOINTS[:, None], self.size[1] * UNIT_MIDPOINTS[None, :]
 
     def fixed_edge_points(self) -> Points:
-        """Points along the top of all fixed sides."""
+        """Return points along the top edge of all fixed sides."""
         lx, ly = self.widths
         x = lx * UNIT_POINTS
         y = ly * UNIT_POINTS

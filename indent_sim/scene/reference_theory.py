@@ -122,7 +122,7 @@ TIP_THEORIES: dict[type, TipTheory] = {
     FlatPunch: TipTheory(profiles.flat_punch, ("radius", "edge_radius"), *PUNCH_FORMULA),
     Plate: TipTheory(profiles.flat_plate),
     **dict.fromkeys((tips.Pyramid, tips.Berkovich, tips.Vickers, tips.CubeCorner), PYRAMID_THEORY),
-    Profile: TipTheory(_piecewise_linear_tip, ("points", "tip_radius", "slope", "corners")),
+    Profile: TipTheory(_piecewise_linear_tip, ("points", "tip_radius", "slope", "rounding_arcs")),
 }
 
 

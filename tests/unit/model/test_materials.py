@@ -98,7 +98,7 @@ WRONG = {
         {"model": "ogden", "mu": [1.0], "alpha": [2.0, 1.0], "nu": 0.3},
         "1 entries and alpha 2",
     ),
-    "zero": ({"model": "ogden", "mu": [1.0, 1.0], "alpha": [2.0, 0.0], "nu": 0.3}, "alpha of zero"),
+    "zero": ({"model": "ogden", "mu": [1.0, 1.0], "alpha": [2.0, 0.0], "nu": 0.3}, "alpha must not be zero"),
     "empty": ({"model": "ogden", "nu": 0.3}, "mu"),
     "three": ({"model": "neo_hookean", "E": 1.0, "nu": 0.3, "mu": 1.0}, "exactly two of"),
     "no_Jm": ({"model": "gent", "mu": 1.0, "nu": 0.3}, "material.Jm: missing"),
