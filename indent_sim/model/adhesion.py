@@ -14,9 +14,10 @@ from indent_sim.model.units import ADHESION, LengthOrZero
 
 @dataclass(frozen=True)
 class Adhesion:
-    """An attraction across the gap g: sigma = (work/range) exp(-g/range) [pressure], whose integral
-    is `work`. Without a range the smallest is named that the mesh resolves; 0 is the limit of
-    `experiment.adhesion`.
+    """Attraction sigma = (work/range) exp(-g/range) [pressure] across the gap g.
+
+    Its integral over the gap is the work of adhesion. A scene without a range is refused with the
+    smallest range that the mesh resolves; a range of 0 is the limit of `experiment.adhesion` (JKR).
     """
 
     work: Annotated[float, Gt(0), ADHESION]
@@ -24,28 +25,32 @@ class Adhesion:
 
     @property
     def _interaction_range(self) -> Expr:
+        """Range [length] of an adhesion that has one."""
         return self.range
 
     def energy(self, g: Expr) -> Expr:
-        """gamma(g) = -work exp(-<g>/range) - (work/range) <-g> per area [pressure length],
-        negative.
+        """Return the energy of the attraction per area [pressure length], negative.
+
+        gamma(g) = -work exp(-<g>/range) - (work/range) <-g>.
         """
         open_gap = macaulay(g)
         interaction_range = self._interaction_range
         return self.work * ((g - open_gap) / interaction_range - exp(-open_gap / interaction_range))
 
     def attraction(self, g: Expr) -> Expr:
-        """sigma(g) = (work/range) exp(-<g>/range) [pressure], >= 0, constant where the gap is
-        closed.
+        """Return sigma(g) = (work/range) exp(-<g>/range) [pressure], >= 0.
+
+        It is constant where the gap is closed.
         """
         return self.work / self._interaction_range * exp(-macaulay(g) / self._interaction_range)
 
     def cohesive_zone(self, E_star: float) -> float:
-        """l = (pi/4) E* range^2/work [length]: how far the attraction reaches beside the edge of a
-        contact.
+        """Return the width l = (pi/4) E* range^2/work [length] of the cohesive zone.
+
+        It is the distance outside the contact edge in which the tip attracts the surface.
         """
         return float(pi / 4 * E_star * self._interaction_range**2 / self.work)
 
     def range_for_cohesive_zone(self, cohesive_zone: float, E_star: float) -> float:
-        """The range [length] that has this cohesive zone [length]."""
+        """Return the range [length] that has a cohesive zone of this width [length]."""
         return (4 / pi * self.work * cohesive_zone / E_star) ** 0.5

@@ -9,9 +9,8 @@ import numpy as np
 Support = Literal["free", "roller", "fixed"]
 BaseSupport = Literal["fixed", "roller"]
 Points = tuple[np.ndarray, np.ndarray]  # x and y [length]
-POINTS_PER_AXIS = (
-    400  # along each axis; midpoints, so that the mean of a paraboloid is good to 1e-5
-)
+# Midpoints of so many equal intervals along each axis give the mean of a paraboloid to 1e-5.
+POINTS_PER_AXIS = 400
 UNIT_MIDPOINTS = (np.arange(POINTS_PER_AXIS) + 0.5) / POINTS_PER_AXIS
 UNIT_POINTS = np.linspace(0, 1, POINTS_PER_AXIS + 1)
 

@@ -7,9 +7,9 @@ With p_hat = lam - epsilon_n g the contact term of the potential is
 its derivative is the traction <p_hat> along the tip's normal, and <p_hat> >= 0 is the pressure
 (signs: gap g >= 0 open, lam >= 0 a pressure, so lam = -lambda of the notes).
 
-A tip that adheres adds gamma(g) = -work exp(-g/range) for g > 0, continued straight for g < 0: the
-traction is then <p_hat> - sigma with sigma = dgamma/dg >= 0 [pressure], and lam is the pressure of
-contact alone, on top of -sigma.
+Adhesion adds gamma(g) = -work exp(-g/range) for g > 0, continued linearly for g < 0. The traction
+is then <p_hat> - sigma with sigma = dgamma/dg >= 0 [pressure]; lam is the pressure of contact
+alone, without -sigma.
 """
 
 from __future__ import annotations
@@ -25,18 +25,19 @@ from indent_sim.model.units import Auto, ContactStiffness
 
 Gap = Literal["auto", "reference", "current"]
 Multiplier = Literal["none", "unknown", "frozen", "stress", "nodal"]
-Friction = (
-    Annotated[float, Ge(0), Le(5)] | Literal["stick"]
-)  # Coulomb's coefficient; stick: no slip at all
-# Where a point that comes into contact during a step is taken to have touched the tip: at its place
-# at the step's beginning (too stiff), nowhere before the end (too soft), or on the way between,
-# which the other two enclose.
+# Coulomb's coefficient; stick: no slip at all.
+Friction = Annotated[float, Ge(0), Le(5)] | Literal["stick"]
+# Where a point that comes into contact during an increment sticks to the tip: at its position at
+# the beginning of the increment (implicit, too stiff), not before the end (glue, too soft), or on
+# the way (mid), which lies between the other two.
 SlipReference = Literal["implicit", "glue", "mid"]
-NO_ELASTIC_CURVE = "friction, or adhesion over a range: no curve determines it"
+NO_ELASTIC_CURVE = (
+    "with friction, or adhesion over a range, the load curve does not determine the history"
+)
 
 
 class _ContactLaw:
-    """What is asked of every law."""
+    """Base class of all contact laws, with the properties by which the solver chooses."""
 
     friction: Expr = 0.0
     epsilon_t: Expr = "auto"
@@ -44,27 +45,27 @@ class _ContactLaw:
 
     @property
     def is_conservative(self) -> bool:
-        """Whether the contact has a potential: not with friction."""
+        """True if the contact has a potential, which friction has not."""
         return not self.friction
 
     @property
     def is_bonded(self) -> bool:
-        """Whether nothing that touches slips."""
+        """True if no point in contact can slip."""
         return self.friction == "stick"
 
     @property
     def may_snap_through(self) -> bool:
-        """Whether two equilibria may be stable at one depth: of a tip that adheres."""
+        """True if two stable equilibria may exist at one depth, as with adhesion."""
         return self.adhesion is not None
 
     @property
     def is_path_dependent(self) -> bool:
-        """Whether an equilibrium depends on the path to it."""
+        """True if an equilibrium depends on the load path."""
         return self.may_snap_through or not self.is_conservative
 
     @property
     def remedies(self) -> tuple[str, ...]:
-        """Other keys of it that may help where no equilibrium is found."""
+        """Settings of the contact that may help if Newton's method does not converge."""
         has_own_stiffness = not self.is_conservative and self.epsilon_t != getattr(
             self, "stiffness", None
         )
@@ -75,32 +76,36 @@ class _ContactLaw:
 
     @property
     def may_slip(self) -> bool:
-        """Whether what touches may slip, and lose what that takes."""
+        """True if points in contact may slip and dissipate energy."""
         return not (self.is_conservative or self.is_bonded)
 
     @property
     def path_key(self) -> str:
-        """The key that makes it depend on the path: friction | adhesion, which are not given both;
-        "" for none.
+        """Key that makes the law path-dependent: "friction" or "adhesion".
+
+        Only one of them may be given.
+
+        "" if there is none.
         """
         return next((name for name in ("friction", "adhesion") if getattr(self, name)), "")
 
     @property
     def feature_without_theory(self) -> str:
-        """What it has that no theory knows, in words; "" for nothing."""
+        """Description of the feature that no theory has; "" if there is none."""
         return {"friction": "friction", "adhesion": "attraction with a range"}.get(
             self.path_key, ""
         )
 
     @property
     def reason_no_elastic_curve(self) -> str:
-        """Why no elastic curve determines what it does in time; "" where one does."""
+        """Reason why a history cannot be computed from the elastic load curve; "" if it can."""
         return NO_ELASTIC_CURVE if self.path_key else ""
 
     @property
     def reason_unsymmetric(self) -> str:
-        """Why its tangent is not symmetric and definite; "" where it is, or its multiplier alone is
-        why.
+        """Reason why the tangent is not symmetric and definite; "" if it is.
+
+        A multiplier, which also makes it indefinite, is not considered.
         """
         effects = {
             "friction": "has a tangent that is not symmetric",
@@ -110,13 +115,13 @@ class _ContactLaw:
 
     @property
     def adhesion_range(self) -> float:
-        """How far the tip attracts the surface across the gap [length]; 0 where it does not."""
+        """Range of the attraction across the gap [length]; 0 without adhesion."""
         return (self.adhesion.range or 0.0) if self.adhesion else 0.0
 
 
 @dataclass(frozen=True)
 class AutoContact(_ContactLaw):
-    """The program chooses the method and says why."""
+    """Contact with a method that the program chooses, with its reason."""
 
     method: Literal["auto"] = "auto"
     gap: Gap = "auto"
@@ -126,18 +131,19 @@ class AutoContact(_ContactLaw):
 
 
 class _StiffnessLaw(_ContactLaw):
-    """What the laws with a stiffness (epsilon_n or gamma, pressure per length) have in common."""
+    """Base class of the laws with a stiffness, epsilon_n or gamma [pressure/length]."""
 
     method: str
     stiffness: Expr
 
     def trial_pressure(self, g: Expr, lam: Expr) -> Expr:
-        """p_hat = lam - stiffness g [pressure]; its positive part is the pressure."""
+        """Return p_hat = lam - stiffness g [pressure]; its positive part is the pressure."""
         return lam - self.stiffness * g
 
     def potential(self, g: Expr, lam: Expr) -> Expr:
-        """( <p_hat>^2 - lam^2 ) / (2 stiffness), and gamma(g) of a tip that adheres, per area
-        [pressure length].
+        """Return the potential of the contact per area [pressure length].
+
+        It is (<p_hat>^2 - lam^2)/(2 stiffness), plus gamma(g) with adhesion.
         """
         contact_energy = (macaulay(self.trial_pressure(g, lam)) ** 2 - lam * lam) / (
             2 * self.stiffness
@@ -146,28 +152,32 @@ class _StiffnessLaw(_ContactLaw):
 
     @property
     def reason_not_condensable(self) -> str:
-        """Why a condensed body, which has this potential written out, cannot have the law; "" where
-        it can.
+        """Reason why the law cannot be solved on a condensed body; "" if it can.
+
+        The condensed solver has this potential written out.
         """
         if self.may_snap_through:
-            return "a tip that adheres is solved on the whole body"
+            return "adhesion with a range is solved on the whole body"
         has_own_potential = type(self).potential is not _StiffnessLaw.potential
         return f"{self.method} has a potential of its own" if has_own_potential else ""
 
 
 class _NormalStiffness(_StiffnessLaw):
+    """Base class of the laws whose stiffness is epsilon_n."""
+
     epsilon_n: Expr
 
     @property
     def stiffness(self) -> Expr:  # type: ignore[override]
-        """epsilon_n [pressure per length]."""
+        """epsilon_n [pressure/length]."""
         return self.epsilon_n
 
 
 @dataclass(frozen=True)
 class Penalty(_NormalStiffness):
-    """p = epsilon_n <-g>: energy epsilon_n/2 <-g>^2 (notes 3.3-3.5); the tip penetrates by
-    p/epsilon_n.
+    """Penalty method: p = epsilon_n <-g>, with the energy epsilon_n/2 <-g>^2 (notes 3.3-3.5).
+
+    The tip penetrates the body by p/epsilon_n.
     """
 
     method: Literal["penalty"] = "penalty"
@@ -177,27 +187,29 @@ class Penalty(_NormalStiffness):
     epsilon_t: ContactStiffness | Auto = "auto"
 
     multiplier: ClassVar[Multiplier] = "none"
-    auto_stiffness_factor: ClassVar[float] = (
-        100.0  # of E*/h_contact, at least: 0.1 % of the force on HERTZ
-    )
-    min_tangential_factor: ClassVar[float] = (
-        0.1  # of E*/h_contact: below, four fifths of what friction adds are lost
-    )
+    # Multiple of E*/h_contact, at least: the error of the force is 0.1 % for Hertz's problem.
+    auto_stiffness_factor: ClassVar[float] = 100.0
+    # Multiple of E*/h_contact; below it, four fifths of the force that friction adds are lost.
+    min_tangential_factor: ClassVar[float] = 0.1
 
     @property
     def reason_not_condensable(self) -> str:
-        """Of one that rubs, too: its traction along the surface is not written out."""
+        """Reason as of `_StiffnessLaw`, or friction, whose traction the condensed solver lacks."""
         friction_reason = (
-            "" if self.is_conservative else "a penalty with friction is solved on the whole body"
+            "" if self.is_conservative else "penalty with friction is solved on the whole body"
         )
         return super().reason_not_condensable or friction_reason
 
 
 @dataclass(frozen=True)
 class AugmentedLagrangian(_NormalStiffness):
-    """Displacement and multiplier together in one semismooth Newton (notes 3.6-3.7); epsilon_n only
-    steers it, and so does epsilon_t what slides; where the surface sticks, what it adds to the
-    force moves by 0.35 h_contact/a of itself per decade.
+    """Augmented Lagrangian: displacement and multiplier by one semismooth Newton method.
+
+    Source: notes 3.6-3.7.
+
+    epsilon_n affects the convergence only, and so does epsilon_t at points that slip. Where the
+    surface sticks, the part of the force that friction adds changes by 0.35 h_contact/a of itself
+    per decade of epsilon_t.
     """
 
     method: Literal["augmented_lagrangian"] = "augmented_lagrangian"
@@ -208,30 +220,35 @@ class AugmentedLagrangian(_NormalStiffness):
     adhesion: Adhesion | None = None
 
     multiplier: ClassVar[Multiplier] = "unknown"
-    auto_stiffness_factor: ClassVar[float] = 1.0  # of E*/h_contact: the most accurate, measured
-    # Below, steps fail or end in forces without friction: from 1e-4 on with Coulomb's law; cut back
-    # from 1e-3 on
+    # Multiple of E*/h_contact; measured as the most accurate one.
+    auto_stiffness_factor: ClassVar[float] = 1.0
+    # Multiple of E*/h_contact. With Coulomb's law, increments are cut back at 1e-3 and below; at
+    # 1e-4 and below they fail or converge to forces without friction.
     min_tangential_factor: ClassVar[float] = 0.01
 
 
 @dataclass(frozen=True)
 class Uzawa(_NormalStiffness):
-    """Newton with the multiplier frozen, then lam <- <lam - epsilon_n g>, until it stands still."""
+    """Uzawa iteration: Newton's method with a frozen multiplier, then lam <- <lam - epsilon_n g>.
+
+    It is repeated until lam does not change any more.
+    """
 
     method: Literal["uzawa"] = "uzawa"
     epsilon_n: ContactStiffness | Auto = "auto"
     gap: Gap = "auto"
 
     multiplier: ClassVar[Multiplier] = "frozen"
-    auto_stiffness_factor: ClassVar[float] = (
-        100.0  # of E*/h_contact: few loops; softer ones fail in deep bodies of nu = 0.5
-    )
+    # Multiple of E*/h_contact that needs few iterations; softer ones fail in deep bodies of nu =
+    # 0.5.
+    auto_stiffness_factor: ClassVar[float] = 100.0
 
 
 @dataclass(frozen=True)
 class Nitsche(_StiffnessLaw):
-    """The multiplier is the body's own contact stress, p = <-sigma_n(u) - gamma g>; no extra
-    unknown. The variation of sigma_n is dropped (theta = 0).
+    """Nitsche's method: the multiplier is the body's contact stress, p = <-sigma_n(u) - gamma g>.
+
+    It has no additional unknowns. The variation of sigma_n is dropped (theta = 0).
     """
 
     method: Literal["nitsche"] = "nitsche"
@@ -239,28 +256,29 @@ class Nitsche(_StiffnessLaw):
     gap: Gap = "auto"
 
     multiplier: ClassVar[Multiplier] = "stress"
-    auto_stiffness_factor: ClassVar[float] = (
-        10.0  # of E*/h_contact: far enough above the smallest that works
-    )
-    # Without the variation of sigma_n nothing holds the tip back below about E*/h_contact. Measured
-    # against the active set on the same mesh (HERTZ axisymmetric, strip and cube; nu 0.3, 0.48, and
-    # 0.4999 mixed; 4 to 20 elements in a): from 1 on the force is within 0.2 %, at 0.3 it is up to
-    # 1.3 % too high, at 0.1 up to 9 %, at 0.01 up to 37 %; each of them converges as willingly as
-    # the right one. With 2 elements in a: 3 % at 1, 8 % at 0.3.
+    # Multiple of E*/h_contact, ten times the smallest that is accurate.
+    auto_stiffness_factor: ClassVar[float] = 10.0
+    # Multiple of E*/h_contact, below which the tip penetrates, because the variation of sigma_n is
+    # dropped. Measured against the active set on the same mesh (Hertz's problem axisymmetric, strip
+    # and cube; nu 0.3, 0.48, and 0.4999 mixed; 4 to 20 elements in a): from 1 on the force is
+    # within 0.2 %, at 0.3 it is up to 1.3 % too high, at 0.1 up to 9 %, at 0.01 up to 37 %;
+    # Newton's method converges equally well for all of them. With 2 elements in a: 3 % at 1, 8 %
+    # at 0.3.
     min_stiffness_factor: ClassVar[float] = 1.0
 
     reason_not_condensable: ClassVar[str] = "Nitsche's method needs the stress inside the body"  # type: ignore[misc]
 
     @property
     def stiffness(self) -> Expr:  # type: ignore[override]
-        """gamma [pressure per length]."""
+        """gamma [pressure/length]."""
         return self.gamma
 
 
 @dataclass(frozen=True)
 class ActiveSet(_ContactLaw):
-    """Primal-dual active set on nodal pressures and weighted gaps: exact complementarity, no
-    parameter.
+    """Primal-dual active set on nodal pressures and weighted gaps.
+
+    Complementarity is exact, and there is no parameter.
     """
 
     method: Literal["active_set"] = "active_set"

@@ -10,17 +10,19 @@ from math import inf
 
 from indent_sim.model.load_path import Control, LoadPath
 
-HISTORY_ROWS = 200  # of a history on the elastic curve at least, and at most as many more
-LEAST_STEP_FRACTION = 1e-9  # of a piece: a last step shorter than that is none
-ROWS_PER_SEGMENT = 20  # of each piece of a history on the whole body
-LEAST_STEPS_PER_SEGMENT = 5  # times the steps of each length, the least of a piece that moves
+# A history on the elastic curve has between one and two times as many rows.
+HISTORY_ROWS = 200
+# A last increment shorter than this fraction of a segment is left out.
+LEAST_STEP_FRACTION = 1e-9
+# Rows in each segment of a history on the whole body.
+ROWS_PER_SEGMENT = 20
+# A segment with a moving tip has at least `per_doubling` times as many time increments.
+LEAST_STEPS_PER_SEGMENT = 5
 
 
 @dataclass(frozen=True)
 class HistoryRow:
-    """A row of a history: the time [time], what is prescribed there, and whether the tip
-    approaches, holds or retracts.
-    """
+    """Row of a history: time [time], prescribed value, and branch (approach, hold or retract)."""
 
     t: float
     value: float
@@ -29,9 +31,11 @@ class HistoryRow:
 
 @dataclass(frozen=True)
 class History:
-    """Depths, ways of a base [length] or forces [force] in time: `points` (t, value), straight
-    between them; two equal times are a jump. Before the first point the body is at rest.
-    `times`: of the rows; none: every point and, between them, enough for a curve.
+    """Depths, base positions [length] or forces [force] prescribed in time.
+
+    `points` are (t, value), linear between them; two equal times are a jump. Before the first point
+    the body is undeformed. `times` are those of the rows; if empty, every point is a row and there
+    are enough rows between them for a curve.
     """
 
     control: Control
@@ -40,17 +44,17 @@ class History:
 
     @property
     def largest_value(self) -> float:
-        """The largest value."""
+        """Largest value."""
         return max(value for _, value in self.points)
 
     @property
     def duration(self) -> float:
-        """From the first point to the last [time]."""
+        """Time from the first point to the last [time]."""
         return self.points[-1][0] - self.points[0][0]
 
     @property
     def loading_duration(self) -> float:
-        """From where the tip sets out to where its value is the largest [time]; a jump takes none."""
+        """Time from the beginning of loading to the largest value [time]; a jump takes none."""
         points = self.points_from_rest
         peak_index = max(range(len(points)), key=lambda k: (points[k][1], -k))
         start_index = max((k for k in range(peak_index) if points[k][1] <= 0), default=0)
@@ -58,7 +62,7 @@ class History:
 
     @property
     def hold_duration(self) -> float:
-        """From its largest value to the end where it stays there [time], else 0."""
+        """Time for which the largest value is held until the end [time]; 0 if it is not."""
         peak_index = next(
             k for k, (_, value) in enumerate(self.points) if value == self.largest_value
         )
@@ -67,33 +71,35 @@ class History:
 
     @property
     def shortest_segment(self) -> float:
-        """The shortest time between two points that is none [time]."""
+        """Shortest time > 0 between two points [time]."""
         return min(end - start for (start, _), (end, _) in pairwise(self.points) if end > start)
 
     @property
     def has_reloading(self) -> bool:
-        """Whether a value rises again after it fell: more than one cycle."""
+        """True if the value rises again after it fell."""
         steps = [next_value - value for (_, value), (_, next_value) in pairwise(self.points)]
         falls = [k for k, step in enumerate(steps) if step < 0]
         return bool(falls) and any(step > 0 for step in steps[falls[0] :])
 
     @property
     def has_jumps(self) -> bool:
-        """Whether a value changes at once, from rest too."""
+        """True if the value jumps, also at the first point."""
         return self.points[0][1] > 0 or any(
             a[0] == b[0] and a[1] != b[1] for a, b in pairwise(self.points)
         )
 
     @property
     def points_from_rest(self) -> tuple[tuple[float, float], ...]:
-        """The points, after one at rest where the first jumps in."""
+        """Points, with one at value 0 in front if the first one is a jump."""
         (t, value), *_ = self.points
         return ((t, 0.0), *self.points) if value > 0 else self.points
 
     @property
     def rows_per_segment(self) -> tuple[int, ...]:
-        """Rows of each piece of `from_rest`: its share of the time, or of the pieces if that is
-        more; a jump: 1.
+        """Number of rows in each segment of `points_from_rest`; 1 for a jump.
+
+        A segment gets HISTORY_ROWS times its fraction of the duration, or times 1/segments if that
+        is more.
         """
         spans = [end - start for (start, _), (end, _) in pairwise(self.points_from_rest)]
         fractions = [max(span / self.duration, 1.0 / len(spans)) for span in spans]
@@ -104,7 +110,7 @@ class History:
 
     @property
     def with_row_times_inserted(self) -> History:
-        """The same with its `times` as points, and a row at every point and between."""
+        """Return the same history with its `times` as points, and `times` empty."""
         point_times = [t for t, _ in self.points]
         points = list(self.points)
         for t in sorted({*self.times} - {*point_times}):
@@ -115,7 +121,7 @@ class History:
 
     @property
     def rows(self) -> tuple[HistoryRow, ...]:
-        """Every point and those between, and at a jump the state before and after it."""
+        """All points and the rows between them; at a jump the states before and after it."""
         points = self.points_from_rest
         history_rows = (
             []
@@ -133,8 +139,10 @@ class History:
 
     @property
     def path(self) -> LoadPath:
-        """Its rows as a path of the whole body: PIECE_ROWS in each piece that moves, the end of a
-        hold, the state after a jump; or those at its `times`, and where it turns between them.
+        """Load path of the whole body with rows as its rows.
+
+        A segment with a moving tip has ROWS_PER_SEGMENT rows, a hold its end, a jump the state
+        after it. With `times`, the rows are at those, and the path turns between them.
         """
         return self._path_at_fractions(
             lambda span, moves: (
@@ -143,12 +151,24 @@ class History:
         )
 
     def time_stepped_path(self, first_step: float, per_doubling: int) -> LoadPath:
-        """The path of a body that takes time, every step a row: in each piece `per_doubling` steps
-        of each length, `first_step` [time] and twice the one before, and PER_PIECE times as many at
-        least where it moves; or rows as `path`.
+        """Return the load path of a time-dependent body, in which every time increment is a row.
+
+        Parameters
+        ----------
+        first_step : float
+            First increment of each segment [time].
+        per_doubling : int
+            Increments of each length before the length doubles. A segment with a moving tip has at
+            least LEAST_STEPS_PER_SEGMENT times as many.
+
+        Returns
+        -------
+        LoadPath
+            Path with all increments as rows, or with rows at `times` and increments between them.
         """
 
         def step_fractions(span: float, moves: bool) -> list[float]:
+            """Return the ends of the increments in a segment as fractions of its span."""
             longest = span / (LEAST_STEPS_PER_SEGMENT * per_doubling) if moves else inf
             return [t / span for t in doubling_times(span, first_step, per_doubling, longest)]
 
@@ -157,8 +177,10 @@ class History:
     def _path_at_fractions(
         self, fractions_of: Callable[[float, bool], Sequence[float]]
     ) -> LoadPath:
-        """Its rows at shares of each piece in time, by its span and whether it moves, and at its
-        end.
+        """Return the path with rows at fractions of each segment in time and at its end.
+
+        `fractions_of` returns them for the span [time] of a segment and whether the tip moves in
+        it.
         """
         rows = (
             []
@@ -181,8 +203,9 @@ class History:
         return LoadPath(self.control, values, times, branches)
 
     def _path_at_times(self, rows: Sequence[HistoryRow]) -> LoadPath:
-        """The rows at its `times`, at a jump the one after it; the others stay, as steps on the way
-        to them.
+        """Return the path with rows at `times`; the given rows become points between them.
+
+        At a jump the state after it is taken.
         """
         value_at = dict(self.with_row_times_inserted.points)
         row_times = [row.t for row in rows]
@@ -204,15 +227,30 @@ class History:
         return LoadPath(self.control, values, self.times, branches, turns, turn_times)
 
     def nondimensionalize(self, unit: float) -> History:
-        """The same with values in a unit; times stay."""
+        """Return the same history with its values in multiples of `unit`; times do not change."""
         return replace(self, points=tuple((t, value / unit) for t, value in self.points))
 
 
 def doubling_times(
     span: float, first_step: float, per_doubling: int, longest: float = inf
 ) -> list[float]:
-    """Times from 0 to a span, without both: as many steps of each length as `per_doubling`, `first_step`
-    and then twice the one before, but no longer than `longest` [time].
+    """Return times between 0 and a span [time] whose increments double.
+
+    Parameters
+    ----------
+    span : float
+        End of the interval [time].
+    first_step : float
+        First increment [time].
+    per_doubling : int
+        Number of increments of each length before the length doubles.
+    longest : float
+        Upper bound of the increments [time].
+
+    Returns
+    -------
+    list of float
+        Increasing times, without 0 and `span`.
     """
     times = list[float]()
     t = 0.0
@@ -227,5 +265,7 @@ def doubling_times(
 
 
 def branch_of(value: float, next_value: float) -> str:
-    """What a tip does between two values."""
-    return "hold" if value == next_value else "approach" if next_value > value else "retract"
+    """Return the branch between two values: "approach", "hold" or "retract"."""
+    if value == next_value:
+        return "hold"
+    return "approach" if next_value > value else "retract"

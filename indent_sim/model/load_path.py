@@ -11,12 +11,25 @@ Control = Literal["depth", "force"]
 
 @dataclass(frozen=True)
 class LoadPath:
-    """What is prescribed, and its values in order: depths [length], or forces of the whole body
-    [force]; in time, the time and the branch of each too, and the values that the tip passes
-    before it, where it turns between two rows.
+    """Prescribed depths [length] or forces of the whole body [force], in order.
 
-    begin: when a body that takes time sets out [time], None of any other; `passed`: the times of
-    its turns.
+    Attributes
+    ----------
+    control
+        "depth" or "force".
+    values
+        Prescribed values, one for each row of the results.
+    times
+        Time of each row [time]; empty without time.
+    branches
+        Branch of each row (approach, hold, retract); empty without time.
+    turns
+        Values that the tip passes between the row before and each row, where the path turns or
+        takes further increments; empty if there are none.
+    turn_times
+        Times of `turns` [time].
+    start_time
+        Time at which the path of a time-dependent body begins [time]; None for any other body.
     """
 
     control: Control
@@ -28,8 +41,9 @@ class LoadPath:
     start_time: float | None = None
 
     def with_halved_increments(self) -> LoadPath:
-        """The same in steps half as long: between each two values the mean of them, two rows for
-        each.
+        """Return the same path in increments half as long.
+
+        The mean of each two values is inserted between them, so that each row becomes two.
         """
         rows: list[tuple[float, float]] = []
         turns: list[tuple[tuple[float, float], ...]] = []
@@ -66,12 +80,12 @@ class LoadPath:
 
     @property
     def is_increasing(self) -> bool:
-        """Whether every value is larger than those before it."""
+        """True if every value is larger than all before it."""
         return not any(self.turns) and all(b > a for a, b in pairwise(self.values))
 
     @property
     def hold_count(self) -> int:
-        """How many steps there are in which the value stays what it is."""
+        """Number of increments in which the value does not change."""
         values = [
             0.0,
             *(value for step in range(1, len(self.values) + 1) for value, _ in self.segment(step)),
@@ -80,17 +94,21 @@ class LoadPath:
 
     @property
     def sudden_rows(self) -> tuple[int, ...]:
-        """The rows [from 1] to which no time passes, though the value changes."""
+        """Rows [from 1] at which the value jumps: it changes while no time passes."""
         rows = (self._sudden_points(step)[-1] for step in range(1, len(self.values) + 1))
         return tuple(step for step, is_sudden in enumerate(rows, start=1) if is_sudden)
 
     @property
     def has_jumps(self) -> bool:
-        """Whether a value changes in no time, at a row or on the way to one."""
+        """True if the value jumps at a row or between two rows."""
         return any(any(self._sudden_points(step)) for step in range(1, len(self.values) + 1))
 
     def _sudden_points(self, step: int) -> list[bool]:
-        """For each place of the leg to a row [from 1] whether the value gets there in no time."""
+        """Return whether the value jumps at each point between the previous row and a row.
+
+        Rows count from 1; the row itself is the last point. A value jumps if it changes while no
+        time passes.
+        """
         previous_point = self.segment(step - 1)[-1] if step > 1 else (0.0, 0.0)
         return [
             a[1] == b[1] and a[0] != b[0]
@@ -98,9 +116,10 @@ class LoadPath:
         ]
 
     def without_sudden_rows(self) -> LoadPath:
-        """The same path without the places that it reaches in no time: the step after a jump begins
-        before the jump. Rows among them are left out, and what is passed on the way to them is
-        passed on the way to the next row.
+        """Return the same path without the points at which the value jumps.
+
+        The increment after a jump then begins before the jump. Rows at jumps are left out; the
+        points on the way to them belong to the next row.
         """
         rows: list[int] = []
         segments: list[list[tuple[float, float]]] = []
@@ -118,23 +137,25 @@ class LoadPath:
             segments.append(pending_points[:-1])
             pending_points = []
         start_time = self.start_time or 0.0
-        has_turns = any(segments)
+        turns: tuple[tuple[float, ...], ...] = ()
+        turn_times: tuple[tuple[float, ...], ...] = ()
+        if any(segments):
+            turns = tuple(tuple(value for value, _ in segment) for segment in segments)
+            turn_times = tuple(tuple(start_time + t for _, t in segment) for segment in segments)
         return replace(
             self,
             values=tuple(self.values[row] for row in rows),
             times=tuple(self.times[row] for row in rows),
             branches=tuple(self.branches[row] for row in rows),
-            turns=tuple(tuple(value for value, _ in segment) for segment in segments)
-            if has_turns
-            else (),
-            turn_times=tuple(tuple(start_time + t for _, t in segment) for segment in segments)
-            if has_turns
-            else (),
+            turns=turns,
+            turn_times=turn_times,
         )
 
     def segment(self, step: int) -> tuple[tuple[float, float], ...]:
-        """The values on the way to a step [from 1], its own the last, each with the time since the
-        path's begin; no time passes for a body that takes none.
+        """Return the values from the previous row to a row [from 1], each with its time.
+
+        The row's own value is the last one. Times count from the beginning of the path; they are 0
+        for a body that is not time-dependent.
         """
         values = (*(self.turns[step - 1] if self.turns else ()), self.values[step - 1])
         if self.start_time is None:
@@ -143,15 +164,15 @@ class LoadPath:
         return tuple((value, t - self.start_time) for value, t in zip(values, times, strict=True))
 
     def nondimensionalize(self, unit: float) -> LoadPath:
-        """The same with values in a unit; times stay."""
+        """Return the same path with its values in multiples of `unit`; times do not change."""
         turns = tuple(tuple(value / unit for value in segment) for segment in self.turns)
         return replace(self, values=tuple(value / unit for value in self.values), turns=turns)
 
     @property
     def retained_rows(self) -> frozenset[int]:
-        """The steps whose states are worth keeping, from 1: the last, and those from which the tip
-        goes back after it was nowhere deeper (or, where forces are prescribed, pressed no
-        harder).
+        """Rows [from 1] whose states are kept: the last one, and those at which unloading begins.
+
+        Unloading begins at a row if the value decreases after it and no value before it was larger.
         """
         rows = {len(self.values)}
         deepest = float("-inf")
@@ -163,4 +184,5 @@ class LoadPath:
 
 
 def _midpoint(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
+    """Return the point halfway between two points (value, time)."""
     return (a[0] + b[0]) / 2, (a[1] + b[1]) / 2

@@ -16,33 +16,30 @@ MAX_HISTORY_POINTS = 10_000
 Force = Annotated[float, Gt(0), FORCE]
 HistoryPoint = Annotated[tuple[float, ...], Len(2, 2), UnitRow((TIME, LENGTH))]
 ForceHistoryPoint = Annotated[tuple[float, ...], Len(2, 2), UnitRow((TIME, FORCE))]
-PATH_KEYS = (
-    "delta",
-    "deltas",
-    "force",
-    "forces",
-    "history",
-    "force_history",
-)  # to say the path, one of them
+# A loading gives exactly one of these keys.
+PATH_KEYS = ("delta", "deltas", "force", "forces", "history", "force_history")
 STEPS_PER_DOUBLING = 4
 MAX_STEPS_PER_DOUBLING = 1000
-STEPPED_KEYS = ("delta", "force")  # those that have steps
+# Keys whose value is reached in equal steps.
+STEPPED_KEYS = ("delta", "force")
 
 
 @dataclass(frozen=True)
 class Loading:
-    """One of: a final depth `delta` or force `force` reached in `steps` equal steps, the depths
-    `deltas` or the forces `forces` one by one, or in time `history`, [t, delta] (with a
-    cantilever or a frame [t, z]), or `force_history`, [t, force]: straight between the points,
-    two equal times are a jump, before the first point the body is at rest. `times`: auto: every
-    point and, between them, enough for a curve | the times of the rows. A body that drains, or
-    whose shear relaxes, takes `per_doubling` steps of each length before that doubles, in every
-    piece.
+    """Prescribed depths or forces, in order or in time.
 
-    delta > 0 pushes in; negative values in `deltas` hold the tip clear of the body [length]. Forces
-    are of the whole body (per unit length in plane strain); negative ones only under a tip that
-    adheres, and no harder than it pulls where it first touches. Without adhesion a force of 0 is
-    where the tip just touches, delta = 0.
+    Exactly one of: a final depth `delta` or force `force` that is reached in `steps` equal
+    increments, the depths `deltas` or the forces `forces` in order, or in time `history`, [t,
+    delta] (with a cantilever or a frame [t, z]), or `force_history`, [t, force]. A history is
+    linear between its points, two equal times are a jump, and before the first point the body is
+    undeformed. `times` are those of the rows; "auto": every point and enough rows between them for
+    a curve. A body that drains, or whose shear modulus relaxes, takes `per_doubling` increments of
+    each length before the length doubles, in every segment.
+
+    delta > 0 pushes in; negative values in `deltas` keep the tip clear of the body [length]. Forces
+    are of the whole body (per unit length in plane strain). Negative ones are possible with
+    adhesion alone, and not stronger than the attraction at first contact. Without adhesion a force
+    of 0 is the depth delta = 0, where the tip just touches.
     """
 
     delta: Length | None = None
@@ -59,23 +56,25 @@ class Loading:
 
     @property
     def given_path_keys(self) -> tuple[str, ...]:
-        """Which of the ways to say the path are used; a complete loading uses one."""
+        """Keys by which a load path is given; a complete loading has exactly one."""
         return tuple(key for key in PATH_KEYS if getattr(self, key) is not None)
 
     @property
     def steps_per_doubling(self) -> int:
-        """Steps of each length in time before that doubles."""
+        """Time increments of each length before the length doubles."""
         return self.per_doubling or STEPS_PER_DOUBLING
 
     @property
     def prescribed_history(self) -> History | None:
-        """What is prescribed in time; None where no time passes."""
+        """History that is prescribed; None if the loading has no time."""
         points = self.history or self.force_history
         times = () if isinstance(self.times, str) else self.times
-        return History("depth" if self.history else "force", points, times) if points else None  # type: ignore[arg-type]
+        if not points:
+            return None
+        return History("depth" if self.history else "force", points, times)  # type: ignore[arg-type]
 
     def path(self) -> LoadPath:
-        """The requested depths or forces in order, of a loading without time."""
+        """Return the requested depths or forces in order for a loading without time."""
         (key,) = self.given_path_keys
         prescribed = getattr(self, key)
         values = (

@@ -50,7 +50,7 @@ def test_a_condensed_body_has_no_penalty_that_rubs() -> None:
     )
     assert (
         ROUGH.reason_not_condensable == ""
-        and "adheres" in AugmentedLagrangian(adhesion=ADHESION).reason_not_condensable
+        and "adhesion" in AugmentedLagrangian(adhesion=ADHESION).reason_not_condensable
     )
 
 
