@@ -65,12 +65,16 @@ SCENE: dict[str, Any] = {
             r"loading.times\[0\]",
             "outside the history",
         ),
-        ({"drainage": {"bath": [[1, 0], [1, 0.1]]}}, r"drainage.bath\[1\]", "does not go on"),
+        (
+            {"drainage": {"bath": [[1, 0], [1, 0.1]]}},
+            r"drainage.bath\[1\]",
+            "is not later than the one before",
+        ),
         ({"drainage": {"tip": {"conductance": 0}}}, "drainage.tip.conductance", "must be > 0"),
         (
             {"contact": {"method": "nitsche"}},
             "contact.method",
-            "nitsche takes the body's own stress",
+            "nitsche uses the stress of the",
         ),
         ({"solver": {"method": "theory"}}, "solver.method", "no fluid in the pores"),
         ({"solver": {"method": "condensed"}}, "solver.method", "inside the body"),

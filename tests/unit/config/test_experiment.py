@@ -28,7 +28,7 @@ HYPERELASTIC = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
 @pytest.mark.parametrize(
     ("experiment", "sections", "key", "words"),
     [
-        ({}, {}, "experiment", "says nothing"),
+        ({}, {}, "experiment", "is empty"),
         (
             {"history": RAMP, "force_history": RAMP},
             {},
@@ -247,12 +247,16 @@ def test_what_relaxes_does_so_alike_everywhere() -> None:
 
 @pytest.mark.parametrize(
     ("times", "words"),
-    [([0.5, 0.2], "does not go on"), ([2.0], "outside the history"), ([-1.0, 0.5], "outside")],
+    [
+        ([0.5, 0.2], "is not later than the one before"),
+        ([2.0], "outside the history"),
+        ([-1.0, 0.5], "outside"),
+    ],
 )
 def test_times_are_those_of_the_history(times: list[float], words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         config_from_mapping(SCENE | {"loading": {"history": RAMP, "times": times}})
-    with pytest.raises(ConfigError, match="is for a path in time"):
+    with pytest.raises(ConfigError, match="is for a history"):
         config_from_mapping(SCENE | {"loading": {"delta": 0.01, "times": [1.0]}})
 
 

@@ -228,7 +228,7 @@ MALFORMED = [
         edited("rtol: 1e-10", "petsc: {}"),
         26,
         "solver.petsc",
-        "sets PETSC_OPTIONS in the environment",
+        "set PETSC_OPTIONS in the environment",
     ),
     (
         edited("rtol: 1e-10", "petsc: {ksp_type: [cg]}"),
@@ -245,7 +245,7 @@ MALFORMED = [
         edited("order: 2", "order: 1"),
         24,
         "mesh.order",
-        "must be 2, got 1; linear elements are gone: with as many "
+        "must be 2, got 1; linear elements were removed: with as many "
         "unknowns quadratic ones give a force ten times as accurate",
     ),
     (edited("order: 2", "order: 3"), 24, "mesh.order", "must be 2, got 3"),
@@ -291,7 +291,7 @@ MALFORMED = [
         "contradicts delta",
     ),
     (edited("delta: 0.01", "deltas: [0.1]"), 21, "loading.steps", "belongs to delta"),
-    (edited("  delta: 0.01\n", ""), 19, "loading", "says no depth and no force"),
+    (edited("  delta: 0.01\n", ""), 19, "loading", "gives no depth and no force"),
     (edited("delta: 0.01", "delta: 0.01\n  force: 0.1"), 21, "loading.force", "contradicts delta"),
     (
         edited("delta: 0.01\n  steps: 10", "deltas: [0.1]\n  forces: [0.1]"),
@@ -465,7 +465,7 @@ MALFORMED = [
         round_body("shape: cap\n  base_radius: 2.0\n  contact_angle: 178.0"),
         3,
         "body",
-        "stands on a point",
+        "almost a whole ball on a point",
     ),
     (round_body("shape: cap\n  base_radius: 2.0\n  height: 1e-3"), 3, "body", "all but flat"),
     (

@@ -521,15 +521,15 @@ def test_a_malformed_mesh_has_its_message(
         (
             "indenter.center=[5.0, 0.0]",
             "indenter.center",
-            "the tip stands on the axis of an axisymmetric mesh",
+            "the tip is on the axis of an axisymmetric mesh",
         ),
         (
             "indenter={shape: pyramid, half_angle: 65.0, faces: 3}",
             "indenter.shape",
             "is no tip of revolution",
         ),
-        ("mesh.h_contact=0.1", "mesh.h_contact", "is for bodies that are meshed here"),
-        ("mesh.symmetry=full", "mesh.symmetry", "is for bodies that are meshed here"),
+        ("mesh.h_contact=0.1", "mesh.h_contact", "is for bodies that the program meshes"),
+        ("mesh.symmetry=full", "mesh.symmetry", "is for bodies that the program meshes"),
         ("body.hash=0123456789abcdef", "body.hash", "'part.msh' holds another mesh"),
         ("body.file=other.msh", "body.file", "cannot read the mesh 'other.msh': No such file"),
         (

@@ -102,7 +102,7 @@ def test_a_free_body_is_not_theorys() -> None:
 
 @pytest.mark.parametrize("body", [HALF_SPACE, LAYER], ids=["half_space", "layer"])
 def test_a_plate_is_no_tip_for_a_flat_top(body: dict[str, Any]) -> None:
-    with pytest.raises(ConfigError, match="touches all of a top without end"):
+    with pytest.raises(ConfigError, match="touches all of an unbounded surface"):
         scene(body, indenter={"shape": "plate"})
 
 
