@@ -360,7 +360,10 @@ def _layer_errors(config: Config) -> Iterator[ConfigError]:
         thick = sum(layer.thickness or 0.0 for layer in layers)
         height = config.body.height
         if not isclose(thick, height, rel_tol=1e-9):
-            problem = f"the total thickness of the layers is {thick:.10g}, and the body is {height:.10g} high"
+            problem = (
+                f"the total thickness of the layers is {thick:.10g}, and the body is "
+                f"{height:.10g} high"
+            )
             yield ConfigError("body.layers", problem, "make their thicknesses add up to the height")
 
 
@@ -659,7 +662,10 @@ def _gel_errors(config: Config) -> Iterator[ConfigError]:
             yield ConfigError(f"{key}.relaxation", "is not verified for a gel", "leave it out")
     for key, material in config.materials():
         if gels and material.flow and not isinstance(material, Gel):
-            problem = "belongs to a law other than gel, but the bath is the chemical potential of a solvent"
+            problem = (
+                "belongs to a law other than gel, but the bath is the chemical potential of a "
+                "solvent"
+            )
             yield ConfigError(f"{key}.flow", problem, "leave it out, or use gels alone")
     ratios = {key: gel.G / gel.n_omega for key, gel in gels.items() if gel.flow}
     first = next(iter(ratios.values()), 0.0)
@@ -881,7 +887,10 @@ def _history_errors(config: Config) -> Iterator[ConfigError]:
         min(value for _, value in path_in_time.points) if path_in_time.control == "force" else 0.0
     )
     if lowest_force < 0 and config.contact.may_snap_through:
-        problem = f"a force of {lowest_force:g} pulls, and a history of tensile forces has no unique depths"
+        problem = (
+            f"a force of {lowest_force:g} pulls, and a history of tensile forces has no unique "
+            "depths"
+        )
         yield ConfigError(key, problem, "give loading.history, of depths, or forces of 0 and more")
     elif lowest_force < 0 and not (config.experiment and config.experiment.adhesion):
         yield ConfigError(
@@ -962,7 +971,10 @@ def _relaxation_law_errors(config: Config, key: str, given: Relaxation) -> Itera
         yield ConfigError(key, "needs exactly one of its two laws", "give prony or power_law")
     for k, (fraction, time) in enumerate(given.prony or ()):
         if not (0 <= fraction < 1 and time > 0):
-            problem = f"[{fraction:g}, {time:g}] is not a term [fraction of the instantaneous modulus, time]"
+            problem = (
+                f"[{fraction:g}, {time:g}] is not a term [fraction of the instantaneous modulus, "
+                "time]"
+            )
             yield ConfigError(
                 f"{key}.prony[{k}]", problem, "a fraction from 0 to below 1, a time above 0"
             )
