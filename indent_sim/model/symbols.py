@@ -314,8 +314,8 @@ cohesive_zone [length]: width of the cohesive zone
 elements [1]: number of elements in the cohesive zone
 tabor [1]: Tabor number
 maugis_lambda [1] $\lambda$: Maugis' lambda
-maugis_pull_off [force]: pull-off force by Maugis-Dugdale on a half-space
-jkr_pull_off [force]: pull-off force without range (JKR)
+maugis_pull_off [force]: pull-off by Maugis-Dugdale on a half-space
+jkr_pull_off [force]: pull-off without range (JKR)
 
 ## Largest tensile force with adhesion over a range
 largest_pull: row with the largest tensile force: {step, delta, force}

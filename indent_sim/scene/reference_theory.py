@@ -110,7 +110,7 @@ def _piecewise_linear_tip(
 PUNCH_FORMULA = ("Sneddon (flat punch)", half_space.flat_punch_force)
 SQUARE_PYRAMID_FORMULA = ("a square pyramid on a half-space", half_space.square_pyramid_force)
 PYRAMID_THEORY = TipTheory(
-    profiles.equivalent_cone, ("half_angle", "roundness", "tip_radius"), *SQUARE_PYRAMID_FORMULA
+    profiles.equivalent_cone, ("half_angle", "equivalent_radius_ratio", "tip_radius"), *SQUARE_PYRAMID_FORMULA
 )
 TIP_THEORIES: dict[type, TipTheory] = {
     Paraboloid: TipTheory(profiles.paraboloid, ("R",), "Hertz", half_space.paraboloid_force),

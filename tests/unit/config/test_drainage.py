@@ -58,7 +58,7 @@ SCENE: dict[str, Any] = {
         (
             {"material": WET | {"flow": None}, "loading": {"history": HISTORY, "per_doubling": 4}},
             "per_doubling",
-            "takes",
+            "time-dependent body",
         ),
         (
             {"loading": {"history": HISTORY, "times": [2.0]}},
@@ -68,7 +68,7 @@ SCENE: dict[str, Any] = {
         (
             {"drainage": {"bath": [[1, 0], [1, 0.1]]}},
             r"drainage.bath\[1\]",
-            "is not later than the one before",
+            "time does not increase",
         ),
         ({"drainage": {"tip": {"conductance": 0}}}, "drainage.tip.conductance", "must be > 0"),
         (

@@ -234,7 +234,7 @@ MALFORMED = [
         edited("rtol: 1e-10", "petsc: {ksp_type: [cg]}"),
         26,
         "solver.petsc",
-        "is gone: a scene chooses",
+        "was removed: a scene sets",
     ),
     # ranges
     (edited("R: 1.0", "R: -1"), 14, "indenter.R", "must be > 0, got -1"),
@@ -318,7 +318,7 @@ MALFORMED = [
         edited("delta: 0.01\n  steps: 10", "forces: [1, -0.1]"),
         20,
         "loading.forces[1]",
-        "nothing holds on",
+        "there is no adhesion",
     ),
     (edited("delta: 0.01\n  steps: 10", "forces: [1, .inf]"), 20, "loading.forces[1]", "inf"),
     (
@@ -434,7 +434,7 @@ MALFORMED = [
         "indenter.points",
         "must be convex",
     ),
-    (body("shape: half_space"), 12, "indenter.center", "a half_space is the same everywhere"),
+    (body("shape: half_space"), 12, "indenter.center", "all positions on a half_space are equivalent"),
     (
         body("shape: half_space\n  base: fixed"),
         5,
@@ -467,7 +467,7 @@ MALFORMED = [
         "body",
         "almost a whole ball on a point",
     ),
-    (round_body("shape: cap\n  base_radius: 2.0\n  height: 1e-3"), 3, "body", "all but flat"),
+    (round_body("shape: cap\n  base_radius: 2.0\n  height: 1e-3"), 3, "body", "nearly flat"),
     (
         round_body("shape: cap\n  base_radius: 2.0\n  height: 1.0\n  base: free"),
         7,
@@ -492,13 +492,13 @@ MALFORMED = [
         round_body("shape: ball\n  radius: 1.0", "shape: plate\n  center: [0.1, 0.0]"),
         12,
         "indenter.center",
-        "stands on the axis",
+        "tip is on the axis",
     ),
     (
         round_body("shape: ball\n  radius: 1.0", "shape: pyramid\n  half_angle: 65.0"),
         11,
         "indenter.shape",
-        "modelled about its axis",
+        "which is axisymmetric",
     ),
     (
         round_body("shape: ball\n  radius: 1.0", "shape: plate\n  R: 1.0"),
@@ -510,7 +510,7 @@ MALFORMED = [
         edited("center: [0.5, 0.5]", "center: [0.5]"),
         15,
         "indenter.center",
-        "stands at [x, y], got 1",
+        "is [x, y], got 1",
     ),
     (
         edited("center: [0.5, 0.5]", "center: [0.5, a]"),

@@ -526,7 +526,7 @@ def test_a_malformed_mesh_has_its_message(
         (
             "indenter={shape: pyramid, half_angle: 65.0, faces: 3}",
             "indenter.shape",
-            "is no tip of revolution",
+            "is not a tip of revolution",
         ),
         ("mesh.h_contact=0.1", "mesh.h_contact", "is for bodies that the program meshes"),
         ("mesh.symmetry=full", "mesh.symmetry", "is for bodies that the program meshes"),
