@@ -434,7 +434,12 @@ MALFORMED = [
         "indenter.points",
         "must be convex",
     ),
-    (body("shape: half_space"), 12, "indenter.center", "all positions on a half_space are equivalent"),
+    (
+        body("shape: half_space"),
+        12,
+        "indenter.center",
+        "all positions on a half_space are equivalent",
+    ),
     (
         body("shape: half_space\n  base: fixed"),
         5,
