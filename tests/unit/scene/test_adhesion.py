@@ -138,7 +138,7 @@ def test_what_is_known_of_the_pull_beforehand() -> None:
 
 def test_forces_below_zero_need_adhesion() -> None:
     assert sticky(loading={"forces": [1e-3, -1e-3]}).physics.path.values[1] < 0
-    with pytest.raises(ConfigError, match="nothing holds on to the tip") as refusal:
+    with pytest.raises(ConfigError, match="there is no adhesion") as refusal:
         scene(WALLED, loading={"forces": [1e-3, -1e-3]})
     assert refusal.value.key == "loading.forces[1]" and "contact.adhesion" in (
         refusal.value.remedy or ""
