@@ -146,7 +146,7 @@ def test_forces_below_zero_need_adhesion() -> None:
 
 
 def test_the_condensed_body_is_refused() -> None:
-    with pytest.raises(ConfigError, match="adheres is solved on the whole body") as refusal:
+    with pytest.raises(ConfigError, match="adhesion with a range is solved on the whole body") as refusal:
         sticky(solver={"method": "condensed"})
     assert refusal.value.key == "solver.method"
 
