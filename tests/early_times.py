@@ -31,7 +31,7 @@ from scipy.special import j0, j1, jn_zeros
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.config.schema import Config
-from indent_sim.model.materials import Gel
+from indent_sim.model.gel import Gel
 from indent_sim.model.state import State
 from indent_sim.process.errors import NotConverged, VerificationError
 from indent_sim.run.error_estimation.coarser_run import (

@@ -1,4 +1,4 @@
-"""The commands as functions: scenes and studies as files or dictionaries, numbers and figures back."""
+"""Commands as functions: scenes and studies from files or dictionaries, results as arrays."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from indent_sim.run import sensitivities as derivatives
 from indent_sim.run.pipeline import config_of
 from indent_sim.run.planned_run import plan_with_cost
 from indent_sim.studies import curve_table, run_study, small_multiples
-from indent_sim.studies import plan_study as plan_study
 from indent_sim.studies.run_study import Study
 from indent_sim.studies.study_picture import curves_figure
+from indent_sim.studies.study_plan import plan_study as plan_study
 
 if TYPE_CHECKING:
     from indent_sim.results.pictures.figures import Axes, Figure
@@ -42,10 +42,9 @@ Result = Results | str | Path
 
 
 def read(path: str | Path) -> Results | Study:
-    """A result folder, a force table or a measured curve, columns as arrays; the folder of a study
-    as its table.
+    """Return a result folder, a force table, a measured curve or the table of a study as arrays.
 
-    UsageError when there is none, or it is damaged.
+    UsageError if there is none, or if it is damaged.
     """
     return (
         run_study.read_study(Path(path))
@@ -55,8 +54,9 @@ def read(path: str | Path) -> Results | Study:
 
 
 def plan(given: SceneInput, *, error_bars: bool = False) -> Report:
-    """What would be modelled, and why; of a study its runs and their cost: the object of
-    `indent-sim plan --json`.
+    """Return the plan of a scene, or the runs of a study with their cost.
+
+    It is the object of `indent-sim plan --json`.
     """
     if (isinstance(given, Mapping) and is_study(given)) or (
         isinstance(given, str | Path) and _is_study_file(given)
@@ -66,8 +66,9 @@ def plan(given: SceneInput, *, error_bars: bool = False) -> Report:
 
 
 def require(given: SceneInput, within: float = 0.01) -> Report:
-    """Which effects matter, in per cent, and the cheapest model within a relative tolerance of the
-    force: the object of `indent-sim require --json`.
+    """Return which effects matter, in per cent, and the cheapest model within a relative tolerance.
+
+    It is the object of `indent-sim require --json`; the tolerance is that of the force.
     """
     from indent_sim.run.model_selection import recommended_model
 
@@ -80,8 +81,9 @@ def compare(
     rtol: comparisons.Tolerances = comparisons.DEFAULT_RTOL,
     columns: Sequence[str] | None = None,
 ) -> Report:
-    """Two results or measured curves row by row: the object of `indent-sim compare --json`;
-    `differences` is empty where they agree.
+    """Return two results or measured curves compared row by row.
+
+    It is the object of `indent-sim compare --json`; `differences` is empty if they agree.
     """
     A, B = (result.path if isinstance(result, Results) else result for result in (first, second))
     return json_data(comparisons.compare(A, B, rtol, columns).as_json())
@@ -124,32 +126,36 @@ def study(
 def plot(
     shown: Result | Study | Sequence[Result], what: str = "", *, ax: Axes | None = None, **wish: Any
 ) -> Figure:
-    """The figure of results or of a study, which a notebook shows; `figure.savefig(path)` writes
-    it.
+    """Return the figure of results or of a study.
+
+    A notebook shows it; `figure.savefig(path)` writes it.
 
     Parameters
     ----------
     shown
-        Results, the folders of some, or a study.
+        Results, their folders, or a study.
     what
-        Panels, by commas: force [this one], time, pressure, pressure_x, pressure_y, profile, fields, film. Of a study
-        curves [these], or one of force, a, p_max and penetration over what varies.
+        Panels, separated by commas: force [default], time, pressure, pressure_x, pressure_y,
+        profile, fields, film. For a study curves [default], or one of force, a, p_max and
+        penetration over the varied keys.
     ax
-        Axes of a figure of your own, into which one panel is drawn: one of `what`, and of fields one of one step.
+        Axes of your own figure, into which one panel of `what` is drawn, for fields that of one
+        step.
     wish
-        As `indent-sim plot` has them: fields, steps, units, width [mm], font [points], layout (rows, columns),
-        letters "a", limits (low, high), zoom.
+        Options of `indent-sim plot`: fields, steps, units, width [mm], font [points], layout (rows,
+        columns), letters "a", limits (low, high), zoom.
 
     Raises
     ------
     UsageError
-        For what the results do not have, and for more than one panel where `ax` is given.
+        The results lack what is asked for, or `ax` is given with more than one panel.
     """
     from indent_sim.results.pictures import figures, panels
 
     if isinstance(shown, Study):
         if wish or ax is not None or what not in ("", "curves", *small_multiples.PLOTTED_COLUMNS):
-            problem = f"a study is drawn as curves, or as one of {', '.join(small_multiples.PLOTTED_COLUMNS)}"
+            columns = ", ".join(small_multiples.PLOTTED_COLUMNS)
+            problem = f"a study is drawn as curves, or as one of {columns}"
             raise UsageError(f"{problem}: give one of its runs for other panels")
         curve_groups = curve_table.group_folder_curves(
             shown.directory / result_files.RUNS, shown.rows, shown.keys
@@ -175,7 +181,7 @@ def plot(
 
 
 def _normalize_options(wish: Mapping[str, Any]) -> dict[str, Any]:
-    """Options of a picture as a command line gives them; UsageError for one that there is none of."""
+    """Return options of a picture as the command line gives them; UsageError for an unknown one."""
     if unknown := [name for name in wish if name not in PLOT_OPTIONS]:
         raise UsageError(f"plot has no {unknown[0]}; it has {', '.join(PLOT_OPTIONS)}")
     options = {name: (value,) if isinstance(value, int) else value for name, value in wish.items()}
@@ -194,9 +200,7 @@ def _split_words(given: str | Sequence[Any]) -> tuple[str, ...]:
 
 
 def sensitivities(scene: SceneInput, keys: str | Sequence[str]) -> derivatives.Derivatives:
-    """dF/dkey at every row of a scene: {key: {value: [...], error: [...]}}, see
-    `run.companions.sensitivities`.
-    """
+    """Return dF/dkey at every row of a scene: {key: {value: [...], error: [...]}}."""
     return derivatives.sensitivities(config_of(scene), [keys] if isinstance(keys, str) else keys)
 
 

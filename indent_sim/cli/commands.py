@@ -56,11 +56,13 @@ FORMAT_KEY = "indent_sim.form"
 
 
 class Program(click.Group):
-    """The commands, with every way to end turned into its message and exit code."""
+    """Command group that turns every end of the program into a message and an exit code."""
 
     def main(self, *args: Any, **options: Any) -> Any:
-        """One BLAS thread and no plugins of pydantic, which it searches every package for, unless
-        the user says otherwise; must be said before numpy and pydantic are loaded.
+        """Set one BLAS thread and no pydantic plugins, unless the environment sets them.
+
+        This has to happen before numpy and pydantic are imported; pydantic would search every
+        installed package for plugins.
         """
         for name in (*THREAD_VARIABLES, "PYDANTIC_DISABLE_PLUGINS"):
             os.environ.setdefault(name, "1")
@@ -70,7 +72,7 @@ class Program(click.Group):
     def make_context(
         self, info_name: str | None, args: list[str], *rest: Any, **extra: Any
     ) -> click.Context:
-        """Read the words before the command."""
+        """Read the options before the command."""
         form: OutputFormat = (
             "json" if "--json" in (args[: args.index("--")] if "--" in args else args) else "text"
         )
@@ -82,7 +84,7 @@ class Program(click.Group):
         return ctx
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the command; expected failures speak for themselves, others leave a traceback."""
+        """Run the command; expected failures print a message, others a traceback."""
         try:
             if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
                 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -97,8 +99,9 @@ class Program(click.Group):
 
 
 def _open_closed_streams() -> None:
-    """Libraries take stdin, stdout and stderr for granted; one that the shell closed becomes
-    /dev/null.
+    """Open /dev/null for each of stdin, stdout and stderr that is closed.
+
+    Libraries need all three.
     """
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
@@ -109,9 +112,7 @@ def _open_closed_streams() -> None:
 
 
 def exit_with_usage_error(error: click.ClickException, form: OutputFormat) -> NoReturn:
-    """End as click does after a word or option that is none, with a JSON object where one was asked
-    for.
-    """
+    """Exit like click after an invalid option, with a JSON object if one was requested."""
     if form == "json":
         print_failure(error, error.exit_code, UsageError.__name__)
     error.show()
@@ -119,9 +120,7 @@ def exit_with_usage_error(error: click.ClickException, form: OutputFormat) -> No
 
 
 def report_failure(error: BaseException) -> int:
-    """Say why the program ends, on stderr and, with --json, in an object on stdout; returns the
-    exit code.
-    """
+    """Print the failure to stderr and, with --json, to stdout; return the exit code."""
     code = getattr(error, "exit_code", 130 if isinstance(error, KeyboardInterrupt) else 1)
     if isinstance(error, KeyboardInterrupt):
         print_stderr(str(error) or "interrupted")
@@ -146,12 +145,12 @@ def print_json(value: Any) -> None:
 
 
 def print_done(entries: dict[str, Any]) -> None:
-    """The JSON object of a command that is done."""
+    """Print the JSON object of a command that succeeded."""
     print_json({"status": "done", "exit_code": 0} | entries)
 
 
 def print_failure(error: BaseException, code: int, kind: str) -> None:
-    """The JSON object of a command that failed; what it found before (`beside`) stands in it too."""
+    """Print the JSON object of a command that failed, with its partial result if there is one."""
     status = "interrupted" if code > 128 else "failed"
     failure = {
         "status": status,
@@ -166,9 +165,7 @@ def print_failure(error: BaseException, code: int, kind: str) -> None:
 
 
 def error_as_json(error: BaseException, kind: str) -> dict[str, Any]:
-    """An error as JSON: type, message, and for one of config or usage where it is and what would be
-    right, if known.
-    """
+    """Return an error as JSON: type, message, and where known position and remedy."""
     message = error.format_message() if isinstance(error, click.ClickException) else str(error)
     location: dict[str, Any] = dict.fromkeys(("file", "line", "key", "remedy"))
     if isinstance(error, ConfigError | UsageError):
@@ -182,9 +179,7 @@ def error_as_json(error: BaseException, kind: str) -> dict[str, Any]:
 
 
 def print_stdout(text: str) -> None:
-    """Print to stdout; that nobody listens any more is no error, that it is lost for lack of space
-    is one.
-    """
+    """Print to stdout; a closed pipe is no error, a full disk is one."""
     try:
         with suppress(UnicodeEncodeError):
             return click.echo(text)
@@ -209,12 +204,12 @@ def print_stderr(text: str) -> None:
 
 
 class NumberInRange(click.FloatRange):
-    """A number in a range; NaN, which compares with nothing, is in none."""
+    """Number in a range; NaN is in none."""
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
-        """The number of a word."""
+        """Return the number of a text."""
         number: float = super().convert(value, param, ctx)
         return number if number == number else self.fail(f"'{value}' is not a number.", param, ctx)
 
@@ -228,7 +223,7 @@ SET_HELP = "Replace one key, e.g. contact.method=penalty."
 
 
 def _complete_keys(ctx: click.Context, option: click.Parameter, typed_text: str) -> list[str]:
-    """Keys of a scene that begin so, as a shell completes them."""
+    """Return the keys of a scene that begin with the typed text, for completion in a shell."""
     from indent_sim.config.schema import file_order, sections
 
     kinds = sections()
@@ -242,7 +237,7 @@ def _complete_keys(ctx: click.Context, option: click.Parameter, typed_text: str)
 
 
 def _complete_fields(ctx: click.Context, option: click.Parameter, typed_text: str) -> list[str]:
-    """Fields that go on with what is begun, behind its last comma."""
+    """Return field names that complete the text after its last comma."""
     from indent_sim.results.pictures.fields import FIELDS
 
     before, comma, word = typed_text.rpartition(",")
@@ -261,7 +256,7 @@ set_option = click.option("--set", "overrides", **SET_ATTRIBUTES)
 def _parse_shard(
     ctx: click.Context, option: click.Parameter, text: str | None
 ) -> tuple[int, int] | None:
-    """I/N as two numbers."""
+    """Return I/N as two numbers."""
     if text is None:
         return None
     index, slash, count = text.partition("/")
@@ -271,7 +266,7 @@ def _parse_shard(
 
 
 def _parse_words(ctx: click.Context, option: click.Parameter, text: str | None) -> tuple[str, ...]:
-    """Words with commas between them."""
+    """Return words separated by commas."""
     words = tuple(word.strip() for word in (text or "").split(",")) if text is not None else ()
     if not all(words):
         raise click.BadParameter(f"'{text}' holds an empty word")
@@ -279,7 +274,7 @@ def _parse_words(ctx: click.Context, option: click.Parameter, text: str | None) 
 
 
 def _parse_pairs(ctx: click.Context, option: click.Parameter, text: str | None) -> dict[str, str]:
-    """NAME=VALUE with commas between them."""
+    """Return NAME=VALUE pairs separated by commas."""
     pairs = [word.partition("=") for word in _parse_words(ctx, option, text)]
     if wrong := next(
         (name for name, equals, value in pairs if not (name.strip() and equals and value.strip())),
@@ -292,7 +287,7 @@ def _parse_pairs(ctx: click.Context, option: click.Parameter, text: str | None) 
 def _parse_layout(
     ctx: click.Context, option: click.Parameter, text: str | None
 ) -> tuple[int, int] | None:
-    """ROWSxCOLUMNS as two numbers."""
+    """Return ROWSxCOLUMNS as two numbers."""
     if text is None:
         return None
     rows, x, columns = text.lower().partition("x")
@@ -304,7 +299,7 @@ def _parse_layout(
 def _parse_limits(
     ctx: click.Context, option: click.Parameter, text: str | None
 ) -> tuple[float, float] | None:
-    """A:B as two numbers."""
+    """Return A:B as two numbers."""
     if text is None:
         return None
     try:
@@ -315,7 +310,7 @@ def _parse_limits(
 
 
 def _parse_zoom(ctx: click.Context, option: click.Parameter, text: str | None) -> float | None:
-    """Contact radii around the tip, infinitely many for `all`."""
+    """Return the zoom in contact radii; infinity for "all"."""
     try:
         radii = None if text is None else float("inf") if text == "all" else float(text)
     except ValueError:
@@ -326,7 +321,7 @@ def _parse_zoom(ctx: click.Context, option: click.Parameter, text: str | None) -
 
 
 def _parse_tolerances(ctx: click.Context, option: click.Parameter, text: str) -> dict[str, float]:
-    """X for all columns, under "", and COLUMN=X for one."""
+    """Return tolerances by column: X for all, under "", and COLUMN=X for one."""
     tolerances: dict[str, float] = {}
     for word in _parse_words(ctx, option, text):
         name, _, value = word.rpartition("=")
@@ -464,7 +459,8 @@ def study(file: Path, told: Verbosity, form: OutputFormat, **how: Any) -> None:
         print_stderr(line)
     if finished_study.failures:
         print_stderr(
-            f"{len(finished_study.failures)} of {len(finished_study.rows)} runs failed; their rows say why"
+            f"{len(finished_study.failures)} of {len(finished_study.rows)} runs failed; "
+            "the table has their reasons"
         )
 
 
@@ -538,7 +534,7 @@ def require(
 def _print_curve_requirements(
     config: Config, curve: Path, within: float, read: dict[str, Any], form: OutputFormat
 ) -> None:
-    """What a scene requires for a measured curve."""
+    """Print the requirements of a scene for a measured curve."""
     from indent_sim.fitting.curve_requirements import require_for_curve
 
     requirements = require_for_curve(config, curve, within, _reading_options(**read))
@@ -653,7 +649,7 @@ def _refuse_mixed_options(
     noise: float | None,
     points: int | None,
 ) -> None:
-    """UsageError unless there are curves and a scene, or a design and its noise."""
+    """Raise UsageError unless there are curves and a scene, or a design and its noise."""
     if designed and (curves or scene):
         raise UsageError(
             "--design SCENE takes no curves and no --scene", "fit CURVE --scene SCENE fits curves"
@@ -676,7 +672,7 @@ def _refuse_mixed_options(
 def _print_design(
     config: Config, keys: tuple[str, ...], noise: float, points: int, form: OutputFormat
 ) -> None:
-    """What a measurement of a scene would tell."""
+    """Print the intervals to expect from a measurement of a scene."""
     from indent_sim.fitting import design
 
     measurement_design = design.design_measurement(config, keys, noise, points)
@@ -686,7 +682,7 @@ def _print_design(
 
 
 def _discard_line(line: str) -> None:
-    """Say nothing."""
+    """Discard a progress line."""
 
 
 def _fit_curves(
@@ -696,7 +692,7 @@ def _fit_curves(
     say_line: Callable[[str], None],
     **how: Any,
 ) -> CurveFits:
-    """The fits of some curves, with the options of the command line."""
+    """Return the fits of some curves with the options of the command line."""
     from indent_sim.fitting import fit_folder
     from indent_sim.fitting.curve_fit import FitRequest
     from indent_sim.fitting.inference.estimate import OriginOptions
@@ -708,7 +704,7 @@ def _fit_curves(
 
 
 def _reading_options(columns: tuple[str, ...], units: dict[str, str]) -> ReadOptions:
-    """How files of curves are read, by the options of the command line."""
+    """Return the options for reading curve files from those of the command line."""
     from indent_sim.fitting.fit_folder import ReadOptions
 
     if columns and not 2 <= len(columns) <= 3:
@@ -849,7 +845,7 @@ STUDY_PLOT_OPTIONS = ("what", "dpi")  # options of a picture that one of a study
 
 
 def _plot_study(paths: Sequence[Path], output: Path | None, options: dict[str, Any]) -> None:
-    """Draw the curves of a study, or a column of its table over what varies."""
+    """Draw the curves of a study, or a column of its table over the varied keys."""
     from indent_sim.results.pictures import figures
     from indent_sim.results.result_files import RUNS
     from indent_sim.studies import curve_table, small_multiples, study_picture, study_report
@@ -940,7 +936,7 @@ def report(folder: Path, output: Path | None, beside: Literal["", "crate"]) -> N
 
 
 def _own_file_names(folder: Path) -> Sequence[str]:
-    """Names of what this program writes into a folder of this kind."""
+    """Return the names of the program's own files in a folder of this kind."""
     from indent_sim.results.result_files import FIELDS_FOLDER, RESULT_FILES, folder_kind
 
     match folder_kind(folder):
@@ -956,7 +952,7 @@ def _own_file_names(folder: Path) -> Sequence[str]:
 
 
 def _report_page(folder: Path) -> str:
-    """The report of what a folder holds."""
+    """Return the report of a folder."""
     from indent_sim.results import run_report
     from indent_sim.results.result_files import folder_kind
 
@@ -1043,7 +1039,7 @@ def doctor(form: OutputFormat) -> None:
 
 
 def main() -> None:
-    """The console script."""
+    """Run the program as a console script."""
     program(prog_name="indent-sim")
 
 
@@ -1052,8 +1048,9 @@ def main() -> None:
 
 
 def _start_mesher(read: Callable[[], Config]) -> bool:
-    """Fork the process that meshes on rank 0, before MPI is up, unless theory solves; whether ranks
-    are to be met.
+    """Fork the process that meshes on rank 0, before MPI starts, unless theory solves the scene.
+
+    Returns whether there are several ranks.
     """
     from indent_sim.process.ranks import is_parallel, is_root
     from indent_sim.run.planned_run import start_mesher_if_needed
@@ -1063,8 +1060,10 @@ def _start_mesher(read: Callable[[], Config]) -> bool:
 
 @contextmanager
 def _pause_garbage_collector() -> Iterator[None]:
-    """No search for garbage: loading libraries makes a hundred thousand objects, of which none is;
-    a twentieth of a small run. Who makes many ends it.
+    """Disable the cyclic garbage collector while libraries are imported.
+
+    They create a hundred thousand objects, none of them garbage; the search takes 5 % of the time
+    of a small run. A run of many rows enables it again.
     """
     gc.unfreeze()  # what an earlier command of this process set aside
     gc.disable()
@@ -1083,8 +1082,10 @@ def _world_communicator() -> Any:
 
 
 def _refuse_parallel_run() -> None:
-    """A study forks its runs off, which a process that takes part in MPI must not do; so only
-    mpirun is asked.
+    """Raise UsageError under mpirun for commands that fork processes.
+
+    A process that takes part in MPI must not fork; therefore the environment of mpirun is examined,
+    and MPI is not started.
     """
     from indent_sim.process.ranks import is_parallel
 
@@ -1155,9 +1156,7 @@ def _simulate(settings: Config, comm: Any, directory: Path, told: Verbosity, **h
 
 @contextmanager
 def _quiet_libraries(level: int) -> Iterator[None]:
-    """Our own messages and the warnings of others go to stderr; what compilers and their like say
-    of their work not.
-    """
+    """Show messages and warnings on stderr, except those of compilers."""
     own_logger = logging.getLogger("indent_sim")
     root_logger = logging.getLogger()
     own_handler = StderrHandler(logging.INFO)
@@ -1178,16 +1177,16 @@ def _quiet_libraries(level: int) -> Iterator[None]:
 
 
 class StderrHandler(logging.Handler):
-    """A logger's messages on stderr, those of libraries with their name."""
+    """Log handler that prints to stderr, for libraries with their name."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Tell one message."""
+        """Print one message."""
         logger_name = "" if record.name == "indent_sim" else f"{record.name}: "
         print_stderr(f"{logger_name}{record.getMessage()}")
 
 
 def _report_kept_rows(directory: Path, end: BaseException) -> None:
-    """Where the rows of a run that failed are, and that a finished one is still there."""
+    """Print where the rows of a failed run are, or that a finished one is still there."""
     from indent_sim.results.result_files import read_report
 
     report = read_report(directory)
@@ -1223,8 +1222,9 @@ def _print_conclusion(outcome: Outcome, form: OutputFormat, told: Verbosity) -> 
 
 
 def _is_study(path: Path) -> bool:
-    """Whether a file holds a study; False for what cannot be read, which is told when it is read as
-    a scene.
+    """Return whether a file contains a study; False if it cannot be read.
+
+    Reading it as a scene reports why.
     """
     from indent_sim.config.scene_file import is_study, read_document
 
@@ -1249,7 +1249,7 @@ def _plan_study(
 
 
 def _terminal_width() -> int:
-    """Columns of the terminal; enough for whole lines when there is none."""
+    """Return the columns of the terminal; without one enough for whole lines."""
     import shutil
 
     return shutil.get_terminal_size((120, 24)).columns if sys.stdout.isatty() else 120

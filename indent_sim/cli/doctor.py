@@ -1,6 +1,4 @@
-"""The health of an installation: which parts are there, in which version, and whether they can be
-used.
-"""
+"""Checks of the installation: its parts, their versions, and whether they work."""
 
 from __future__ import annotations
 
@@ -48,7 +46,7 @@ BLAS = {
 
 @dataclass(frozen=True)
 class HealthCheck:
-    """One finding: what was looked at, what was found, and a verdict: good | warning | broken."""
+    """Result of one check: its name, what was found, and a verdict good | warning | broken."""
 
     name: str
     found: str
@@ -61,7 +59,7 @@ class HealthCheck:
 
 
 def check_installation() -> list[HealthCheck]:
-    """Look at everything a run needs, in the surroundings of a run."""
+    """Return the checks of everything that a run needs, in the environment of a run."""
     environment_checks = [_check_working_directory(), _run_check("JIT cache", _check_kernel_cache)]
     packages = [
         *map(_check_package, NEEDED_PACKAGES),
@@ -82,7 +80,7 @@ def check_installation() -> list[HealthCheck]:
 
 
 def _check_working_directory() -> HealthCheck:
-    """Where this process stands; libraries that cannot find it out would all look broken."""
+    """Check the working directory; without one all libraries would seem broken."""
     try:
         return HealthCheck("directory", os.getcwd())
     except OSError:
@@ -148,7 +146,7 @@ def _check_mumps() -> HealthCheck:
 
 
 def _check_blas() -> HealthCheck:
-    """Which BLAS this process has loaded, read from its memory map."""
+    """Check the BLAS that this process has loaded, from its memory map."""
     importlib.import_module("numpy").dot([1.0], [1.0])
     maps = Path("/proc/self/maps")
     lines = maps.read_text().splitlines() if maps.exists() else []

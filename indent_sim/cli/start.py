@@ -15,7 +15,7 @@ GC_THRESHOLD = 50_000
 
 
 def main() -> None:
-    """The console script."""
+    """Run the program as a console script."""
     gc.set_threshold(GC_THRESHOLD)
     os.environ.setdefault(
         "PYDANTIC_DISABLE_PLUGINS", "1"

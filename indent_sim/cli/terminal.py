@@ -24,9 +24,10 @@ if TYPE_CHECKING:
     from indent_sim.run.planned_run import PlannedRun
     from indent_sim.run.single_run import Progress
     from indent_sim.run.work_and_loops import HysteresisLoop
-    from indent_sim.studies import StudyPlan
+    from indent_sim.studies.study_plan import StudyPlan
 
-TIME_LABELS = {  # of a scene that is followed in time, in words
+# Labels of the characteristic times of a time-dependent scene.
+TIME_LABELS = {
     "way_in": "way in",
     "history": "history",
     "contact": "a^2/D",
@@ -34,16 +35,20 @@ TIME_LABELS = {  # of a scene that is followed in time, in words
     "element": "h_contact^2/D",
     "relaxation": "longest relaxation",
 }
-UNKNOWN_RATIO = 100.0  # high over low, from which on an interval says nothing
-WHOLE_PERCENT = 99.5  # per cent, from which on they are said without powers of ten
-MAX_LOG_LINES = 200  # most progress lines in a log
+# An interval whose upper end is so many times its lower end leaves the parameter unknown.
+UNKNOWN_RATIO = 100.0
+# Percentages from this one on are printed without a power of ten.
+WHOLE_PERCENT = 99.5
+# Largest number of progress lines in a log.
+MAX_LOG_LINES = 200
 
-Report = dict[str, Any]  # of a run, or a part of one
+# Report of a run, or a part of it.
+Report = dict[str, Any]
 
 
 @contextmanager
 def show_progress(tell: Callable[[str], None], config: Config) -> Iterator[Progress]:
-    """A function to call with every state: a bar on a terminal, plain lines in a log (stderr)."""
+    """Yield a function to call with every state: progress bar or lines of a log (stderr)."""
     estimate = ProgressEstimate()
     is_flat = "plane_strain" in (config.mesh.symmetry, getattr(config.body, "kinematics", ""))
     units = _row_units(vars(config.units), is_flat or config.body.shape == "strip")
@@ -72,8 +77,9 @@ def show_progress(tell: Callable[[str], None], config: Config) -> Iterator[Progr
 
 
 def _row_units(units: Mapping[str, str], is_flat: bool) -> dict[str, str]:
-    """The units of time, depth, force and contact radius, as far as the scene has units; in plane
-    strain forces are per length.
+    """Return the units of time, depth, force and contact radius, as far as the scene has units.
+
+    In plane strain forces are per unit length.
     """
     length = units.get("length", "")
     force = units.get("force", "")
@@ -82,9 +88,7 @@ def _row_units(units: Mapping[str, str], is_flat: bool) -> dict[str, str]:
 
 
 def conclusion_lines(outcome: Outcome) -> list[str]:
-    """The last lines of a run: theory beside it, the picture, the warnings, and the row that it was
-    made for.
-    """
+    """Return the last lines of a run: theory, pictures, warnings and its last row."""
     report = outcome.report
     theory = _report_section(outcome.report, "theory")
     lines = []
@@ -108,9 +112,10 @@ def conclusion_lines(outcome: Outcome) -> list[str]:
     if half_space := theory.get("half_space"):
         side = "below" if half_space["deviation"] < 0 else "above"
         prescribed, computed = _prescribed_and_computed(theory)
-        deviation_text = f"{computed} {half_space[computed]:.6g}, {abs(half_space['deviation']):.2%} {side} this run"
+        deviation_text = f"{abs(half_space['deviation']):.2%} {side} this run"
         lines.append(
-            f"{half_space['name']}, half-space, at {prescribed} {theory[prescribed]:.6g}: {deviation_text}"
+            f"{half_space['name']}, half-space, at {prescribed} {theory[prescribed]:.6g}: "
+            f"{computed} {half_space[computed]:.6g}, {deviation_text}"
         )
     if theory.get("formulas"):
         prescribed, computed = _prescribed_and_computed(theory)
@@ -120,7 +125,8 @@ def conclusion_lines(outcome: Outcome) -> list[str]:
         )
         kind = "block" if theory["name"].endswith("compression") else "film"
         lines.append(
-            f"{kind} formulas at {prescribed} {theory[prescribed]:.6g}: {computed} {', '.join(formula_texts)}"
+            f"{kind} formulas at {prescribed} {theory[prescribed]:.6g}: "
+            f"{computed} {', '.join(formula_texts)}"
         )
     if fit := report.get("hertz"):
         modulus_error = f"{fit['percent']:+.3g} %{fit.get('against', '')}"
@@ -138,9 +144,7 @@ def conclusion_lines(outcome: Outcome) -> list[str]:
 
 
 def _final_row_lines(outcome: Outcome) -> list[str]:
-    """What a run was made for: its last row, of a path that goes back or lasts also its loop and
-    its largest force.
-    """
+    """Return the lines of the last row and, after unloading, of loop and largest force."""
     from indent_sim.run.summary import row_of_interest
     from indent_sim.run.work_and_loops import hysteresis_loop
 
@@ -167,7 +171,7 @@ def _final_row_lines(outcome: Outcome) -> list[str]:
 
 
 def _is_plane_strain(report: Report) -> bool:
-    """Whether forces are per length."""
+    """Return whether forces are per unit length."""
     choices = map(_mapping_of, _report_section(report, "plan").get("choices") or [])
     return any(
         choice["key"] == "kinematics" and choice["value"] == "plane_strain" for choice in choices
@@ -175,12 +179,12 @@ def _is_plane_strain(report: Report) -> bool:
 
 
 def _mapping_of(part: Any) -> Mapping[str, Any]:
-    """A part of a report as a mapping: of a run that was there before it was read from run.json."""
+    """Return a part of a report as a mapping; an earlier run has it as such from run.json."""
     return part if isinstance(part, Mapping) else vars(part)
 
 
 def _hysteresis_lines(loop: HysteresisLoop | None, units: Mapping[str, str]) -> list[str]:
-    """The loop of a path that comes back, in words."""
+    """Return the line of the hysteresis loop of a path with unloading."""
     if loop is None:
         return []
     unit = f"{units['force']} {units['delta']}".strip()
@@ -192,23 +196,24 @@ def _hysteresis_lines(loop: HysteresisLoop | None, units: Mapping[str, str]) -> 
 
 
 def warning_lines(outcome: Outcome) -> list[str]:
-    """What a run warns of, a line each."""
+    """Return the warnings of a run, one line each."""
     return [f"warning: {warning}" for warning in outcome.report.get("warnings", [])]
 
 
 def _report_section(report: Report, name: str) -> Report:
-    """A section of a report, empty where there is none."""
+    """Return a section of a report; empty if there is none."""
     return report.get(name) or {}
 
 
 def _section_sentence(part: Report) -> list[str]:
-    """The sentence that a part of a report has of itself, if it has one."""
+    """Return the sentence of a part of a report, if it has one."""
     return [words] if (words := part.get("words")) else []
 
 
 def _largest_pull_lines(report: Report) -> list[str]:
-    """The pull-off, or where that is not known the largest pull of the rows; and what is known of
-    it beforehand.
+    """Return the line of the pull-off force, with its estimates before the run.
+
+    Without a search between rows it is the largest tensile force of a row.
     """
     pulled = report.get("largest_pull")
     if pulled is None:
@@ -227,12 +232,12 @@ def _largest_pull_lines(report: Report) -> list[str]:
 
 
 def _error_text(error: float | None) -> str:
-    """An error behind a number, in words."""
+    """Return the error of a number as a text."""
     return "± an unknown error" if error is None else f"± {error:.2g}"
 
 
 def _experiment_lines(report: Report) -> Iterator[str]:
-    """What an experiment came to: where the tip comes off, and how the history was followed."""
+    """Yield the lines of an experiment: pull-off, events of the cantilever, calibration."""
     for control, point in _report_section(_report_section(report, "adhesion"), "pull_off").items():
         words = control.replace("_", " ")
         yield f"pull-off under {words}: force {point['force']:.6g} at delta {point['delta']:.6g}"
@@ -250,7 +255,7 @@ def _experiment_lines(report: Report) -> Iterator[str]:
 
 
 def plan_text(prospect: PlannedRun, width: int = 120) -> str:
-    """The plan of a run: every choice with its reason, and what to expect."""
+    """Return the plan of a run as a text: every choice with its reason, and the predictions."""
     from rich.table import Table
     from rich.text import Text  # rather than words, in which brackets are markup
 
@@ -270,7 +275,7 @@ def plan_text(prospect: PlannedRun, width: int = 120) -> str:
 
 
 def requirements_text(requirements: Requirements, width: int = 120) -> str:
-    """What a scene requires: its effects by their size, what to model, and that model as a scene."""
+    """Return the effects of a scene by size, and the recommended scene, as a text."""
     from rich.table import Table
     from rich.text import Text
 
@@ -292,13 +297,12 @@ def requirements_text(requirements: Requirements, width: int = 120) -> str:
         effect.name.replace("_", " ") for effect in requirements.effects if not effect.is_possible
     )
     absent = f"\nnot in this scene: {absent_names}" if absent_names else ""
-    return f"{_render(width, table)}{absent}\n\n{requirements.words}\n\n{dump(requirements.config)}".rstrip()
+    effects_text = f"{_render(width, table)}{absent}"
+    return f"{effects_text}\n\n{requirements.words}\n\n{dump(requirements.config)}".rstrip()
 
 
 def curve_requirements_text(requirements: CurveRequirements, width: int = 120) -> str:
-    """What a curve says of the scene and of other models beside it, and what the scene requires at
-    its depth.
-    """
+    """Return what a curve shows about a scene and other models, and its requirements."""
     from indent_sim.fitting.curve_fit import INTERVAL_KEYS, format_value
     from indent_sim.fitting.inference.model_assessment import Interval
 
@@ -338,9 +342,7 @@ def curve_requirements_text(requirements: CurveRequirements, width: int = 120) -
 
 
 def design_text(design: Design) -> str:
-    """What a measurement would tell: its intervals as the scene stands and with every change, and
-    what is tied.
-    """
+    """Return the intervals to expect from a measurement, and correlated parameters, as a text."""
     rows = [
         ["", *design.parameters],
         ["as it stands", *_interval_texts(design.parameters, design.config)],
@@ -360,10 +362,10 @@ def design_text(design: Design) -> str:
 
 
 def _interval_texts(parameters: Mapping[str, Interval], config: Config) -> list[str]:
-    """Intervals with their units, and half widths in per cent."""
+    """Return intervals with their units, and half widths in per cent."""
     from indent_sim.fitting.curve_fit import format_value
 
-    def told(key: str, interval: Interval) -> str:
+    def interval_text(key: str, interval: Interval) -> str:
         if not interval.high < UNKNOWN_RATIO * max(interval.low, 1e-300):
             return "not known"
         half_width_text = (
@@ -371,13 +373,15 @@ def _interval_texts(parameters: Mapping[str, Interval], config: Config) -> list[
             if interval.value
             else ""
         )
-        return f"{format_value(key, config, interval.low, interval)} to {format_value(key, config, interval.high, interval)}{half_width_text}"
+        low_text = format_value(key, config, interval.low, interval)
+        high_text = format_value(key, config, interval.high, interval)
+        return f"{low_text} to {high_text}{half_width_text}"
 
-    return [told(key, interval) for key, interval in parameters.items()]
+    return [interval_text(key, interval) for key, interval in parameters.items()]
 
 
 def _effect_text(effect: Effect) -> str:
-    """What an effect does to the force, as a number or a range."""
+    """Return the effect on the force as a number or a range."""
     if effect.low is None or effect.high is None:
         return "" if effect.needs else "not known"
     range_text = f"{_percent_text(effect.low)} to {_percent_text(effect.high)} %"
@@ -389,11 +393,12 @@ def _effect_text(effect: Effect) -> str:
 
 
 def _percent_text(percent: float) -> str:
+    """Return a percentage, without a power of ten if it is large."""
     return f"{percent:+.2g}" if abs(percent) < WHOLE_PERCENT else f"{percent:+.0f}"
 
 
 def study_plan_text(planned: StudyPlan) -> str:
-    """The runs of a study, a line each, and what they cost together."""
+    """Return the runs of a study, one line each, and their total cost."""
     names = ["index", *planned.keys, "method", "force", "dofs", "memory_MB", "seconds", "warnings"]
     counted_rows = [
         row | {"warnings": len(row["warnings"])} for row in planned.rows
@@ -419,9 +424,7 @@ def study_plan_text(planned: StudyPlan) -> str:
 
 
 def scoreboard_text(rows: Sequence[Report]) -> str:
-    """Published values beside exact ones and ours, a line each, and who is off by more than is
-    claimed.
-    """
+    """Return published, exact and own values, one line each, and which of them is off."""
     from indent_sim.studies.reference.scoreboard import verdict_text
 
     names = ("published", "exact", "ours", "our_error")
@@ -437,7 +440,7 @@ def scoreboard_text(rows: Sequence[Report]) -> str:
 
 
 def comparison_text(comparison: Comparison) -> str:
-    """Two results side by side, row by row, and the largest relative difference of every column."""
+    """Return two results side by side, and the largest relative difference of every column."""
     names = list(comparison.pairs)
     head = [comparison.matched_by, *(f"{name} {side}" for name in names for side in "AB")]
     rows = [
@@ -462,7 +465,7 @@ def comparison_text(comparison: Comparison) -> str:
 
 
 def _interpolation_lines(comparison: Comparison) -> list[str]:
-    """Which of the two was interpolated, what that costs, and how far the forces lie apart."""
+    """Return which result was interpolated, with its error, and the difference of the forces."""
     if comparison.interpolation is None:
         return []
     path, error = comparison.interpolation
@@ -483,7 +486,7 @@ def _worst_difference_text(comparison: Comparison) -> str:
 
 
 def section_text(section: str) -> str:
-    """What may stand in a section of the scene file: names, first lines of docs, parameters, units."""
+    """Return the alternatives of a section of the scene file with parameters and units."""
     from indent_sim.config.json_schema import section_alternatives
 
     lines = []
@@ -501,7 +504,7 @@ def _log_progress(
     total: int,
     estimate: ProgressEstimate,
 ) -> None:
-    """A line with the step's own time, and what is left."""
+    """Print a line with the time of the step and the time left."""
     interval = -(-total // MAX_LOG_LINES)
     (step_seconds, remaining_text) = estimate.record_step(total - step)
     if step % interval == 0 or step in (1, total):
@@ -511,7 +514,7 @@ def _log_progress(
 
 
 def _error_estimate_lines(outcome: Outcome) -> list[str]:
-    """The widest error bar, relative to its force."""
+    """Return the line of the largest error estimate, relative to its force."""
     states_with_error = (state for state in outcome.states if state.force_error and state.force)
     relative_errors = [
         ((state.force_error or 0.0) / abs(state.force), state.step) for state in states_with_error
@@ -525,7 +528,10 @@ def _error_estimate_lines(outcome: Outcome) -> list[str]:
 
 
 def _computed_quantity_name(report: Report, theory: Report) -> str:
-    """What theory was asked for, in words; of a strip the force is one per length."""
+    """Return the name of the quantity that theory computed.
+
+    In plane strain a force is per unit length.
+    """
     from indent_sim.results.json_text import json_data
     from indent_sim.results.pictures.axes import plan_choice
 
@@ -538,14 +544,16 @@ def _computed_quantity_name(report: Report, theory: Report) -> str:
 
 
 def _theory_line(theory: Report, words: str) -> str:
+    """Return the line of theory and the deviation of the run."""
     exactness = "exact for this body" if theory.get("exact") else theory.get("why", "")
     prescribed, computed = _prescribed_and_computed(theory)
-    run_text = f"{words} {theory[computed]:.6g}; this run {theory[f'{computed}_deviation']:+.3%} ({exactness})"
+    deviation = f"{theory[f'{computed}_deviation']:+.3%}"
+    run_text = f"{words} {theory[computed]:.6g}; this run {deviation} ({exactness})"
     return f"{theory['name']} at {prescribed} {theory[prescribed]:.6g}: {run_text}"
 
 
 def _prescribed_and_computed(theory: Report) -> tuple[str, str]:
-    """What the path prescribes, and what theory was asked for beside the run."""
+    """Return the names of the prescribed quantity and of the one that theory computed."""
     return ("force", "delta") if "delta_deviation" in theory else ("delta", "force")
 
 

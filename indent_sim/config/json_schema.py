@@ -1,6 +1,4 @@
-"""The scene file described for editors and other programs: its JSON Schema, from the schema and the
-glossary.
-"""
+"""JSON Schema of the scene file for editors and other programs, from the schema and the symbols."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Annotated types of keys read back: alternatives, fields, tags, and what they allow in words."""
+"""Annotated types of keys: their alternatives, fields and tags, and the allowed values in words."""
 
 from __future__ import annotations
 
@@ -14,16 +14,14 @@ from indent_sim.model.units import TaggedBy
 
 
 def remedy_of(hint: Any) -> str:
-    """What the message of a refused value says to do: the words that its type is marked with, ""
-    for none.
-    """
+    """Return the remedy with which a type is annotated; "" if there is none."""
     marks = hint.__metadata__ if get_origin(hint) is Annotated else ()
     return next((mark for mark in marks if isinstance(mark, str)), "")
 
 
 @cache
 def field_names(kind: Any) -> tuple[str, ...]:
-    """The fields of a dataclass or pydantic model in order."""
+    """Return the fields of a dataclass or pydantic model in order."""
     if dataclasses.is_dataclass(kind):
         return tuple(f.name for f in dataclasses.fields(kind))
     return tuple(kind.model_fields)
@@ -31,28 +29,26 @@ def field_names(kind: Any) -> tuple[str, ...]:
 
 @cache
 def field_types(kind: type) -> dict[str, Any]:
-    """The annotated types of the fields of a dataclass or pydantic model."""
+    """Return the annotated types of the fields of a dataclass or pydantic model."""
     all_types = get_type_hints(kind, include_extras=True)
     return {name: all_types[name] for name in field_names(kind)}
 
 
 @cache
 def types_by_tag(union: Any, tag: str) -> dict[str, type]:
-    """The dataclasses of a union by the value of their tag."""
+    """Return the dataclasses of a union by the value of their tag."""
     return {get_args(field_types(kind)[tag])[0]: kind for kind in union_members(union)}
 
 
 @cache
 def tag_of(hint: Any) -> str | None:
-    """The key that chooses among the alternatives of a section; None where there is no choice."""
+    """Return the key that selects among the alternatives of a section; None without a choice."""
     marks = hint.__metadata__ if get_origin(hint) is Annotated else ()
     return next((mark.key for mark in marks if isinstance(mark, TaggedBy)), None)
 
 
 def type_of_tag(hint: Any, word: Any) -> type | None:
-    """The dataclass of a section, chosen by its tag's word where there is a choice; None for
-    anything else.
-    """
+    """Return the dataclass of a section by the value of its tag; None for any other type."""
     if (tag := tag_of(hint)) is not None:
         return types_by_tag(hint, tag).get(word) if isinstance(word, str) else None
     kinds = [
@@ -63,7 +59,7 @@ def type_of_tag(hint: Any, word: Any) -> type | None:
 
 @cache
 def default_of(kind: Any, name: str) -> Any:
-    """The default of a field of a dataclass or pydantic model, None where it has none."""
+    """Return the default of a field of a dataclass or pydantic model; None if it has none."""
     if not dataclasses.is_dataclass(kind):
         return kind.model_fields[name].default
     default = next(f.default for f in dataclasses.fields(kind) if f.name == name)
@@ -72,7 +68,7 @@ def default_of(kind: Any, name: str) -> Any:
 
 @cache
 def union_members(hint: Any) -> tuple[Any, ...]:
-    """The alternatives of a union, None left out; of anything else itself."""
+    """Return the alternatives of a union without None; any other type alone."""
     if get_origin(hint) is Annotated and any(
         isinstance(mark, TaggedBy) for mark in hint.__metadata__
     ):
@@ -84,8 +80,9 @@ def union_members(hint: Any) -> tuple[Any, ...]:
 
 @cache
 def untagged_sections(hint: Any) -> tuple[str, ...]:
-    """Names of the classes of a section without a tag that may stand in place of a word, as a
-    conductance in place of `drained`; none for any other type.
+    """Return names of the dataclasses without a tag that may replace a word.
+
+    A conductance in place of `drained` is one; any other type has none.
     """
     parts = (
         [bare_type(part) for part in union_members(hint)]
@@ -98,7 +95,7 @@ def untagged_sections(hint: Any) -> tuple[str, ...]:
 
 @cache
 def bare_type(hint: Any) -> Any:
-    """A type without its marks and without None."""
+    """Return a type without its annotations and without None."""
     if get_origin(hint) is Annotated:
         return bare_type(hint.__origin__)
     parts = union_members(hint)
@@ -107,7 +104,10 @@ def bare_type(hint: Any) -> Any:
 
 @cache
 def allowed_words(hint: Any) -> tuple[str, ...]:
-    """The words a value may be, also where one word stands for all fields of a dataclass."""
+    """Return the words that a value may be.
+
+    One word may also stand for all fields of a dataclass.
+    """
     kinds = [shared_field_type(bare_type(part)) for part in union_members(hint)]
     return tuple(
         str(word) for kind in kinds if get_origin(kind) is Literal for word in get_args(kind)
@@ -115,8 +115,9 @@ def allowed_words(hint: Any) -> tuple[str, ...]:
 
 
 def shared_field_type(kind: Any) -> Any:
-    """The type that all fields of a dataclass share (the walls of a box), so that one value says
-    them all.
+    """Return the type that all fields of a dataclass share, so that one value may stand for all.
+
+    The walls of a box are an example; None if the fields differ.
     """
     if dataclasses.is_dataclass(kind):
         first, *further_types = field_types(kind).values()  # type: ignore[arg-type]
@@ -125,12 +126,12 @@ def shared_field_type(kind: Any) -> Any:
             and further_types
             and all(further_type == first for further_type in further_types)
         )
-        return first if are_alike else None  # one field is a tag
+        return first if are_alike else None
     return kind
 
 
 def describe_type(hint: Any) -> str:
-    """A type and its range in words: "a number > 0 or auto"."""
+    """Return a type and its range in words: "a number > 0 or auto"."""
     parts = union_members(hint)
     return join_words(
         list(
@@ -142,7 +143,7 @@ def describe_type(hint: Any) -> str:
 
 
 def join_words(words: Sequence[str], last: str = "or") -> str:
-    """a, b or c."""
+    """Return "a, b or c"."""
     return f"{', '.join(words[:-1])} {last} {words[-1]}" if len(words) > 1 else "".join(words)
 
 
@@ -151,6 +152,7 @@ _SIGNS = {Gt: ("> {:g}", "gt"), Ge: (">= {:g}", "ge"), Lt: ("< {:g}", "lt"), Le:
 
 
 def _describe_member(hint: Any) -> str:
+    """Return one alternative of a type in words."""
     marks = hint.__metadata__ if get_origin(hint) is Annotated else ()
     kind = bare_type(hint)
     if get_origin(kind) is Literal:
@@ -172,6 +174,7 @@ def _describe_member(hint: Any) -> str:
 
 
 def _describe_list(item: str, marks: Sequence[Any]) -> str:
+    """Return the type of a list in words."""
     items = item.removeprefix("a ")
     items = (
         items.replace("list", "lists", 1)

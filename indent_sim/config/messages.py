@@ -1,4 +1,4 @@
-"""Error messages of a scene file: pydantic's findings as key, problem and remedy."""
+"""Error messages of a scene file: errors of pydantic as key, problem and remedy."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from indent_sim.config import key_types, schema
 from indent_sim.config.strict_yaml import KeyPath, key_text
 from indent_sim.process.errors import ConfigError, ConfigErrors
 
-MAX_PROBLEMS = 20  # of one file that are told
-MORE_ERRORS = ConfigError("", "and more errors like these")
+# Largest number of errors of one file that are reported.
+MAX_PROBLEMS = 20
+MORE_ERRORS = ConfigError("", "and more errors")
 
 _MISSING_TYPES = {"missing", "missing_argument", "missing_keyword_only_argument"}
 _UNKNOWN_TYPES = {"extra_forbidden", "unexpected_keyword_argument"}
@@ -21,8 +22,9 @@ _NO_SECTION_TYPES = {"dict_type", "dataclass_type", "model_type", "dataclass_exa
 
 
 def config_error(error: ValidationError, document: Mapping[str, Any]) -> ConfigError:
-    """One ConfigError (ConfigErrors when there are several) for what pydantic found in the
-    document.
+    """Return the errors that pydantic found in the document as one ConfigError.
+
+    Several errors become ConfigErrors.
     """
     groups: dict[KeyPath, list[Any]] = {}
     for finding in error.errors(include_url=False, include_input=False)[: 100 * MAX_PROBLEMS]:
@@ -40,8 +42,10 @@ def config_error(error: ValidationError, document: Mapping[str, Any]) -> ConfigE
 def _repeated_errors(
     groups: dict[KeyPath, list[Any]], document: Mapping[str, Any]
 ) -> Iterator[KeyPath]:
-    """Keys whose error only repeats another: the misspelt key that is missing, the list with wrong
-    items, the section that is no word either.
+    """Yield keys whose error only repeats another one.
+
+    Such keys are a missing key that was misspelt, a list with wrong items, and a section that is no
+    word either.
     """
     for path, (finding, *_) in groups.items():
         is_section = key_types.untagged_sections(schema.node_at(path, document).type)
@@ -60,13 +64,15 @@ def _repeated_errors(
 
 
 def document_path(finding: Any, document: Mapping[str, Any]) -> KeyPath:
-    """The key path in the file of one pydantic error: without union tags and the names of classes
-    that pydantic gives to sections which may stand in place of a word, `center` back in its
-    section.
+    """Return the key path in the file of an error of pydantic.
+
+    Tags of unions and the names of classes that pydantic inserts are left out, and `center` is back
+    in its section.
     """
     location = finding["loc"]
     if location[:1] == ("center",):
-        location = ("indenter", "", *location)  # the tag, which pydantic names after every choice
+        # The empty text stands for the tag, which pydantic inserts after every tagged section.
+        location = ("indenter", "", *location)
     spot = schema.node_at((), document)
     is_tag = False
     for part in location:
@@ -87,14 +93,14 @@ def document_path(finding: Any, document: Mapping[str, Any]) -> KeyPath:
 
 
 def closest_match(word: Any, choices: tuple[str, ...]) -> str | None:
-    """The choice that was probably meant."""
+    """Return the choice that was probably meant; None if none is similar."""
     folded = {str(choice).lower(): str(choice) for choice in reversed(choices)}
     match = get_close_matches(str(word).lower(), folded, n=1, cutoff=0.6)
     return folded[match[0]] if match else None
 
 
 def short_repr(value: Any) -> str:
-    """A value as the file has it, shortened."""
+    """Return a value as in the file, shortened."""
     if value is None:
         return "nothing"
     if isinstance(value, bool):
@@ -104,6 +110,7 @@ def short_repr(value: Any) -> str:
 
 
 def _error_at(path: KeyPath, findings: list[Any], document: Mapping[str, Any]) -> ConfigError:
+    """Return the error of a key from all that pydantic found there."""
     types = {error["type"] for error in findings}
     if types & _UNKNOWN_TYPES:
         return _unknown_key_error(path, document)
@@ -124,6 +131,7 @@ def _error_at(path: KeyPath, findings: list[Any], document: Mapping[str, Any]) -
 
 
 def _unknown_key_error(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
+    """Return the error of an unknown key, with the nearest known one."""
     if path in schema.REMOVED_KEYS:
         return ConfigError(key_text(path), *schema.REMOVED_KEYS[path])
     *parents, key = path
@@ -150,6 +158,7 @@ def _unknown_key_error(path: KeyPath, document: Mapping[str, Any]) -> ConfigErro
 
 
 def _missing_key_error(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
+    """Return the error of a missing key or section."""
     spot = schema.node_at(path, document)
     if spot.tag or spot.section_type is not None:
         return ConfigError(key_text(path), "this section is missing", _section_remedy(spot))
@@ -157,6 +166,7 @@ def _missing_key_error(path: KeyPath, document: Mapping[str, Any]) -> ConfigErro
 
 
 def _wrong_tag_error(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
+    """Return the error of a missing or unknown tag."""
     spot = schema.node_at(path, document)
     tag = str(spot.tag)
     kinds = tuple(key_types.types_by_tag(spot.type, str(spot.tag)))
@@ -176,6 +186,7 @@ def _wrong_tag_error(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
 
 
 def _no_section_error(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
+    """Return the error of a value in place of a section."""
     spot = schema.node_at(path, document)
     if key_types.allowed_words(spot.type) and spot.value is not None:
         return _wrong_value_error(spot)
@@ -189,6 +200,7 @@ def _no_section_error(path: KeyPath, document: Mapping[str, Any]) -> ConfigError
 
 
 def _wrong_value_error(spot: schema.SchemaNode) -> ConfigError:
+    """Return the error of a value outside of its type."""
     path = spot.path
     hint = spot.type
     value = spot.value
@@ -208,6 +220,7 @@ def _wrong_value_error(spot: schema.SchemaNode) -> ConfigError:
 
 
 def _section_remedy(spot: schema.SchemaNode) -> str:
+    """Return the tags or keys of a section as a remedy."""
     if spot.tag:
         return f"give {spot.tag}: one of {', '.join(key_types.types_by_tag(spot.type, spot.tag))}"
     keys = spot.allowed_keys()
@@ -215,7 +228,7 @@ def _section_remedy(spot: schema.SchemaNode) -> str:
 
 
 def _other_variants(key: str, section: schema.SchemaNode, valid: tuple[str, ...]) -> list[str]:
-    """The other choices of a section that know this key."""
+    """Return the other alternatives of a section that have this key."""
     if section.tag is None or key.lower() in map(str.lower, valid):
         return []
     kinds = key_types.types_by_tag(section.type, section.tag)
@@ -223,6 +236,7 @@ def _other_variants(key: str, section: schema.SchemaNode, valid: tuple[str, ...]
 
 
 def _section_keys(section: str) -> set[str]:
+    """Return all keys of a section, whatever its tag is."""
     if section == "units":
         return set()
     keys = {name for kind in schema.sections()[section] for name in key_types.field_names(kind)}

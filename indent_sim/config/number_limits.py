@@ -1,6 +1,4 @@
-"""Limits of numbers: too large, small or unlike for arithmetic of 16 digits, before they become 0,
-inf or nan.
-"""
+"""Limits of numbers that are too large, too small or too different for arithmetic of 16 digits."""
 
 from __future__ import annotations
 

@@ -86,8 +86,7 @@ Quantities = dict[KeyPath, tuple[str, float]]  # quantities as they were given, 
 
 
 def convert_quantities(document: Mapping[str, Any]) -> tuple[dict[str, Any], Quantities]:
-    """The document with every quantity as a number in the scene's units, and the quantities as they
-    were given.
+    """Return the document with numbers in place of quantities, and the quantities as given.
 
     ConfigErrors (one: ConfigError) for units that are unknown, of the wrong kind, or that the
     scene's own do not cover.
@@ -100,7 +99,7 @@ def convert_quantities(document: Mapping[str, Any]) -> tuple[dict[str, Any], Qua
 
 
 def si_factor(unit: str, kind: str) -> float:
-    """How many SI units a unit of length, force or time is; ConfigError when it is no such unit."""
+    """Return the SI value of a unit of length, force or time; ConfigError for any other unit."""
     factor, exponents = _unit_factor(f"units.{kind}", unit)
     if exponents != {kind: 1}:
         problem = f"'{unit}' is {_dimension_text(exponents)}, no {kind}"
@@ -109,9 +108,7 @@ def si_factor(unit: str, kind: str) -> float:
 
 
 class Conversion:
-    """Turns the quantities of a document into numbers in its units; `found` and `errors` are what
-    it met.
-    """
+    """Conversion of the quantities of a document to numbers in its units, with all errors."""
 
     def __init__(self, document: Mapping[str, Any]):
         self.quantities: Quantities = {}
@@ -125,8 +122,9 @@ class Conversion:
         self._force = KIND_EXPONENTS["force per length" if is_flat else "force"]
 
     def convert_node(self, spot: schema.SchemaNode, list_unit: Unit | UnitRow | None = None) -> Any:
-        """The value of a place with its quantities converted; `list_unit`: the unit of the list that it
-        stands in.
+        """Return the value of a node with its quantities converted.
+
+        `list_unit` is the unit of the list that contains it.
         """
         if isinstance(spot.value, dict):
             return {part.path[-1]: self.convert_node(part) for part in spot.children()}
@@ -185,7 +183,7 @@ class Conversion:
         return float(Decimal(match["number"]) * factor / self._scene_unit_factor(key, wanted))
 
     def _scene_unit_factor(self, key: str, wanted: Exponents) -> Decimal:
-        """How many SI units the scene's own unit of this dimension is."""
+        """Return the SI value of the scene's own unit of this dimension."""
         total = Decimal(1)
         for kind, power in wanted.items():
             label = "s" if kind == "time" else self._units.get(kind)
@@ -205,7 +203,10 @@ class Conversion:
 
 
 def _dimension_exponents(unit: Unit, force: Exponents = BASE_EXPONENTS["force"]) -> Exponents:
-    """Exponents of length, force and time of a dimension; `force`: those of what is called a force."""
+    """Return the exponents of length, force and time of a dimension.
+
+    `force` are those of the quantity that the scene calls a force.
+    """
     total: Counter[str] = Counter()
     for word, power in unit.powers.items():
         total.update(
@@ -219,8 +220,9 @@ def _dimension_exponents(unit: Unit, force: Exponents = BASE_EXPONENTS["force"])
 
 @cache
 def _unit_factor(key: str, unit: str) -> Factor:
-    """How many SI units a unit is, and its exponents of length, force and time; ConfigError when
-    there is none.
+    """Return the SI value of a unit and its exponents of length, force and time.
+
+    ConfigError if there is no such unit.
     """
     if unit in ANGLES:
         return Decimal(1), {"angle": 1}
@@ -240,7 +242,7 @@ def _unit_factor(key: str, unit: str) -> Factor:
 
 
 def _pint_factor(key: str, name: str, unit: str) -> tuple[Decimal, Exponents]:
-    """One unit by name: how many of kg, m, s, and its exponents of these."""
+    """Return the value of a named unit in kg, m, s and its exponents of these."""
     import pint
 
     try:
@@ -285,8 +287,9 @@ def dimension_of_key(path: KeyPath, document: Mapping[str, Any]) -> str | None:
 
 
 def pressure_keys(config: schema.Config) -> list[str]:
-    """The keys of all numbers with a pressure in their unit: where there is one, the force is
-    proportional to it.
+    """Return the keys of all numbers with a pressure in their unit.
+
+    If there is only one, the force is proportional to it.
     """
     parts: list[tuple[str, Any]] = [*config.materials(), ("contact", config.contact)]
     parts += [(f"{key}.flow", law.flow) for key, law in config.materials() if law.flow]

@@ -1,4 +1,4 @@
-"""A scene file -> Config and back: strict YAML, overrides, errors that name file, line and key."""
+"""Scene file to Config and back: strict YAML, overrides, errors with file, line and key."""
 
 from __future__ import annotations
 
@@ -25,33 +25,41 @@ from indent_sim.config.strict_yaml import MAX_BYTES, MAX_DEPTH, KeyPath, key_pat
 from indent_sim.model.loading import STEPPED_KEYS, Loading
 from indent_sim.process.errors import ConfigError, ConfigErrors, UsageError
 
-STUDY_SECTIONS = {"base", "vary"}  # sections that no scene has
-KEY_PATTERN = re.compile(r"\w+(\[\d+\])*(\.\w+(\[\d+\])*)*")  # as in body.layers[0].material.E
+# Sections of a study, which no scene has.
+STUDY_SECTIONS = {"base", "vary"}
+# Dotted keys such as body.layers[0].material.E.
+KEY_PATTERN = re.compile(r"\w+(\[\d+\])*(\.\w+(\[\d+\])*)*")
 SCALARS = {NoneType, bool, int, float, str}
-MAX_SET_CHARACTERS = 80  # most characters of a --set that are told
-Document = dict[str, Any]  # sections as a file has them
-SceneInput = str | os.PathLike[str] | Mapping[str, Any] | Config  # a scene, or what says it
-Overrides = Sequence[str] | Mapping[str, Any]  # as after --set, or values by dotted keys
-Quantities = dict[KeyPath, tuple[str, float]]  # as given, and as numbers in the units of the scene
-SourceLocation = tuple[str, int | None]  # file (or what stands for it) and line
+# Largest number of characters of a --set that a message repeats.
+MAX_SET_CHARACTERS = 80
+# Sections of a file.
+Document = dict[str, Any]
+SceneInput = str | os.PathLike[str] | Mapping[str, Any] | Config
+# Texts as after --set, or values by dotted keys.
+Overrides = Sequence[str] | Mapping[str, Any]
+# Quantities as given, and as numbers in the units of the scene.
+Quantities = dict[KeyPath, tuple[str, float]]
+# File, or the name that stands for it, and line.
+SourceLocation = tuple[str, int | None]
 
 
 def load(path: SceneInput, overrides: Overrides = ()) -> Config:
-    """The config of a scene file, or of mappings shaped like one, with some keys replaced.
+    """Return the config of a scene file, or of mappings of its shape, with some keys replaced.
 
     Parameters
     ----------
     path
-        A file, mappings shaped like one, or a config that is to be changed.
+        A file, mappings of its shape, or a config that is to be changed.
     overrides
-        Words as after `--set`, "contact.method=penalty", or values by their dotted keys, {"contact.method": "penalty"}.
+        Texts as after `--set`, "contact.method=penalty", or values by their dotted keys,
+        {"contact.method": "penalty"}.
 
     Raises
     ------
     UsageError
-        When the file cannot be read.
+        The file cannot be read.
     ConfigError
-        For anything wrong in it.
+        The scene has errors.
     """
     if isinstance(path, Config):
         return _apply_overrides(to_mapping(path), path.source, overrides)
@@ -62,7 +70,10 @@ def load(path: SceneInput, overrides: Overrides = ()) -> Config:
 
 
 def load_result_config(path: str | os.PathLike[str]) -> Config:
-    """The config of a result, whose version may have known keys that are gone; errors as of `load`."""
+    """Return the config of a result, which may have keys that were removed or moved since.
+
+    Errors as of `load`.
+    """
     document, source = read_document(path)
     for name, key in schema.REMOVED_KEYS:
         section = document.get(name)
@@ -72,8 +83,9 @@ def load_result_config(path: str | os.PathLike[str]) -> Config:
 
 
 def _migrate_key(document: Document, key: str, value: Any) -> None:
-    """Put what stood in `experiment` where it has moved to: a history in place of the loading, a
-    relaxation to every material.
+    """Move a key from `experiment` to its present section.
+
+    A history replaces the loading; a relaxation goes to every material.
     """
     if schema.MOVED_KEYS[key] == "loading":
         document["loading"] = {key: value}
@@ -88,19 +100,20 @@ def _migrate_key(document: Document, key: str, value: Any) -> None:
 
 
 def loads(text: str, name: str = "", overrides: Overrides = ()) -> Config:
-    """The config of YAML text; `name` stands for it in errors."""
+    """Return the config of a YAML text; `name` is its name in errors."""
     document, source = _parse_document(text, name)
     return _apply_overrides(document, source, overrides)
 
 
 def is_study(document: Mapping[str, Any]) -> bool:
-    """Whether a document is a study: one scene that is varied, or a list of cases."""
+    """Return whether a document is a study: one scene that is varied, or a list of cases."""
     return document.keys() >= STUDY_SECTIONS or "cases" in document
 
 
 def read_document(path: str | os.PathLike[str]) -> tuple[Document, Source]:
-    """A YAML file of sections as it stands, unchecked, and where every key stands; errors as of
-    `load`.
+    """Return the unchecked sections of a YAML file and the position of every key.
+
+    Errors as of `load`.
     """
     name = os.fspath(path)
     content = _read_content(name)
@@ -112,6 +125,7 @@ def read_document(path: str | os.PathLike[str]) -> tuple[Document, Source]:
 
 
 def _parse_document(text: str, name: str) -> tuple[Document, Source]:
+    """Return the sections of a YAML text and the position of every key."""
     document, lines = strict_yaml.parse(text, name)
     if not isinstance(document, dict):
         problem = (
@@ -154,8 +168,10 @@ def config_with_settings(
 def quantities_of(
     document: Mapping[str, Any], settings: Iterable[tuple[str, Any, SourceLocation]]
 ) -> Quantities:
-    """The quantities of a document in which some keys are replaced, as they are given and as
-    numbers in its units; ConfigError for one that is none.
+    """Return the quantities of a document in which some keys are replaced.
+
+    They are returned as given, and as numbers in its units. ConfigError for one without a valid
+    unit.
     """
     new_document = copy.deepcopy(dict(document))
     new_source = Source()
@@ -165,7 +181,7 @@ def quantities_of(
 
 
 def locate_error(where: Config | Source, error: ConfigError) -> ConfigError:
-    """The same error with the file and line of its key, or of the nearest section around it."""
+    """Return an error with file and line of its key, or of the nearest section around it."""
     source = where.source if isinstance(where, Config) else where
     if isinstance(error, ConfigErrors):
         errors = [locate_error(source, part) for part in error.errors]
@@ -177,14 +193,12 @@ def locate_error(where: Config | Source, error: ConfigError) -> ConfigError:
 
 
 def to_yaml(config: Config) -> str:
-    """The whole config, defaults included, as YAML that loads to an equal config, to the last
-    digit.
-    """
+    """Return the whole config, defaults included, as YAML that loads to an equal config."""
     return strict_yaml.dump(to_mapping(config))
 
 
 def to_mapping(config: Config, keys: Iterable[str] | None = None) -> Document:
-    """The config, or these of its keys, as nested mappings, shaped and ordered like the file."""
+    """Return the config, or some of its keys, as nested mappings shaped like a file."""
     values = {name: getattr(config, name) for name in keys or schema.allowed_keys_at((), {})}
     data = {name: _document_value(value) for name, value in values.items() if value is not None}
     if config.center is not None and "indenter" in data:
@@ -193,7 +207,7 @@ def to_mapping(config: Config, keys: Iterable[str] | None = None) -> Document:
 
 
 def _section_document(item: Any) -> Document:
-    """A dataclass as the section of a file; what is not given is left out."""
+    """Return a dataclass as the section of a file, without keys that are not given."""
     unused: set[str] = set()
     if isinstance(item, Loading):
         unused = {
@@ -207,7 +221,7 @@ def _section_document(item: Any) -> Document:
 
 
 def _document_value(value: Any) -> Any:
-    """A field's value as a file gives it; equal walls are one word."""
+    """Return the value of a field as a file gives it; equal walls are one word."""
     kind: Any = type(value)
     if kind in SCALARS:
         return value
@@ -225,8 +239,9 @@ def _document_value(value: Any) -> Any:
 
 
 def _read_content(name: str) -> bytes:
+    """Return the bytes of a file; UsageError if it cannot be read."""
     try:
-        # at once, a pipe too, which would wait for its writer
+        # A pipe is opened without waiting for its writer, and then refused.
         with open(
             name, "rb", opener=lambda path, flags: os.open(path, flags | os.O_NONBLOCK)
         ) as stream:
@@ -237,11 +252,12 @@ def _read_content(name: str) -> bytes:
         reason = getattr(error, "strerror", None) or error
         raise UsageError(f"cannot read the config {name}: {reason}", file=name) from None
     if len(content) > MAX_BYTES:
-        raise ConfigError("", f"longer than {MAX_BYTES} bytes", "this is no scene", name)
+        raise ConfigError("", f"longer than {MAX_BYTES} bytes", "this is not a scene", name)
     return content
 
 
 def _apply_overrides(document: Document, source: Source, overrides: Overrides) -> Config:
+    """Return the config of a document with overrides, or all its errors."""
     if isinstance(overrides, Mapping):
         return config_with_settings(
             document, source, [_check_setting(key, value) for key, value in overrides.items()]
@@ -268,7 +284,7 @@ def _apply_overrides(document: Document, source: Source, overrides: Overrides) -
 def collect_errors(
     first: ConfigError, config: Config, check: Callable[[Config], object]
 ) -> ConfigError:
-    """A mistake that `check` finds in a config, and those that it finds where this one is left out."""
+    """Return an error that `check` found in a config, and those that it finds without this one."""
     parse_again = partial(_parse_config, source=config.source)
     return _collect_document_errors(
         first, to_mapping(config), config.source, lambda document: check(parse_again(document))
@@ -278,8 +294,10 @@ def collect_errors(
 def _collect_document_errors(
     first: ConfigError, document: Document, source: Source, check: Callable[[Any], object]
 ) -> ConfigError:
-    """The first mistake of a document, and those that are left where it is mended or left out, with
-    their places.
+    """Return the first errors of a document, and those that remain after these are repaired.
+
+    A wrong key is replaced by the one that was probably meant, or removed. All errors have their
+    positions.
     """
     document = copy.deepcopy(document)
     source = dataclasses.replace(source, locations=dict(source.locations))
@@ -302,8 +320,9 @@ def _collect_document_errors(
 def _independent_errors(
     earlier_errors: Sequence[ConfigError], error: ConfigError
 ) -> list[ConfigError]:
-    """The errors about other keys than those found already, the sections around them and the keys
-    in them; not what asks for one of them, which was there before it was left out.
+    """Return the errors that do not result from the removal of the keys of earlier errors.
+
+    They are about other keys, and do not ask for a key that was removed.
     """
     earlier_paths = [
         path[:-1] if path[-1] in schema.TAG_KEYS else path
@@ -323,6 +342,7 @@ def _independent_errors(
 
 
 def _is_consequence(earlier_errors: Sequence[ConfigError], error: ConfigError) -> bool:
+    """Return whether the remedy of an error asks for the key of an earlier error."""
     words = re.split(r"[\s,;]+", error.remedy)
     return any(
         earlier.key and not earlier.suggestion and earlier.key in words
@@ -331,8 +351,9 @@ def _is_consequence(earlier_errors: Sequence[ConfigError], error: ConfigError) -
 
 
 def _repair_key(document: Document, source: Source, error: ConfigError) -> bool:
-    """Put the word that was meant in the place of a wrong one, or take it out; whether that could
-    be done.
+    """Replace a wrong key or value by the one that was probably meant, or remove it.
+
+    Returns whether that was possible.
     """
     path = key_path(error.key)
     section = schema.node_at(path[:-1], document).value
@@ -352,16 +373,16 @@ def _repair_key(document: Document, source: Source, error: ConfigError) -> bool:
 
 
 def _check_setting(key: str, value: Any) -> tuple[str, Any, SourceLocation]:
-    """A value that a notebook gives to a dotted key; ConfigError for a key that is none."""
+    """Return a value for a dotted key; ConfigError if the key is not valid."""
     if not (
         isinstance(key, str) and KEY_PATTERN.fullmatch(key) and len(key_path(key)) <= MAX_DEPTH
     ):
-        raise ConfigError("", f"{key!r} is no key", "write it with dots, e.g. contact.method")
+        raise ConfigError("", f"{key!r} is not a key", "write it with dots, e.g. contact.method")
     return key, _plain_value(value, key_path(key)), ("", None)
 
 
 def _apply_override(document: Document, source: Source, text: str) -> KeyPath:
-    """Sets one key of the document and notes where it came from."""
+    """Set one key of the document and record where it came from."""
     label = (
         f"--set {text if len(text) <= MAX_SET_CHARACTERS else text[:MAX_SET_CHARACTERS] + '...'}"
     )
@@ -386,6 +407,7 @@ def _apply_override(document: Document, source: Source, text: str) -> KeyPath:
 def _set_key(
     document: Document, source: Source, path: KeyPath, value: Any, place: SourceLocation
 ) -> None:
+    """Set the value of a key and record its position."""
     section = _parent_section(document, source, path, place)
     section[path[-1]] = value
     for inner_path in [
@@ -398,8 +420,9 @@ def _set_key(
 def _parent_section(
     document: Document, source: Source, path: KeyPath, place: SourceLocation
 ) -> Any:
-    """The mapping or list that holds the last part of a key path; sections that are missing are
-    made.
+    """Return the mapping or list that contains the last part of a key path.
+
+    Missing sections are created.
     """
     section: Any = document
     for depth, part in enumerate(path, start=1):
@@ -424,6 +447,7 @@ def _parent_section(
 
 
 def _validate(document: Document, source: Source) -> Config:
+    """Return the config of a document, or all its errors with their positions."""
     if is_study(document):
         problem = "this is a study, not a scene"
         remedy = f"indent-sim study {source.name or 'FILE'}"
@@ -439,12 +463,11 @@ def _validate(document: Document, source: Source) -> Config:
 
 
 def _parse_config(document: Document, source: Source) -> Config:
-    """The config of a document; ConfigError without a place for the first kind of mistakes in it."""
+    """Return the config of a document; ConfigError, without a position, for its first errors."""
     try:
         document, quantities = convert_quantities(document)
         source = dataclasses.replace(source, quantities=quantities)
-        # json, because strict pydantic takes a list for a tuple and a mapping for a dataclass only
-        # from there
+        # Strict pydantic accepts a list for a tuple and a mapping for a dataclass only from JSON.
         config = Config.model_validate_json(json.dumps(_config_fields(document)))
         if "steps" in document["loading"] and not {*STEPPED_KEYS} & {
             *config.loading.given_path_keys
@@ -464,8 +487,9 @@ def _parse_config(document: Document, source: Source) -> Config:
 
 
 def _config_fields(document: Document) -> Document:
-    """The document in the shape of Config: `center` beside the tip, default tags and walls written
-    out.
+    """Return the document in the shape of Config.
+
+    `center` is next to the tip; default tags and walls are written out.
     """
     if "center" in document:
         raise ConfigError("center", "unknown key", "it belongs in indenter")
@@ -476,9 +500,7 @@ def _config_fields(document: Document) -> Document:
 
 
 def _complete_defaults(spot: schema.SchemaNode) -> Any:
-    """The value of a place with default tags written out, and one word written out for all walls
-    that it stands for.
-    """
+    """Return the value of a node with default tags and the words of all walls written out."""
     value = spot.value
     if (
         isinstance(value, str)
@@ -498,7 +520,7 @@ def _complete_defaults(spot: schema.SchemaNode) -> Any:
 
 
 def _plain_value(value: Any, path: KeyPath) -> Any:
-    """Anything a notebook may hand over, as the mappings, lists and scalars of a file."""
+    """Return any value as the mappings, lists and scalars of a file."""
     if len(path) > MAX_DEPTH:
         raise ConfigError(key_text(path[:3]), f"nested deeper than {MAX_DEPTH} levels")
     if hasattr(value, "tolist"):  # numpy
@@ -515,7 +537,7 @@ def _plain_value(value: Any, path: KeyPath) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         raise ConfigError(key_text(path), f"{value} is not a finite number")
     if isinstance(value, str) and strict_yaml.UNWRITABLE.search(value):
-        raise ConfigError(key_text(path), "text holds a character no file can hold")
+        raise ConfigError(key_text(path), "the text contains a character that no file can have")
     if value is None or isinstance(value, (str, bool, int, float)):
         return value
-    raise ConfigError(key_text(path), f"a {type(value).__name__} cannot stand in a scene")
+    raise ConfigError(key_text(path), f"a {type(value).__name__} is not a value of a scene")

@@ -31,26 +31,28 @@ from indent_sim.config.key_types import (
     union_members,
 )
 from indent_sim.config.strict_yaml import KeyPath
-from indent_sim.model import body as bodies
-from indent_sim.model.body import (
-    Ball,
-    Box,
-    Cap,
-    Cylinder,
-    Drainage,
-    HalfSpace,
-    Inclusion,
-    Layer,
-    MeshFromFile,
-    Strip,
-    UnboundedBody,
-)
+from indent_sim.model.body import AnyBody, Cylinder
 from indent_sim.model.contact import AutoContact, Contact, Nitsche
+from indent_sim.model.drainage import Drainage
 from indent_sim.model.experiment import Experiment, JKRAdhesion
+from indent_sim.model.gel import Gel
+from indent_sim.model.hyperelasticity import NeoHookean
+from indent_sim.model.imported_body import MeshFromFile
+from indent_sim.model.inclusions import (
+    POSITION_TOLERANCE,
+    BoxInclusion,
+    EllipsoidInclusion,
+    Inclusion,
+)
+from indent_sim.model.layers import Layer
 from indent_sim.model.loading import PATH_KEYS, Loading
-from indent_sim.model.materials import Gel, Material, NeoHookean, Relaxation, ShearRelaxingLaw
+from indent_sim.model.materials import Material, ShearRelaxingLaw
+from indent_sim.model.relaxation import Relaxation
+from indent_sim.model.spherical_bodies import Ball, Cap
 from indent_sim.model.tips import FlatPunch, Indenter, Plate, Profile
+from indent_sim.model.unbounded_bodies import HalfSpace, UnboundedBody
 from indent_sim.model.units import LENGTH, Auto, Coordinate, Length, PositiveInt, TaggedBy
+from indent_sim.model.walled_bodies import Box, Strip
 from indent_sim.process.errors import ConfigError, ConfigErrors, printable
 
 # of a folder [bytes]; room for the names beside it
@@ -61,18 +63,18 @@ MAX_PATH_LENGTH = 1000
 # would save an iteration, and leave a row that fails that audit or an error of the force that
 # nobody could state.
 MAX_RTOL = 1e-9
-MAX_REFINEMENTS = 6  # of a mesh from a file: 4096 cells for one in two dimensions
+# Uniform refinements of a mesh from a file; 6 make 4096 cells of one in two dimensions.
+MAX_REFINEMENTS = 6
 LINEAR_ELEMENTS_GONE = (
-    "linear elements are gone: with as many unknowns quadratic ones give a force ten "
+    "linear elements were removed: with as many unknowns quadratic ones give a force ten "
     "times as accurate"
 )
 KeptStates = Literal["none", "last", "all"]
 AccuracyPreset = Literal["fast", "balanced", "accurate"]
-# base radius over height of a cap: beyond it digits of its place on its large ball are lost
+# Base radius over height of a cap, beyond which digits of its position on its large ball are lost.
 MAX_CAP_FLATNESS = 1e3
-MAX_CAP_STEEPNESS = (
-    20.0  # height over base radius of a cap: beyond it, 174 degrees, a ball stands on a point
-)
+# Height over base radius of a cap, beyond which (174 degrees) it is a ball on a point.
+MAX_CAP_STEEPNESS = 20.0
 MESH_SIZE_KEYS = (
     "h_contact",
     "h_axis",
@@ -85,36 +87,33 @@ MESH_SIZE_KEYS = (
     "grading",
 )
 MIRROR_PLANE = "the mirror plane"
-PETSC_GONE = "is gone: a scene chooses by linear, method, rtol and max_iterations of solver"
-MOVED_KEYS = {
-    "relaxation": "material",
-    "history": "loading",
-    "force_history": "loading",
-}  # from `experiment`
+PETSC_GONE = "was removed: a scene sets linear, method, rtol and max_iterations of solver"
+# Keys that were in `experiment` and the sections that they are in now.
+MOVED_KEYS = {"relaxation": "material", "history": "loading", "force_history": "loading"}
 REMOVED_KEYS = {
-    ("solver", "petsc"): (PETSC_GONE, "who must tune PETSc sets PETSC_OPTIONS in the environment")
+    ("solver", "petsc"): (PETSC_GONE, "set PETSC_OPTIONS in the environment to tune PETSc")
 }
 REMOVED_KEYS |= {
     ("experiment", key): ("has moved", f"write {section}.{key}")
     for key, section in MOVED_KEYS.items()
 }
-MIN_CORE_FRACTION = (
-    0.02  # of the room for skins of a cap or ball, what must be left of it inside them
-)
-MIN_COATING_RATIO = (
-    1e-3  # of the radius of its ball: elements as small as its thickness go all around
-)
-SOLVENT_RTOL = 1e-6  # of kT over the volume of its molecule
-MIN_CLEARANCE_FRACTION = (
-    0.01  # of half the thickness of an inclusion, between it and any other surface
-)
-TAG_KEYS = {"shape", "model", "method"}  # keys that choose what a section is, at any depth
+# Fraction of the largest total thickness of coatings that has to remain for the core.
+MIN_CORE_FRACTION = 0.02
+# Thickness of a coating over the radius of its ball; elements as small as it go all around.
+MIN_COATING_RATIO = 1e-3
+# Relative difference of kT over the molecular volume up to which two solvents are the same.
+SOLVENT_RTOL = 1e-6
+# Distance of an inclusion from any other surface, in units of half its smallest thickness.
+MIN_CLEARANCE_FRACTION = 0.01
+# Keys that select the dataclass of a section, at any depth.
+TAG_KEYS = {"shape", "model", "method"}
 
 
 @dataclass(frozen=True)
 class Units:
-    """The units that plain numbers are meant in, by name; quantities with a unit of their own are
-    converted to them.
+    """Units of plain numbers, by name.
+
+    Quantities with a unit of their own are converted to them.
     """
 
     length: str = ""
@@ -141,8 +140,9 @@ class MeshSettings:
 
 @dataclass(frozen=True)
 class SolverSettings:
-    """How the equations are solved; PETSc's own options are [the
-    environment's](how_do_i.md#tune-petsc).
+    """Solution of the equations.
+
+    PETSc's own options are [the environment's](how_do_i.md#tune-petsc).
     """
 
     method: Literal["auto", "theory", "condensed", "newton"] = "auto"
@@ -153,7 +153,7 @@ class SolverSettings:
 
 @dataclass(frozen=True)
 class OutputSettings:
-    """What is written and where."""
+    """Output of a run, and its folder."""
 
     directory: Annotated[str, MinLen(1)] | None = None
     fields: Literal["auto", "none", "last", "all"] = "auto"
@@ -165,21 +165,22 @@ class OutputSettings:
 
 @dataclass(frozen=True)
 class Source:
-    """Where every key of a config was written: file and line, or the `--set` that gave it.
+    """Source of every key of a config: file and line, or the `--set` that gave it.
 
-    All sources are equal: two configs that say the same are the same, wherever they were written.
+    All sources are equal: two configs with the same values are equal, wherever they were written.
     """
 
     name: str = field(default="", compare=False)
     locations: dict[KeyPath, tuple[str, int | None]] = field(
         default_factory=dict, compare=False, repr=False
     )
+    # Quantities as given, and as numbers in the units of the scene.
     quantities: dict[KeyPath, tuple[str, float]] = field(
         default_factory=dict, compare=False, repr=False
-    )  # as given
+    )
 
     def location(self, path: KeyPath) -> tuple[str, int | None]:
-        """File and line of a key, or of the nearest section around it."""
+        """Return file and line of a key, or of the nearest section around it."""
         for end in range(len(path), -1, -1):
             if path[:end] in self.locations:
                 return self.locations[path[:end]]
@@ -187,7 +188,7 @@ class Source:
 
 
 class Config(BaseModel):
-    """A scene as its file says it, checked, defaults filled in; every "auto" is still undecided."""
+    """Checked scene file with its defaults; every "auto" is still undecided."""
 
     model_config = ConfigDict(
         extra="forbid", frozen=True, strict=True, allow_inf_nan=False, revalidate_instances="always"
@@ -195,12 +196,12 @@ class Config(BaseModel):
 
     title: str = ""
     units: Units = Units()
-    body: Annotated[bodies.AnyBody, TaggedBy("shape")]
-    material: Annotated[Material | None, TaggedBy("model")] = (
-        None  # required unless every layer or region has its own
-    )
+    body: Annotated[AnyBody, TaggedBy("shape")]
+    # Required unless every layer or region has its own material.
+    material: Annotated[Material | None, TaggedBy("model")] = None
     indenter: Annotated[Indenter, TaggedBy("shape")]
-    center: Annotated[tuple[Coordinate, ...], LENGTH] | None = None  # in the file: indenter.center
+    # In the file it is `indenter.center`.
+    center: Annotated[tuple[Coordinate, ...], LENGTH] | None = None
     contact: Annotated[Contact, TaggedBy("method")] = AutoContact()
     drainage: Drainage | None = None
     loading: Loading
@@ -214,12 +215,12 @@ class Config(BaseModel):
 
     @property
     def source(self) -> Source:
-        """Where the keys were written."""
+        """Source of every key."""
         return self._source
 
     @property
     def initial_bath(self) -> float:
-        """The bath when the body is at rest."""
+        """Value of the bath in the undeformed state."""
         in_time = self.loading.prescribed_history
         return (
             self.drainage.bath_at(in_time.points[0][0] if in_time else 0.0)
@@ -229,24 +230,24 @@ class Config(BaseModel):
 
     @property
     def instrument(self) -> Experiment:
-        """How the indentation is measured; an experiment without anything where the file has none."""
+        """Experiment of the scene; one without any part if the file has none."""
         return self.experiment or Experiment()
 
     @property
     def layers(self) -> tuple[Layer, ...]:
-        """The body's layers from the top, each with its material; a body without layers is one."""
+        """Layers of the body from the top, each with its material; at least one."""
         given = self.body.layers or (Layer(getattr(self.body, "height", None)),)
         return tuple(
             dataclasses.replace(layer, material=layer.material or self.material) for layer in given
         )
 
     def material_key(self, layer: int) -> str:
-        """The key at which the material of a layer stands."""
+        """Return the key of the material of a layer."""
         has_material = self.body.layers is not None and self.body.layers[layer].material is not None
         return f"body.layers[{layer}].material" if has_material else "material"
 
     def materials(self) -> Iterator[tuple[str, Material]]:
-        """Every material that is given, with its key."""
+        """Yield every given material with its key."""
         keyed_materials = [("material", self.material)]
         keyed_materials += [
             (f"{key_of_layer(k)}.material", layer.material)
@@ -264,6 +265,7 @@ class Config(BaseModel):
 
     @model_validator(mode="after")
     def _check_consistency(self) -> Config:
+        """Raise ConfigErrors with everything that keys contradict in each other."""
         body_checks = (
             _cap_errors,
             _layer_errors,
@@ -292,28 +294,30 @@ class Config(BaseModel):
 
 
 def _cap_errors(config: Config) -> Iterator[ConfigError]:
-    """What is wrong with the two ways to say how high a cap is."""
+    """Yield errors of the height and the contact angle of a cap."""
     body = config.body
     if not isinstance(body, Cap):
         return
     if body.height and body.contact_angle:
         yield ConfigError(
-            "body.contact_angle", "contradicts height: each alone says the cap's shape", "give one"
+            "body.contact_angle",
+            "contradicts height: each of them alone defines the shape of the cap",
+            "give one",
         )
     elif not body.height and not body.contact_angle:
         yield ConfigError("body.height", "missing, and so is contact_angle", "give one of the two")
     elif body.apex_height < body.base_radius / MAX_CAP_FLATNESS:
         problem = (
-            f"a cap {body.apex_height:.4g} high on a base of radius {body.base_radius:g} is all "
-            "but flat"
+            f"a cap {body.apex_height:.4g} high on a base of radius {body.base_radius:g} is nearly "
+            "flat"
         )
         yield ConfigError(
             "body", problem, f"height at least base_radius/{MAX_CAP_FLATNESS:g}, or a cylinder"
         )
     elif body.apex_height > body.base_radius * MAX_CAP_STEEPNESS:
         problem = (
-            f"a cap {body.apex_height:.4g} high on a base of radius {body.base_radius:g} stands "
-            "on a point"
+            f"a cap {body.apex_height:.4g} high on a base of radius {body.base_radius:g} is almost "
+            "a whole ball on a point"
         )
         yield ConfigError(
             "body", problem, f"height at most {MAX_CAP_STEEPNESS:g} base_radius, or a ball"
@@ -321,23 +325,17 @@ def _cap_errors(config: Config) -> Iterator[ConfigError]:
 
 
 def _layer_errors(config: Config) -> Iterator[ConfigError]:
-    """What is wrong with the layers: a material that is missing, thicknesses that are not the
-    body's.
-    """
+    """Yield errors of the materials and of the thicknesses of layers."""
     layers = config.body.layers or ()
     bare_layers = [k for k, layer in enumerate(layers) if layer.material is None]
     if not layers and not getattr(config.body, "regions", None):
         bare_layers = [0]
     if bare_layers and config.material is None:
-        problem_text = (
-            f"this section is missing, and {key_of_layer(bare_layers[0])} has no material of its own"
-            if layers
-            else ""
-        )
+        problem = "this section is missing"
+        if layers:
+            problem += f", and {key_of_layer(bare_layers[0])} has no material of its own"
         kinds = ", ".join(types_by_tag(field_types(Config)["material"], "model"))
-        yield ConfigError(
-            "material", problem_text or "this section is missing", f"give model: one of {kinds}"
-        )
+        yield ConfigError("material", problem, f"give model: one of {kinds}")
     without_thickness = [k for k, layer in enumerate(layers) if layer.thickness is None]
     if isinstance(config.body, HalfSpace | Cap | Ball):
         without_thickness = [k for k in without_thickness if k < len(layers) - 1]
@@ -363,26 +361,31 @@ def _layer_errors(config: Config) -> Iterator[ConfigError]:
         height = config.body.height
         if not isclose(thick, height, rel_tol=1e-9):
             problem = (
-                f"the layers are {thick:.10g} thick together, and the body is {height:.10g} high"
+                f"the total thickness of the layers is {thick:.10g}, and the body is "
+                f"{height:.10g} high"
             )
             yield ConfigError("body.layers", problem, "make their thicknesses add up to the height")
 
 
 def _coating_errors(config: Config, body: Cap | Ball) -> Iterator[ConfigError]:
-    """What is wrong with the thicknesses of a body's skins and the sizes of elements in them."""
+    """Yield errors of the thicknesses of coatings and of the element sizes in them."""
     coatings = (body.layers or ())[:-1]
     sizes = config.mesh.h_layers
     if sizes is not None and len(sizes) != len(coatings):
         problem = f"has {len(sizes)} sizes, and the body {len(coatings)} layers around its core"
         yield ConfigError("mesh.h_layers", problem, "give one for each, or leave it out")
     if isinstance(body, Cap) and bool(body.height) == bool(body.contact_angle):
-        return  # it has no shape yet
+        # Without a valid height the shape of the cap is unknown.
+        return
     total_thickness = sum(layer.thickness or 0.0 for layer in coatings)
     dome = body.spherical_body
     thinnest = min((layer.thickness or inf for layer in coatings), default=inf)
     if total_thickness > (1 - MIN_CORE_FRACTION) * dome.max_coating_thickness:
         core_text = "no core" if isinstance(body, Ball) else "a core that does not reach the base"
-        problem = f"the layers around the core are {total_thickness:.6g} thick together, which leaves {core_text}"
+        problem = (
+            f"the layers around the core are {total_thickness:.6g} thick together, "
+            f"leaving {core_text}"
+        )
         yield ConfigError(
             "body.layers",
             problem,
@@ -397,14 +400,14 @@ def _coating_errors(config: Config, body: Cap | Ball) -> Iterator[ConfigError]:
 
 
 def _surface_tension_errors(config: Config) -> Iterator[ConfigError]:
-    """What is not known together with a surface tension."""
+    """Yield errors of a surface tension together with other effects."""
     if not config.body.surface_tension:
         return
     key = "body.surface_tension"
     remedy = "give one of the two"
     if config.experiment and config.experiment.adhesion:
         problem = (
-            "is not known together with experiment.adhesion: its limit is that of a surface "
+            "cannot be combined with experiment.adhesion: the JKR limit holds for a surface "
             "without tension"
         )
         yield ConfigError(key, problem, remedy)
@@ -412,15 +415,13 @@ def _surface_tension_errors(config: Config) -> Iterator[ConfigError]:
         yield ConfigError(key, "together with contact.adhesion is not verified", remedy)
     if relaxing := next((where for where, law in config.materials() if law.relaxation), None):
         problem = (
-            f"does not relax, and {relaxing}.relaxation is made of a curve that does so as a whole"
+            f"does not relax, but {relaxing}.relaxation needs a load curve that relaxes as a whole"
         )
         yield ConfigError(key, problem, remedy)
 
 
 def _inclusion_errors(config: Config) -> Iterator[ConfigError]:
-    """What is wrong with inclusions: out of the body or of a layer, too near to a surface or to one
-    another.
-    """
+    """Yield errors of inclusions that leave a layer or are too near to another surface."""
     inclusions = config.body.inclusions or ()
     if config.mesh.h_inclusions is not None and len(config.mesh.h_inclusions) != len(inclusions):
         problem = (
@@ -444,27 +445,27 @@ def _inclusion_errors(config: Config) -> Iterator[ConfigError]:
         elif problem_found or overlapping:
             problem = problem_found or f"overlaps or touches {key_of_inclusion(overlapping[0])}"
             remedy = (
-                f"move it, or make it smaller: {_min_clearance(inclusion):.3g} must be left between it "
-                "and any surface"
+                f"move it, or make it smaller: {_min_clearance(inclusion):.3g} must be left "
+                "between it and any surface"
             )
             yield ConfigError(key_of_inclusion(k), problem, remedy)
 
 
-def _unsupported_inclusion(body: bodies.AnyBody, inclusion: Inclusion) -> tuple[str, str] | None:
-    """Why a body of this kind has no such inclusion, and what it may have."""
+def _unsupported_inclusion(body: AnyBody, inclusion: Inclusion) -> tuple[str, str] | None:
+    """Return why a body of this shape cannot have an inclusion, and a remedy; None if it can."""
     if isinstance(body, Strip) and inclusion.center[1]:
         return (
-            f"a strip is the same all along y, and the center is at y = {inclusion.center[1]:g}",
+            f"a strip is infinite along y, but the center is at y = {inclusion.center[1]:g}",
             "set y to 0",
         )
     if isinstance(body, Cap | Ball) and not inclusion.is_axisymmetric_about((0.0, 0.0)):
         reason = (
             "a box is no body of revolution"
-            if isinstance(inclusion, bodies.BoxInclusion)
+            if isinstance(inclusion, BoxInclusion)
             else "it is off the axis"
         )
         if (
-            isinstance(inclusion, bodies.EllipsoidInclusion)
+            isinstance(inclusion, EllipsoidInclusion)
             and inclusion.semi_axes[0] != inclusion.semi_axes[1]
         ):
             reason = (
@@ -476,8 +477,11 @@ def _unsupported_inclusion(body: bodies.AnyBody, inclusion: Inclusion) -> tuple[
     return None
 
 
-def _side_problem(body: bodies.AnyBody, inclusion: Inclusion) -> str:
-    """That an inclusion leaves the body through a side, or nearly does."""
+def _side_problem(body: AnyBody, inclusion: Inclusion) -> str:
+    """Return the problem of an inclusion that crosses a side or is too near to it.
+
+    "" if there is none.
+    """
     shape = body.spherical_body if isinstance(body, Cap | Ball) else body
     clearance = shape.wall_clearance(inclusion)  # type: ignore[union-attr]
     if clearance >= _min_clearance(inclusion):
@@ -490,15 +494,19 @@ def _side_problem(body: bodies.AnyBody, inclusion: Inclusion) -> str:
 
 
 def _level_face_problem(faces: Sequence[tuple[str, float]], inclusion: Inclusion) -> str:
-    """That an inclusion crosses the top, the base, or an interface, or nearly does."""
+    """Return the problem of an inclusion at the top, the base or an interface.
+
+    "" if it crosses none and is not too near to one.
+    """
     z = inclusion.center[2]
     half_height = inclusion.half_width(2)
     min_clearance = _min_clearance(inclusion)
     for name, height in faces:
-        if name == MIRROR_PLANE and isclose(z, height, rel_tol=bodies.POSITION_TOLERANCE):
+        if name == MIRROR_PLANE and isclose(z, height, rel_tol=POSITION_TOLERANCE):
             return ""
         if abs(z - height) < half_height:
-            return f"crosses {name} at z = {height:.6g}: it spans z = {z - half_height:.6g} to {z + half_height:.6g}"
+            span = f"it spans z = {z - half_height:.6g} to {z + half_height:.6g}"
+            return f"crosses {name} at z = {height:.6g}: {span}"
         if abs(z - height) < half_height + min_clearance:
             return f"is {abs(z - height) - half_height:.3g} from {name} at z = {height:.6g}"
     top = faces[0][1]
@@ -510,8 +518,11 @@ def _level_face_problem(faces: Sequence[tuple[str, float]], inclusion: Inclusion
     )
 
 
-def _coating_face_problem(body: bodies.AnyBody, inclusion: Inclusion) -> str:
-    """That an inclusion crosses the inner face of a skin, or nearly does."""
+def _coating_face_problem(body: AnyBody, inclusion: Inclusion) -> str:
+    """Return the problem of an inclusion at the inner face of a coating.
+
+    "" if it crosses none and is not too near to one.
+    """
     if not isinstance(body, Cap | Ball):
         return ""
     radius = body.spherical_body.radius
@@ -533,8 +544,9 @@ def _coating_face_problem(body: bodies.AnyBody, inclusion: Inclusion) -> str:
 
 
 def _level_faces(config: Config) -> list[tuple[str, float]]:
-    """Names and heights of the level faces from the top; a mirror plane is none for an inclusion
-    centered on it.
+    """Return names and heights of the level faces from the top.
+
+    The mirror plane of a ball is no obstacle for an inclusion centered on it.
     """
     body = config.body
     depths = list(accumulate(layer.thickness or inf for layer in config.layers))
@@ -546,23 +558,25 @@ def _level_faces(config: Config) -> list[tuple[str, float]]:
 
 
 def _min_clearance(*inclusions: Inclusion) -> float:
-    """What must be left between inclusions, or one and any surface [length]: elements have to fit
-    in.
+    """Return the smallest distance [length] of inclusions from any surface.
+
+    Elements have to fit into it.
     """
     return MIN_CLEARANCE_FRACTION * min(inclusion.min_half_width for inclusion in inclusions)
 
 
 def key_of_inclusion(number: int) -> str:
-    """The key of one of the body's inclusions."""
+    """Return the key of an inclusion of the body."""
     return f"body.inclusions[{number}]"
 
 
 def key_of_layer(layer: int) -> str:
-    """The key of one of the body's layers, from the top."""
+    """Return the key of a layer of the body, counted from the top."""
     return f"body.layers[{layer}]"
 
 
 def _material_errors(config: Config) -> Iterator[ConfigError]:
+    """Yield errors of the constants of each material."""
     for key, material in config.materials():
         try:
             material.canonical()
@@ -573,13 +587,13 @@ def _material_errors(config: Config) -> Iterator[ConfigError]:
 
 
 def _flow_errors(config: Config) -> Iterator[ConfigError]:
-    """What is wrong with fluid in the pores: what it needs, and what does not go with it."""
+    """Yield errors of the pore flow: what it needs, and what cannot be combined with it."""
     flows = {f"{key}.flow": material for key, material in config.materials() if material.flow}
     if config.loading.per_doubling is not None and not any(
         material.is_time_dependent for _, material in config.materials()
     ):
         problem = (
-            "is for a body that takes time, and nothing of this one flows, nor relaxes in "
+            "is for a time-dependent body, but no material of this one has a flow or relaxes in "
             "shear alone"
         )
         yield ConfigError("loading.per_doubling", problem, "leave it out")
@@ -605,12 +619,14 @@ def _flow_errors(config: Config) -> Iterator[ConfigError]:
     )
     yield from _gel_errors(config)
     if isinstance(config.contact, Nitsche):
-        problem = "nitsche takes the body's own stress, and with fluid that is not the whole"
+        problem = (
+            "nitsche uses the stress of the solid, which with pore fluid is not the total stress"
+        )
         yield ConfigError("contact.method", problem, "use augmented_lagrangian")
     drainage = config.drainage or Drainage()
     if isinstance(config.body, MeshFromFile) and drainage.sides != "sealed":
         problem = (
-            "of a body from a mesh file are not known: a side without a name has no facets "
+            "cannot be drained for a body from a mesh file: a side without a name has no facets "
             "of its own"
         )
         yield ConfigError("drainage.sides", problem, "use sealed")
@@ -621,12 +637,13 @@ def _flow_errors(config: Config) -> Iterator[ConfigError]:
     if backward_index is not None:
         yield ConfigError(
             f"drainage.bath[{backward_index}]",
-            f"time does not go on from {times[backward_index - 1]:g} to {times[backward_index]:g}",
+            f"time does not increase from {times[backward_index - 1]:g} to "
+            f"{times[backward_index]:g}",
         )
 
 
 def _has_own_bath(config: Config) -> bool:
-    """Whether the stretch of a gel is that of its bath."""
+    """Return whether the stretch of a gel is that of its bath."""
     return any(
         isinstance(material, Gel) and material.stretch == "auto"
         for _, material in config.materials()
@@ -634,7 +651,7 @@ def _has_own_bath(config: Config) -> bool:
 
 
 def _gel_errors(config: Config) -> Iterator[ConfigError]:
-    """What is wrong with gels, which share the scene's bath and its solvent."""
+    """Yield errors of gels, which share the bath of the scene and its solvent."""
     gels = {key: material for key, material in config.materials() if isinstance(material, Gel)}
     for key, gel in gels.items():
         try:
@@ -642,11 +659,12 @@ def _gel_errors(config: Config) -> Iterator[ConfigError]:
         except ValueError as error:
             yield ConfigError(f"{key}.stretch", str(error))
         if gel.relaxation:
-            yield ConfigError(f"{key}.relaxation", "of a gel was never verified", "leave it out")
+            yield ConfigError(f"{key}.relaxation", "is not verified for a gel", "leave it out")
     for key, material in config.materials():
         if gels and material.flow and not isinstance(material, Gel):
             problem = (
-                "of another law than a gel's, and the bath is the solvent's chemical potential"
+                "belongs to a law other than gel, but the bath is the chemical potential of a "
+                "solvent"
             )
             yield ConfigError(f"{key}.flow", problem, "leave it out, or use gels alone")
     ratios = {key: gel.G / gel.n_omega for key, gel in gels.items() if gel.flow}
@@ -661,6 +679,7 @@ def _gel_errors(config: Config) -> Iterator[ConfigError]:
 
 
 def _flow_law_errors(key: str, material: Material) -> Iterator[ConfigError]:
+    """Yield errors of the flow of one material."""
     flow = material.flow
     assert flow
     if isinstance(material, Gel):
@@ -675,7 +694,7 @@ def _flow_law_errors(key: str, material: Material) -> Iterator[ConfigError]:
         if flow.holmes_mow:
             yield ConfigError(
                 f"{key}.holmes_mow",
-                "is for other laws: a gel's pores are its solvent",
+                "is for other laws: the permeability of a gel follows from its swelling",
                 "leave it out",
             )
     if not material.is_small_strain and (flow.alpha, flow.storage) != (1.0, 0.0):
@@ -689,9 +708,7 @@ def _flow_law_errors(key: str, material: Material) -> Iterator[ConfigError]:
 
 
 def _contact_errors(config: Config) -> Iterator[ConfigError]:
-    """That `epsilon_t` steers friction and nothing else, and that a tip that adheres has a range
-    and slips freely.
-    """
+    """Yield errors of `epsilon_t` without friction, and of adhesion."""
     adhesion = config.contact.adhesion
     if config.contact.epsilon_t != "auto" and config.contact.is_conservative:
         yield ConfigError(
@@ -708,11 +725,12 @@ def _contact_errors(config: Config) -> Iterator[ConfigError]:
 
 
 def _load_path_errors(config: Config) -> Iterator[ConfigError]:
+    """Yield errors of the load path."""
     loading = config.loading
     attraction = config.contact.adhesion
     if not loading.given_path_keys:
         yield ConfigError(
-            "loading", "says no depth and no force", f"give one of {', '.join(PATH_KEYS)}"
+            "loading", "gives no depth and no force", f"give one of {', '.join(PATH_KEYS)}"
         )
     elif len(loading.given_path_keys) > 1:
         first, second = loading.given_path_keys[:2]
@@ -721,38 +739,42 @@ def _load_path_errors(config: Config) -> Iterator[ConfigError]:
         )
     elif (forces := loading.forces) and not attraction and min(forces) < 0:
         pull_index = next(k for k, force in enumerate(forces) if force < 0)
-        problem = f"a force of {forces[pull_index]:g} pulls, and nothing holds on to the tip"
+        problem = f"a force of {forces[pull_index]:g} pulls, but there is no adhesion"
         yield ConfigError(
             f"loading.forces[{pull_index}]", problem, "a force >= 0, or give contact.adhesion"
         )
     elif forces and not attraction and not any(forces):
         yield ConfigError(
-            "loading.forces", "presses nothing: every force is 0", "give at least one above 0"
+            "loading.forces",
+            "never press the tip in: every force is 0",
+            "give at least one above 0",
         )
 
 
 def _center_errors(config: Config) -> Iterator[ConfigError]:
+    """Yield errors of the position of the tip's axis."""
     center = config.center
     needed = len(config.body.center)
     if isinstance(config.body, UnboundedBody | Cap | Ball) and any(center or ()):
         is_dome = isinstance(config.body, Cap | Ball)
         reason = (
-            "over a {} the tip stands on the axis" if is_dome else "a {} is the same everywhere"
+            "the tip is on the axis of a {}" if is_dome else "all positions on a {} are equivalent"
         )
         yield ConfigError("indenter.center", reason.format(config.body.shape), "leave it out")
     elif center is not None and len(center) != needed:
         form = "[x]" if needed == 1 else "[x, y]"
-        problem = f"over a {config.body.shape} a tip stands at {form}, got {len(center)} numbers"
+        problem = f"the position on a {config.body.shape} is {form}, got {len(center)} numbers"
         yield ConfigError("indenter.center", problem, f"give {needed}")
 
 
 def _tip_errors(config: Config) -> list[ConfigError]:
+    """Return errors of the tip on this body."""
     tip = config.indenter
     if getattr(config.body, "kinematics", "") == "axisymmetric" and not tip.is_axisymmetric:
         return [
             ConfigError(
                 "indenter.shape",
-                f"a {tip.shape} is no tip of revolution",
+                f"a {tip.shape} is not a tip of revolution",
                 "use body.kinematics: 3d",
             )
         ]
@@ -760,19 +782,19 @@ def _tip_errors(config: Config) -> list[ConfigError]:
         return [
             ConfigError(
                 "indenter.shape",
-                f"a {tip.shape} over a strip",
+                f"a {tip.shape} on a strip, which is in plane strain, is not possible",
                 "use a box, a cylinder or a half_space",
             )
         ]
     if isinstance(config.body, Cap | Ball) and not tip.is_axisymmetric:
-        problem = f"a {tip.shape} over a {config.body.shape}, which is modelled about its axis"
+        problem = f"a {tip.shape} on a {config.body.shape}, which is axisymmetric, is not possible"
         return [
             ConfigError(
                 "indenter.shape", problem, "use a tip of revolution, a cone of equal sections"
             )
         ]
     if isinstance(tip, Plate) and isinstance(config.body, UnboundedBody):
-        problem = f"a plate on a {config.body.shape} touches all of a top without end"
+        problem = f"a plate on a {config.body.shape} touches all of an unbounded surface"
         return [
             ConfigError(
                 "indenter.shape", problem, "use a cylinder, a strip or a box, or another tip"
@@ -783,7 +805,7 @@ def _tip_errors(config: Config) -> list[ConfigError]:
         and config.contact.adhesion
         and isinstance(config.body, Cylinder | Strip | Box)
     ):
-        problem = "of a plate that touches all of a flat top is not verified"
+        problem = "is not verified for a plate that touches all of a flat top"
         return [ConfigError("contact.adhesion", problem, "leave it out")]
     if isinstance(tip, FlatPunch) and tip.edge_radius > tip.radius:
         problem = "must not be larger than the punch's radius"
@@ -799,36 +821,36 @@ def _tip_errors(config: Config) -> list[ConfigError]:
 
 
 def _experiment_errors(config: Config) -> Iterator[ConfigError]:
-    """What of an experiment contradicts itself or the scene, as far as the file alone tells."""
+    """Yield errors of an experiment that the file alone shows."""
     experiment = config.experiment
     if experiment is None:
         return
     if experiment.adhesion:
         yield from _jkr_errors(config, experiment.adhesion)
     if experiment.calibration and experiment.calibration.stiffness and not experiment.cantilever:
-        problem = "is the uncertainty of a cantilever's stiffness, and there is none"
+        problem = "is the uncertainty of a cantilever's stiffness, but there is no cantilever"
         yield ConfigError(
             "experiment.calibration.stiffness",
             problem,
             "give experiment.cantilever, or leave it out",
         )
     if experiment.calibration and experiment.calibration.R and not hasattr(config.indenter, "R"):
-        problem = f"is the uncertainty of a tip's radius R, and a {config.indenter.shape} has none"
+        problem = f"is the uncertainty of a tip's radius R, but a {config.indenter.shape} has none"
         yield ConfigError("experiment.calibration.R", problem, "leave it out")
     if not any(vars(experiment).values()):
         yield ConfigError(
-            "experiment", "says nothing", f"its keys are {', '.join(field_names(Experiment))}"
+            "experiment", "is empty", f"its keys are {', '.join(field_names(Experiment))}"
         )
 
 
 def _history_errors(config: Config) -> Iterator[ConfigError]:
-    """What is wrong with a path in time."""
+    """Yield errors of a history."""
     path_in_time = config.loading.prescribed_history
     times = config.loading.times
     if path_in_time is None:
         if not isinstance(times, str):
             yield ConfigError(
-                "loading.times", "is for a path in time", "give loading.history, or leave it out"
+                "loading.times", "is for a history", "give loading.history, or leave it out"
             )
         return
     key = "loading.history" if config.loading.history else "loading.force_history"
@@ -840,16 +862,17 @@ def _history_errors(config: Config) -> Iterator[ConfigError]:
     if backward_index is not None:
         yield ConfigError(
             f"{key}[{backward_index}]",
-            f"time goes back from {point_times[backward_index - 1]:g} to {point_times[backward_index]:g}",
+            f"time goes back from {point_times[backward_index - 1]:g} to "
+            f"{point_times[backward_index]:g}",
         )
     elif point_times[0] == point_times[-1]:
-        yield ConfigError(key, "lasts no time", "let time go on")
+        yield ConfigError(key, "has no duration", "give increasing times")
     for k, (before, t) in enumerate(pairwise((-inf, *path_in_time.times))):
         if not max(before, point_times[0]) <= t <= point_times[-1] or t == before:
             problem = (
                 f"{t:g} lies outside the history"
                 if not point_times[0] <= t <= point_times[-1]
-                else "does not go on"
+                else "is not later than the one before"
             )
             yield ConfigError(
                 f"loading.times[{k}]",
@@ -864,18 +887,21 @@ def _history_errors(config: Config) -> Iterator[ConfigError]:
         min(value for _, value in path_in_time.points) if path_in_time.control == "force" else 0.0
     )
     if lowest_force < 0 and config.contact.may_snap_through:
-        problem = f"a force of {lowest_force:g} pulls, and pulls in time have depths of their own"
+        problem = (
+            f"a force of {lowest_force:g} pulls, and a history of tensile forces has no unique "
+            "depths"
+        )
         yield ConfigError(key, problem, "give loading.history, of depths, or forces of 0 and more")
     elif lowest_force < 0 and not (config.experiment and config.experiment.adhesion):
         yield ConfigError(
             key,
-            f"a force of {lowest_force:g} pulls, and nothing holds on to the tip",
+            f"a force of {lowest_force:g} pulls, but there is no adhesion",
             "give experiment.adhesion",
         )
 
 
 def _relaxation_errors(config: Config) -> Iterator[ConfigError]:
-    """What is wrong with how the materials relax."""
+    """Yield errors of the relaxation of the materials."""
     laws = dict(config.materials())
     frequencies = config.experiment and config.experiment.frequencies
     history = config.loading.prescribed_history
@@ -885,7 +911,9 @@ def _relaxation_errors(config: Config) -> Iterator[ConfigError]:
     if not relaxations:
         if frequencies:
             yield ConfigError(
-                "experiment.frequencies", "needs a body that relaxes", "give material.relaxation"
+                "experiment.frequencies",
+                "needs a material with relaxation",
+                "give material.relaxation",
             )
         return
     yield from (
@@ -899,9 +927,7 @@ def _relaxation_errors(config: Config) -> Iterator[ConfigError]:
     elif different_key := next(
         (different_key for different_key, law in laws.items() if law.relaxation != given), None
     ):
-        problem = (
-            f"is not that of {different_key}: what relaxes as a whole must do so alike everywhere"
-        )
+        problem = f"is not that of {different_key}: with of: all every material must relax alike"
         yield ConfigError(key, problem, f"the same {different_key}.relaxation, or of: shear")
     if not history and not frequencies:
         remedy = "give loading.history, loading.force_history or experiment.frequencies"
@@ -909,11 +935,11 @@ def _relaxation_errors(config: Config) -> Iterator[ConfigError]:
 
 
 def _shear_relaxation_errors(config: Config, laws: Mapping[str, Material]) -> Iterator[ConfigError]:
-    """What a body whose shear alone relaxes, in part of it at least, is not followed with."""
+    """Yield errors of what cannot be combined with relaxation of the shear modulus alone."""
     for key, law in laws.items():
         if law.relaxation and law.relaxation.of == "all":
             problem = (
-                "all: is for a body that relaxes alike everywhere, and elsewhere shear relaxes "
+                "all: is for a body that relaxes alike everywhere, but elsewhere shear relaxes "
                 "alone"
             )
             yield ConfigError(f"{key}.relaxation.of", problem, "of: shear")
@@ -923,14 +949,16 @@ def _shear_relaxation_errors(config: Config, laws: Mapping[str, Material]) -> It
             )
             yield ConfigError(
                 f"{key}.relaxation.of",
-                f"{law.model} has no shear apart from its volume",
+                f"{law.model} has an energy whose shear part depends on the volume",
                 f"use {alternative_law}",
             )
     if config.experiment and config.experiment.frequencies:
-        problem = "is made of a curve, and none knows a bulk modulus that stays while shear relaxes"
+        problem = (
+            "needs a load curve, and none holds for shear that relaxes at constant bulk modulus"
+        )
         yield ConfigError("experiment.frequencies", problem, "of: all")
     if isinstance(config.contact, Nitsche):
-        problem = "nitsche takes the body's own stress, which relaxes"
+        problem = "nitsche uses the stress of the body, which relaxes"
         yield ConfigError("contact.method", problem, "use augmented_lagrangian")
     if config.contact.may_snap_through:
         problem = "together with relaxation is not verified"
@@ -938,13 +966,14 @@ def _shear_relaxation_errors(config: Config, laws: Mapping[str, Material]) -> It
 
 
 def _relaxation_law_errors(config: Config, key: str, given: Relaxation) -> Iterator[ConfigError]:
-    """What is wrong with a law by itself, and with a history that it cannot bear."""
+    """Yield errors of a relaxation by itself, and of a history with which it cannot be combined."""
     if (given.prony is None) == (given.power_law is None):
-        yield ConfigError(key, "must be one of two laws", "give prony or power_law")
+        yield ConfigError(key, "needs exactly one of its two laws", "give prony or power_law")
     for k, (fraction, time) in enumerate(given.prony or ()):
         if not (0 <= fraction < 1 and time > 0):
             problem = (
-                f"[{fraction:g}, {time:g}] is no term [fraction of the instantaneous modulus, time]"
+                f"[{fraction:g}, {time:g}] is not a term [fraction of the instantaneous modulus, "
+                "time]"
             )
             yield ConfigError(
                 f"{key}.prony[{k}]", problem, "a fraction from 0 to below 1, a time above 0"
@@ -952,37 +981,41 @@ def _relaxation_law_errors(config: Config, key: str, given: Relaxation) -> Itera
     if (total := sum(fraction for fraction, _ in given.prony or ())) >= 1:
         yield ConfigError(
             f"{key}.prony",
-            f"the fractions sum to {total:g}: nothing would bear in the end",
+            f"the fractions sum to {total:g}: the modulus would relax to zero or below",
             "below 1",
         )
     history = config.loading.prescribed_history
     if given.power_law and history and history.has_jumps:
-        problem = "jumps, and the instantaneous modulus of a power law is infinite"
+        problem = "jumps, but the instantaneous modulus of a power law is infinite"
         yield ConfigError(f"loading.{config.loading.given_path_keys[0]}", problem, "use a ramp")
 
 
 def _jkr_errors(config: Config, adhesion: JKRAdhesion) -> Iterator[ConfigError]:
-    """That the contact is no disc that grows and shrinks, as Griffith's balance at its edge needs."""
+    """Yield errors where the JKR limit does not apply.
+
+    It needs a circular contact whose radius varies with the depth, for Griffith's balance at its
+    edge.
+    """
     body = config.body
     tip = config.indenter
     key = "experiment.adhesion"
     if any(material.relaxation for _, material in config.materials()):
         problem = (
-            "is not known together with relaxation: the work that a relaxing body gives to "
+            "cannot be combined with relaxation: the work that a relaxing body supplies to "
             "its edge has no limit"
         )
         yield ConfigError(key, problem, "give one of the two")
-    problem = "the JKR limit is that of a disc, and a {} has none"
+    problem = "the JKR limit holds for a circular contact, which a {} does not have"
     if isinstance(body, Strip | Box):
         remedy = "use a cylinder, a layer, a half_space, a cap or a ball"
         yield ConfigError(key, problem.format(body.shape), remedy)
     if not tip.is_axisymmetric:
         yield ConfigError(key, problem.format(tip.shape), "use a tip of revolution")
     if isinstance(tip, Plate) and not isinstance(body, Cap | Ball):
-        problem = "the contact of a plate on a flat top does not shrink before it comes off at once"
+        problem = "the contact of a plate on a flat top does not shrink before it separates at once"
         yield ConfigError(key, problem, "use another tip")
     if isinstance(tip, FlatPunch) and not tip.edge_radius and not isinstance(body, Cap | Ball):
-        problem = "the contact of a sharp flat punch does not shrink before it comes off at once"
+        problem = "the contact of a sharp flat punch does not shrink before it separates at once"
         yield ConfigError(key, problem, "give the punch an edge_radius")
     if adhesion.range and not hasattr(tip, "R"):
         problem = f"is for the Tabor number of a round tip, and a {tip.shape} has no R"
@@ -990,7 +1023,7 @@ def _jkr_errors(config: Config, adhesion: JKRAdhesion) -> Iterator[ConfigError]:
 
 
 def _accuracy_errors(config: Config) -> list[ConfigError]:
-    """`accuracy` chooses the sizes itself."""
+    """Return errors of mesh sizes that `accuracy` chooses."""
     given = _given_mesh_keys(config.mesh, "refinements") if config.accuracy is not None else []
     return [
         ConfigError(key, "contradicts accuracy, which chooses it", "give one of the two")
@@ -999,7 +1032,7 @@ def _accuracy_errors(config: Config) -> list[ConfigError]:
 
 
 def _given_mesh_keys(mesh: MeshSettings, extra_key: str) -> list[str]:
-    """The keys of sizes, and one other, that a scene gives."""
+    """Return the given keys of element sizes, and one more key if it is given."""
     return [
         f"mesh.{name}"
         for name in (*MESH_SIZE_KEYS, extra_key)
@@ -1008,8 +1041,9 @@ def _given_mesh_keys(mesh: MeshSettings, extra_key: str) -> list[str]:
 
 
 def _mesh_file_errors(config: Config) -> Iterator[ConfigError]:
-    """A mesh from a file has its own sizes, and it alone has refinements; the file lies with the
-    scene.
+    """Yield errors of a mesh from a file.
+
+    It has its own element sizes, it alone has refinements, and its file is in the scene's folder.
     """
     body = config.body
     mesh = config.mesh
@@ -1019,47 +1053,48 @@ def _mesh_file_errors(config: Config) -> Iterator[ConfigError]:
                 "mesh.refinements", "is for body.shape: mesh", "leave it out, or give h_contact"
             )
         return
-    why = "is for bodies that are meshed here, and this one has its mesh"
+    why = "is for bodies that the program meshes, but this one has a mesh from a file"
     for key in _given_mesh_keys(mesh, "symmetry"):
         yield ConfigError(key, why, "leave it out, or refine it with mesh.refinements")
     if problem := _path_problem(body.file, "the scene's folder"):
-        yield ConfigError("body.file", problem, "put the mesh beside the scene file")
+        yield ConfigError("body.file", problem, "put the mesh into the folder of the scene file")
     if body.kinematics == "axisymmetric" and any(config.center or ()):
-        problem = "the tip stands on the axis of an axisymmetric mesh"
+        problem = "the tip is on the axis of an axisymmetric mesh"
         yield ConfigError("indenter.center", problem, "leave it out, or use kinematics: 3d")
 
 
 def _directory_errors(config: Config) -> Iterator[ConfigError]:
+    """Yield the error of the result folder."""
     if config.output.directory and (problem := directory_problem(config.output.directory)):
         yield ConfigError("output.directory", problem, "choose any other folder with --output")
 
 
 def directory_problem(directory: str) -> str:
-    """What is wrong with a result folder that a file names: it must lie below the working
-    directory; "" if nothing.
+    """Return the problem of a result folder that a file names; "" if there is none.
 
-    Scene and study files come from other people; where else results may go is for the command line
-    to say.
+    The folder has to be below the working directory, because scene and study files come from other
+    people. The command line may name any other folder.
     """
     if problem := _path_problem(directory, "the working directory"):
         return problem
     try:
         here = os.path.realpath(".")
         leads_out = os.path.commonpath([here, os.path.realpath(directory)]) != here
-    except OSError:  # the working directory was deleted: nothing can be written there
+    except OSError:
+        # The working directory was deleted; writing a result will fail.
         return ""
     return "leads out of the working directory through a link" if leads_out else ""
 
 
 def _path_problem(path: str, root_name: str) -> str:
-    """What is wrong with a path by its words alone: it must lie below a folder; "" if nothing."""
+    """Return the problem of a path as a text; "" if there is none. It has to be below a folder."""
     parts = path.split("/")
     if path.startswith("/") or ".." in parts:
         return f"must be below {root_name}, not absolute and without .."
     if any(part.startswith((".", "~")) and part != "." for part in parts):
         return "may not begin with . or ~, nor any folder in it"
     if printable(path) != path or "\\" in path:
-        return "holds a character that does not belong in the name of a folder"
+        return "contains a character that is not allowed in the name of a folder"
     if (
         any(len(os.fsencode(part)) > MAX_NAME_BYTES for part in parts)
         or len(path) > MAX_PATH_LENGTH
@@ -1070,7 +1105,7 @@ def _path_problem(path: str, root_name: str) -> str:
 
 @cache
 def section_tags() -> dict[str, str]:
-    """The tag key of every section that has one: body -> shape."""
+    """Return the tag key of every section that has one: body -> shape."""
     return {
         name: tag for name, hint in field_types(Config).items() if (tag := tag_of(hint)) is not None
     }
@@ -1078,7 +1113,7 @@ def section_tags() -> dict[str, str]:
 
 @cache
 def sections() -> dict[str, tuple[type, ...]]:
-    """The sections of the file in order, with the dataclasses each may be."""
+    """Return the sections of the file in order, with the dataclasses that each may be."""
     types_by_name = {name: union_members(hint) for name, hint in field_types(Config).items()}
     return {
         name: kinds for name, kinds in types_by_name.items() if dataclasses.is_dataclass(kinds[0])
@@ -1087,10 +1122,9 @@ def sections() -> dict[str, tuple[type, ...]]:
 
 @dataclass(frozen=True)
 class SchemaNode:
-    """A place in a document, however deep: the type that belongs there, its default, and the value
-    that stands there.
+    """Node of a document: its type by the schema, its default, and its value.
 
-    `type` is None where nothing belongs; `value` is None where nothing stands.
+    `type` is None if the schema has no such key; `value` is None if the document has no value.
     """
 
     path: KeyPath
@@ -1100,12 +1134,12 @@ class SchemaNode:
 
     @property
     def tag(self) -> str | None:
-        """The key that chooses what this section is."""
+        """Key that selects the dataclass of this section."""
         return tag_of(self.type)
 
     @cached_property
     def tag_value(self) -> Any:
-        """What the section, or its default, chooses."""
+        """Value of the tag in the section, or in its default."""
         default = getattr(self.default, self.tag, None) if self.tag else None
         return (
             self.value.get(self.tag, default)
@@ -1115,17 +1149,13 @@ class SchemaNode:
 
     @cached_property
     def section_type(self) -> Any:
-        """The dataclass of this section; None for a value, and where none is chosen."""
-        return (
-            Config
-            if not self.path
-            else type_of_tag(self.type, self.tag_value)
-            if self.type is not None
-            else None
-        )
+        """Dataclass of this section; None for a value, and if none is selected."""
+        if not self.path:
+            return Config
+        return type_of_tag(self.type, self.tag_value) if self.type is not None else None
 
     def child(self, part: str | int) -> SchemaNode:
-        """The place of a key or of a list's item."""
+        """Return the node of a key, or of an item of a list."""
         value = self.value[part] if has_part(self.value, part) else None
         path = (*self.path, part)
         kind = self.section_type
@@ -1138,26 +1168,28 @@ class SchemaNode:
         if kind is not None:
             return SchemaNode(path, None, None, value)
         kinds = [bare_type(part) for part in union_members(self.type)]
+        # A list or mapping may be an alternative to a word.
         container = next(
             (member_type for member_type in kinds if get_origin(member_type) in (tuple, dict)),
             bare_type(self.type),
-        )  # or a word
+        )
         item = {tuple: lambda: get_args(container)[0], dict: lambda: get_args(container)[1]}.get(
             get_origin(container)
         )
         return SchemaNode(path, item() if item else None, None, value)
 
     def children(self) -> Iterator[SchemaNode]:
-        """The places of what stands inside this one."""
+        """Yield the nodes of all values inside this one."""
         if isinstance(self.value, Mapping):
             yield from (self.child(key) for key in self.value)
         elif isinstance(self.value, (list, tuple)) and len(self.value):
-            item = self.child(0)  # the others are of its type
+            # All items of a list have one type.
+            item = self.child(0)
             for k, value in enumerate(self.value):
                 yield dataclasses.replace(item, path=(*self.path, k), value=value)
 
     def allowed_keys(self) -> tuple[str, ...]:
-        """The keys that may stand in this section."""
+        """Return the keys that this section may have."""
         if not self.path:
             return tuple(name for name in field_names(Config) if name != "center")
         names = file_order(self.section_type) if dataclasses.is_dataclass(self.section_type) else ()
@@ -1165,7 +1197,7 @@ class SchemaNode:
 
 
 def node_at(path: KeyPath, document: Any) -> SchemaNode:
-    """The place of a key path in a document."""
+    """Return the node of a key path in a document."""
     spot = SchemaNode((), Config, None, document)
     for part in path:
         spot = spot.child(part)
@@ -1173,16 +1205,16 @@ def node_at(path: KeyPath, document: Any) -> SchemaNode:
 
 
 def allowed_keys_at(path: KeyPath, document: Mapping[str, Any]) -> tuple[str, ...]:
-    """The keys that may stand in a section of the document, the root's for ()."""
+    """Return the keys that a section of the document may have; the path of the root is ()."""
     return node_at(path, document).allowed_keys()
 
 
 def file_order(kind: Any) -> tuple[str, ...]:
-    """The fields of a dataclass as a file gives them: the tag first."""
+    """Return the fields of a dataclass in the order of a file: the tag first."""
     return _file_order(kind)
 
 
-@cache  # every run writes what its scene says, and what it became
+@cache
 def _file_order(kind: Any) -> tuple[str, ...]:
     tags = [
         name
@@ -1193,7 +1225,7 @@ def _file_order(kind: Any) -> tuple[str, ...]:
 
 
 def has_part(value: Any, part: str | int) -> bool:
-    """Whether a section has a key, or a list an item of this number."""
+    """Return whether a section has a key, or a list an item of this number."""
     if isinstance(value, (list, tuple)):
         return isinstance(part, int) and part < len(value)
     return isinstance(value, Mapping) and part in value

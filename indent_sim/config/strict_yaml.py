@@ -56,13 +56,13 @@ def parse(text: str, name: str = "") -> tuple[Any, Lines]:
 
 
 def key_text(path: KeyPath) -> str:
-    """The dotted form of a key path: ("loading", "deltas", 2) -> loading.deltas[2]."""
+    """Return the dotted form of a key path: ("loading", "deltas", 2) -> loading.deltas[2]."""
     text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
     return text.removeprefix(".")
 
 
 def key_path(text: str) -> KeyPath:
-    """The key path of its dotted form."""
+    """Return the key path of its dotted form."""
     parts = re.findall(r"\[(\d+)\]|([^.\[\]]+)", text)
     return tuple(int(index) if index else word for index, word in parts)
 
@@ -78,7 +78,7 @@ def leaf_values(value: Any, path: KeyPath = ()) -> Iterator[tuple[str, Any]]:
 
 
 def dump(data: Mapping[str, Any], indent: str = "") -> str:
-    """YAML text of nested mappings, lists (in brackets) and scalars that `parse` reads back equal."""
+    """Return nested mappings, lists (in brackets) and scalars as YAML; inverse of `parse`."""
     lines = []
     for key, value in data.items():
         if isinstance(value, Mapping) and value and not indent:

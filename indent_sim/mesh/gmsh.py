@@ -22,7 +22,12 @@ from indent_sim.mesh.sizes import (
     inclusion_formula,
     size_formula,
 )
-from indent_sim.model.body import BallInclusion, CylinderInclusion, EllipsoidInclusion, Inclusion
+from indent_sim.model.inclusions import (
+    BallInclusion,
+    CylinderInclusion,
+    EllipsoidInclusion,
+    Inclusion,
+)
 from indent_sim.process.errors import BackendError, MeshError
 from indent_sim.process.forked_process import ForkedProcess, ProcessCrash
 from indent_sim.process.ranks import is_parallel

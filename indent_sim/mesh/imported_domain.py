@@ -14,8 +14,9 @@ from indent_sim.mesh.imported_mesh import ImportedMesh, refined_once, split_at_m
 from indent_sim.mesh.mesh_file import format_midpoint, mesh_file_error
 from indent_sim.mesh.model_domain import ModelDomain, Pins, Point, Region
 from indent_sim.mesh.sizes import Sizes
-from indent_sim.model.body import ImportedBody, Layer, MeshFromFile, barycentric_coordinates
+from indent_sim.model.imported_body import ImportedBody, MeshFromFile, barycentric_coordinates
 from indent_sim.model.kinematics import Axisymmetric, Kinematics, PlaneStrain, ThreeDimensional
+from indent_sim.model.layers import Layer
 from indent_sim.model.materials import Material
 from indent_sim.model.tips import Indenter
 

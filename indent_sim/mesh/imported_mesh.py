@@ -13,7 +13,7 @@ from typing import Any, Self
 import numpy as np
 
 from indent_sim.mesh.grid import LENGTH_DIGITS, Grid, boundary_facets, row_slices
-from indent_sim.model.body import MeshFromFile
+from indent_sim.model.imported_body import MeshFromFile
 from indent_sim.process.errors import MeshError
 
 Midpoints = Mapping[tuple[int, int], np.ndarray]  # between two corners of every simplex

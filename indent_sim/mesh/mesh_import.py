@@ -35,7 +35,7 @@ from indent_sim.mesh.mesh_file import (
     mesh_file_error,
     read_mesh_file,
 )
-from indent_sim.model.body import MeshFromFile
+from indent_sim.model.imported_body import MeshFromFile
 from indent_sim.model.materials import Material
 from indent_sim.process.errors import MeshFileError
 

@@ -11,9 +11,12 @@ from math import atan2, pi, sin
 
 import numpy as np
 
-from indent_sim.model.body import Coating, Inclusion
+from indent_sim.model.elastic_law import Constants
+from indent_sim.model.inclusions import Inclusion
 from indent_sim.model.kinematics import Kinematics
-from indent_sim.model.materials import Constants, Material, PronySeries
+from indent_sim.model.layers import Coating
+from indent_sim.model.materials import Material
+from indent_sim.model.relaxation import PronySeries
 
 Point = tuple[float, ...]
 Coordinates = float | np.ndarray

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from indent_sim.mesh.model_domain import Side
-from indent_sim.model.body import Coating, EllipsoidInclusion, Inclusion
+from indent_sim.model.inclusions import EllipsoidInclusion, Inclusion
+from indent_sim.model.layers import Coating
 
 DOUBTFUL_ELEMENTS = 3.0  # elements per contact radius below which results are doubtful
 

@@ -1,3 +1,1 @@
-"""What is simulated: bodies, materials, tips, contact laws and loading, as frozen dataclasses and
-formulas.
-"""
+"""Model of the problem: bodies, materials, tips, contact laws and loading as frozen dataclasses."""

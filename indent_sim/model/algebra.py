@@ -1,7 +1,6 @@
-"""The few functions a tip's formula needs, working alike on UFL expressions and on numpy arrays.
+"""Functions for formulas that work alike on UFL expressions and on numpy arrays.
 
-A tip is written once; the solver differentiates it symbolically and the results evaluate it in
-numpy.
+A formula is written once; the solver differentiates it symbolically and numpy evaluates it.
 """
 
 from __future__ import annotations
@@ -12,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-# a number, an array or a UFL expression (which knows no types): formulas are written once for all
+# A number, an array or a UFL expression, which has no static type.
 Expr = Any
 
 
 class _Ufl:
-    """UFL, imported when something of it is first needed: plans and results do without."""
+    """UFL, imported at the first use of one of its names: plans and results do without it."""
 
     def __getattr__(self, name: str) -> Expr:
         import ufl
@@ -29,58 +28,54 @@ ufl = _Ufl()
 
 
 def is_symbolic(*values: Expr) -> bool:
-    """Whether any of the values is a UFL expression."""
+    """Return whether any of the values is a UFL expression."""
     return any(hasattr(value, "ufl_shape") for value in values)
 
 
 def _apply_function(name: str, x: Expr) -> Expr:
-    """A function of both libraries by numpy's name for it."""
+    """Return a function of both libraries, by numpy's name, applied to x."""
     return (
         getattr(ufl, "ln" if name == "log" else name)(x) if is_symbolic(x) else getattr(np, name)(x)
     )
 
 
 def _apply_to_degrees(name: str, degrees: Expr) -> Expr:
+    """Return a trigonometric function, by numpy's name, of an angle in degrees."""
     return _apply_function(
         name, degrees * pi / 180 if is_symbolic(degrees) else np.radians(degrees)
     )
 
 
-sqrt, log, exp = (
-    partial(_apply_function, name) for name in ("sqrt", "log", "exp")
-)  # log: the natural one
-sin, cos, tan = (
-    partial(_apply_to_degrees, name) for name in ("sin", "cos", "tan")
-)  # of angles in degrees
+# `log` is the natural logarithm.
+sqrt, log, exp = (partial(_apply_function, name) for name in ("sqrt", "log", "exp"))
+# Angles are in degrees.
+sin, cos, tan = (partial(_apply_to_degrees, name) for name in ("sin", "cos", "tan"))
 
-# up to here ln(1 + x) and its derivatives come from a series, which keeps the digits of a small x
+# Below this |x|, ln(1 + x) and its derivatives come from a series, which loses no digits.
 LOG_SERIES_LIMIT = 0.03
-LOG_SERIES_FACTORS = (
-    1 / 3,
-    1 / 5,
-    1 / 7,
-    1 / 9,
-)  # ln(1 + x) = 2 z (1 + z^2/3 + z^4/5 + ...), z = x / (2 + x); the next is 1e-19
+# ln(1 + x) = 2 z (1 + z^2/3 + z^4/5 + ...) with z = x / (2 + x); the next term is 1e-19.
+LOG_SERIES_FACTORS = (1 / 3, 1 / 5, 1 / 7, 1 / 9)
 
 
 def log1p(x: Expr) -> Expr:
-    """ln(1 + x)."""
+    """Return ln(1 + x) without loss of digits at small x."""
     z = x / (2 + x)
     return _where_small(x, 2 * z + 2 * z**3 * _odd_series(z), log(1 + x))
 
 
 def log1p_remainder(x: Expr) -> Expr:
-    """x - ln(1 + x), which is x^2/2 for small x."""
+    """Return x - ln(1 + x), which is x^2/2 for small x."""
     z = x / (2 + x)
     return _where_small(x, 2 * z * z / (1 - z) - 2 * z**3 * _odd_series(z), x - log(1 + x))
 
 
-# e^x - 1 - x up to x^10/10!: its second derivative is good to 2e-17, the next x^9/9! of SERIES
+# The series of e^x - 1 - x goes up to x^10/10!, so that its second derivative is exact to 2e-17,
+# the next term x^9/9! at LOG_SERIES_LIMIT.
 EXP_SERIES_TERMS = 10
 
 
 def expm1_remainder(x: Expr) -> Expr:
-    """e^x - 1 - x, which is x^2/2 for small x."""
+    """Return e^x - 1 - x, which is x^2/2 for small x."""
     series: Expr = 0.0
     for n in range(EXP_SERIES_TERMS, 2, -1):
         series = (1 + series) * x / n
@@ -88,6 +83,7 @@ def expm1_remainder(x: Expr) -> Expr:
 
 
 def _odd_series(z: Expr) -> Expr:
+    """Return 1/3 + z^2/5 + z^4/7 + ... of the series of ln(1 + x)."""
     z_squared = z * z
     series = 0.0
     for factor in reversed(LOG_SERIES_FACTORS):
@@ -96,50 +92,56 @@ def _odd_series(z: Expr) -> Expr:
 
 
 def _where_small(x: Expr, small_value: Expr, large_value: Expr) -> Expr:
+    """Return `small_value` where |x| < LOG_SERIES_LIMIT, else `large_value`."""
     return where_less(x * x, LOG_SERIES_LIMIT**2, small_value, large_value)
 
 
 def where_less(a: Expr, b: Expr, then: Expr, otherwise: Expr) -> Expr:
-    """`then` where a < b, else `otherwise`; both branches are evaluated, so both must be finite."""
+    """Return `then` where a < b, else `otherwise`.
+
+    Both branches are evaluated, so that both have to be finite.
+    """
     if is_symbolic(a, b, then, otherwise):
         return ufl.conditional(ufl.lt(a, b), then, otherwise)
     return np.where(np.less(a, b), then, otherwise)
 
 
 def minimum(a: Expr, b: Expr) -> Expr:
-    """The smaller of the two."""
+    """Return the smaller of two expressions."""
     return where_less(a, b, a, b)
 
 
 def maximum(a: Expr, b: Expr) -> Expr:
-    """The larger of the two."""
+    """Return the larger of two expressions."""
     return where_less(a, b, b, a)
 
 
 def macaulay(x: Expr) -> Expr:
-    """The Macaulay bracket <x> = (x + |x|)/2 (notes eq. 3.2)."""
+    """Return the Macaulay bracket <x> = (x + |x|)/2 (notes, equation 3.2)."""
     return where_less(0.0, x, x, 0.0 * x)
 
 
-# A principal stretch has no derivative where two of them meet, yet a function symmetric in the
-# stretches has. Where all three meet the root stays away from zero by SPLIT, and a function has to
-# be written in another way (`power_sum`)
+# A principal stretch has no derivative where two of them are equal, but a symmetric function of the
+# stretches has. Where all three are equal, this number keeps the root away from zero, and a
+# function has to be written in another way (`power_sum`).
 STRETCH_REGULARIZATION = 1e-6
 # Up to this squared relative difference a pair of stretches is summed by its series, whose next
-# term is 1e-13 of the sum for exponents up to 30
+# term is 1e-13 of the sum for exponents up to 30.
 PAIR_SERIES_LIMIT = 1e-3
 PAIR_SERIES_TERMS = 6
-NEWTON_STEPS = 4  # steps to a root known to 0.3 %: two for its value, one more for each derivative
-SMALL_DEVIATOR = 3e-3  # up to here, of a deviator's norm, sums of powers come from their series
-SERIES_TERMS = 7  # terms of it: the next is 1e-17 of one, 1e-12 of the sum
+# Steps to a root that is known to 0.3 %: two for its value, one more for each derivative.
+NEWTON_STEPS = 4
+# Up to this norm of the deviator, sums of powers come from their series.
+SMALL_DEVIATOR = 3e-3
+# The next term of that series is 1e-17, which is 1e-12 of the sum.
+SERIES_TERMS = 7
 
 
 def power_sum(exponent: Expr, square: Expr, cube: Expr) -> Expr:
-    """sum (1 + t_i)^exponent - 3 of three t_i whose sum is zero, by the binomial series; square =
-    sum t_i^2/6, cube = their product.
+    """Return sum (1 + t_i)^exponent - 3 of three t_i whose sum is zero, by the binomial series.
 
-    The sums of the k-th powers are p_k = 3 square p_(k-2) + cube p_(k-3) (Newton's identities),
-    with p_0 = 3, p_1 = 0.
+    square = sum t_i^2/6, cube = their product. The sums of the k-th powers are p_k = 3 square
+    p_(k-2) + cube p_(k-3) (Newton's identities), with p_0 = 3, p_1 = 0.
     """
     sums = [3.0, 0.0, 6 * square]
     binomial = exponent
@@ -152,37 +154,58 @@ def power_sum(exponent: Expr, square: Expr, cube: Expr) -> Expr:
 
 
 def unimodular_stretches(mean: Expr, square: Expr, cube: Expr) -> tuple[Expr, Expr, Expr]:
-    """The principal stretches of an F with det F = 1 (UFL or floats): the one that stands apart,
-    the mean m of the other two, and the square of their half difference over m, ((l2 - l3)/(l2 +
-    l3))^2.
+    """Return the principal stretches of an F with det F = 1, separated into one and a pair.
 
-    Of C = F^T F: mean = tr C/3, square = dev C : dev C/6, cube = det dev C. The squared stretch
-    that stands apart from the others is mean + 2 sqrt(square) y with 4 y^3 - 3 y = cosine
-    (Cardano), which Newton's method solves without the arc cosine's singular point; the other two
-    follow from the trace, the product and (1 - y^2). All three are smooth where two stretches are
-    equal, as they are in all of a bar under uniaxial stress, and the difference is not.
+    With C = F^T F, the squared stretch that is farthest from the others is mean + 2 sqrt(square) y
+    with 4 y^3 - 3 y = cosine (Cardano). Newton's method solves this without the singular point of
+    the arc cosine; the other two stretches follow from the trace, the product and 1 - y^2. All
+    three results are smooth where two stretches are equal, as they are everywhere in uniaxial
+    stress; the difference of the pair is not.
+
+    Parameters
+    ----------
+    mean : Expr
+        tr C/3 (UFL or floats).
+    square : Expr
+        dev C : dev C/6.
+    cube : Expr
+        det dev C.
+
+    Returns
+    -------
+    tuple of Expr
+        The distinct stretch, the mean m of the other two, and the square of their half difference
+        over m, ((l2 - l3)/(l2 + l3))^2.
     """
     radius = sqrt(square + STRETCH_REGULARIZATION**2)
     cosine = cube / (2 * radius**3)
     sign = where_less(cosine, 0.0 * cosine, -1.0, 1.0)
     cosine = sign * cosine
-    y = 0.866 + 0.134 * cosine  # the largest root, from 0 to 1
+    # Initial guess of the largest root for a cosine from 0 to 1.
+    y = 0.866 + 0.134 * cosine
     for _ in range(NEWTON_STEPS):
         y = (8 * y**3 + cosine) / (12 * y * y - 3)
     distinct_stretch = sqrt(mean + 2 * sign * radius * y)
-    product = (
-        sqrt(1 - 3 * mean * STRETCH_REGULARIZATION**2) / distinct_stretch
-    )  # of the other two: all three are roots of one cubic
+    # Product of the other two stretches: all three are roots of one cubic.
+    product = sqrt(1 - 3 * mean * STRETCH_REGULARIZATION**2) / distinct_stretch
     mean_stretch = sqrt(3 * mean - distinct_stretch * distinct_stretch + 2 * product) / 2
     return distinct_stretch, mean_stretch, radius * radius * 3 * (1 - y * y) / (4 * mean_stretch**4)
 
 
 def pair_power_sum(exponent: Expr, mean_stretch: Expr, spread: Expr) -> Expr:
-    """l2^exponent + l3^exponent of two stretches by their mean and `spread`, see
-    `unimodular_stretches`.
+    """Return l2^exponent + l3^exponent of the pair of `unimodular_stretches`.
 
-    Near the place where they are equal by the binomial series 2 m^a sum_k C(a, 2 k) spread^k:
-    through the root of the spread the second derivatives would lose all digits there.
+    Near l2 = l3 it is the binomial series 2 m^a sum_k C(a, 2 k) spread^k: the second derivatives
+    through the root of the spread would lose all digits there.
+
+    Parameters
+    ----------
+    exponent : Expr
+        Exponent a.
+    mean_stretch : Expr
+        Mean m of the pair.
+    spread : Expr
+        Squared relative half difference of the pair.
     """
     series = 1.0 + 0.0 * spread
     binomial = 1.0

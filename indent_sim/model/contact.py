@@ -7,192 +7,37 @@ With p_hat = lam - epsilon_n g the contact term of the potential is
 its derivative is the traction <p_hat> along the tip's normal, and <p_hat> >= 0 is the pressure
 (signs: gap g >= 0 open, lam >= 0 a pressure, so lam = -lambda of the notes).
 
-A tip that adheres adds gamma(g) = -work exp(-g/range) for g > 0, continued straight for g < 0: the
-traction is then <p_hat> - sigma with sigma = dgamma/dg >= 0 [pressure], and lam is the pressure of
-contact alone, on top of -sigma.
+Adhesion adds gamma(g) = -work exp(-g/range) for g > 0, continued linearly for g < 0. The traction
+is then <p_hat> - sigma with sigma = dgamma/dg >= 0 [pressure]; lam is the pressure of contact
+alone, without -sigma.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
-from math import pi
 from typing import Annotated, ClassVar, Literal
 
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
-from indent_sim.model.algebra import Expr, exp, macaulay, maximum, minimum, sqrt, where_less
-from indent_sim.model.units import ADHESION, Auto, ContactStiffness, LengthOrZero
+from indent_sim.model.adhesion import Adhesion
+from indent_sim.model.algebra import Expr, macaulay
+from indent_sim.model.units import Auto, ContactStiffness
 
-Vector = Expr  # its components: a sequence, or an array whose first axis it is
 Gap = Literal["auto", "reference", "current"]
 Multiplier = Literal["none", "unknown", "frozen", "stress", "nodal"]
-Friction = (
-    Annotated[float, Ge(0), Le(5)] | Literal["stick"]
-)  # Coulomb's coefficient; stick: no slip at all
-# Where a point that comes into contact during a step is taken to have touched the tip: at its place
-# at the step's beginning (too stiff), nowhere before the end (too soft), or on the way between,
-# which the other two enclose.
+# Coulomb's coefficient; stick: no slip at all.
+Friction = Annotated[float, Ge(0), Le(5)] | Literal["stick"]
+# Where a point that comes into contact during an increment sticks to the tip: at its position at
+# the beginning of the increment (implicit, too stiff), not before the end (glue, too soft), or on
+# the way (mid), which lies between the other two.
 SlipReference = Literal["implicit", "glue", "mid"]
+NO_ELASTIC_CURVE = (
+    "with friction, or adhesion over a range, the load curve does not determine the history"
+)
 
 
-@dataclass(frozen=True)
-class Adhesion:
-    """An attraction across the gap g: sigma = (work/range) exp(-g/range) [pressure], whose integral
-    is `work`. Without a range the smallest is named that the mesh resolves; 0 is the limit of
-    `experiment.adhesion`.
-    """
-
-    work: Annotated[float, Gt(0), ADHESION]
-    range: LengthOrZero | None = None
-
-    @property
-    def _interaction_range(self) -> Expr:
-        return self.range
-
-    def energy(self, g: Expr) -> Expr:
-        """gamma(g) = -work exp(-<g>/range) - (work/range) <-g> per area [pressure length],
-        negative.
-        """
-        open_gap = macaulay(g)
-        interaction_range = self._interaction_range
-        return self.work * ((g - open_gap) / interaction_range - exp(-open_gap / interaction_range))
-
-    def attraction(self, g: Expr) -> Expr:
-        """sigma(g) = (work/range) exp(-<g>/range) [pressure], >= 0, constant where the gap is
-        closed.
-        """
-        return self.work / self._interaction_range * exp(-macaulay(g) / self._interaction_range)
-
-    def cohesive_zone(self, E_star: float) -> float:
-        """l = (pi/4) E* range^2/work [length]: how far the attraction reaches beside the edge of a
-        contact.
-        """
-        return float(pi / 4 * E_star * self._interaction_range**2 / self.work)
-
-    def range_for_cohesive_zone(self, cohesive_zone: float, E_star: float) -> float:
-        """The range [length] that has this cohesive zone [length]."""
-        return (4 / pi * self.work * cohesive_zone / E_star) ** 0.5
-
-
-# ---- friction at a point
-# -------------------------------------------------------------------------------------------
-
-UNBOUNDED = 1e30  # [pressure] no traction that sticks is as large
-TRACTION_FLOOR = 1e-30  # [pressure^2] added to |t|^2, whose root has no slope at zero
-# of a step's depth: a gap this small at its beginning is closed from then on, as under a flat punch
-CLOSED_GAP = 1e-6
-# A point that comes into contact while a gap `widest` closes has gone CLOSED_SHARE
-# (gap/widest)^CLOSING of its way through the step when it touches, as if it were smooth. In
-# self-similar contact of a paraboloid without slip the share rises from 0 at the old edge of
-# contact to about 2/3 at the new one; these two leave the least error of the force over half-spaces
-# and layers, stick and Coulomb's law.
-CLOSING_FRACTION = 0.63
-CLOSING_EXPONENT = 1 / 3
-
-
-@dataclass(frozen=True)
-class CoulombPoint:
-    """Coulomb's law at a point: t = t_hat where |t_hat| <= friction p (stick), else friction p
-    t_hat/|t_hat| (slip). friction: the coefficient, or `stick`; p: the pressure, >= 0
-    [pressure]; t_hat: the trial traction, a component for each axis [pressure].
-    """
-
-    friction: Expr
-    p: Expr
-    trial_traction: Vector
-
-    @cached_property
-    def trial_magnitude(self) -> Expr:
-        """|t_hat| [pressure], above zero."""
-        return length(self.trial_traction)
-
-    @cached_property
-    def slip_limit(self) -> Expr:
-        """friction p [pressure]; beyond all tractions for stick."""
-        return friction_bound(self.friction, self.p)
-
-    @cached_property
-    def stick_margin(self) -> Expr:
-        """friction p - |t_hat| [pressure], >= 0 at a point that sticks."""
-        return self.slip_limit - self.trial_magnitude
-
-    @cached_property
-    def traction_ratio(self) -> Expr:
-        """t/t_hat: 1 at a point that sticks."""
-        return (
-            1.0
-            if isinstance(self.friction, str)
-            else where_less(self.stick_margin, 0.0, self.slip_limit / self.trial_magnitude, 1.0)
-        )
-
-    def dissipation(self, t: Vector, slip: Vector, previous_pressure: Expr) -> Expr:
-        """What slip turns into heat in a step [pressure length], >= 0: t . slid, 0 at a point that
-        sticks. With friction (p + before)/2 in place of friction p, `previous_pressure` the pressure at the
-        step's beginning: the bound grows on the way, and with that of the step's end alone the
-        sum is only of first order in the steps.
-        """
-        mean_ratio = (self.p + previous_pressure) / (2 * maximum(self.p, TRACTION_FLOOR))
-        return where_less(self.stick_margin, 0.0, mean_ratio, 0.0) * macaulay(dot(t, slip))
-
-
-def friction_bound(friction: Expr, p: Expr) -> Expr:
-    """friction p [pressure] of a pressure p >= 0; beyond all tractions for stick."""
-    return UNBOUNDED + 0.0 * p if isinstance(friction, str) else friction * p
-
-
-def dissipation_on_separation(
-    friction: Expr, previous_pressure: Expr, slip: Vector, step_fraction: Expr
-) -> Expr:
-    """The heat of a point that slips until it leaves, with less and less pressure than `previous_pressure`
-    [pressure length].
-    """
-    return friction_bound(friction, previous_pressure) / 2 * (1 - step_fraction) * length(slip)
-
-
-def is_new_contact(initial_gap: Expr, depth_increment: Expr) -> Expr:
-    """1 where a gap [length] was open at the beginning of a step of depth `depth_increment`, else 0; below
-    zero is in contact.
-    """
-    return where_less(CLOSED_GAP * abs(depth_increment), initial_gap, 1.0, 0.0)
-
-
-def passed_gap(initial_gap: Expr, is_new: Expr, trial_pressure: Expr, stiffness: Expr) -> Expr:
-    """The gap [length] that closed, or opened, during a step at a point that came into contact, or
-    left; else 0.
-    """
-    final_gap = where_less(initial_gap, 0.0, -trial_pressure / stiffness, 0.0)
-    return where_less(0.0, trial_pressure, is_new * initial_gap, final_gap)
-
-
-def step_fraction_at_contact(passed_gap: Expr, largest_gap: Expr) -> Expr:
-    """How much of its way through the step a new point had gone when it touched, one that left had
-    yet to go.
-    """
-    return (
-        CLOSING_FRACTION * maximum(0.0, minimum(passed_gap / largest_gap, 1.0)) ** CLOSING_EXPONENT
-    )
-
-
-def dot(a: Vector, b: Vector) -> Expr:
-    """The sum of the products of components."""
-    return sum(x * y for x, y in zip(a, b, strict=True))
-
-
-def length(t: Vector) -> Expr:
-    """The length of a vector, above zero."""
-    return sqrt(dot(t, t) + TRACTION_FLOOR)
-
-
-# ---- laws
-# ----------------------------------------------------------------------------------------------------------
-
-
-NO_ELASTIC_CURVE = "friction, or adhesion over a range: no curve determines it"
-
-
-class _Law:
-    """What is asked of every law."""
+class _ContactLaw:
+    """Base class of all contact laws, with the properties by which the solver chooses."""
 
     friction: Expr = 0.0
     epsilon_t: Expr = "auto"
@@ -200,27 +45,27 @@ class _Law:
 
     @property
     def is_conservative(self) -> bool:
-        """Whether the contact has a potential: not with friction."""
+        """True if the contact has a potential, which friction has not."""
         return not self.friction
 
     @property
     def is_bonded(self) -> bool:
-        """Whether nothing that touches slips."""
+        """True if no point in contact can slip."""
         return self.friction == "stick"
 
     @property
     def may_snap_through(self) -> bool:
-        """Whether two equilibria may be stable at one depth: of a tip that adheres."""
+        """True if two stable equilibria may exist at one depth, as with adhesion."""
         return self.adhesion is not None
 
     @property
     def is_path_dependent(self) -> bool:
-        """Whether an equilibrium depends on the path to it."""
+        """True if an equilibrium depends on the load path."""
         return self.may_snap_through or not self.is_conservative
 
     @property
     def remedies(self) -> tuple[str, ...]:
-        """Other keys of it that may help where no equilibrium is found."""
+        """Settings of the contact that may help if Newton's method does not converge."""
         has_own_stiffness = not self.is_conservative and self.epsilon_t != getattr(
             self, "stiffness", None
         )
@@ -231,32 +76,36 @@ class _Law:
 
     @property
     def may_slip(self) -> bool:
-        """Whether what touches may slip, and lose what that takes."""
+        """True if points in contact may slip and dissipate energy."""
         return not (self.is_conservative or self.is_bonded)
 
     @property
     def path_key(self) -> str:
-        """The key that makes it depend on the path: friction | adhesion, which are not given both;
-        "" for none.
+        """Key that makes the law path-dependent: "friction" or "adhesion".
+
+        Only one of them may be given.
+
+        "" if there is none.
         """
         return next((name for name in ("friction", "adhesion") if getattr(self, name)), "")
 
     @property
     def feature_without_theory(self) -> str:
-        """What it has that no theory knows, in words; "" for nothing."""
+        """Description of the feature that no theory has; "" if there is none."""
         return {"friction": "friction", "adhesion": "attraction with a range"}.get(
             self.path_key, ""
         )
 
     @property
     def reason_no_elastic_curve(self) -> str:
-        """Why no elastic curve determines what it does in time; "" where one does."""
+        """Reason why a history cannot be computed from the elastic load curve; "" if it can."""
         return NO_ELASTIC_CURVE if self.path_key else ""
 
     @property
     def reason_unsymmetric(self) -> str:
-        """Why its tangent is not symmetric and definite; "" where it is, or its multiplier alone is
-        why.
+        """Reason why the tangent is not symmetric and definite; "" if it is.
+
+        A multiplier, which also makes it indefinite, is not considered.
         """
         effects = {
             "friction": "has a tangent that is not symmetric",
@@ -266,13 +115,13 @@ class _Law:
 
     @property
     def adhesion_range(self) -> float:
-        """How far the tip attracts the surface across the gap [length]; 0 where it does not."""
+        """Range of the attraction across the gap [length]; 0 without adhesion."""
         return (self.adhesion.range or 0.0) if self.adhesion else 0.0
 
 
 @dataclass(frozen=True)
-class AutoContact(_Law):
-    """The program chooses the method and says why."""
+class AutoContact(_ContactLaw):
+    """Contact with a method that the program chooses, with its reason."""
 
     method: Literal["auto"] = "auto"
     gap: Gap = "auto"
@@ -281,19 +130,20 @@ class AutoContact(_Law):
     adhesion: Adhesion | None = None
 
 
-class _StiffnessLaw(_Law):
-    """What the laws with a stiffness (epsilon_n or gamma, pressure per length) have in common."""
+class _StiffnessLaw(_ContactLaw):
+    """Base class of the laws with a stiffness, epsilon_n or gamma [pressure/length]."""
 
     method: str
     stiffness: Expr
 
     def trial_pressure(self, g: Expr, lam: Expr) -> Expr:
-        """p_hat = lam - stiffness g [pressure]; its positive part is the pressure."""
+        """Return p_hat = lam - stiffness g [pressure]; its positive part is the pressure."""
         return lam - self.stiffness * g
 
     def potential(self, g: Expr, lam: Expr) -> Expr:
-        """( <p_hat>^2 - lam^2 ) / (2 stiffness), and gamma(g) of a tip that adheres, per area
-        [pressure length].
+        """Return the potential of the contact per area [pressure length].
+
+        It is (<p_hat>^2 - lam^2)/(2 stiffness), plus gamma(g) with adhesion.
         """
         contact_energy = (macaulay(self.trial_pressure(g, lam)) ** 2 - lam * lam) / (
             2 * self.stiffness
@@ -302,28 +152,32 @@ class _StiffnessLaw(_Law):
 
     @property
     def reason_not_condensable(self) -> str:
-        """Why a condensed body, which has this potential written out, cannot have the law; "" where
-        it can.
+        """Reason why the law cannot be solved on a condensed body; "" if it can.
+
+        The condensed solver has this potential written out.
         """
         if self.may_snap_through:
-            return "a tip that adheres is solved on the whole body"
+            return "adhesion with a range is solved on the whole body"
         has_own_potential = type(self).potential is not _StiffnessLaw.potential
         return f"{self.method} has a potential of its own" if has_own_potential else ""
 
 
 class _NormalStiffness(_StiffnessLaw):
+    """Base class of the laws whose stiffness is epsilon_n."""
+
     epsilon_n: Expr
 
     @property
     def stiffness(self) -> Expr:  # type: ignore[override]
-        """epsilon_n [pressure per length]."""
+        """epsilon_n [pressure/length]."""
         return self.epsilon_n
 
 
 @dataclass(frozen=True)
 class Penalty(_NormalStiffness):
-    """p = epsilon_n <-g>: energy epsilon_n/2 <-g>^2 (notes 3.3-3.5); the tip penetrates by
-    p/epsilon_n.
+    """Penalty method: p = epsilon_n <-g>, with the energy epsilon_n/2 <-g>^2 (notes 3.3-3.5).
+
+    The tip penetrates the body by p/epsilon_n.
     """
 
     method: Literal["penalty"] = "penalty"
@@ -333,27 +187,29 @@ class Penalty(_NormalStiffness):
     epsilon_t: ContactStiffness | Auto = "auto"
 
     multiplier: ClassVar[Multiplier] = "none"
-    auto_stiffness_factor: ClassVar[float] = (
-        100.0  # of E*/h_contact, at least: 0.1 % of the force on HERTZ
-    )
-    min_tangential_factor: ClassVar[float] = (
-        0.1  # of E*/h_contact: below, four fifths of what friction adds are lost
-    )
+    # Multiple of E*/h_contact, at least: the error of the force is 0.1 % for Hertz's problem.
+    auto_stiffness_factor: ClassVar[float] = 100.0
+    # Multiple of E*/h_contact; below it, four fifths of the force that friction adds are lost.
+    min_tangential_factor: ClassVar[float] = 0.1
 
     @property
     def reason_not_condensable(self) -> str:
-        """Of one that rubs, too: its traction along the surface is not written out."""
+        """Reason as of `_StiffnessLaw`, or friction, whose traction the condensed solver lacks."""
         friction_reason = (
-            "" if self.is_conservative else "a penalty with friction is solved on the whole body"
+            "" if self.is_conservative else "penalty with friction is solved on the whole body"
         )
         return super().reason_not_condensable or friction_reason
 
 
 @dataclass(frozen=True)
 class AugmentedLagrangian(_NormalStiffness):
-    """Displacement and multiplier together in one semismooth Newton (notes 3.6-3.7); epsilon_n only
-    steers it, and so does epsilon_t what slides; where the surface sticks, what it adds to the
-    force moves by 0.35 h_contact/a of itself per decade.
+    """Augmented Lagrangian: displacement and multiplier by one semismooth Newton method.
+
+    Source: notes 3.6-3.7.
+
+    epsilon_n affects the convergence only, and so does epsilon_t at points that slip. Where the
+    surface sticks, the part of the force that friction adds changes by 0.35 h_contact/a of itself
+    per decade of epsilon_t.
     """
 
     method: Literal["augmented_lagrangian"] = "augmented_lagrangian"
@@ -364,30 +220,35 @@ class AugmentedLagrangian(_NormalStiffness):
     adhesion: Adhesion | None = None
 
     multiplier: ClassVar[Multiplier] = "unknown"
-    auto_stiffness_factor: ClassVar[float] = 1.0  # of E*/h_contact: the most accurate, measured
-    # Below, steps fail or end in forces without friction: from 1e-4 on with Coulomb's law; cut back
-    # from 1e-3 on
+    # Multiple of E*/h_contact; measured as the most accurate one.
+    auto_stiffness_factor: ClassVar[float] = 1.0
+    # Multiple of E*/h_contact. With Coulomb's law, increments are cut back at 1e-3 and below; at
+    # 1e-4 and below they fail or converge to forces without friction.
     min_tangential_factor: ClassVar[float] = 0.01
 
 
 @dataclass(frozen=True)
 class Uzawa(_NormalStiffness):
-    """Newton with the multiplier frozen, then lam <- <lam - epsilon_n g>, until it stands still."""
+    """Uzawa iteration: Newton's method with a frozen multiplier, then lam <- <lam - epsilon_n g>.
+
+    It is repeated until lam does not change any more.
+    """
 
     method: Literal["uzawa"] = "uzawa"
     epsilon_n: ContactStiffness | Auto = "auto"
     gap: Gap = "auto"
 
     multiplier: ClassVar[Multiplier] = "frozen"
-    auto_stiffness_factor: ClassVar[float] = (
-        100.0  # of E*/h_contact: few loops; softer ones fail in deep bodies of nu = 0.5
-    )
+    # Multiple of E*/h_contact that needs few iterations; softer ones fail in deep bodies of nu =
+    # 0.5.
+    auto_stiffness_factor: ClassVar[float] = 100.0
 
 
 @dataclass(frozen=True)
 class Nitsche(_StiffnessLaw):
-    """The multiplier is the body's own contact stress, p = <-sigma_n(u) - gamma g>; no extra
-    unknown. The variation of sigma_n is dropped (theta = 0).
+    """Nitsche's method: the multiplier is the body's contact stress, p = <-sigma_n(u) - gamma g>.
+
+    It has no additional unknowns. The variation of sigma_n is dropped (theta = 0).
     """
 
     method: Literal["nitsche"] = "nitsche"
@@ -395,28 +256,29 @@ class Nitsche(_StiffnessLaw):
     gap: Gap = "auto"
 
     multiplier: ClassVar[Multiplier] = "stress"
-    auto_stiffness_factor: ClassVar[float] = (
-        10.0  # of E*/h_contact: far enough above the smallest that works
-    )
-    # Without the variation of sigma_n nothing holds the tip back below about E*/h_contact. Measured
-    # against the active set on the same mesh (HERTZ axisymmetric, strip and cube; nu 0.3, 0.48, and
-    # 0.4999 mixed; 4 to 20 elements in a): from 1 on the force is within 0.2 %, at 0.3 it is up to
-    # 1.3 % too high, at 0.1 up to 9 %, at 0.01 up to 37 %; each of them converges as willingly as
-    # the right one. With 2 elements in a: 3 % at 1, 8 % at 0.3.
+    # Multiple of E*/h_contact, ten times the smallest that is accurate.
+    auto_stiffness_factor: ClassVar[float] = 10.0
+    # Multiple of E*/h_contact, below which the tip penetrates, because the variation of sigma_n is
+    # dropped. Measured against the active set on the same mesh (Hertz's problem axisymmetric, strip
+    # and cube; nu 0.3, 0.48, and 0.4999 mixed; 4 to 20 elements in a): from 1 on the force is
+    # within 0.2 %, at 0.3 it is up to 1.3 % too high, at 0.1 up to 9 %, at 0.01 up to 37 %;
+    # Newton's method converges equally well for all of them. With 2 elements in a: 3 % at 1, 8 %
+    # at 0.3.
     min_stiffness_factor: ClassVar[float] = 1.0
 
     reason_not_condensable: ClassVar[str] = "Nitsche's method needs the stress inside the body"  # type: ignore[misc]
 
     @property
     def stiffness(self) -> Expr:  # type: ignore[override]
-        """gamma [pressure per length]."""
+        """gamma [pressure/length]."""
         return self.gamma
 
 
 @dataclass(frozen=True)
-class ActiveSet(_Law):
-    """Primal-dual active set on nodal pressures and weighted gaps: exact complementarity, no
-    parameter.
+class ActiveSet(_ContactLaw):
+    """Primal-dual active set on nodal pressures and weighted gaps.
+
+    Complementarity is exact, and there is no parameter.
     """
 
     method: Literal["active_set"] = "active_set"

@@ -1,6 +1,4 @@
-"""How an indentation is measured: adhesion without range, the instrument, its oscillations and its
-uncertainty.
-"""
+"""How an indentation is measured: adhesion without range, instrument, oscillations, uncertainty."""
 
 from __future__ import annotations
 
@@ -9,7 +7,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Len
 
-from indent_sim.model.materials import Fraction
+from indent_sim.model.relaxation import Fraction
 from indent_sim.model.units import ADHESION, Length, Scales, Unit
 
 MAX_FREQUENCIES = 10_000
@@ -22,8 +20,9 @@ Compliance = Annotated[float, Ge(0), Unit("length/force")]
 
 @dataclass(frozen=True)
 class JKRAdhesion:
-    """The JKR limit of an attraction with this work; `range` for its Tabor and Maugis numbers
-    alone.
+    """Adhesion without range (JKR) with this work of adhesion.
+
+    The range is used for Tabor's and Maugis' parameters only.
     """
 
     work: Work
@@ -32,14 +31,14 @@ class JKRAdhesion:
 
 @dataclass(frozen=True)
 class Cantilever:
-    """The spring that holds the tip: z = delta + force/stiffness is the way of its base."""
+    """Spring that holds the tip: its base moves by z = delta + force/stiffness."""
 
     stiffness: SpringConstant
 
 
 @dataclass(frozen=True)
 class Frame:
-    """What gives way beside the body: z = delta + compliance force."""
+    """Compliance of the instrument's frame: z = delta + compliance force."""
 
     compliance: Compliance
 
@@ -54,10 +53,10 @@ class Calibration:
 
 @dataclass(frozen=True)
 class Experiment:
-    """What the frictionless curve of a linear body is measured with, each part optional.
+    """Instrument and conditions by which the frictionless curve of a linear body is measured.
 
-    `frequencies` [cycles per time]: of small oscillations about the end of the history, or about
-    the deepest point of `loading`.
+    Every part is optional. `frequencies` [cycles per time] are those of small oscillations about
+    the end of the history, or about the deepest point of `loading`.
     """
 
     adhesion: JKRAdhesion | None = None
@@ -68,12 +67,12 @@ class Experiment:
 
     @property
     def compliance(self) -> float:
-        """(z - delta)/force [length/force] of cantilever and frame together."""
+        """Compliance (z - delta)/force [length/force] of cantilever and frame together."""
         spring = 1.0 / self.cantilever.stiffness if self.cantilever else 0.0
         return spring + (self.frame.compliance if self.frame else 0.0)
 
     def nondimensionalize(self, scales: Scales) -> Experiment:
-        """The same experiment of the user's numbers in units of the scales; times stay."""
+        """Return the same experiment divided by the scales; times do not change."""
         stiffness = scales.force / scales.depth
         adhesion = self.adhesion and scales.nondimensionalize(self.adhesion)
         cantilever = self.cantilever and Cantilever(self.cantilever.stiffness / stiffness)

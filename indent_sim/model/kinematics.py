@@ -1,4 +1,4 @@
-"""From the displacement of a reduced model to the three-dimensional displacement gradient and back."""
+"""Kinematics: three-dimensional displacement gradient from the displacement of a reduced model."""
 
 from __future__ import annotations
 
@@ -10,110 +10,109 @@ from indent_sim.model.algebra import Expr, ufl
 
 
 class _Kinematics:
-    """What holds where nothing else is said: a round contact, a section in (r or x, z), and no
-    weight.
-    """
+    """Base class with the defaults: a circular contact, a section in (r or x, z), no weight."""
 
     def model_vector(self, v: Expr) -> Expr:
-        """The components of a 3-vector along the model's own axes."""
+        """Return the components of a 3-vector along the axes of the model."""
         return ufl.as_vector([v[0], v[2]])
 
     def space_vector(self, v: Expr) -> Expr:
-        """The 3-vector of a vector along the model's own axes."""
+        """Return the 3-vector of a vector along the axes of the model."""
         return ufl.as_vector([v[0], 0, v[1]])
 
     def contact_area(self, a: float) -> float:
-        """pi a^2 [length^2] of a contact of radius a."""
+        """Return pi a^2 [length^2] of a contact of radius a."""
         return pi * a**2
 
     def contact_radius(self, area: float) -> float:
-        """sqrt(area/pi) [length] of a contact of that area [length^2]."""
+        """Return sqrt(area/pi) [length] of a contact of an area [length^2]."""
         return sqrt(area / pi)
 
     def integration_weight(self, x: Expr) -> Expr:
-        """What an integral over the model must be multiplied with."""
+        """Return the factor of the integrand of all integrals over the model."""
         return 1.0
 
 
 @dataclass(frozen=True)
 class Axisymmetric(_Kinematics):
-    """u = (u_r, u_z)(r, z); the hoop strain is u_r / r and a ring of radius r weighs 2 pi r."""
+    """Axisymmetric kinematics u = (u_r, u_z)(r, z).
+
+    The hoop strain is u_r/r, and integrals have the weight 2 pi r.
+    """
 
     name: Literal["axisymmetric"] = "axisymmetric"
     dim: int = 2
     axes: tuple[str, ...] = ("r", "z")
     reason: ClassVar[str] = (
-        "body and tip turn about one axis: (r, z) says it all, a point stands for a ring"
+        "axisymmetric: body and tip are rotationally symmetric about the same axis"
     )
 
     def displacement_gradient(self, u: Expr, x: Expr) -> Expr:
-        """Displacement gradient H (3x3) in the basis (r, theta, z)."""
+        """Return the displacement gradient H (3 x 3) in the basis (r, theta, z)."""
         h = ufl.grad(u)
         return ufl.as_tensor([[h[0, 0], 0, h[0, 1]], [0, u[0] / x[0], 0], [h[1, 0], 0, h[1, 1]]])
 
     def horizontal_position(self, point: Expr, center: Expr) -> tuple[Expr, Expr]:
-        """Horizontal position (r, 0) relative to the tip's axis, which is the axis of symmetry
-        [length].
-        """
+        """Return the horizontal position (r, 0) from the axis of symmetry [length]."""
         return point[0], 0.0
 
     def integration_weight(self, x: Expr) -> Expr:
-        """Circumference 2 pi r [length]: what an integral over (r, z) must be multiplied with."""
+        """Return the circumference 2 pi r [length], the factor of all integrands over (r, z)."""
         return 2 * pi * x[0]
 
 
 @dataclass(frozen=True)
 class PlaneStrain(_Kinematics):
-    """u = (u_x, u_z)(x, z); everything is per unit length along y."""
+    """Plane strain kinematics u = (u_x, u_z)(x, z); everything is per unit length along y."""
 
     name: Literal["plane_strain"] = "plane_strain"
     dim: int = 2
     axes: tuple[str, ...] = ("x", "z")
     reason: ClassVar[str] = (
-        "a strip is the same all along y: no strain there, forces per unit length"
+        "plane strain: a strip is infinite along y without strain in y; forces are per unit length"
     )
 
     def displacement_gradient(self, u: Expr, x: Expr) -> Expr:
-        """Displacement gradient H (3x3) in the basis (x, y, z)."""
+        """Return the displacement gradient H (3 x 3) in the basis (x, y, z)."""
         h = ufl.grad(u)
         return ufl.as_tensor([[h[0, 0], 0, h[0, 1]], [0, 0, 0], [h[1, 0], 0, h[1, 1]]])
 
     def horizontal_position(self, point: Expr, center: Expr) -> tuple[Expr, Expr]:
-        """Horizontal position (x - c, 0) relative to the tip's axis [length]."""
+        """Return the horizontal position (x - c, 0) from the tip's axis [length]."""
         return point[0] - center[0], 0.0
 
     def contact_area(self, a: float) -> float:
-        """2 a [length], per unit length: of a contact of half the width a."""
+        """Return 2 a [length] of a contact of half-width a, an area per unit length."""
         return 2 * a
 
     def contact_radius(self, area: float) -> float:
-        """Half the width [length] of a contact of that area per unit length."""
+        """Return the half-width [length] of a contact of an area per unit length [length]."""
         return area / 2
 
 
 @dataclass(frozen=True)
 class ThreeDimensional(_Kinematics):
-    """u = (u_x, u_y, u_z)(x, y, z)."""
+    """Three-dimensional kinematics u = (u_x, u_y, u_z)(x, y, z)."""
 
     name: Literal["three_dimensional"] = "three_dimensional"
     dim: int = 3
     axes: tuple[str, ...] = ("x", "y", "z")
-    reason: ClassVar[str] = "tip and body vary along x and y"
+    reason: ClassVar[str] = "three-dimensional: tip and body together have no axis of symmetry"
 
     def displacement_gradient(self, u: Expr, x: Expr) -> Expr:
-        """Displacement gradient H (3x3)."""
+        """Return the displacement gradient H (3 x 3)."""
         return ufl.grad(u)
 
     def horizontal_position(self, point: Expr, center: Expr) -> tuple[Expr, Expr]:
-        """Horizontal position (x - c_x, y - c_y) relative to the tip's axis [length]."""
+        """Return the horizontal position (x - c_x, y - c_y) from the tip's axis [length]."""
         return point[0] - center[0], point[1] - center[1]
 
     def space_vector(self, v: Expr) -> Expr:
-        """The 3-vector of a vector along the model's own axes."""
+        """Return the vector itself."""
         return v
 
     def model_vector(self, v: Expr) -> Expr:
-        """The components of a 3-vector along the model's own axes."""
+        """Return the vector itself."""
         return v
 
 

@@ -1,8 +1,8 @@
 """Stability of hyperelastic laws: Drucker's condition along the three classical deformations.
 
-For an incompressible body psi is a function of two principal logarithmic strains (the third is
-minus their sum), its gradient holds differences of Kirchhoff stresses, and d tau : d eps > 0 for
-every increment (Drucker, Hill) means that its second derivative is positive definite.
+The energy psi of an incompressible body is a function of two principal logarithmic strains (the
+third is minus their sum), and its gradient consists of differences of Kirchhoff stresses. d tau : d
+eps > 0 for every increment (Drucker, Hill) means that its second derivative is positive definite.
 """
 
 from __future__ import annotations
@@ -13,33 +13,29 @@ from dataclasses import dataclass
 import numpy as np
 
 from indent_sim.model.algebra import Expr
-from indent_sim.model.materials import (
-    Fung,
-    Gel,
-    Gent,
-    LinearElastic,
-    Material,
-    NeoHookean,
-    TransverselyIsotropic,
-)
+from indent_sim.model.gel import Gel
+from indent_sim.model.hyperelasticity import Fung, Gent, NeoHookean
+from indent_sim.model.linear_elasticity import LinearElastic, TransverselyIsotropic
+from indent_sim.model.materials import Material
 from indent_sim.model.tips import Indenter
 
-# principal logarithmic strains (e1, e2) at a stretch exp(e)
+# Principal logarithmic strains (e1, e2) over e at a stretch exp(e).
 DEFORMATION_MODES: dict[str, tuple[float, float]] = {
     "uniaxial": (1.0, -0.5),
     "equibiaxial": (1.0, 1.0),
     "planar": (1.0, 0.0),
 }
-DIFFERENCE_STEP = (
-    1e-3  # of the differences; psi is smooth, and 1e-6 of it is far below what decides
-)
-EIGENVALUE_NOISE = 1e-8  # of the sum of both eigenvalues: rounding
+# Step of the finite differences in logarithmic strain; psi is smooth, and their relative error of
+# 1e-6 does not matter.
+DIFFERENCE_STEP = 1e-3
+# Rounding error of an eigenvalue, relative to the sum of both.
+EIGENVALUE_NOISE = 1e-8
 STRAIN_POINTS = 200
 
 
 @dataclass(frozen=True)
 class StabilityLoss:
-    """A law is no longer stable in a deformation from this stretch on."""
+    """Stretch of a deformation from which on a law is no longer stable."""
 
     mode: str
     stretch: float
@@ -50,10 +46,14 @@ class StabilityLoss:
 
 
 def stability_losses(psi: Callable[[Expr, Expr, Expr], Expr], strain: float) -> list[StabilityLoss]:
-    """Where stability ends first, for each deformation and sense, within stretches exp(-strain) to
-    exp(strain).
+    """Return where stability is first lost, for each deformation in tension and compression.
 
-    psi(l1, l2, l3) is the isochoric energy [pressure] of principal stretches with product one.
+    Parameters
+    ----------
+    psi : Callable
+        Isochoric energy [pressure] of three principal stretches with product one.
+    strain : float
+        Largest logarithmic strain; stretches are from exp(-strain) to exp(strain).
     """
     loss_points = []
     for mode, direction in DEFORMATION_MODES.items():
@@ -68,8 +68,10 @@ def stability_losses(psi: Callable[[Expr, Expr, Expr], Expr], strain: float) -> 
 
 
 def largest_strain(tip: Indenter, a: float, delta: float, height: float) -> float:
-    """Largest logarithmic strain to expect, of its order: the tip's slope at the contact's edge,
-    depth over contact radius, or the body's own compression, whichever is most; at most 2.
+    """Return the largest logarithmic strain to expect, by order of magnitude, at most 2.
+
+    It is the largest of the tip's slope at the contact edge, depth over contact radius, and the
+    mean compression of the body.
     """
     inner_radius = 0.99 * a
     slope = float(tip.height(a, 0.0) - tip.height(inner_radius, 0.0)) / (a - inner_radius)
@@ -77,9 +79,9 @@ def largest_strain(tip: Indenter, a: float, delta: float, height: float) -> floa
 
 
 def instability_warnings(material: Material, strain: float) -> list[str]:
-    """A warning for each deformation within reach in which the law is no longer stable."""
-    # Fung's psi grows with I1 - 3 and bends upwards, as I1 - 3 does in logarithmic strains; a gel's
-    # is that of its free swelling
+    """Return a warning for each deformation in which the law loses stability within `strain`."""
+    # Fung's psi is a convex increasing function of I1 - 3, which is convex in logarithmic strains;
+    # the stability of a gel is that of its free swelling.
     if isinstance(material, LinearElastic | TransverselyIsotropic | Fung | Gel):
         return []
     if isinstance(material, NeoHookean):
@@ -94,28 +96,27 @@ def instability_warnings(material: Material, strain: float) -> list[str]:
 
 
 def _auxetic_instability(material: NeoHookean, strain: float) -> list[str]:
-    """The neo-Hookean psi is convex in logarithmic strains e while sum exp(-2 e) < (2 nu - 1)/nu,
-    if nu < 0.
+    """Return a warning for a neo-Hookean law with nu < 0.
+
+    psi is convex in logarithmic strains e while sum exp(-2 e) < (2 nu - 1)/nu.
     """
     nu = material.constants.nu
     if nu >= 0 or 3 * float(np.exp(2 * strain)) < (2 * nu - 1) / nu:
         return []
     loss = StabilityLoss("all-round", float(np.sqrt(3 * nu / (2 * nu - 1))))
-    return [
-        f"{material.model} with nu < 0 loses its stability (Drucker) in {loss}; {_strain_range_note(strain)}"
-    ]
+    warning = f"{material.model} with nu < 0 loses its stability (Drucker) in {loss}"
+    return [f"{warning}; {_strain_range_note(strain)}"]
 
 
 def _strain_range_note(strain: float) -> str:
+    """Return the note on the range of strains."""
     return f"strains may reach exp(+-{strain:.2g}) here"
 
 
 def _is_stable(
     psi: Callable[[Expr, Expr, Expr], Expr], e1: np.ndarray, e2: np.ndarray
 ) -> np.ndarray:
-    """Whether psi bends upwards along the direction in which it does so least; not where psi is not
-    a number.
-    """
+    """Return whether the smallest second derivative of psi is positive; False where psi is NaN."""
 
     def energy_at(i: Expr, j: Expr) -> np.ndarray:
         a = e1 + i * DIFFERENCE_STEP

@@ -1,4 +1,4 @@
-"""State: the solution at one requested depth, as a row of the force table, and its contact surface."""
+"""State: the solution at one load increment as a row of the force table."""
 
 from __future__ import annotations
 
@@ -11,14 +11,12 @@ import numpy as np
 
 from indent_sim.model.units import Scales
 
-DERIVED_COLUMNS = (
-    "stiffness",
-    "area",
-    "E_hertz",
-)  # more to read at each row; empty where there is none
-# The last where the tip is off centre
+# Quantities that follow from the solution of a row; empty where there is none.
+DERIVED_COLUMNS = ("stiffness", "area", "E_hertz")
+# Columns of scenes with friction; the side forces only if the tip is off the middle.
 FRICTION_COLUMNS = ("stick_radius", "dissipation", "side_force_x", "side_force_y")
-FLUID_COLUMNS = ("outflow", "pore_pressure_max")  # with fluid in the pores
+# Columns of scenes with fluid in the pores.
+FLUID_COLUMNS = ("outflow", "pore_pressure_max")
 ERROR_COLUMNS = (
     "force_error",
     "a_error",
@@ -27,11 +25,14 @@ ERROR_COLUMNS = (
     "stick_radius_error",
     "dissipation_error",
 )
-KRYLOV_COLUMNS = ("krylov_iterations",)  # with an iterative linear solver
-TIME_COLUMNS = ("t", "z", "branch", "calibration_error")  # of a history; t stands after step
+# Columns of runs with an iterative linear solver.
+KRYLOV_COLUMNS = ("krylov_iterations",)
+# Columns of histories; t comes after step.
+TIME_COLUMNS = ("t", "z", "branch", "calibration_error")
 SUPPORTS = ("base", "sides", "x_min", "x_max", "y_min", "y_max")
-REACTION_PREFIX = "reaction_"  # how the columns of the reactions of single supports begin
-# On request; `mesh.reactions` says which a body has
+# Beginning of the names of columns with the reactions of single supports.
+REACTION_PREFIX = "reaction_"
+# Columns on request; `mesh.reactions` selects those of a body.
 REACTION_COLUMNS = (
     *(f"{REACTION_PREFIX}{support}_{axis}" for support in SUPPORTS for axis in "rxyz"),
     *(f"{REACTION_PREFIX}mirror_{axis}" for axis in "xy"),
@@ -51,13 +52,24 @@ STATE_COLUMNS = (
 
 @dataclass(frozen=True)
 class Surface:
-    """The contact surface at one state: reference coordinates, displacement, gap and pressure, one
-    entry a point.
+    """Contact surface of one state, one entry for each point.
 
-    x, y, z [length] (axisymmetric: x = r, y = 0; strip: y = 0; z = 0 on a flat top); u (n, 3)
-    [length]; gap [length] >= 0 open; pressure [pressure] >= 0; shear [pressure] the tangential
-    traction on the body, > 0 along x or the radius, in three dimensions its size; None without
-    friction. pore_pressure [pressure] of the fluid above the bath's; None without.
+    Attributes
+    ----------
+    x, y, z
+        Reference coordinates [length]; axisymmetric: x = r, y = 0; strip: y = 0; z = 0 on a flat
+        top.
+    u : (n, 3)
+        Displacement [length].
+    gap
+        Gap [length], >= 0 open.
+    pressure
+        Contact pressure [pressure], >= 0.
+    shear
+        Tangential traction on the body [pressure], > 0 along x or the radius, in three dimensions
+        its magnitude; None without friction.
+    pore_pressure
+        Pressure of the pore fluid above the bath's [pressure]; None without fluid.
     """
 
     x: np.ndarray
@@ -70,7 +82,7 @@ class Surface:
     pore_pressure: np.ndarray | None = None
 
     def to_user_units(self, length: float, pressure: float) -> Surface:
-        """The same table with lengths and pressures measured in the user's units."""
+        """Return the same surface with lengths and pressures multiplied by these scales."""
         lengths = {name: getattr(self, name) * length for name in ("x", "y", "z", "u", "gap")}
         optional_fields = {
             name: values
@@ -83,29 +95,79 @@ class Surface:
 
 @dataclass(frozen=True)
 class State:
-    """One converged (or failed) load step of the whole body, in the units of the scene it belongs
-    to.
+    """One load increment of the whole body, converged or failed, in the units of its scene.
 
-    force [pressure length^2] > 0 pushing (per unit length in plane strain), a [length] contact
-    radius, p_max [pressure] NaN where no mesh knows it, penetration [length] the largest <-g> over
-    the contact quadrature points, energy [pressure length^3] strain plus penalty energy, reaction
-    the z-reaction of all constrained dofs, reactions the forces of single supports on the body by
-    support and axis (see `mesh.reactions`), None without a mesh, overlap [length] how deep a whole
-    facet of the surface lies inside the tip's own shape (current gap only), intrusion [length] how
-    deep the tip lies inside the surface beside that which it may touch, roughness the part of p_max
-    by which the pressure alternates from node to node. stiffness [pressure length] is dF/ddelta,
-    area [length^2] that of the contact, E_hertz [pressure] the modulus that a half-space fit of
-    this one point returns; NaN where there is none, None where nobody asked. With friction, None
-    without: stick_radius [length] of the region that does not slip, dissipation [pressure length^3]
-    of the step, side_force on the tip [force] across a body that it stands off the middle of.
-    krylov_iterations are those of an iterative linear solver. Errors are half-widths of error bars,
-    None where there are none. With a history t [time], the way z [length] of a base, branch
-    (approach, hold, retract), and what the instrument's calibration leaves unknown of the force;
-    what the curve does not know is NaN. With fluid in the pores: outflow [length^3] since rest, the
-    largest pore pressure above the bath's [pressure], the fluid that has moved, out of the body or
-    from place to place in it, and the fluid that has neither left nor is there [length^3]. drained:
-    of a sudden step, at each vertex of a drained face the height of its elements and p^2 times its
-    area, in the scene's units and of the part that is modelled.
+    A quantity is None if it does not apply to the scene or was not requested, and NaN if it is
+    unknown.
+
+    Attributes
+    ----------
+    step
+        Number of the row, from 1.
+    delta
+        Indentation depth [length].
+    force
+        Force [force], > 0 pushing; per unit length in plane strain.
+    a
+        Contact radius [length].
+    p_max
+        Largest contact pressure [pressure].
+    penetration
+        Largest <-g> at the quadrature points of the contact [length].
+    energy
+        Strain energy plus penalty energy [energy].
+    newton_iterations, krylov_iterations
+        Iterations of Newton's method, and of an iterative linear solver.
+    wall_s
+        Wall time since the start of the run [s].
+    reaction
+        z-reaction of all constrained degrees of freedom [force].
+    reactions
+        Forces of single supports on the body by support and axis (see `mesh.reactions`) [force].
+    stray_reaction
+        Reaction of the constraints that only prevent rigid motions [force]; zero in equilibrium.
+    overlap
+        Largest depth of a whole facet inside the tip's surface, current gap only [length].
+    intrusion
+        Depth of the tip inside a surface on which no contact is modelled [length].
+    roughness
+        Part of p_max by which the pressure alternates from node to node [1].
+    substeps
+        Increments into which the step was cut.
+    converged, reason
+        Whether there is a solution, and why not.
+    stiffness
+        dF/ddelta [force/length].
+    area
+        Contact area [length^2].
+    E_hertz
+        Modulus from a half-space fit of this row alone [pressure].
+    stick_radius
+        Radius of the region that does not slip, with friction [length].
+    dissipation
+        Energy dissipated by friction since the row before [energy].
+    side_force_x, side_force_y
+        Lateral force on a tip off the middle of the body, with friction [force].
+    force_error, a_error, p_max_error, delta_error, stick_radius_error, dissipation_error
+        Error estimates: half-widths of intervals, in the unit of the quantity.
+    t, z, branch
+        Time [time], position of the base [length] and branch (approach, hold, retract) of a
+        history.
+    calibration_error
+        Uncertainty of the force from the calibration of the instrument [force].
+    outflow
+        Fluid that has left the body since the undeformed state [length^3].
+    pore_pressure_max
+        Largest pore pressure above the bath's [pressure].
+    moved
+        Fluid that has left its original place, out of the body or within it [length^3].
+    unbalanced
+        Fluid that is neither in the body nor has left it; zero in equilibrium [length^3].
+    drained
+        For a sudden increment, at each vertex of a drained face of the model domain the height of
+        its elements and p^2 times its area, nondimensional.
+    surface
+        Contact surface.
     """
 
     step: int
@@ -152,12 +214,13 @@ class State:
     surface: Surface | None = field(default=None, repr=False, compare=False)
 
     def __str__(self) -> str:
-        """What a log says of it."""
+        """Return the text of the log for this state."""
         return self.summary({})
 
     def summary(self, units: Mapping[str, str]) -> str:
-        """Time, depth, force and contact radius in words, each with its unit where `units` has it,
-        by these names.
+        """Return time, depth, force and contact radius as text.
+
+        `units` gives the unit of each by its name.
         """
         numbers = {"t": self.t, "delta": self.delta, "force": self.force, "a": self.a}
         known_numbers = {
@@ -171,13 +234,13 @@ class State:
         )
 
     def column(self, name: str) -> Any:
-        """The value of a column of the force table; None where there is none."""
+        """Return the value of a column of the force table; None if it has none."""
         if name in REACTION_COLUMNS:
             return (self.reactions or {}).get(name.removeprefix(REACTION_PREFIX))
         return getattr(self, name)
 
     def to_user_units(self, scales: Scales) -> State:
-        """The same state measured in the user's units, of which the scales are the scene's."""
+        """Return the same state in the user's units, with the scales of its scene."""
         values = vars(self)
         units = _field_units(scales)
         measured: dict[str, Any] = {
@@ -190,23 +253,22 @@ class State:
             measured["reactions"] = {
                 name: force * scales.force for name, force in self.reactions.items()
             }
-        return State(
-            **values | measured | {"surface": surface}
-        )  # `replace` would ask for every field's default
+        # All fields are passed at once; `replace` would look up the default of every field.
+        return State(**values | measured | {"surface": surface})
 
 
 @dataclass(frozen=True)
 class PullOff:
-    """The largest pull on the way out.
+    """Largest tensile force during unloading.
 
     Attributes
     ----------
     state
-        The equilibrium there, which is no row: its step is 0.
+        The equilibrium at this force, which is no row: its step is 0.
     error
-        By how much the pull between the rows may be larger [force]; infinite where nobody knows.
+        Bound by which the force between the rows may be larger [force]; infinite if unknown.
     equilibria
-        How many were sought.
+        Number of equilibria that were computed.
     """
 
     state: State
@@ -216,7 +278,7 @@ class PullOff:
 
 @cache
 def _field_units(scales: Scales) -> dict[str, float]:
-    """The units of a State's fields, of those that have one."""
+    """Return the units of those fields of a State that have one."""
     L = scales.length
     P = scales.pressure
     F = scales.force

@@ -1,11 +1,11 @@
-"""Rigid tips as formulas.
+"""Rigid tips as formulas of their surface; a tip is never meshed.
 
-A tip stands on its axis with the apex at the origin, z up; nothing is meshed.
+A tip stands on its axis with the apex at the origin, z up.
 
-`height(x, y)` is the tip's surface z = f above the apex level at the horizontal position (x, y)
-from the axis. `gap_reference` (small strain) tests it at the undeformed point with pressure along
-z; `gap_current` tests the deformed point with pressure along the tip's normal. Both return g
-[length], >= 0 open; formulas take floats, numpy arrays or UFL expressions.
+`height(x, y)` is the tip's surface z = f above the apex at the horizontal position (x, y) from the
+axis. `gap_reference` (small strain) is the gap at the undeformed point, with the pressure along z;
+`gap_current` is the gap at the deformed point, with the pressure along the tip's normal. Both
+return g [length], >= 0 open; formulas accept floats, numpy arrays or UFL expressions.
 """
 
 from __future__ import annotations
@@ -22,12 +22,13 @@ from annotated_types import Ge, Le, Len
 from indent_sim.model.algebra import Expr, cos, maximum, minimum, sin, sqrt, tan, where_less
 from indent_sim.model.units import ANGLE, LENGTH, HalfAngle, Length, LengthOrZero
 
-# A tip that ends (sphere beyond R, punch beyond its radius) is this many of its own radii up there:
-# above every body (a scene whose body is higher is refused), and a number whose square is finite.
+# Height of a tip outside the radius at which it ends, in multiples of that radius. It is above
+# every body (a scene whose body is higher is refused), and its square is finite.
 ENDED_TIP_HEIGHT = 1e15
-# A ball is held from above: beside the cone of this half-angle [degrees] about its axis it is whole
+# Half angle [degrees] of the cone about its axis in which a stem holds a sphere from above.
 STEM_HALF_ANGLE = 30.0
-TINY_LENGTH = 1e-30  # arcs of no length are not divided by zero
+# Added to a radius of curvature [length], so that sharp corners are not divided by zero.
+TINY_LENGTH = 1e-30
 
 Angle = Annotated[float, ANGLE]
 Faces = Annotated[int, Ge(3), Le(64)]
@@ -36,93 +37,94 @@ Points = Annotated[tuple[Point, ...], Len(2, 1000), LENGTH]
 
 
 class _Tip:
-    """What holds of a tip that says nothing else: it is of revolution and smooth."""
+    """Base class of all tips: a smooth surface of revolution unless a tip says otherwise."""
 
     is_axisymmetric: ClassVar[bool] = True
 
     def slope_discontinuities(self) -> list[tuple[float, float]]:
-        """Radius [length] of every circle where the slope jumps, and the width [length] over which
-        it is rounded.
-        """
+        """Return radius and rounding width [length] of each circle where the slope jumps."""
         return []
 
 
 class _PointedTip(_Tip):
-    """What a cone and a pyramid have in common: flanks that meet at the apex, sharp or rounded."""
+    """Base class of cones and pyramids, whose flanks meet at the apex, sharp or rounded."""
 
     half_angle: Expr
     tip_radius: Expr
 
     def slope_discontinuities(self) -> list[tuple[float, float]]:
-        """The apex alone."""
+        """Return radius and width [length] of the rounding of the apex."""
         return [(0.0, self.tip_radius * float(cos(self.half_angle)))]
 
 
 @dataclass(frozen=True)
 class Paraboloid(_Tip):
-    """f = r^2 / (2 R): Hertz' own tip (notes 3.1)."""
+    """Paraboloid f = r^2 / (2 R), the tip of Hertz' theory (notes 3.1)."""
 
     R: Length
     shape: Literal["paraboloid"] = "paraboloid"
 
     def height(self, x: Expr, y: Expr) -> Expr:
-        """f(x, y) [length]."""
+        """Return f(x, y) [length]."""
         return (x * x + y * y) / (2 * self.R)
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
-        """(f - depth) / |grad(f - z)| at the deformed point, a length that vanishes on the tip."""
+        """Return (f - depth) / |grad(f - z)| at the deformed point, which vanishes on the tip."""
         return (self.height(x, y) - depth) / sqrt(1 + (x * x + y * y) / (self.R * self.R))
 
     def radius_at(self, depth: float) -> float:
-        """Radius of the tip's section `depth` above its apex [length]."""
+        """Return the radius of the tip's section `depth` above its apex [length]."""
         return float(sqrt(2 * self.R * depth))
 
 
 @dataclass(frozen=True)
 class Sphere(_Tip):
-    """The exact ball, f = r^2 / (R + sqrt(R^2 - r^2)) for r < R; no contact beyond.
+    """Sphere f = r^2 / (R + sqrt(R^2 - r^2)) for r < R; no contact beyond.
 
-    With a gap at the deformed point it is the whole ball, its upper side too, but for a stem that
-    holds it.
+    `gap_current` is the distance from the whole sphere, its upper side included, but for a stem
+    that holds it.
     """
 
     R: Length
     shape: Literal["sphere"] = "sphere"
 
     def height(self, x: Expr, y: Expr) -> Expr:
-        """f(x, y) [length], in the form that keeps its digits for r << R."""
+        """Return f(x, y) [length], in a form that loses no digits for r << R."""
         square = x * x + y * y
         R2 = self.R * self.R
-        # both branches of a conditional are differentiated, so the root's argument stays positive
+        # Both branches of a conditional are differentiated, so the root's argument stays positive.
         inside = minimum(square, (1 - 1e-12) * R2)
         cap = inside / (self.R + sqrt(R2 - inside))
         return where_less(square, R2, cap, ENDED_TIP_HEIGHT * self.R)
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
-        """|v| - R - 2 <cos(phi) - cos(STEM)>^2 |v| / (1 - cos(STEM))^2, v = X + u - c from the
-        ball's center c.
+        """Return the distance from the sphere with its stem.
 
-        phi is the angle between v and the upward axis. On the axis above the center the gap is -|v|
-        - R: a body that the tip has passed does not come free of it above.
+        |v| - R - 2 <cos(phi) - cos(STEM)>^2 |v| / (1 - cos(STEM))^2 with v = X + u - c from the
+        center c, phi the angle between v and the upward axis, and STEM the half angle of the stem.
+        On the axis above the center the gap is -|v| - R, so that a body that the tip has passed
+        does not separate from it above.
         """
         R2 = self.R * self.R
         c = cos(STEM_HALF_ANGLE)
-        # |v|^2 - R^2 = x^2 + y^2 + depth (depth - 2 R) keeps its digits when shallow
+        # |v|^2 - R^2 = x^2 + y^2 + depth (depth - 2 R) loses no digits at small depths.
         difference = x * x + y * y + depth * (depth - 2 * self.R)
-        distance = sqrt(difference + R2 * (1 + 1e-15))  # its derivative is finite at the center
+        # The small term keeps the derivative finite at the center.
+        distance = sqrt(difference + R2 * (1 + 1e-15))
         stem = maximum(depth - self.R - c * distance, 0.0 * depth) / (1 - c)
         return difference / (distance + self.R) - 2 * stem * stem / distance
 
     def radius_at(self, depth: float) -> float:
-        """Radius of the tip's section `depth` above its apex [length]."""
+        """Return the radius of the tip's section `depth` above its apex [length]."""
         depth = min(depth, self.R)
         return float(sqrt(depth * (2 * self.R - depth)))
 
 
 @dataclass(frozen=True)
 class Cone(_PointedTip):
-    """f = r cot(half_angle); with tip_radius > 0 the apex is a spherical cap that meets the flank
-    smoothly.
+    """Cone f = r cot(half_angle).
+
+    With tip_radius > 0 the apex is a spherical cap that joins the flank with a continuous slope.
     """
 
     half_angle: HalfAngle
@@ -130,30 +132,31 @@ class Cone(_PointedTip):
     shape: Literal["cone"] = "cone"
 
     def height(self, x: Expr, y: Expr) -> Expr:
-        """f(x, y) [length]."""
+        """Return f(x, y) [length]."""
         r = sqrt(x * x + y * y)
         rho = self.tip_radius
         slope = 1 / tan(self.half_angle)
-        # cap and flank meet where the cap's slope is the flank's: r = rho cos(half_angle)
+        # Cap and flank meet where the cap's slope is the flank's: r = rho cos(half_angle).
         s = minimum(r, rho * slope / sqrt(1 + slope * slope))
         cap = s * s / (rho + sqrt(rho * rho - s * s) + 1e-300)
         return cap + slope * (r - s)
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
-        """(f - depth) sin(half_angle) on the flank, the ball's distance on the cap."""
+        """Return (f - depth) sin(half_angle) on the flank, the sphere's distance on the cap."""
         rho = self.tip_radius
         slope = 1 / tan(self.half_angle)
         square = x * x + y * y
-        r = sqrt(square + 1e-24 * rho * rho)  # the root's derivative at r = 0 stays finite
+        # The small term keeps the root's derivative finite at r = 0.
+        r = sqrt(square + 1e-24 * rho * rho)
         secant = sqrt(1 + slope * slope)
         flank = (slope * r - rho * (secant - 1) - depth) / secant
         difference = square + depth * (depth - 2 * rho)
         cap = difference / (sqrt(maximum(difference + rho * rho, 1e-12 * rho * rho)) + rho)
-        # the cone of normals through the junction circle separates the two regions
+        # The cone of normals through the circle where they join separates cap and flank.
         return where_less(r, slope * maximum(rho - depth, 0.0 * depth), cap, flank)
 
     def radius_at(self, depth: float) -> float:
-        """Radius of the tip's section `depth` above its apex [length]."""
+        """Return the radius of the tip's section `depth` above its apex [length]."""
         rho = self.tip_radius
         if depth < rho * (1 - sin(self.half_angle)):
             return float(sqrt(depth * (2 * rho - depth)))
@@ -162,10 +165,10 @@ class Cone(_PointedTip):
 
 @dataclass(frozen=True)
 class Hyperboloid(_Tip):
-    """f = R cot^2(half_angle) (sqrt(1 + (r tan(half_angle)/R)^2) - 1): round at the apex, towards a
-    cone far from it.
+    """Hyperboloid, round at the apex and a cone far from it.
 
-    Written r^2/(R (1 + sqrt(1 + (r tan(half_angle)/R)^2))), which keeps its digits for r << R.
+    f = R cot^2(half_angle) (sqrt(1 + (r tan(half_angle)/R)^2) - 1), written as r^2/(R (1 + sqrt(1 +
+    (r tan(half_angle)/R)^2))), which loses no digits for r << R.
     """
 
     R: Length
@@ -173,41 +176,43 @@ class Hyperboloid(_Tip):
     shape: Literal["hyperboloid"] = "hyperboloid"
 
     def height(self, x: Expr, y: Expr) -> Expr:
-        """f(x, y) [length]."""
+        """Return f(x, y) [length]."""
         square = x * x + y * y
         return square / (self.R * (1 + self._root(square)))
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
-        """(f - depth) / |grad(f - z)| at the deformed point, a length that vanishes on the tip."""
+        """Return (f - depth) / |grad(f - z)| at the deformed point, which vanishes on the tip."""
         square = x * x + y * y
         return (self.height(x, y) - depth) / sqrt(1 + square / (self.R * self._root(square)) ** 2)
 
     def slope(self, r: Expr) -> Expr:
-        """f'(r)."""
+        """Return f'(r)."""
         return r / (self.R * self._root(r * r))
 
     def _root(self, square: Expr) -> Expr:
-        """sqrt(1 + (r tan(half_angle)/R)^2) of r^2."""
+        """Return sqrt(1 + (r tan(half_angle)/R)^2) from r^2."""
         t = tan(self.half_angle) / self.R
         return sqrt(1 + square * t * t)
 
     def slope_discontinuities(self) -> list[tuple[float, float]]:
-        """The apex alone, rounded over the radius R cot(half_angle) at which the paraboloid goes
-        over into the cone.
+        """Return the apex, rounded over the radius R cot(half_angle).
+
+        At this radius the paraboloid changes into the cone.
         """
         return [(0.0, self.R / float(tan(self.half_angle)))]
 
     def radius_at(self, depth: float) -> float:
-        """Radius of the tip's section `depth` above its apex [length]."""
+        """Return the radius of the tip's section `depth` above its apex [length]."""
         slope = 1 / tan(self.half_angle)
         return float(sqrt(depth * (2 * self.R + depth / slope**2)))
 
 
 @dataclass(frozen=True)
 class FlatPunch(_Tip):
-    """f = 0 for r <= radius, nothing beyond; with edge_radius > 0 the edge is a quarter circle.
+    """Flat punch f = 0 for r <= radius; no contact beyond.
 
-    With edge_radius = radius it is a rod that ends in half a ball.
+    With edge_radius > 0 the edge is a quarter circle; with edge_radius = radius the punch is a rod
+    with a hemispherical end.
     """
 
     radius: Length
@@ -215,7 +220,7 @@ class FlatPunch(_Tip):
     shape: Literal["flat_punch"] = "flat_punch"
 
     def height(self, x: Expr, y: Expr) -> Expr:
-        """f(x, y) [length]."""
+        """Return f(x, y) [length]."""
         r = sqrt(x * x + y * y)
         e = self.edge_radius
         edge_distance = minimum(maximum(r - (self.radius - e), 0.0 * r), e)
@@ -227,59 +232,56 @@ class FlatPunch(_Tip):
         return where_less(self.radius * (1 + 1e-12), r, ENDED_TIP_HEIGHT * self.radius, edge_height)
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
-        """Distance to the rounded punch: -depth under the flat, to the torus at the edge, to the
-        side wall above.
+        """Return the distance from the face, the torus at the edge, or the side wall.
 
-        Deep inside the edge it goes on with the depth, linearly: so it falls everywhere with the
-        depth, without a jump.
+        Under the face it is -depth. Deep inside the edge it continues linearly with the depth, so
+        that it decreases with the depth everywhere, without a jump.
         """
         e = self.edge_radius
         r = sqrt(x * x + y * y + 1e-24 * e * e)
         outward = maximum(r - (self.radius - e), 0.0 * r)
         downward = e - depth
-        linear_from = (
-            0.5 * e * maximum(1 - 2 * outward / e, 0.0 * r) ** 2
-        )  # any length that is 0 near the wall
+        # Any length that vanishes near the side wall would do.
+        linear_from = 0.5 * e * maximum(1 - 2 * outward / e, 0.0 * r) ** 2
         vertical_distance = maximum(downward, linear_from)
         distance = sqrt(outward * outward + vertical_distance * vertical_distance)
         return distance - e - (vertical_distance - downward) * vertical_distance / distance
 
     def radius_at(self, depth: float) -> float:
-        """The punch's radius at any depth [length]."""
+        """Return the punch's radius, the same at any depth [length]."""
         return self.radius
 
     def slope_discontinuities(self) -> list[tuple[float, float]]:
-        """Radius [length] of every circle where the slope jumps, and the width [length] over which
-        it is rounded.
-        """
+        """Return radius and rounding width [length] of each circle where the slope jumps."""
         return [(self.radius - self.edge_radius, self.edge_radius)]
 
 
 @dataclass(frozen=True)
 class Plate(_Tip):
-    """f = 0 everywhere: a rigid plane. A body with a flat top it compresses as a whole."""
+    """Rigid plane, f = 0 everywhere. It compresses a body with a flat top as a whole."""
 
     shape: Literal["plate"] = "plate"
 
     def height(self, x: Expr, y: Expr) -> Expr:
-        """f(x, y) = 0 [length]."""
+        """Return f(x, y) = 0 [length]."""
         return 0.0 * x
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
-        """-depth: the distance to the plane."""
+        """Return -depth, the distance from the plane."""
         return 0.0 * x - depth
 
     def radius_at(self, depth: float) -> float:
-        """A plane has no end [length]."""
+        """Return infinity: a plane has no end [length]."""
         return inf
 
 
 class RegularPyramid(_PointedTip):
-    """f = cot(half_angle) max over the faces of x . n, regular; half_angle between axis and face.
+    """Regular pyramid f = cot(half_angle) max over the faces of x . n, n the horizontal normals.
 
-    The normal of one face points along x, turned by `rotation` degrees about z. With tip_radius > 0
-    the pyramid is what a ball of that radius can reach from within: apex a spherical cap, edges
-    cylinders, all meeting smoothly.
+    half_angle is between axis and face. The normal of one face points along x, turned by `rotation`
+    degrees about z. With tip_radius > 0 the pyramid is the region that balls of this radius inside
+    the sharp pyramid cover: the apex is a spherical cap and the edges are cylinders, with a
+    continuous slope.
     """
 
     faces: Expr
@@ -287,13 +289,13 @@ class RegularPyramid(_PointedTip):
     is_axisymmetric: ClassVar[bool] = False
 
     def height(self, x: Expr, y: Expr) -> Expr:
-        """f(x, y) [length]."""
+        """Return f(x, y) [length]."""
         rho = self.tip_radius
         slope = 1 / tan(self.half_angle)
         square = x * x + y * y
         s, t, p, q = self._sector_coordinates(x, y)
         face_height = slope * s - rho * (1 / sin(self.half_angle) - 1)
-        # the edge is a line that rises with the slope m, the ball's center runs along it
+        # The edge is a line of the slope m, along which the center of the rounding ball moves.
         m = slope * cos(180 / self.faces)
         secant = sqrt(1 + m * m)
         chord = sqrt(maximum(rho * rho - q * q, 0.0 * q))
@@ -306,8 +308,10 @@ class RegularPyramid(_PointedTip):
         )
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
-        """Distance to the ball's centers (face, edge or apex of a sharp pyramid rho higher) less
-        rho.
+        """Return the distance from the centers of the rounding balls, less their radius.
+
+        The centers lie on the faces, edges and apex of a sharp pyramid that is shifted up by
+        tip_radius.
         """
         rho = self.tip_radius
         slope = 1 / tan(self.half_angle)
@@ -317,7 +321,8 @@ class RegularPyramid(_PointedTip):
         face_foot = s - face_distance * cos(self.half_angle)
         m = slope * cos(180 / self.faces)
         edge_height = (m * p - z) / sqrt(1 + m * m)
-        floor = 1e-24 * rho * rho  # the roots' derivatives stay finite where they are not used
+        # The small term keeps the roots' derivatives finite where the roots are not used.
+        floor = 1e-24 * rho * rho
         edge_distance = sqrt(q * q + edge_height * edge_height + floor)
         apex_distance = sqrt(x * x + y * y + z * z + floor)
         rounded_distance = where_less(p + m * z, 0.0, apex_distance, edge_distance)
@@ -326,8 +331,10 @@ class RegularPyramid(_PointedTip):
         )
 
     def _sector_coordinates(self, x: Expr, y: Expr) -> tuple[Expr, Expr, Expr, Expr]:
-        """(s, t) along and across the nearest face's normal, (p, q) along and across the nearest
-        edge [length].
+        """Return coordinates in the sector of the nearest face [length].
+
+        (s, t) are along and across the horizontal normal of the nearest face, (p, q) along and
+        across the nearest edge.
         """
         turn = 360 / self.faces
         turns = [
@@ -339,8 +346,9 @@ class RegularPyramid(_PointedTip):
         return s, (p - s * c) / d, p, (s - p * c) / d
 
     def radius_at(self, depth: float) -> float:
-        """Radius of the circle as large as the tip's section `depth` above its apex (edges sharp)
-        [length].
+        """Return the equivalent radius of the section `depth` above the apex [length].
+
+        It is the radius of the circle of equal area; the edges are taken as sharp.
         """
         inscribed_cone = Cone(self.half_angle, self.tip_radius)
         is_on_cap = depth < self.tip_radius * (1 - sin(self.half_angle))
@@ -350,13 +358,11 @@ class RegularPyramid(_PointedTip):
 
     @property
     def equivalent_radius_ratio(self) -> float:
-        """Radius of the circle as large as a section, over the section's inner radius."""
+        """Radius of the circle of equal area as a section, over the section's inscribed radius."""
         return float(sqrt(self.faces * tan(180 / self.faces) / pi))
 
     def has_mirror_plane(self, degrees: float) -> bool:
-        """Whether the vertical plane through the axis at this angle from x mirrors the pyramid onto
-        itself.
-        """
+        """Return whether the vertical plane at this angle from x is a mirror plane."""
         period = 180 / self.faces
         remainder = (degrees - self.rotation) % period
         return bool(min(remainder, period - remainder) < 1e-9)
@@ -364,8 +370,9 @@ class RegularPyramid(_PointedTip):
 
 @dataclass(frozen=True)
 class Pyramid(RegularPyramid):
-    """A regular pyramid, f = cot(half_angle) max over the faces of x . n; half_angle between axis
-    and face.
+    """Regular pyramid f = cot(half_angle) max over the faces of x . n.
+
+    half_angle is between axis and face.
     """
 
     half_angle: HalfAngle
@@ -377,8 +384,9 @@ class Pyramid(RegularPyramid):
 
 @dataclass(frozen=True)
 class Berkovich(RegularPyramid):
-    """Three faces at 65.27 degrees from the axis: as much area at a depth as a Vickers tip (ISO
-    14577-2).
+    """Berkovich tip: three faces at 65.27 degrees from the axis (ISO 14577-2).
+
+    It has the same area at a depth as a Vickers tip.
     """
 
     rotation: Angle = 0.0
@@ -391,7 +399,7 @@ class Berkovich(RegularPyramid):
 
 @dataclass(frozen=True)
 class Vickers(RegularPyramid):
-    """Four faces at 68 degrees from the axis (ISO 6507-1)."""
+    """Vickers tip: four faces at 68 degrees from the axis (ISO 6507-1)."""
 
     rotation: Angle = 0.0
     tip_radius: LengthOrZero = 0.0
@@ -403,8 +411,9 @@ class Vickers(RegularPyramid):
 
 @dataclass(frozen=True)
 class CubeCorner(RegularPyramid):
-    """Three faces at right angles to one another, arctan(1/sqrt(2)) = 35.26 degrees from the axis
-    (ISO 14577-2).
+    """Cube corner: three perpendicular faces, 35.26 degrees from the axis (ISO 14577-2).
+
+    The angle is arctan(1/sqrt(2)).
     """
 
     rotation: Angle = 0.0
@@ -417,7 +426,7 @@ class CubeCorner(RegularPyramid):
 
 @dataclass(frozen=True)
 class Profile(_Tip):
-    """f straight between the points (r, z): convex, of revolution, ending at the last point.
+    """Convex tip of revolution, f linear between the points (r, z), ending at the last point.
 
     With tip_radius > 0 apex and corners are parabolic arcs of that radius of curvature, tangent to
     both sides.
@@ -428,10 +437,10 @@ class Profile(_Tip):
     shape: Literal["profile"] = "profile"
 
     def check_points(self) -> None:
-        """Raises ValueError unless the points describe a convex tip whose arcs have room."""
+        """Raise ValueError unless the points describe a convex tip with room for its arcs."""
         (r_0, z_0), *_ = self.points
         if r_0 != 0 or z_0 != 0:
-            raise ValueError("the first point is the apex [0, 0]")
+            raise ValueError("the first point must be the apex [0, 0]")
         if any(a[0] >= b[0] for a, b in pairwise(self.points)):
             raise ValueError("r must increase from point to point")
         slope_jumps = self._slope_jumps()
@@ -442,12 +451,12 @@ class Profile(_Tip):
             raise ValueError("tip_radius is too large: the arc of a corner reaches the axis")
 
     def _slope_jumps(self) -> list[Expr]:
-        """The change of slope at the apex and at every point but the last."""
+        """Return the change of slope at the apex and at every point but the last."""
         slopes = [(b[1] - a[1]) / (b[0] - a[0]) for a, b in pairwise(self.points)]
         return [slopes[0], *(next_slope - slope for slope, next_slope in pairwise(slopes))]
 
     def rounding_arcs(self) -> list[tuple[Expr, Expr, Expr]]:
-        """Middle [length], half width [length] and change of slope of every arc."""
+        """Return middle [length], half width [length] and change of slope of every arc."""
         rho = self.tip_radius
         slope_jumps = self._slope_jumps()
         arc_centers = [rho * slope_jumps[0] / 2, *(r for r, _ in self.points[1:-1])]
@@ -457,7 +466,7 @@ class Profile(_Tip):
         ]
 
     def slope(self, r: Expr) -> Expr:
-        """f'(r)."""
+        """Return f'(r)."""
         arcs = ((r - c, w, jump) for c, w, jump in self.rounding_arcs())
         rho = self.tip_radius + TINY_LENGTH
         return sum(
@@ -465,6 +474,7 @@ class Profile(_Tip):
         )
 
     def _height_at_radius(self, r: Expr) -> Expr:
+        """Return f(r) without the end of the tip [length]."""
         height: Expr = 0.0
         for c, w, jump in self.rounding_arcs():
             distance_past = maximum(r - c + w, 0.0 * r)
@@ -477,7 +487,7 @@ class Profile(_Tip):
         return height
 
     def height(self, x: Expr, y: Expr) -> Expr:
-        """f(x, y) [length]."""
+        """Return f(x, y) [length]."""
         r = sqrt(x * x + y * y)
         max_radius = self.points[-1][0]
         return where_less(
@@ -485,7 +495,7 @@ class Profile(_Tip):
         )
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
-        """(f - depth) / |grad(f - z)| at the deformed point."""
+        """Return (f - depth) / |grad(f - z)| at the deformed point."""
         r = sqrt(x * x + y * y + 1e-24 * self.tip_radius * self.tip_radius)
         max_radius = self.points[-1][0]
         slope = self.slope(r)
@@ -493,21 +503,21 @@ class Profile(_Tip):
         return where_less(max_radius * (1 + 1e-12), r, ENDED_TIP_HEIGHT * max_radius, distance)
 
     def radius_at(self, depth: float) -> float:
-        """Radius of the tip's section `depth` above its apex (arcs left out) [length]."""
+        """Return the radius of the tip's section `depth` above its apex, without arcs [length]."""
         for (r_0, z_0), (r_1, z_1) in pairwise(self.points):
             if depth < z_1:
                 return r_0 + (r_1 - r_0) * (depth - z_0) / (z_1 - z_0)
         return self.points[-1][0]
 
     def slope_discontinuities(self) -> list[tuple[float, float]]:
-        """Radius [length] of every circle where the slope jumps, and the width [length] over which
-        it is rounded.
-        """
+        """Return radius and rounding width [length] of each circle where the slope jumps."""
         corners = [(c - w, 2 * w) for c, w, jump in self.rounding_arcs() if jump > 1e-9]
-        return [*corners, (self.points[-1][0], 0.0)]  # the tip ends in an edge
+        # The tip ends in a sharp edge.
+        return [*corners, (self.points[-1][0], 0.0)]
 
 
 def _largest(values: Sequence[Expr]) -> Expr:
+    """Return the maximum of several expressions by pairs, so that their nesting is shallow."""
     while len(values) > 1:
         pairs = [values[k : k + 2] for k in range(0, len(values), 2)]
         values = [reduce(maximum, pair) for pair in pairs]
@@ -530,7 +540,7 @@ Indenter = (
 
 
 def max_radius(tip: Indenter) -> float:
-    """The radius [length] at which a tip ends; infinity for one that does not."""
+    """Return the radius [length] at which a tip ends; infinity if it does not end."""
     match tip:
         case Sphere(R=R):
             return R
@@ -542,7 +552,7 @@ def max_radius(tip: Indenter) -> float:
 
 
 def flat_radius(tip: Indenter) -> float:
-    """The radius [length] of a tip's flat face; 0 for a tip that has none."""
+    """Return the radius [length] of a tip's flat face; 0 if it has none."""
     match tip:
         case Plate():
             return inf
@@ -552,28 +562,32 @@ def flat_radius(tip: Indenter) -> float:
 
 
 def gap_under_tip(tip: Indenter, gap: Expr) -> Expr:
-    """Gaps [length] as they are written: not a number beside a tip that ends, where `height` is
-    only very large.
+    """Return gaps [length] for output, with NaN at points outside the radius at which the tip ends.
+
+    `height` is there ENDED_TIP_HEIGHT in place of infinity.
     """
     return where_less(gap, ENDED_TIP_HEIGHT / 1e3 * max_radius(tip), gap, nan)
 
 
 def pass_through_depth(tip: Indenter) -> float:
-    """The penetration [length] beyond which a point may come out at the tip's other side: half the
-    radius of a ball.
+    """Return the penetration [length] from which a point may leave the tip on its other side.
+
+    It is half the radius of a sphere; infinity for other tips.
     """
     return tip.R / 2 if isinstance(tip, Sphere) else inf
 
 
 def gap_reference(tip: Indenter, x: Expr, y: Expr, z: Expr, delta: Expr) -> Expr:
-    """g = f(X, Y) - delta - z over the undeformed point (X, Y), z = Z + u_z its height now
-    [length], >= 0 open.
+    """Return g = f(X, Y) - delta - z over the undeformed point (X, Y) [length], >= 0 open.
+
+    z = Z + u_z is the height of the deformed point.
     """
     return tip.height(x, y) - delta - z
 
 
 def gap_current(tip: Indenter, x: Expr, y: Expr, z: Expr, delta: Expr) -> Expr:
-    """Distance of the deformed point (x, y, z) from the tip whose apex is at z = -delta [length],
-    >= 0 open.
+    """Return the distance of the deformed point (x, y, z) from the tip [length], >= 0 open.
+
+    The apex of the tip is at z = -delta.
     """
     return tip.gap_current(x, y, z + delta)

@@ -1,8 +1,7 @@
-"""Marks on the types of fields: dimension, range and, of a section that may be several things, the
-key that chooses.
+"""Annotations of dataclass fields: dimension, range, and the key that selects one of several types.
 
-Numbers know their dimension, so that one function can scale a whole scene and one convert
-quantities to its units; validation, the JSON schema and the generated docs read the marks too.
+One function nondimensionalizes a whole scene by them, another converts quantities to its units;
+validation, the JSON schema and the generated docs read them, too.
 """
 
 from __future__ import annotations
@@ -27,8 +26,9 @@ ENERGY_POWERS = {"length": 3, "pressure": 1}
 
 
 def parse_unit_factors(text: str) -> list[tuple[str, int]]:
-    """Names and powers of a product such as mN/m or length^2/(pressure time); ValueError when it is
-    none.
+    """Return names and powers of a product of units such as mN/m or length^2/(pressure time).
+
+    ValueError if the text is not a product of units.
     """
     expanded = _DIVISOR.sub(lambda match: "/" + re.sub(r"\s*[*·]\s*|\s+", "/", match[1]), text)
     unit_factors = []
@@ -40,16 +40,15 @@ def parse_unit_factors(text: str) -> list[tuple[str, int]]:
         power = _SUPERSCRIPTS.get(match["power"] or "", 0) or int(match["power"] or 1)
         unit_factors.append((match["name"], -power if match["sign"] == "/" else power))
     if end != len(expanded):
-        raise ValueError(f"'{text}' is no product of units")
+        raise ValueError(f"'{text}' is not a product of units")
     return unit_factors
 
 
 @dataclass(frozen=True)
 class Unit:
-    """The dimension of a number in words: a product of length, pressure, force, energy, time and
-    degrees.
+    """Dimension of a number: a product of length, pressure, force, energy, time and degrees.
 
-    A force is that of the whole body, in plane strain per length.
+    A force is that of the whole body, in plane strain per unit length.
     """
 
     text: str
@@ -66,23 +65,24 @@ class Unit:
 
 @dataclass(frozen=True)
 class UnitRow:
-    """Marks a row of numbers with a dimension each, None for a pure number; a number instead of
-    rows has the last.
+    """Dimensions of the numbers of a row, None for a pure number.
+
+    A single number in place of rows has the last dimension.
     """
 
     units: tuple[Unit | None, ...]
 
     @property
     def text(self) -> str:
-        """The dimensions one after another."""
+        """Dimensions separated by commas."""
         return ", ".join(unit.text if unit else "1" for unit in self.units)
 
 
 LENGTH, PRESSURE, FORCE, TIME, ANGLE = map(Unit, ("length", "pressure", "force", "time", "degrees"))
-STIFFNESS = Unit("pressure/length")  # epsilon_n, gamma
-ADHESION = Unit(
-    "energy/length^2"
-)  # work of adhesion; in plane strain too, where a force is per length
+# Contact stiffnesses epsilon_n and gamma.
+STIFFNESS = Unit("pressure/length")
+# Work of adhesion, in plane strain too, where a force is per unit length.
+ADHESION = Unit("energy/length^2")
 
 SurfaceTension = Annotated[float, Ge(0), ADHESION]
 Coordinate = Annotated[float, LENGTH]
@@ -92,7 +92,8 @@ Modulus = Annotated[float, Gt(0), PRESSURE]
 AnyModulus = Annotated[float, PRESSURE]
 ContactStiffness = Annotated[float, Gt(0), STIFFNESS]
 PoissonRatio = Annotated[float, Gt(-1), Le(0.5)]
-HalfAngle = Annotated[float, Gt(1e-6), Lt(90), ANGLE]  # between axis and flank
+# Angle between axis and flank of a tip.
+HalfAngle = Annotated[float, Gt(1e-6), Lt(90), ANGLE]
 PositiveInt = Annotated[int, Gt(0)]
 Auto = Literal["auto"]
 
@@ -101,8 +102,9 @@ D = TypeVar("D")
 
 @dataclass(frozen=True)
 class TaggedBy:
-    """Marks a section whose dataclass one key chooses; unlike pydantic's mark it knows a union of
-    one, and None.
+    """Annotation of a union of dataclasses, one of which is selected by a key.
+
+    Unlike pydantic's discriminator it accepts a union of one, and None.
     """
 
     key: str
@@ -111,18 +113,15 @@ class TaggedBy:
         from pydantic_core import core_schema
 
         alternatives = get_args(union) or (union,)
-        kinds = {
-            getattr(kind, self.key): kind for kind in alternatives if kind is not NoneType
-        }  # its default: its one word
+        # The default of the key's field is the one word that it may have.
+        kinds = {getattr(kind, self.key): kind for kind in alternatives if kind is not NoneType}
         choices = {word: handler.generate_schema(kind) for word, kind in kinds.items()}
         schema = core_schema.tagged_union_schema(choices, discriminator=self.key)
         return core_schema.nullable_schema(schema) if NoneType in alternatives else schema
 
 
 def unit_of(hint: Any) -> Unit | UnitRow | None:
-    """The `Unit` or `UnitRow` annotated anywhere inside a type hint, or None for a pure number or a
-    word.
-    """
+    """Return the `Unit` or `UnitRow` inside a type hint; None for a pure number or a word."""
     if get_origin(hint) is Annotated:
         unit_marks = [mark for mark in hint.__metadata__ if isinstance(mark, Unit | UnitRow)]
         return unit_marks[0] if unit_marks else unit_of(hint.__origin__)
@@ -132,56 +131,53 @@ def unit_of(hint: Any) -> Unit | UnitRow | None:
 
 @cache
 def field_units(kind: type) -> dict[str, Unit | UnitRow | None]:
-    """The unit of every field of a dataclass."""
+    """Return the unit of every field of a dataclass."""
     return {name: unit_of(hint) for name, hint in get_type_hints(kind, include_extras=True).items()}
 
 
 @dataclass(frozen=True)
 class Scales:
-    """One length, one pressure and one time of the scene; the solver and gmsh see everything
-    divided by them.
+    """Length, pressure and time by which a scene is divided for the solver and for gmsh.
 
-    force [pressure length^2] and energy [pressure length^3] follow, one power of length less in
-    plane strain.
+    The scales of force [pressure length^2] and energy [pressure length^3] follow, with one power of
+    length less in plane strain.
     """
 
     length: float
     pressure: float
-    dim: int = 3  # 2 in plane strain, where forces are per unit length
-    # equal ones on top of each other, of which one is modelled: approach and energy are those of
-    # all
+    # 2 in plane strain, where forces are per unit length.
+    dim: int = 3
+    # Equal contacts of one body, of which one is modelled; depth and energy are those of all.
     contacts_per_body: int = 1
     time: float = 1.0
     degrees: ClassVar[float] = 1.0
 
     @property
     def depth(self) -> float:
-        """Unit of the depth delta, the whole body's approach."""
+        """Scale of the depth delta, the approach of the whole body."""
         return self.contacts_per_body * self.length
 
     @property
     def force(self) -> float:
-        """Unit of force."""
+        """Scale of force."""
         return self.pressure * self.length ** (self.dim - 1)
 
     @property
     def stiffness(self) -> float:
-        """Unit of pressure per length."""
+        """Scale of pressure per length."""
         return self.pressure / self.length
 
     @property
     def energy(self) -> float:
-        """Unit of energy."""
+        """Scale of energy."""
         return self.contacts_per_body * self.pressure * self.length**self.dim
 
     def control_unit(self, control: str) -> float:
-        """Unit of what a load path prescribes: depth or force."""
+        """Return the scale of the prescribed quantity of a load path, depth or force."""
         return self.depth if control == "depth" else self.force
 
     def nondimensionalize(self, item: D) -> D:
-        """A dataclass of the user's numbers in these units: every number is divided by the size of
-        its unit.
-        """
+        """Return a dataclass with every number divided by the scale of its dimension."""
         units = field_units(type(item))  # type: ignore[arg-type]
         fields = dataclasses.fields(item)  # type: ignore[arg-type]
         values = {
@@ -191,13 +187,14 @@ class Scales:
         return dataclasses.replace(item, **values)  # type: ignore[type-var]
 
     def to_user_units(self, item: D) -> D:
-        """A dataclass in these units as the user's numbers."""
+        """Return a nondimensional dataclass in the user's units."""
         inverse = dataclasses.replace(
             self, length=1 / self.length, pressure=1 / self.pressure, time=1 / self.time
         )
         return inverse.nondimensionalize(item)
 
     def _scale_value(self, value: Any, unit: Unit | UnitRow | None) -> Any:
+        """Return a value of a field, or a dataclass or tuple of them, divided by its scale."""
         if dataclasses.is_dataclass(value):
             return self.nondimensionalize(value)
         if isinstance(value, (tuple, list)):
@@ -212,5 +209,5 @@ class Scales:
 
 
 def round_length(value: float) -> float:
-    """A length to 12 significant digits: the same mesh whatever units the scene came in."""
+    """Return a length rounded to 12 digits: the mesh then does not depend on the units."""
     return float(f"{value:.12g}")

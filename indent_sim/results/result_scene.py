@@ -9,7 +9,8 @@ from pathlib import Path
 
 from indent_sim.config.scene_file import load_result_config
 from indent_sim.config.schema import Config
-from indent_sim.model.body import AnyBody, Ball
+from indent_sim.model.body import AnyBody
+from indent_sim.model.spherical_bodies import Ball
 from indent_sim.process.errors import IndentSimError
 from indent_sim.results.atomic_files import read_regular_file
 from indent_sim.results.result_files import CONFIG

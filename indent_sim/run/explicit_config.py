@@ -9,7 +9,8 @@ from typing import Any
 from indent_sim.config.scene_file import to_mapping
 from indent_sim.config.schema import Config, KeptStates, allowed_keys_at
 from indent_sim.config.strict_yaml import leaf_values
-from indent_sim.model.body import Drainage, MeshFromFile
+from indent_sim.model.drainage import Drainage
+from indent_sim.model.imported_body import MeshFromFile
 from indent_sim.results.result_files import MESH_FILE
 from indent_sim.scene.regions import remove_unused_material
 from indent_sim.scene.scene import Scene

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from indent_sim.model.experiment import Calibration, Experiment
-from indent_sim.model.loading import History, branch_of
-from indent_sim.model.materials import Relaxation
+from indent_sim.model.history import History, branch_of
+from indent_sim.model.relaxation import Relaxation
 from indent_sim.model.units import Scales
 from indent_sim.process.errors import NotConverged
 from indent_sim.run.derived_quantities import Equilibrium, punches_of

@@ -14,8 +14,8 @@ from typing import Any
 
 from indent_sim.config.scene_file import SceneInput, load, to_yaml
 from indent_sim.config.schema import Config, OutputSettings
-from indent_sim.model.body import MeshFromFile
-from indent_sim.model.loading import LoadPath
+from indent_sim.model.imported_body import MeshFromFile
+from indent_sim.model.load_path import LoadPath
 from indent_sim.model.state import ERROR_COLUMNS, KRYLOV_COLUMNS, STATE_COLUMNS, State
 from indent_sim.model.tips import Indenter
 from indent_sim.process.errors import BackendError, ConfigError, VerificationError

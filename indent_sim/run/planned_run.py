@@ -10,7 +10,7 @@ from typing import Self
 
 from indent_sim.config.scene_file import collect_errors, locate_error
 from indent_sim.config.schema import Config
-from indent_sim.model.body import MeshFromFile
+from indent_sim.model.imported_body import MeshFromFile
 from indent_sim.process.errors import ConfigError, IndentSimError
 from indent_sim.scene.plan import Plan
 from indent_sim.scene.scene import Scene, resolve, start_mesher

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from indent_sim.config.schema import Config
-from indent_sim.model.loading import LoadPath
+from indent_sim.model.load_path import LoadPath
 from indent_sim.model.state import State
 from indent_sim.model.tips import FlatPunch
 from indent_sim.process.errors import IndentSimError

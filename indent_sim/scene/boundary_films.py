@@ -29,8 +29,8 @@ from math import inf, log
 import numpy as np
 
 from indent_sim.mesh.sizes import Sizes
-from indent_sim.model.body import Conductance
-from indent_sim.model.loading import LoadPath
+from indent_sim.model.drainage import Conductance
+from indent_sim.model.load_path import LoadPath
 from indent_sim.scene.depth_limits import RIM_TOLERANCE
 from indent_sim.scene.elastic_limit_laws import undrained_law
 from indent_sim.scene.problem_definition import ProblemDefinition, is_undrained_incompressible

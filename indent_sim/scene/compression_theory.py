@@ -7,17 +7,14 @@ from math import inf
 
 import numpy as np
 
-from indent_sim.model.body import (
-    Body,
-    Box,
-    Cylinder,
-)
-from indent_sim.model.body import Layer as BodyLayer
-from indent_sim.model.body import Strip as BodyStrip
+from indent_sim.model.body import Body, Cylinder
+from indent_sim.model.layers import Layer as BodyLayer
 from indent_sim.model.tips import (
     Indenter,
     flat_radius,
 )
+from indent_sim.model.walled_bodies import Box
+from indent_sim.model.walled_bodies import Strip as BodyStrip
 from indent_sim.scene.reasons import first_reason
 from indent_sim.theory.compression import (
     Bar,

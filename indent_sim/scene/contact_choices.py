@@ -8,8 +8,8 @@ from math import inf, pi
 from typing import TYPE_CHECKING, Any
 
 from indent_sim.mesh.sizes import Sizes
+from indent_sim.model.adhesion import Adhesion
 from indent_sim.model.contact import (
-    Adhesion,
     AugmentedLagrangian,
     AutoContact,
     Contact,

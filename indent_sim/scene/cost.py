@@ -16,7 +16,8 @@ import numpy as np
 from indent_sim.mesh.imported_domain import ImportedDomain
 from indent_sim.mesh.model_domain import ModelDomain
 from indent_sim.mesh.sizes import DrainedFace, Sizes
-from indent_sim.model.body import Coating, Inclusion
+from indent_sim.model.inclusions import Inclusion
+from indent_sim.model.layers import Coating
 
 COUNTS_2D = {"cells": 2.63, "nodes": 5.58, "vertices": 1.45}  # per size^2
 # Per size^3 of the volume, and per size^2 of its surface, where gmsh's elements are as small but

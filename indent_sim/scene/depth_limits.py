@@ -9,15 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.model.body import (
-    Body,
-    ImportedBody,
-    Layer,
-    Points,
-    SphericalBody,
-)
-from indent_sim.model.loading import History, Loading, LoadPath
+from indent_sim.model.body_base import Points
+from indent_sim.model.history import History
+from indent_sim.model.imported_body import ImportedBody
+from indent_sim.model.layers import Layer
+from indent_sim.model.load_path import LoadPath
+from indent_sim.model.loading import Loading
 from indent_sim.model.materials import Material
+from indent_sim.model.spherical_bodies import SphericalBody
 from indent_sim.model.tips import FlatPunch, Indenter
 from indent_sim.model.units import Scales
 from indent_sim.process.errors import ConfigError

@@ -14,17 +14,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf
 
-from indent_sim.model.body import (
-    Box,
-    BoxSides,
-    Cylinder,
-    HalfSpace,
-    InfiniteLayer,
-    Layer,
-    UnboundedBody,
-)
-from indent_sim.model.materials import LinearElastic, Material
+from indent_sim.model.body import Cylinder
+from indent_sim.model.layers import Layer
+from indent_sim.model.linear_elasticity import LinearElastic
+from indent_sim.model.materials import Material
 from indent_sim.model.tips import Indenter
+from indent_sim.model.unbounded_bodies import HalfSpace, InfiniteLayer, UnboundedBody
+from indent_sim.model.walled_bodies import Box, BoxSides
 from indent_sim.scene.reference_theory import half_space_theory, stack_of
 from indent_sim.scene.tip_theories import theory_tip_shape
 from indent_sim.theory import profiles

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from indent_sim.model.materials import (
-    Gel,
-    LinearElastic,
-    Material,
-    NeoHookean,
-    TransverselyIsotropic,
-)
+from indent_sim.model.gel import Gel
+from indent_sim.model.hyperelasticity import NeoHookean
+from indent_sim.model.linear_elasticity import LinearElastic, TransverselyIsotropic
+from indent_sim.model.materials import Material
 from indent_sim.model.units import Scales
 from indent_sim.theory.poroelasticity import PorousSolid
 

@@ -6,7 +6,8 @@ from dataclasses import replace
 from math import inf
 
 from indent_sim.mesh.model_domain import ModelDomain, Region
-from indent_sim.model.loading import History, LoadPath
+from indent_sim.model.history import History
+from indent_sim.model.load_path import LoadPath
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.depth_limits import expected_depths
 from indent_sim.scene.diffusion_times import ELEMENT_DRAINAGE_FACTOR, DiffusionTimes

@@ -9,10 +9,7 @@ from typing import TYPE_CHECKING, Any
 from indent_sim.mesh import imported_domain, mesh_import
 from indent_sim.mesh.imported_mesh import BoundaryCells, ImportedMesh
 from indent_sim.mesh.model_domain import ModelDomain, Region
-from indent_sim.model.body import (
-    ImportedBody,
-    MeshFromFile,
-)
+from indent_sim.model.imported_body import ImportedBody, MeshFromFile
 from indent_sim.model.materials import Material
 from indent_sim.model.units import Scales
 from indent_sim.process.errors import ConfigError

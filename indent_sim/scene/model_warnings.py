@@ -14,7 +14,7 @@ from indent_sim.mesh.imported_domain import ImportedDomain
 from indent_sim.mesh.sizes import DOUBTFUL_ELEMENTS, Sizes
 from indent_sim.model import stability
 from indent_sim.model.contact import ContactLaw, Nitsche, Penalty
-from indent_sim.model.materials import LOCKING_POISSON_RATIO
+from indent_sim.model.elastic_law import LOCKING_POISSON_RATIO
 from indent_sim.model.tips import (
     STEM_HALF_ANGLE,
     FlatPunch,

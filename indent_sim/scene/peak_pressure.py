@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from indent_sim.mesh.sizes import Sizes
-from indent_sim.model.body import SphericalBody
+from indent_sim.model.spherical_bodies import SphericalBody
 from indent_sim.model.tips import Indenter
 from indent_sim.scene.problem_definition import ProblemDefinition
 

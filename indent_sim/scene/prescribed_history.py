@@ -5,8 +5,9 @@ from __future__ import annotations
 from math import ceil, sqrt
 from typing import TYPE_CHECKING
 
-from indent_sim.model.loading import STEPS_PER_DOUBLING, History
-from indent_sim.model.materials import PronySeries, Relaxation
+from indent_sim.model.history import History
+from indent_sim.model.loading import STEPS_PER_DOUBLING
+from indent_sim.model.relaxation import PronySeries, Relaxation
 from indent_sim.scene.resolution import target_error
 
 if TYPE_CHECKING:

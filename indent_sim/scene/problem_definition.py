@@ -7,13 +7,12 @@ from functools import cached_property
 from itertools import pairwise
 
 from indent_sim.mesh.model_domain import ModelDomain, Region
-from indent_sim.model.body import (
-    Body,
-    Drainage,
-)
+from indent_sim.model.body import Body
 from indent_sim.model.contact import ActiveSet, ContactLaw, SlipReference
-from indent_sim.model.loading import LoadPath
-from indent_sim.model.materials import Gel, Material
+from indent_sim.model.drainage import Drainage
+from indent_sim.model.gel import Gel
+from indent_sim.model.load_path import LoadPath
+from indent_sim.model.materials import Material
 from indent_sim.model.state import FLUID_COLUMNS, FRICTION_COLUMNS
 from indent_sim.model.tips import Indenter
 from indent_sim.model.units import Scales

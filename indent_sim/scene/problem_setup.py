@@ -10,22 +10,18 @@ from typing import TYPE_CHECKING
 
 from indent_sim.mesh.imported_mesh import ImportedMesh
 from indent_sim.mesh.model_domain import ModelDomain
-from indent_sim.model.body import (
-    Ball,
-    Body,
-    Cap,
-    HalfSpace,
-    ImportedBody,
-    Layer,
-    MeshFromFile,
-    SphericalBody,
-    UnboundedBody,
-)
-from indent_sim.model.contact import Adhesion
+from indent_sim.model.adhesion import Adhesion
+from indent_sim.model.body import Body
 from indent_sim.model.experiment import Experiment, JKRAdhesion
-from indent_sim.model.loading import History, LoadPath
-from indent_sim.model.materials import Material, Relaxation
+from indent_sim.model.history import History
+from indent_sim.model.imported_body import ImportedBody, MeshFromFile
+from indent_sim.model.layers import Layer
+from indent_sim.model.load_path import LoadPath
+from indent_sim.model.materials import Material
+from indent_sim.model.relaxation import Relaxation
+from indent_sim.model.spherical_bodies import Ball, Cap, SphericalBody
 from indent_sim.model.tips import FlatPunch, Indenter, Plate
+from indent_sim.model.unbounded_bodies import HalfSpace, UnboundedBody
 from indent_sim.model.units import Scales, round_length
 from indent_sim.scene.compression_theory import RADIUS_TOLERANCE, covers_top
 from indent_sim.scene.depth_limits import (

@@ -13,17 +13,10 @@ from math import inf
 import numpy as np
 
 from indent_sim.model import tips
-from indent_sim.model.body import (
-    Body,
-    Box,
-    Cylinder,
-    HalfSpace,
-    ImportedBody,
-    SphericalBody,
-    UnboundedBody,
-)
-from indent_sim.model.body import Layer as BodyLayer
-from indent_sim.model.body import Strip as BodyStrip
+from indent_sim.model.body import Body, Cylinder
+from indent_sim.model.imported_body import ImportedBody
+from indent_sim.model.layers import Layer as BodyLayer
+from indent_sim.model.spherical_bodies import SphericalBody
 from indent_sim.model.tips import (
     FlatPunch,
     Indenter,
@@ -32,6 +25,9 @@ from indent_sim.model.tips import (
     Sphere,
     flat_radius,
 )
+from indent_sim.model.unbounded_bodies import HalfSpace, UnboundedBody
+from indent_sim.model.walled_bodies import Box
+from indent_sim.model.walled_bodies import Strip as BodyStrip
 from indent_sim.scene.compression_theory import compression_theory, covers_top
 from indent_sim.scene.reasons import first_reason
 from indent_sim.scene.tip_theories import theory_tip_shape

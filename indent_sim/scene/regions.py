@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from indent_sim.mesh.model_domain import ModelDomain, Region
-from indent_sim.model.body import (
-    DimensionedBody,
-    Layer,
-    MeshFromFile,
-    UnboundedBody,
-)
-from indent_sim.model.materials import LOCKING_POISSON_RATIO, Gel, Material
+from indent_sim.model.body import DimensionedBody
+from indent_sim.model.elastic_law import LOCKING_POISSON_RATIO
+from indent_sim.model.gel import Gel
+from indent_sim.model.imported_body import MeshFromFile
+from indent_sim.model.layers import Layer
+from indent_sim.model.materials import Material
+from indent_sim.model.unbounded_bodies import UnboundedBody
 from indent_sim.model.units import Scales, round_length
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.prescribed_history import remaining_modulus_fraction

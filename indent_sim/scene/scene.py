@@ -11,11 +11,11 @@ from indent_sim.mesh.grid import Grid, map_grid
 from indent_sim.mesh.imported_mesh import ImportedMesh
 from indent_sim.mesh.reactions import reaction_columns
 from indent_sim.mesh.sizes import Sizes
-from indent_sim.model.body import UnboundedBody
 from indent_sim.model.experiment import Experiment
-from indent_sim.model.loading import History
-from indent_sim.model.materials import Relaxation
+from indent_sim.model.history import History
+from indent_sim.model.relaxation import Relaxation
 from indent_sim.model.tips import FlatPunch, max_radius
+from indent_sim.model.unbounded_bodies import UnboundedBody
 from indent_sim.process.errors import ConfigError
 from indent_sim.process.repr_tables import ReprTable, cell_text
 from indent_sim.process.usage import machine_memory

@@ -10,7 +10,7 @@ import numpy as np
 
 from indent_sim.mesh.imported_domain import ImportedDomain
 from indent_sim.mesh.sizes import DrainedFace, Sizes
-from indent_sim.model.body import Inclusion
+from indent_sim.model.inclusions import Inclusion
 from indent_sim.model.tips import FlatPunch, Indenter, max_radius
 from indent_sim.model.units import Scales, round_length
 from indent_sim.process.errors import ConfigError

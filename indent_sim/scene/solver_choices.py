@@ -6,10 +6,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from indent_sim.mesh.sizes import Sizes
-from indent_sim.model.body import MeshFromFile, UnboundedBody
 from indent_sim.model.contact import (
     AutoContact,
 )
+from indent_sim.model.imported_body import MeshFromFile
+from indent_sim.model.unbounded_bodies import UnboundedBody
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.choices import Choice
 from indent_sim.scene.cost import DENSE_BYTES, MAX_CANDIDATES, Cost

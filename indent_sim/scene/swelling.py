@@ -6,11 +6,9 @@ from dataclasses import replace
 from math import inf, isfinite
 from typing import TYPE_CHECKING
 
-from indent_sim.model.body import (
-    Drainage,
-)
-from indent_sim.model.loading import History
-from indent_sim.model.materials import Gel
+from indent_sim.model.drainage import Drainage
+from indent_sim.model.gel import Gel
+from indent_sim.model.history import History
 from indent_sim.model.units import Scales
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.regions import Layers, layer_material

@@ -8,17 +8,13 @@ from itertools import pairwise
 from math import inf, isclose
 
 from indent_sim.mesh.model_domain import ModelDomain, Pins, Point, Region, Side, polygon_sides
-from indent_sim.model.body import (
-    Box,
-    Cylinder,
-    DimensionedBody,
-    Inclusion,
-    SphericalBody,
-    Strip,
-    UnboundedBody,
-)
+from indent_sim.model.body import Cylinder, DimensionedBody
+from indent_sim.model.inclusions import Inclusion
 from indent_sim.model.kinematics import Axisymmetric, Kinematics, PlaneStrain, ThreeDimensional
+from indent_sim.model.spherical_bodies import SphericalBody
 from indent_sim.model.tips import Indenter
+from indent_sim.model.unbounded_bodies import UnboundedBody
+from indent_sim.model.walled_bodies import Box, Strip
 from indent_sim.process.errors import ConfigError
 
 Regions = tuple[Region, ...]

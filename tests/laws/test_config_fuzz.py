@@ -158,7 +158,7 @@ def test_what_is_dumped_is_parsed(value):
     try:
         found = parse(text)[0]
     except ConfigError as error:
-        assert "no file can hold" in str(error)
+        assert "no file can have" in str(error)
     else:
         assert found == {"section": {"key": value}, "other": value}
 

@@ -16,7 +16,7 @@ from scipy.special import ellipe, ellipk
 
 from indent_sim.config.scene_file import load
 from indent_sim.fe import solver
-from indent_sim.model.contact import Adhesion
+from indent_sim.model.adhesion import Adhesion
 from indent_sim.model.state import State
 from indent_sim.run.pipeline import states
 from indent_sim.scene.scene import resolve

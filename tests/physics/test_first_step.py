@@ -21,7 +21,7 @@ import pytest
 from scenes import E_STAR, ELASTIC, WALLED, force
 
 from indent_sim.config.scene_file import config_from_mapping, load
-from indent_sim.model.loading import LoadPath
+from indent_sim.model.load_path import LoadPath
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
 from indent_sim.run import pipeline

@@ -19,9 +19,9 @@ from scenes import ELASTIC, WALLED, meshed, scene, solve
 from scipy.optimize import brentq
 
 from indent_sim.fe import solver
-from indent_sim.model.body import Conductance, Drainage
-from indent_sim.model.loading import LoadPath
-from indent_sim.model.materials import Flow, HolmesMow
+from indent_sim.model.drainage import Conductance, Drainage
+from indent_sim.model.load_path import LoadPath
+from indent_sim.model.pore_flow import Flow, HolmesMow
 from indent_sim.model.state import State
 from indent_sim.run import pipeline
 from indent_sim.scene.scene import Scene

@@ -15,7 +15,7 @@ from scenes import ELASTIC, PARABOLOID, scene, solve, solved
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.fe.condensed import equilibrium
-from indent_sim.model.loading import LoadPath
+from indent_sim.model.load_path import LoadPath
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.error_estimation.coarser_run import CoarserRun, coarser_scene

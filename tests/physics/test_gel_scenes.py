@@ -14,7 +14,7 @@ import pytest
 from scenes import scene
 
 from indent_sim.config.scene_file import config_from_mapping
-from indent_sim.model.materials import Gel
+from indent_sim.model.gel import Gel
 from indent_sim.model.state import State
 from indent_sim.run import pipeline
 from indent_sim.run.error_estimation.coarser_run import REFINEMENT_RATIO, CoarserRun

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from scenes import ELASTIC, WALLED, scene, solve
 
-from indent_sim.model.loading import Loading, LoadPath
+from indent_sim.model.load_path import LoadPath
+from indent_sim.model.loading import Loading
 from indent_sim.model.state import State
 from indent_sim.run.pipeline import states
 

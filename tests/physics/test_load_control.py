@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scenes import BOX, CYLINDER, STRIP, WALLED, scene, solve
 
-from indent_sim.model.loading import LoadPath
+from indent_sim.model.load_path import LoadPath
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
 from indent_sim.run import pipeline

@@ -17,16 +17,16 @@ from scipy.optimize import brentq
 
 from indent_sim.fe import compat
 from indent_sim.fe.symbolic_constants import symbolic_copy
-from indent_sim.model.materials import (
+from indent_sim.model.hyperelasticity import (
     ArrudaBoyce,
     Fung,
     Gent,
-    LinearElastic,
     MooneyRivlin,
     NeoHookean,
     Ogden,
     Yeoh,
 )
+from indent_sim.model.linear_elasticity import LinearElastic
 
 I = np.eye(3)
 GRID = mesh.create_unit_square(MPI.COMM_SELF, 1, 1)

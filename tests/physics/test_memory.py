@@ -24,7 +24,7 @@ from indent_sim.fe.solve.newton import Newton
 from indent_sim.fe.terms.scene_terms import additional_fields, bulk_terms, contact_terms
 from indent_sim.fe.terms.term import Term
 from indent_sim.fe.unknowns import TimeLevel
-from indent_sim.model.loading import LoadPath
+from indent_sim.model.load_path import LoadPath
 from indent_sim.scene.scene import Scene
 
 COARSE = {"h_contact": 0.05, "h_far": 0.4}

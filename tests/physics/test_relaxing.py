@@ -24,7 +24,7 @@ from indent_sim.fe.solve.newton import Newton
 from indent_sim.fe.terms.scene_terms import additional_fields, bulk_terms, contact_terms
 from indent_sim.fe.terms.term import Term
 from indent_sim.fe.unknowns import TimeLevel
-from indent_sim.model.materials import PowerLaw, PronySeries, Relaxation
+from indent_sim.model.relaxation import PowerLaw, PronySeries, Relaxation
 from indent_sim.model.state import State
 from indent_sim.run import pipeline
 from indent_sim.scene.prescribed_history import prony_series

@@ -12,7 +12,7 @@ import pytest
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.config.schema import Config
-from indent_sim.model.materials import Gel
+from indent_sim.model.gel import Gel
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.model_selection.effect_table import EFFECT_ROWS
 from indent_sim.run.model_selection.effects import Effect

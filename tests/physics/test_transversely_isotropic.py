@@ -13,7 +13,7 @@ from test_material_laws import Numbers
 from test_patch import AREA, DELTA, EPSILON_N, EXACT, H, covered
 
 from indent_sim.config.scene_file import config_from_mapping
-from indent_sim.model.materials import LinearElastic, TransverselyIsotropic
+from indent_sim.model.linear_elasticity import LinearElastic, TransverselyIsotropic
 from indent_sim.process.errors import ConfigError
 from indent_sim.run import pipeline
 from indent_sim.scene.scene import resolve

@@ -55,7 +55,7 @@ TEXTS = {
     "many values": ("a: [" + "[1]," * 200_000 + "]", "more than 200000 values"),
     "many keys": (
         SCENE + "".join(f"k{i}: 1\n" for i in range(30_000)),
-        "and more errors like these",
+        "and more errors",
     ),
     "a megabyte in one line": (edited("R: 1.0", "R: " + "x" * 990_000), "must be a number"),
     "many wrong numbers": (

@@ -66,7 +66,7 @@ def rows(folder: Path) -> list[dict[str, float]]:
 def test_forces_that_press_nothing(tmp_path, body, model, experiment):
     """Without an attraction that the solved contact has, no depth belongs to the force 0."""
     code, words = planned_and_run(tmp_path, body, model, {"forces": [0, 0]}, experiment=experiment)
-    assert code == 3 and "loading.forces: presses nothing: every force is 0" in words
+    assert code == 3 and "loading.forces: never press the tip in: every force is 0" in words
 
 
 def test_depths_at_which_nothing_touches(tmp_path, body, model):

@@ -86,7 +86,7 @@ def test_changes_are_values_by_their_keys() -> None:
     )
     with pytest.raises(ConfigError, match=r"material\.nuu: unknown key, did you mean 'nu'"):
         indent_sim.load(SCENE, {"material.nuu": 0.4})
-    with pytest.raises(ConfigError, match=r"'material nu' is no key; write it with dots"):
+    with pytest.raises(ConfigError, match=r"'material nu' is not a key; write it with dots"):
         indent_sim.load(SCENE, {"material nu": 0.4})
 
 

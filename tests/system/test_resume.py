@@ -27,7 +27,7 @@ from indent_sim.cli import commands
 from indent_sim.config.scene_file import load
 from indent_sim.fe.path.load_stepping import LoadStepper
 from indent_sim.fe.path.pull_off import PullPoint
-from indent_sim.model.loading import LoadPath
+from indent_sim.model.load_path import LoadPath
 from indent_sim.results import result_files
 from indent_sim.results.field_writer import FieldWriter
 from indent_sim.results.reader import read

@@ -470,7 +470,7 @@ class TestRuns:
     def test_whatever_ends_a_run_ends_that_run_alone(
         self, written, tmp_path, monkeypatch, ending, exit_code, reason
     ):
-        from indent_sim.run import simulate
+        from indent_sim.run.pipeline import simulate
 
         whole = simulate.simulate
 
@@ -491,7 +491,7 @@ class TestRuns:
         """Batch systems send SIGTERM to every process of a job; that the study's own one ends is
         enough.
         """
-        from indent_sim.run import simulate
+        from indent_sim.run.pipeline import simulate
 
         whole = simulate.simulate
 

@@ -22,9 +22,9 @@ from scipy.sparse import diags
 from scipy.sparse.linalg import splu
 
 from indent_sim.fe.shape_functions import shape_functions
-from indent_sim.model.contact import (
+from indent_sim.model.contact import SlipReference
+from indent_sim.model.contact_point import (
     CoulombPoint,
-    SlipReference,
     dissipation_on_separation,
     is_new_contact,
     passed_gap,

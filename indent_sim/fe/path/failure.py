@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from indent_sim.fe.path.load_control import ForceDepth
-from indent_sim.model.materials import Gent
+from indent_sim.model.hyperelasticity import Gent
 from indent_sim.model.state import State
 from indent_sim.scene.scene import Scene
 

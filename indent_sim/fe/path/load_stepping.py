@@ -28,7 +28,7 @@ from indent_sim.fe.path.pull_off import (
 from indent_sim.fe.path.step_size_control import StepSizeControl
 from indent_sim.fe.postprocessing.contact_sample import smallest_gap
 from indent_sim.fe.postprocessing.surface_table import surface_table
-from indent_sim.model.loading import LoadPath
+from indent_sim.model.load_path import LoadPath
 from indent_sim.model.state import PullOff, State
 
 # Longest increment that starts from a parabola through three equilibria, relative to the depth.

@@ -12,7 +12,7 @@ from dolfinx import fem
 from indent_sim.fe import compat
 from indent_sim.fe.postprocessing import contact_sample
 from indent_sim.fe.postprocessing.nodal_stress import NodalStress, total_stress
-from indent_sim.model.materials import Gel
+from indent_sim.model.gel import Gel
 
 
 class Fields:

@@ -27,7 +27,7 @@ from indent_sim.fe.terms.contact.multiplier import stiffness_scale
 from indent_sim.fe.terms.contact.traction import Traction
 from indent_sim.fe.terms.scene_terms import bulk_terms, contact_terms
 from indent_sim.fe.terms.time_integration import Stage
-from indent_sim.model.loading import LoadPath
+from indent_sim.model.load_path import LoadPath
 from indent_sim.model.tips import pass_through_depth
 
 

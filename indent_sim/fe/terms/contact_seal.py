@@ -20,7 +20,7 @@ from indent_sim.fe.terms.flow import FIELD_NAME
 from indent_sim.fe.terms.term import Term
 from indent_sim.fe.terms.time_integration import SDIRK2_GAMMA, Stage
 from indent_sim.fe.unknowns import TimeLevel
-from indent_sim.model.body import Conductance
+from indent_sim.model.drainage import Conductance
 
 # Conductance of a drained vertex, relative to that of its own cells. The pressure there is 1e-8 of
 # that of a sealed vertex. Forces agree to 1e-7 for factors from 1e6 on, and no digits are lost up

@@ -11,7 +11,7 @@ from ufl.core.expr import Expr
 
 from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.terms.term import Term
-from indent_sim.model.materials import NeoHookean
+from indent_sim.model.hyperelasticity import NeoHookean
 
 # Quadrature degree of the surface: squares of slopes, at finite strain their square root
 SURFACE_DEGREE = 6

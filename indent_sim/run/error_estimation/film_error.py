@@ -19,7 +19,7 @@ from math import nan
 
 import numpy as np
 
-from indent_sim.model.loading import LoadPath
+from indent_sim.model.load_path import LoadPath
 from indent_sim.model.state import State
 from indent_sim.scene import boundary_films
 from indent_sim.scene.boundary_films import PathRow

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from indent_sim.model.contact import AugmentedLagrangian, Friction, SlipReference
-from indent_sim.model.loading import LoadPath
+from indent_sim.model.load_path import LoadPath
 from indent_sim.process.usage import machine_memory
 from indent_sim.run.error_estimation.coarser_run import CoarserRun, States
 from indent_sim.scene.cost import MAX_CANDIDATES, SolverWork, candidate_count, predict_cost

@@ -8,20 +8,14 @@ from math import hypot, inf, log
 from typing import Any
 
 from indent_sim.config.schema import Config
-from indent_sim.model.body import (
-    Cylinder,
-    HalfSpace,
-    InfiniteLayer,
-    MeshFromFile,
-    Strip,
-    StripSides,
-    Support,
-    UnboundedBody,
-)
-from indent_sim.model.body import Layer as BodyLayer
+from indent_sim.model.body import Cylinder
+from indent_sim.model.body_base import Support
 from indent_sim.model.contact import Friction
-from indent_sim.model.loading import History
-from indent_sim.model.materials import LinearElastic, Relaxation
+from indent_sim.model.history import History
+from indent_sim.model.imported_body import MeshFromFile
+from indent_sim.model.layers import Layer as BodyLayer
+from indent_sim.model.linear_elasticity import LinearElastic
+from indent_sim.model.relaxation import Relaxation
 from indent_sim.model.tips import (
     FlatPunch,
     Hyperboloid,
@@ -31,6 +25,8 @@ from indent_sim.model.tips import (
     Profile,
     Sphere,
 )
+from indent_sim.model.unbounded_bodies import HalfSpace, InfiniteLayer, UnboundedBody
+from indent_sim.model.walled_bodies import Strip, StripSides
 from indent_sim.run.model_selection import variants
 from indent_sim.run.model_selection.effects import (
     EffectRow,

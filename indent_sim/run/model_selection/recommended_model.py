@@ -13,10 +13,12 @@ import numpy as np
 
 from indent_sim.config.scene_file import locate_error
 from indent_sim.config.schema import Config, MeshSettings, SolverSettings
-from indent_sim.model.body import Box, Cylinder, HalfSpace, UnboundedBody
+from indent_sim.model.body import Cylinder
 from indent_sim.model.contact import AutoContact
 from indent_sim.model.experiment import Experiment
 from indent_sim.model.tips import Paraboloid, Sphere
+from indent_sim.model.unbounded_bodies import HalfSpace, UnboundedBody
+from indent_sim.model.walled_bodies import Box
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.model_selection import variants
 from indent_sim.run.model_selection.effect_table import EFFECT_ROWS

@@ -13,8 +13,8 @@ from functools import cached_property
 from itertools import pairwise
 
 from indent_sim.config.schema import Config, MeshSettings, OutputSettings, SolverSettings
-from indent_sim.model.body import Drainage
 from indent_sim.model.contact import AugmentedLagrangian
+from indent_sim.model.drainage import Drainage
 from indent_sim.model.loading import Loading
 from indent_sim.model.materials import Material
 from indent_sim.model.state import State

@@ -10,22 +10,17 @@ from math import atan, degrees, inf, isfinite, log, radians, tan
 from typing import Any, TypeVar
 
 from indent_sim.config.schema import Config, MeshSettings, Source
-from indent_sim.model.body import (
-    Ball,
-    Box,
-    Cap,
-    Cylinder,
-    HalfSpace,
-    InfiniteLayer,
-    MeshFromFile,
-    Strip,
-    Support,
-)
+from indent_sim.model.body import Cylinder
+from indent_sim.model.body_base import Support
 from indent_sim.model.contact import AugmentedLagrangian, AutoContact
 from indent_sim.model.experiment import Experiment
+from indent_sim.model.imported_body import MeshFromFile
+from indent_sim.model.linear_elasticity import LinearElastic
 from indent_sim.model.loading import Loading
-from indent_sim.model.materials import LinearElastic
+from indent_sim.model.spherical_bodies import Ball, Cap
 from indent_sim.model.tips import Cone, Indenter, RegularPyramid
+from indent_sim.model.unbounded_bodies import HalfSpace, InfiniteLayer
+from indent_sim.model.walled_bodies import Box, Strip
 from indent_sim.process.errors import BackendError, ConfigError, IndentSimError, NotConverged
 from indent_sim.run.history_on_curve import HistoryResult, evaluate_with_units
 from indent_sim.run.model_selection import variants

@@ -10,22 +10,15 @@ from typing import Any
 
 from indent_sim.config.scene_file import config_from_mapping, to_mapping
 from indent_sim.config.schema import Config, SolverSettings, Source
-from indent_sim.model.body import (
-    Ball,
-    Cap,
-    HalfSpace,
-    Inclusion,
-    InfiniteLayer,
-    Layer,
-    MeshFromFile,
-)
-from indent_sim.model.materials import (
-    Gel,
-    LinearElastic,
-    Material,
-    NeoHookean,
-    TransverselyIsotropic,
-)
+from indent_sim.model.gel import Gel
+from indent_sim.model.hyperelasticity import NeoHookean
+from indent_sim.model.imported_body import MeshFromFile
+from indent_sim.model.inclusions import Inclusion
+from indent_sim.model.layers import Layer
+from indent_sim.model.linear_elasticity import LinearElastic, TransverselyIsotropic
+from indent_sim.model.materials import Material
+from indent_sim.model.spherical_bodies import Ball, Cap
+from indent_sim.model.unbounded_bodies import HalfSpace, InfiniteLayer
 from indent_sim.scene import elastic_limit_laws
 
 Document = dict[str, Any]  # a scene as nested mappings, shaped like its file

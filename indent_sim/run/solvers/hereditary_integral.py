@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.model.loading import LoadPath
+from indent_sim.model.load_path import LoadPath
 from indent_sim.model.state import State
 from indent_sim.run.derived_quantities import Equilibrium
 from indent_sim.run.error_estimation.error_bars import AnyErrorBars

@@ -10,7 +10,7 @@ from math import inf, nan
 
 import numpy as np
 
-from indent_sim.model.loading import LoadPath
+from indent_sim.model.load_path import LoadPath
 from indent_sim.model.state import State, Surface
 from indent_sim.model.tips import gap_under_tip
 from indent_sim.process.ranks import run_on_root

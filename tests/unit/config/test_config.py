@@ -20,11 +20,13 @@ from indent_sim.config.scene_file import (
 )
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import parse
-from indent_sim.model.body import Box, BoxSides, Cylinder
+from indent_sim.model.body import Cylinder
 from indent_sim.model.contact import AutoContact, Penalty
-from indent_sim.model.loading import Loading, LoadPath
-from indent_sim.model.materials import LinearElastic
+from indent_sim.model.linear_elasticity import LinearElastic
+from indent_sim.model.load_path import LoadPath
+from indent_sim.model.loading import Loading
 from indent_sim.model.tips import Cone, Paraboloid
+from indent_sim.model.walled_bodies import Box, BoxSides
 from indent_sim.process.errors import ConfigError, ConfigErrors, UsageError
 
 SCENE = """\

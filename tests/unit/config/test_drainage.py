@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from indent_sim.config.scene_file import config_from_mapping, loads, to_yaml
-from indent_sim.model.body import Conductance
-from indent_sim.model.loading import doubling_times
+from indent_sim.model.drainage import Conductance
+from indent_sim.model.history import doubling_times
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.scene import resolve
 
@@ -58,19 +58,23 @@ SCENE: dict[str, Any] = {
         (
             {"material": WET | {"flow": None}, "loading": {"history": HISTORY, "per_doubling": 4}},
             "per_doubling",
-            "takes",
+            "time-dependent body",
         ),
         (
             {"loading": {"history": HISTORY, "times": [2.0]}},
             r"loading.times\[0\]",
             "outside the history",
         ),
-        ({"drainage": {"bath": [[1, 0], [1, 0.1]]}}, r"drainage.bath\[1\]", "does not go on"),
+        (
+            {"drainage": {"bath": [[1, 0], [1, 0.1]]}},
+            r"drainage.bath\[1\]",
+            "time does not increase",
+        ),
         ({"drainage": {"tip": {"conductance": 0}}}, "drainage.tip.conductance", "must be > 0"),
         (
             {"contact": {"method": "nitsche"}},
             "contact.method",
-            "nitsche takes the body's own stress",
+            "nitsche uses the stress of the",
         ),
         ({"solver": {"method": "theory"}}, "solver.method", "theory has no pore fluid"),
         ({"solver": {"method": "condensed"}}, "solver.method", "inside the body"),

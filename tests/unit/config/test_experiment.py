@@ -28,7 +28,7 @@ HYPERELASTIC = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
 @pytest.mark.parametrize(
     ("experiment", "sections", "key", "words"),
     [
-        ({}, {}, "experiment", "says nothing"),
+        ({}, {}, "experiment", "is empty"),
         (
             {"history": RAMP, "force_history": RAMP},
             {},
@@ -36,16 +36,16 @@ HYPERELASTIC = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
             "contradicts history",
         ),
         ({"history": [[1, 0], [0, 0.01]]}, {}, r"loading.history\[1\]", "time goes back"),
-        ({"history": [[0, 0], [0, 0.01]]}, {}, "loading.history", "lasts no time"),
+        ({"history": [[0, 0], [0, 0.01]]}, {}, "loading.history", "has no duration"),
         ({"history": [[0, -1], [1, 0]]}, {}, "loading.history", "never presses"),
         (
             {"force_history": [[0, 1e-3], [1, -1e-3]]},
             {},
             "loading.force_history",
-            "nothing holds on",
+            "there is no adhesion",
         ),
         ({"relaxation": SLOW}, {}, "material.relaxation", "needs a time"),
-        ({"relaxation": {}, "history": RAMP}, {}, "material.relaxation", "one of two laws"),
+        ({"relaxation": {}, "history": RAMP}, {}, "material.relaxation", "one of its two laws"),
         (
             {"relaxation": SLOW | {"of": "bulk"}, "history": RAMP},
             {},
@@ -62,7 +62,7 @@ HYPERELASTIC = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
             {"relaxation": {"prony": [[0.6, 0]]}, "history": RAMP},
             {},
             r"material.relaxation.prony\[0\]",
-            "no term",
+            "not a term",
         ),
         (
             {
@@ -82,14 +82,14 @@ HYPERELASTIC = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
             "loading.history",
             "jumps",
         ),
-        ({"frequencies": [1.0]}, {}, "experiment.frequencies", "relaxes"),
+        ({"frequencies": [1.0]}, {}, "experiment.frequencies", "relaxation"),
         (
             {"adhesion": {"work": 1e-3}, "relaxation": SLOW, "history": RAMP},
             {},
             "experiment.adhesion",
-            "together",
+            "cannot be combined",
         ),
-        ({"adhesion": {"work": 1e-3}}, {"body": BOX}, "experiment.adhesion", "disc"),
+        ({"adhesion": {"work": 1e-3}}, {"body": BOX}, "experiment.adhesion", "circular contact"),
         (
             {"adhesion": {"work": 1e-3}},
             {"indenter": {"shape": "flat_punch", "radius": 0.1}},
@@ -100,7 +100,7 @@ HYPERELASTIC = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
             {"adhesion": {"work": 1e-3}},
             {"indenter": {"shape": "pyramid", "half_angle": 65.0, "faces": 3}},
             "experiment.adhesion",
-            "disc",
+            "circular contact",
         ),
         (
             {"adhesion": {"work": 1e-3, "range": 1e-3}},
@@ -151,7 +151,7 @@ HYPERELASTIC = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
             {"adhesion": {"work": 1e-3}},
             {"body": {"shape": "strip", "width": 4.0, "height": 1.0}},
             "experiment.adhesion",
-            "disc",
+            "circular contact",
         ),
         (
             {"history": RAMP, "calibration": {"R": 0.1}},
@@ -247,12 +247,16 @@ def test_what_relaxes_does_so_alike_everywhere() -> None:
 
 @pytest.mark.parametrize(
     ("times", "words"),
-    [([0.5, 0.2], "does not go on"), ([2.0], "outside the history"), ([-1.0, 0.5], "outside")],
+    [
+        ([0.5, 0.2], "is not later than the one before"),
+        ([2.0], "outside the history"),
+        ([-1.0, 0.5], "outside"),
+    ],
 )
 def test_times_are_those_of_the_history(times: list[float], words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         config_from_mapping(SCENE | {"loading": {"history": RAMP, "times": times}})
-    with pytest.raises(ConfigError, match="is for a path in time"):
+    with pytest.raises(ConfigError, match="is for a history"):
         config_from_mapping(SCENE | {"loading": {"delta": 0.01, "times": [1.0]}})
 
 

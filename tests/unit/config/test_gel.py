@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from indent_sim.config.scene_file import config_from_mapping, loads, to_yaml
-from indent_sim.model.materials import Gel
+from indent_sim.model.gel import Gel
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.explicit_config import automatic_keys, explicit_config
 from indent_sim.scene.scene import Scene, resolve
@@ -51,7 +51,7 @@ def layers(*materials: dict[str, Any]) -> dict[str, Any]:
         (
             {"material": GEL | {"flow": {"diffusivity": 1.0, "holmes_mow": {"phi0": 0.2}}}},
             "material.flow.holmes_mow",
-            "its solvent",
+            "follows from its swelling",
         ),
         ({"material": WET | {"stretch": 1.0}}, "material.stretch", "must be > 1"),
         (
@@ -62,7 +62,7 @@ def layers(*materials: dict[str, Any]) -> dict[str, Any]:
         (
             {"material": WET | {"relaxation": {"prony": [[0.5, 1.0]]}}},
             "material.relaxation",
-            "never verified",
+            "not verified",
         ),
         ({"material": WET | {"formulation": "mixed"}}, "material.formulation", "displacement"),
         (layers(WET, OTHER), "body.layers[1].material.flow", "chemical potential"),
@@ -79,7 +79,7 @@ def layers(*materials: dict[str, Any]) -> dict[str, Any]:
         ),
         ({"body": {"shape": "half_space"}}, "drainage.bath", "rises without bound"),
         ({"solver": {"method": "condensed"}}, "solver.method", "not linear"),
-        ({"contact": {"method": "nitsche"}}, "contact.method", "own stress"),
+        ({"contact": {"method": "nitsche"}}, "contact.method", "stress of the solid"),
     ],
 )
 def test_what_does_not_go_with_a_gel_is_refused(

@@ -228,13 +228,13 @@ MALFORMED = [
         edited("rtol: 1e-10", "petsc: {}"),
         26,
         "solver.petsc",
-        "sets PETSC_OPTIONS in the environment",
+        "set PETSC_OPTIONS in the environment",
     ),
     (
         edited("rtol: 1e-10", "petsc: {ksp_type: [cg]}"),
         26,
         "solver.petsc",
-        "is gone: a scene chooses",
+        "was removed: a scene sets",
     ),
     # ranges
     (edited("R: 1.0", "R: -1"), 14, "indenter.R", "must be > 0, got -1"),
@@ -245,7 +245,7 @@ MALFORMED = [
         edited("order: 2", "order: 1"),
         24,
         "mesh.order",
-        "must be 2, got 1; linear elements are gone: with as many "
+        "must be 2, got 1; linear elements were removed: with as many "
         "unknowns quadratic ones give a force ten times as accurate",
     ),
     (edited("order: 2", "order: 3"), 24, "mesh.order", "must be 2, got 3"),
@@ -291,7 +291,7 @@ MALFORMED = [
         "contradicts delta",
     ),
     (edited("delta: 0.01", "deltas: [0.1]"), 21, "loading.steps", "belongs to delta"),
-    (edited("  delta: 0.01\n", ""), 19, "loading", "says no depth and no force"),
+    (edited("  delta: 0.01\n", ""), 19, "loading", "gives no depth and no force"),
     (edited("delta: 0.01", "delta: 0.01\n  force: 0.1"), 21, "loading.force", "contradicts delta"),
     (
         edited("delta: 0.01\n  steps: 10", "deltas: [0.1]\n  forces: [0.1]"),
@@ -318,7 +318,7 @@ MALFORMED = [
         edited("delta: 0.01\n  steps: 10", "forces: [1, -0.1]"),
         20,
         "loading.forces[1]",
-        "nothing holds on",
+        "there is no adhesion",
     ),
     (edited("delta: 0.01\n  steps: 10", "forces: [1, .inf]"), 20, "loading.forces[1]", "inf"),
     (
@@ -434,7 +434,12 @@ MALFORMED = [
         "indenter.points",
         "must be convex",
     ),
-    (body("shape: half_space"), 12, "indenter.center", "a half_space is the same everywhere"),
+    (
+        body("shape: half_space"),
+        12,
+        "indenter.center",
+        "all positions on a half_space are equivalent",
+    ),
     (
         body("shape: half_space\n  base: fixed"),
         5,
@@ -465,9 +470,9 @@ MALFORMED = [
         round_body("shape: cap\n  base_radius: 2.0\n  contact_angle: 178.0"),
         3,
         "body",
-        "stands on a point",
+        "almost a whole ball on a point",
     ),
-    (round_body("shape: cap\n  base_radius: 2.0\n  height: 1e-3"), 3, "body", "all but flat"),
+    (round_body("shape: cap\n  base_radius: 2.0\n  height: 1e-3"), 3, "body", "nearly flat"),
     (
         round_body("shape: cap\n  base_radius: 2.0\n  height: 1.0\n  base: free"),
         7,
@@ -492,13 +497,13 @@ MALFORMED = [
         round_body("shape: ball\n  radius: 1.0", "shape: plate\n  center: [0.1, 0.0]"),
         12,
         "indenter.center",
-        "stands on the axis",
+        "tip is on the axis",
     ),
     (
         round_body("shape: ball\n  radius: 1.0", "shape: pyramid\n  half_angle: 65.0"),
         11,
         "indenter.shape",
-        "modelled about its axis",
+        "which is axisymmetric",
     ),
     (
         round_body("shape: ball\n  radius: 1.0", "shape: plate\n  R: 1.0"),
@@ -510,7 +515,7 @@ MALFORMED = [
         edited("center: [0.5, 0.5]", "center: [0.5]"),
         15,
         "indenter.center",
-        "stands at [x, y], got 1",
+        "is [x, y], got 1",
     ),
     (
         edited("center: [0.5, 0.5]", "center: [0.5, a]"),

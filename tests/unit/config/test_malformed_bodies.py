@@ -82,7 +82,7 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
     (
         CYLINDER | layers(0.4, 2.0),
         "body.layers",
-        "the layers are 2.4 thick together, and the body is 1 high",
+        "the total thickness of the layers is 2.4, and the body is 1 high",
     ),
     (CYLINDER | layers(0.4), "body.layers", "make their thicknesses add up to the height"),
     (BOX | layers(0.4, -0.6), "body.layers[1].thickness", "must be > 0, got -0.6"),
@@ -130,9 +130,9 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
     (BALL | layers(-0.1, None), "body.layers[0].thickness", "must be > 0"),
     (BALL | layers(0.0, None), "body.layers[0].thickness", "must be > 0"),
     (BALL | layers("thin", None), "body.layers[0].thickness", "a number"),
-    (BALL | layers(1.0, None), "body.layers", "are 1 thick together, which leaves no core"),
+    (BALL | layers(1.0, None), "body.layers", "are 1 thick together, leaving no core"),
     (BALL | layers(0.6, 0.5, None), "body.layers", "are 1.1 thick together"),
-    (BALL | {"base": "fixed"} | layers(1.2, None), "body.layers", "which leaves no core"),
+    (BALL | {"base": "fixed"} | layers(1.2, None), "body.layers", "leaving no core"),
     (CAP | layers(1.0, None), "body.layers", "a core that does not reach the base"),
     (CAP | layers(0.99, None), "body.layers", "a core that does not reach the base"),
     (
@@ -236,7 +236,7 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
     (
         holding(STRIP, egg(2.0, 0.1, -0.5, 0.2, 0.2, 0.1)),
         "body.inclusions[0]",
-        "a strip is the same all along y",
+        "a strip is infinite along y",
     ),
     (
         holding(CYLINDER, egg(0, 0, -0.5, 0.5, 0.5, 0.1), ball(0, 0, -0.2505, radius=0.15)),
@@ -296,7 +296,7 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
         "body.inclusions[0]",
         "leaves the body through its side, by 0.1",
     ),
-    (holding(STRIP, ball(2.0, 0.1, -0.5)), "body.inclusions[0]", "a strip is the same all along y"),
+    (holding(STRIP, ball(2.0, 0.1, -0.5)), "body.inclusions[0]", "a strip is infinite along y"),
     (
         holding(CYLINDER | layers(0.4, 0.6), ball(0, 0, -0.5)),
         "body.inclusions[0]",

@@ -19,7 +19,7 @@ from indent_sim.fe.path.step_size_control import (
     MOST_FAILURES,
     StepSizeControl,
 )
-from indent_sim.model.loading import LoadPath
+from indent_sim.model.load_path import LoadPath
 
 
 def test_a_target_is_reached_in_one_step_where_nothing_fails() -> None:

@@ -20,7 +20,7 @@ from indent_sim.mesh import mesh_import
 from indent_sim.mesh.grid import boundary_facets, iterate_facets
 from indent_sim.mesh.imported_domain import ImportedDomain, first_contact_height, refine_domain
 from indent_sim.mesh.imported_mesh import ImportedMesh, msh_text_parts, refined_once
-from indent_sim.model.body import MeshFromFile, MeshSurfaces
+from indent_sim.model.imported_body import MeshFromFile, MeshSurfaces
 from indent_sim.model.tips import Paraboloid
 from indent_sim.process.errors import ConfigError, MeshFileError
 from indent_sim.scene.scene import Scene, resolve
@@ -521,16 +521,16 @@ def test_a_malformed_mesh_has_its_message(
         (
             "indenter.center=[5.0, 0.0]",
             "indenter.center",
-            "the tip stands on the axis of an axisymmetric mesh",
+            "the tip is on the axis of an axisymmetric mesh",
         ),
         (
             "indenter={shape: pyramid, half_angle: 65.0, faces: 3}",
             "indenter.shape",
-            "is no tip of revolution",
+            "is not a tip of revolution",
         ),
-        ("mesh.h_contact=0.1", "mesh.h_contact", "is for bodies that are meshed here"),
-        ("mesh.symmetry=full", "mesh.symmetry", "is for bodies that are meshed here"),
-        ("body.hash=0123456789abcdef", "body.hash", "'part.msh' has another hash"),
+        ("mesh.h_contact=0.1", "mesh.h_contact", "is for bodies that the program meshes"),
+        ("mesh.symmetry=full", "mesh.symmetry", "is for bodies that the program meshes"),
+        ("body.hash=0123456789abcdef", "body.hash", "'part.msh' holds another mesh"),
         ("body.file=other.msh", "body.file", "cannot read the mesh 'other.msh': No such file"),
         (
             "body.file=scene.yaml",

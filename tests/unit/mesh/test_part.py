@@ -14,7 +14,7 @@ from scenes import BOX, CYLINDER, STRIP, scene
 from indent_sim.mesh.grid import named_surfaces
 from indent_sim.mesh.model_domain import ModelDomain, Region, Side, nearest_on_sphere, polygon_sides
 from indent_sim.model.kinematics import PlaneStrain
-from indent_sim.model.materials import LinearElastic
+from indent_sim.model.linear_elasticity import LinearElastic
 
 
 def part_of(outline: tuple[Side, ...]) -> ModelDomain:

@@ -5,17 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from indent_sim.model.body import (
-    Ball,
+from indent_sim.model.inclusions import (
     BallInclusion,
     BoxInclusion,
-    Cap,
     CylinderInclusion,
     EllipsoidInclusion,
     Inclusion,
-    SphericalBody,
 )
-from indent_sim.model.materials import LinearElastic
+from indent_sim.model.linear_elasticity import LinearElastic
+from indent_sim.model.spherical_bodies import Ball, Cap, SphericalBody
 from indent_sim.model.units import Scales
 
 TINY = 1e-14  # rounding of numbers near 1

@@ -4,14 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from indent_sim.model.contact import (
-    Adhesion,
-    AugmentedLagrangian,
-    AutoContact,
-    ContactLaw,
-    Nitsche,
-    Penalty,
-)
+from indent_sim.model.adhesion import Adhesion
+from indent_sim.model.contact import AugmentedLagrangian, AutoContact, ContactLaw, Nitsche, Penalty
 
 ADHESION = Adhesion(work=0.1, range=0.01)
 ROUGH, STUCK = AugmentedLagrangian(friction=0.3), AugmentedLagrangian(friction="stick")
@@ -56,7 +50,7 @@ def test_a_condensed_body_has_no_penalty_that_rubs() -> None:
     )
     assert (
         ROUGH.reason_not_condensable == ""
-        and "adheres" in AugmentedLagrangian(adhesion=ADHESION).reason_not_condensable
+        and "adhesion" in AugmentedLagrangian(adhesion=ADHESION).reason_not_condensable
     )
 
 

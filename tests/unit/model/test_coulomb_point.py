@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import ufl
 
-from indent_sim.model.contact import (
-    AugmentedLagrangian,
+from indent_sim.model.contact import AugmentedLagrangian
+from indent_sim.model.contact_point import (
     CoulombPoint,
     dissipation_on_separation,
     is_new_contact,

@@ -14,7 +14,8 @@ import ufl
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.apply_derivatives import apply_derivatives
 
-from indent_sim.model.materials import Gel, HolmesMow
+from indent_sim.model.gel import Gel
+from indent_sim.model.pore_flow import HolmesMow
 
 SOFT = Gel(G=1.0, n_omega=1e-3, chi=0.6, stretch=1.4)
 FIRM = Gel(G=1.0, n_omega=1e-2, chi=0.4, stretch=1.3)
@@ -242,13 +243,13 @@ def test_a_bath_given_beside_a_stretch_leaves_it() -> None:
 
 @pytest.mark.parametrize("bath", [0.5, 10.0])
 def test_no_free_swelling(bath: float) -> None:
-    with pytest.raises(ValueError, match=f"no free swelling has a bath potential of {bath:g}"):
+    with pytest.raises(ValueError, match=f"no free swelling .* chemical potential {bath:g} kT"):
         SOFT.free_swelling_stretch(bath)
 
 
 def test_a_gel_that_would_collapse_is_refused() -> None:
     """chi = 2 at J0 = 8: mixing pulls harder than the network pushes."""
-    with pytest.raises(ValueError, match="would shrink by itself"):
+    with pytest.raises(ValueError, match="is unstable"):
         replace(SOFT, chi=2.0, stretch=2.0).canonical()
     for gel in (*GELS, replace(SOFT, stretch="auto")):
         assert gel.canonical() is gel

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scenes import WALLED, scene
 
-from indent_sim.model.materials import (
+from indent_sim.model.hyperelasticity import (
     ArrudaBoyce,
     Fung,
     Gent,

@@ -9,7 +9,7 @@ import pytest
 from scenes import CYLINDER, E_STAR, STRIP, WALLED, scene
 
 from indent_sim.config.scene_file import config_from_mapping
-from indent_sim.model.contact import Adhesion
+from indent_sim.model.adhesion import Adhesion
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.explicit_config import explicit_config
 from indent_sim.scene.scene import resolve
@@ -138,7 +138,7 @@ def test_what_is_known_of_the_pull_beforehand() -> None:
 
 def test_forces_below_zero_need_adhesion() -> None:
     assert sticky(loading={"forces": [1e-3, -1e-3]}).physics.path.values[1] < 0
-    with pytest.raises(ConfigError, match="nothing holds on to the tip") as refusal:
+    with pytest.raises(ConfigError, match="there is no adhesion") as refusal:
         scene(WALLED, loading={"forces": [1e-3, -1e-3]})
     assert refusal.value.key == "loading.forces[1]" and "contact.adhesion" in (
         refusal.value.remedy or ""
@@ -146,7 +146,9 @@ def test_forces_below_zero_need_adhesion() -> None:
 
 
 def test_the_condensed_body_is_refused() -> None:
-    with pytest.raises(ConfigError, match="adheres is solved on the whole body") as refusal:
+    with pytest.raises(
+        ConfigError, match="adhesion with a range is solved on the whole body"
+    ) as refusal:
         sticky(solver={"method": "condensed"})
     assert refusal.value.key == "solver.method"
 

@@ -12,8 +12,8 @@ from scenes import CYLINDER, ELASTIC, STRIP, WALLED, scene
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.body import Cylinder
-from indent_sim.model.body import Layer as BodyLayer
-from indent_sim.model.materials import LinearElastic
+from indent_sim.model.layers import Layer as BodyLayer
+from indent_sim.model.linear_elasticity import LinearElastic
 from indent_sim.model.tips import FlatPunch, Paraboloid
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.domain_truncation import TRUNCATION_SAFETY, truncate
@@ -102,7 +102,7 @@ def test_a_free_body_is_not_theorys() -> None:
 
 @pytest.mark.parametrize("body", [HALF_SPACE, LAYER], ids=["half_space", "layer"])
 def test_a_plate_is_no_tip_for_a_flat_top(body: dict[str, Any]) -> None:
-    with pytest.raises(ConfigError, match="touches all of a top without end"):
+    with pytest.raises(ConfigError, match="touches all of an unbounded surface"):
         scene(body, indenter={"shape": "plate"})
 
 

@@ -11,7 +11,7 @@ from mesh_files import section, write
 
 from indent_sim.config.scene_file import config_from_mapping, to_mapping
 from indent_sim.model.contact import Penalty
-from indent_sim.model.materials import LinearElastic
+from indent_sim.model.linear_elasticity import LinearElastic
 from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid
 from indent_sim.run.error_estimation.coarser_run import CoarserRun
 from indent_sim.run.error_estimation.error_bars import ErrorBars

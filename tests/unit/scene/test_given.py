@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from indent_sim.model.materials import PowerLaw, PronySeries, Relaxation
+from indent_sim.model.relaxation import PowerLaw, PronySeries, Relaxation
 from indent_sim.scene.prescribed_history import prony_series
 
 

@@ -9,14 +9,11 @@ from typing import Any
 import pytest
 
 from indent_sim.config.scene_file import config_from_mapping
-from indent_sim.model.materials import (
-    Flow,
-    LinearElastic,
-    Material,
-    MooneyRivlin,
-    Relaxation,
-    TransverselyIsotropic,
-)
+from indent_sim.model.hyperelasticity import MooneyRivlin
+from indent_sim.model.linear_elasticity import LinearElastic, TransverselyIsotropic
+from indent_sim.model.materials import Material
+from indent_sim.model.pore_flow import Flow
+from indent_sim.model.relaxation import Relaxation
 from indent_sim.scene.elastic_limit_laws import relaxed_law, undrained_law
 from indent_sim.scene.scene import resolve
 from indent_sim.scene.time_prediction import TimePrediction

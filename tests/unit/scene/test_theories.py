@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 from indent_sim.config.scene_file import config_from_mapping
-from indent_sim.model.body import Cylinder, Layer, SphericalBody, Strip, StripSides
-from indent_sim.model.materials import LinearElastic
+from indent_sim.model.body import Cylinder
+from indent_sim.model.layers import Layer
+from indent_sim.model.linear_elasticity import LinearElastic
+from indent_sim.model.spherical_bodies import SphericalBody
 from indent_sim.model.tips import (
     Cone,
     FlatPunch,
@@ -25,6 +27,7 @@ from indent_sim.model.tips import (
     Sphere,
     max_radius,
 )
+from indent_sim.model.walled_bodies import Strip, StripSides
 from indent_sim.scene.half_space_formulas import half_space_force
 from indent_sim.scene.reference_theory import half_space_theory, layer_theory, relative_tip
 from indent_sim.scene.scene import Scene, resolve

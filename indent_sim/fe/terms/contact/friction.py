@@ -45,9 +45,9 @@ from indent_sim.fe.terms.contact.traction import Traction
 from indent_sim.fe.terms.term import Term
 from indent_sim.fe.unknowns import DISPLACEMENT_ORDER, Field, TimeLevel, components
 from indent_sim.model.algebra import maximum, where_less
-from indent_sim.model.contact import (
+from indent_sim.model.contact import SlipReference
+from indent_sim.model.contact_point import (
     CoulombPoint,
-    SlipReference,
     dissipation_on_separation,
     dot,
     is_new_contact,

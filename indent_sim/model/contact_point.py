@@ -1,0 +1,164 @@
+"""Coulomb friction at one point of the contact surface, and points that change contact."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from indent_sim.model.algebra import Expr, macaulay, maximum, minimum, sqrt, where_less
+
+# Components of a vector: a sequence, or the first axis of an array.
+Vector = Expr
+# Slip limit [pressure] of "stick", larger than all tractions.
+UNBOUNDED = 1e30
+# Number [pressure^2] added to |t|^2, because the root has no derivative at zero.
+TRACTION_FLOOR = 1e-30
+# A gap below this fraction of the depth increment at its beginning counts as closed from then on,
+# as under a flat punch.
+CLOSED_GAP = 1e-6
+# A point with an initial gap comes into contact after the fraction CLOSING_FRACTION
+# (gap/largest_gap)^CLOSING_EXPONENT of the increment. In self-similar contact of a paraboloid
+# without slip this fraction increases from 0 at the old edge of the contact to about 2/3 at the new
+# one; these two constants give the smallest error of the force for half-spaces and layers, with
+# stick and with Coulomb's law.
+CLOSING_FRACTION = 0.63
+CLOSING_EXPONENT = 1 / 3
+
+
+@dataclass(frozen=True)
+class CoulombPoint:
+    """Coulomb's law at a point of the contact surface.
+
+    The traction is t = t_hat where |t_hat| <= friction p (stick), else friction p t_hat/|t_hat|
+    (slip).
+
+    Attributes
+    ----------
+    friction
+        Coefficient of friction, or "stick".
+    p
+        Contact pressure, >= 0 [pressure].
+    trial_traction
+        Trial traction t_hat, one component for each axis [pressure].
+    """
+
+    friction: Expr
+    p: Expr
+    trial_traction: Vector
+
+    @cached_property
+    def trial_magnitude(self) -> Expr:
+        """|t_hat| [pressure], above zero."""
+        return length(self.trial_traction)
+
+    @cached_property
+    def slip_limit(self) -> Expr:
+        """friction p [pressure]; larger than all tractions for "stick"."""
+        return friction_bound(self.friction, self.p)
+
+    @cached_property
+    def stick_margin(self) -> Expr:
+        """friction p - |t_hat| [pressure], >= 0 at a point that sticks."""
+        return self.slip_limit - self.trial_magnitude
+
+    @cached_property
+    def traction_ratio(self) -> Expr:
+        """t/t_hat: 1 at a point that sticks."""
+        return (
+            1.0
+            if isinstance(self.friction, str)
+            else where_less(self.stick_margin, 0.0, self.slip_limit / self.trial_magnitude, 1.0)
+        )
+
+    def dissipation(self, t: Vector, slip: Vector, previous_pressure: Expr) -> Expr:
+        """Return the frictional dissipation of an increment per area [pressure length], >= 0.
+
+        It is t . slip, and 0 at a point that sticks. friction (p + previous_pressure)/2 replaces
+        friction p: the slip limit changes during the increment, and with its value at the end alone
+        the sum over increments would be of first order only.
+
+        Parameters
+        ----------
+        t : Vector
+            Tangential traction at the end of the increment [pressure].
+        slip : Vector
+            Slip during the increment [length].
+        previous_pressure : Expr
+            Contact pressure at the beginning of the increment [pressure].
+        """
+        mean_ratio = (self.p + previous_pressure) / (2 * maximum(self.p, TRACTION_FLOOR))
+        return where_less(self.stick_margin, 0.0, mean_ratio, 0.0) * macaulay(dot(t, slip))
+
+
+def friction_bound(friction: Expr, p: Expr) -> Expr:
+    """Return friction p [pressure] of a pressure p >= 0; larger than all tractions for "stick"."""
+    return UNBOUNDED + 0.0 * p if isinstance(friction, str) else friction * p
+
+
+def dissipation_on_separation(
+    friction: Expr, previous_pressure: Expr, slip: Vector, step_fraction: Expr
+) -> Expr:
+    """Return the dissipation of a point that slips until it separates, per area [pressure length].
+
+    Its pressure falls from `previous_pressure` to 0 during the slip.
+
+    Parameters
+    ----------
+    friction : Expr
+        Coefficient of friction, or "stick".
+    previous_pressure : Expr
+        Contact pressure at the beginning of the increment [pressure].
+    slip : Vector
+        Slip during the whole increment [length].
+    step_fraction : Expr
+        Fraction of the increment that was still to come at separation.
+    """
+    return friction_bound(friction, previous_pressure) / 2 * (1 - step_fraction) * length(slip)
+
+
+def is_new_contact(initial_gap: Expr, depth_increment: Expr) -> Expr:
+    """Return 1 if the gap [length] was open at the beginning of an increment, else 0.
+
+    A gap below CLOSED_GAP times the depth increment [length], or below zero, counts as closed.
+    """
+    return where_less(CLOSED_GAP * abs(depth_increment), initial_gap, 1.0, 0.0)
+
+
+def passed_gap(initial_gap: Expr, is_new: Expr, trial_pressure: Expr, stiffness: Expr) -> Expr:
+    """Return the gap [length] that closed or opened where contact changed in an increment, else 0.
+
+    Parameters
+    ----------
+    initial_gap : Expr
+        Gap at the beginning of the increment, < 0 in contact [length].
+    is_new : Expr
+        1 at a point that was open then (`is_new_contact`).
+    trial_pressure : Expr
+        Trial multiplier at the end of the increment, > 0 in contact [pressure].
+    stiffness : Expr
+        Contact stiffness [pressure/length].
+    """
+    final_gap = where_less(initial_gap, 0.0, -trial_pressure / stiffness, 0.0)
+    return where_less(0.0, trial_pressure, is_new * initial_gap, final_gap)
+
+
+def step_fraction_at_contact(passed_gap: Expr, largest_gap: Expr) -> Expr:
+    """Return the fraction of the increment that had passed when a point came into contact.
+
+    For a point that lost contact it is the fraction that was still to come. It is estimated as
+    CLOSING_FRACTION (passed_gap/largest_gap)^CLOSING_EXPONENT from the gap that the point closed,
+    over the largest gap closed in this increment.
+    """
+    return (
+        CLOSING_FRACTION * maximum(0.0, minimum(passed_gap / largest_gap, 1.0)) ** CLOSING_EXPONENT
+    )
+
+
+def dot(a: Vector, b: Vector) -> Expr:
+    """Return the scalar product of two vectors."""
+    return sum(x * y for x, y in zip(a, b, strict=True))
+
+
+def length(t: Vector) -> Expr:
+    """Return the length of a vector, above zero."""
+    return sqrt(dot(t, t) + TRACTION_FLOOR)

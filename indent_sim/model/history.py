@@ -1,0 +1,271 @@
+"""Histories: depths or forces prescribed in time, and their rows."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from math import inf
+
+from indent_sim.model.load_path import Control, LoadPath
+
+# A history on the elastic curve has between one and two times as many rows.
+HISTORY_ROWS = 200
+# A last increment shorter than this fraction of a segment is left out.
+LEAST_STEP_FRACTION = 1e-9
+# Rows in each segment of a history on the whole body.
+ROWS_PER_SEGMENT = 20
+# A segment with a moving tip has at least `per_doubling` times as many time increments.
+LEAST_STEPS_PER_SEGMENT = 5
+
+
+@dataclass(frozen=True)
+class HistoryRow:
+    """Row of a history: time [time], prescribed value, and branch (approach, hold or retract)."""
+
+    t: float
+    value: float
+    branch: str
+
+
+@dataclass(frozen=True)
+class History:
+    """Depths, base positions [length] or forces [force] prescribed in time.
+
+    `points` are (t, value), linear between them; two equal times are a jump. Before the first point
+    the body is undeformed. `times` are those of the rows; if empty, every point is a row and there
+    are enough rows between them for a curve.
+    """
+
+    control: Control
+    points: tuple[tuple[float, float], ...]
+    times: tuple[float, ...] = ()
+
+    @property
+    def largest_value(self) -> float:
+        """Largest value."""
+        return max(value for _, value in self.points)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first point to the last [time]."""
+        return self.points[-1][0] - self.points[0][0]
+
+    @property
+    def loading_duration(self) -> float:
+        """Time from the beginning of loading to the largest value [time]; a jump takes none."""
+        points = self.points_from_rest
+        peak_index = max(range(len(points)), key=lambda k: (points[k][1], -k))
+        start_index = max((k for k in range(peak_index) if points[k][1] <= 0), default=0)
+        return points[peak_index][0] - points[start_index][0]
+
+    @property
+    def hold_duration(self) -> float:
+        """Time for which the largest value is held until the end [time]; 0 if it is not."""
+        peak_index = next(
+            k for k, (_, value) in enumerate(self.points) if value == self.largest_value
+        )
+        is_held = all(value == self.largest_value for _, value in self.points[peak_index:])
+        return self.points[-1][0] - self.points[peak_index][0] if is_held else 0.0
+
+    @property
+    def shortest_segment(self) -> float:
+        """Shortest time > 0 between two points [time]."""
+        return min(end - start for (start, _), (end, _) in pairwise(self.points) if end > start)
+
+    @property
+    def has_reloading(self) -> bool:
+        """True if the value rises again after it fell."""
+        steps = [next_value - value for (_, value), (_, next_value) in pairwise(self.points)]
+        falls = [k for k, step in enumerate(steps) if step < 0]
+        return bool(falls) and any(step > 0 for step in steps[falls[0] :])
+
+    @property
+    def has_jumps(self) -> bool:
+        """True if the value jumps, also at the first point."""
+        return self.points[0][1] > 0 or any(
+            a[0] == b[0] and a[1] != b[1] for a, b in pairwise(self.points)
+        )
+
+    @property
+    def points_from_rest(self) -> tuple[tuple[float, float], ...]:
+        """Points, with one at value 0 in front if the first one is a jump."""
+        (t, value), *_ = self.points
+        return ((t, 0.0), *self.points) if value > 0 else self.points
+
+    @property
+    def rows_per_segment(self) -> tuple[int, ...]:
+        """Number of rows in each segment of `points_from_rest`; 1 for a jump.
+
+        A segment gets HISTORY_ROWS times its fraction of the duration, or times 1/segments if that
+        is more.
+        """
+        spans = [end - start for (start, _), (end, _) in pairwise(self.points_from_rest)]
+        fractions = [max(span / self.duration, 1.0 / len(spans)) for span in spans]
+        return tuple(
+            max(1, round(HISTORY_ROWS * fraction)) if span > 0 else 1
+            for fraction, span in zip(fractions, spans, strict=True)
+        )
+
+    @property
+    def with_row_times_inserted(self) -> History:
+        """Return the same history with its `times` as points, and `times` empty."""
+        point_times = [t for t, _ in self.points]
+        points = list(self.points)
+        for t in sorted({*self.times} - {*point_times}):
+            next_index = bisect_right(point_times, t)
+            (t0, v0), (t1, v1) = self.points[next_index - 1 : next_index + 1]
+            points.append((t, v0 + (v1 - v0) * (t - t0) / (t1 - t0)))
+        return replace(self, points=tuple(sorted(points, key=lambda point: point[0])), times=())
+
+    @property
+    def rows(self) -> tuple[HistoryRow, ...]:
+        """All points and the rows between them; at a jump the states before and after it."""
+        points = self.points_from_rest
+        history_rows = (
+            []
+            if len(points) > len(self.points)
+            else [HistoryRow(*points[0], branch_of(points[0][1], points[1][1]))]
+        )
+        for ((t0, v0), (t1, v1)), rows in zip(pairwise(points), self.rows_per_segment, strict=True):
+            branch = branch_of(v0, v1)
+            history_rows += [
+                HistoryRow(t0 + (t1 - t0) * k / rows, v0 + (v1 - v0) * k / rows, branch)
+                for k in range(1, rows)
+            ]
+            history_rows.append(HistoryRow(t1, v1, branch))
+        return tuple(history_rows)
+
+    @property
+    def path(self) -> LoadPath:
+        """Load path of the whole body with rows as its rows.
+
+        A segment with a moving tip has ROWS_PER_SEGMENT rows, a hold its end, a jump the state
+        after it. With `times`, the rows are at those, and the path turns between them.
+        """
+        return self._path_at_fractions(
+            lambda span, moves: (
+                [k / ROWS_PER_SEGMENT for k in range(1, ROWS_PER_SEGMENT)] if moves else []
+            )
+        )
+
+    def time_stepped_path(self, first_step: float, per_doubling: int) -> LoadPath:
+        """Return the load path of a time-dependent body, in which every time increment is a row.
+
+        Parameters
+        ----------
+        first_step : float
+            First increment of each segment [time].
+        per_doubling : int
+            Increments of each length before the length doubles. A segment with a moving tip has at
+            least LEAST_STEPS_PER_SEGMENT times as many.
+
+        Returns
+        -------
+        LoadPath
+            Path with all increments as rows, or with rows at `times` and increments between them.
+        """
+
+        def step_fractions(span: float, moves: bool) -> list[float]:
+            """Return the ends of the increments in a segment as fractions of its span."""
+            longest = span / (LEAST_STEPS_PER_SEGMENT * per_doubling) if moves else inf
+            return [t / span for t in doubling_times(span, first_step, per_doubling, longest)]
+
+        return replace(self._path_at_fractions(step_fractions), start_time=self.points[0][0])
+
+    def _path_at_fractions(
+        self, fractions_of: Callable[[float, bool], Sequence[float]]
+    ) -> LoadPath:
+        """Return the path with rows at fractions of each segment in time and at its end.
+
+        `fractions_of` returns them for the span [time] of a segment and whether the tip moves in
+        it.
+        """
+        rows = (
+            []
+            if len(self.points_from_rest) > len(self.points)
+            else [HistoryRow(*self.points[0], "approach")]
+        )
+        for (t0, v0), (t1, v1) in pairwise(self.points_from_rest):
+            fractions = fractions_of(t1 - t0, v1 != v0) if t1 > t0 else ()
+            branch = branch_of(v0, v1)
+            rows += [
+                HistoryRow(t0 + (t1 - t0) * fraction, v0 + (v1 - v0) * fraction, branch)
+                for fraction in fractions
+            ]
+            rows.append(HistoryRow(t1, v1, branch))
+        if self.times:
+            return self._path_at_times(rows)
+        values, times, branches = zip(
+            *((row.value, row.t, row.branch) for row in rows), strict=True
+        )
+        return LoadPath(self.control, values, times, branches)
+
+    def _path_at_times(self, rows: Sequence[HistoryRow]) -> LoadPath:
+        """Return the path with rows at `times`; the given rows become points between them.
+
+        At a jump the state after it is taken.
+        """
+        value_at = dict(self.with_row_times_inserted.points)
+        row_times = [row.t for row in rows]
+        segments = []
+        ends = [bisect_right(row_times, t) for t in self.times]
+        for begin, end, t in zip((0, *ends), ends, self.times, strict=False):
+            segment_rows = rows[begin:end]
+            segments.append(
+                segment_rows[:-1] if segment_rows and row_times[end - 1] == t else segment_rows
+            )
+        row_indices = (
+            end - 1 if row_times[end - 1] == t else end
+            for end, t in zip(ends, self.times, strict=True)
+        )
+        values = tuple(value_at[t] for t in self.times)
+        branches = tuple(rows[row_index].branch for row_index in row_indices)
+        turns = tuple(tuple(row.value for row in segment) for segment in segments)
+        turn_times = tuple(tuple(row.t for row in segment) for segment in segments)
+        return LoadPath(self.control, values, self.times, branches, turns, turn_times)
+
+    def nondimensionalize(self, unit: float) -> History:
+        """Return the same history with its values in multiples of `unit`; times do not change."""
+        return replace(self, points=tuple((t, value / unit) for t, value in self.points))
+
+
+def doubling_times(
+    span: float, first_step: float, per_doubling: int, longest: float = inf
+) -> list[float]:
+    """Return times between 0 and a span [time] whose increments double.
+
+    Parameters
+    ----------
+    span : float
+        End of the interval [time].
+    first_step : float
+        First increment [time].
+    per_doubling : int
+        Number of increments of each length before the length doubles.
+    longest : float
+        Upper bound of the increments [time].
+
+    Returns
+    -------
+    list of float
+        Increasing times, without 0 and `span`.
+    """
+    times = list[float]()
+    t = 0.0
+    dt = min(first_step, longest)
+    while True:
+        for _ in range(per_doubling):
+            t += dt
+            if t >= span * (1 - LEAST_STEP_FRACTION):
+                return times
+            times.append(t)
+        dt = min(2 * dt, longest)
+
+
+def branch_of(value: float, next_value: float) -> str:
+    """Return the branch between two values: "approach", "hold" or "retract"."""
+    if value == next_value:
+        return "hold"
+    return "approach" if next_value > value else "retract"

@@ -1,0 +1,169 @@
+"""Bodies whose mesh comes from a file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+
+from indent_sim.model.body_base import BaseSupport, Points, Support
+from indent_sim.model.layers import Layers
+from indent_sim.model.materials import Material
+from indent_sim.model.units import (
+    LENGTH,
+    Auto,
+    Length,
+    TaggedBy,
+)
+
+# A point outside a facet by less than this fraction of its size counts as on it.
+FACET_TOLERANCE = 1e-9
+# Squared edge lengths [length^2] are bounded below by this number, so that none is divided by zero.
+TINY_SQUARE = 1e-300
+
+
+@dataclass(frozen=True)
+class MeshSurfaces:
+    """Names in a mesh file of the surface that the tip may touch, of the base and of the sides.
+
+    Without names the contact surface is what faces up, the base what faces down and is level, and
+    supported sides are the vertical faces.
+    """
+
+    contact: str | None = None
+    base: str | None = None
+    sides: str | None = None
+
+
+@dataclass(frozen=True)
+class MeshFromFile:
+    """Body whose mesh is read from a file, z up.
+
+    A file in two dimensions has (r, z) or (x, z) in its coordinates (x, y); the axis of revolution
+    is r = 0. The tip's axis is at x = 0, y = 0 of the file unless `indenter.center` is given. Faces
+    that are none of `surfaces` are free; a surface without a name is recognized by its orientation,
+    or the file is refused. `regions` gives each named region its material; cells of no region have
+    the scene's. sides "auto": free, but an error asks for the support where a face lies in a plane
+    through the tip's axis, which may be a mirror plane (roller) of half a body or an end (free) of
+    a whole one.
+    """
+
+    file: str
+    kinematics: Literal["axisymmetric", "plane_strain", "3d"]
+    surfaces: MeshSurfaces = MeshSurfaces()
+    shape: Literal["mesh"] = "mesh"
+    base: BaseSupport = "fixed"
+    sides: Support | Auto = "auto"
+    regions: dict[str, Annotated[Material, TaggedBy("model")]] | None = None
+    hash: str | None = None
+
+    # Its materials are given by `regions`.
+    layers: ClassVar[None] = None
+    inclusions: ClassVar[None] = None
+    surface_tension: ClassVar[float] = 0.0
+
+    @property
+    def surface_names(self) -> MeshSurfaces:
+        """Names of all its surfaces, with defaults that a copy of the file gets."""
+        given = self.surfaces
+        sides = "sides" if self.sides in ("roller", "fixed") else None
+        return MeshSurfaces(given.contact or "contact", given.base or "base", given.sides or sides)
+
+    @property
+    def dim(self) -> int:
+        """3, or 2 in plane strain, where forces are per unit length."""
+        return 2 if self.kinematics == "plane_strain" else 3
+
+    @property
+    def center(self) -> tuple[float, ...]:
+        """Axis of the file's coordinates."""
+        return (0.0,) * (self.dim - 1)
+
+
+@dataclass(frozen=True)
+class ImportedBody:
+    """Properties of an imported mesh as a body. z = 0 is where the tip first touches.
+
+    Attributes
+    ----------
+    facets : (k, n, n)
+        Corners of the facets of the contact surface [length].
+    boundary_edges : (m, n - 1, n)
+        Edges around the contact surface, in two dimensions its ends [length].
+    fixed_points : (j, n)
+        Points of the contact surface whose displacement is prescribed by a support [length].
+    layers
+        Material under the tip's axis, as a single layer.
+    """
+
+    height: Length
+    # Position of the tip's axis.
+    center: Annotated[tuple[float, ...], LENGTH]
+    facets: Annotated[np.ndarray, LENGTH]
+    boundary_edges: Annotated[np.ndarray, LENGTH]
+    fixed_points: Annotated[np.ndarray, LENGTH]
+    layers: Layers
+    base: BaseSupport
+    sides: Support
+    # 2 in plane strain, where forces are per unit length.
+    dim: int
+    shape: Literal["mesh"] = "mesh"
+
+    # A mesh file does not tell whether all sides are confined. False skips the check for a confined
+    # incompressible body.
+    is_laterally_confined: ClassVar[bool] = False
+    inclusions: ClassVar[None] = None
+
+    def lateral_extent(self, center: tuple[float, ...]) -> float:
+        """Return the distance [length] from `center` to the nearest edge of the contact surface.
+
+        It is negative if `center` is outside of the contact surface.
+        """
+        position = self._plan_coordinates(center)
+        start = self.boundary_edges[:, 0, :-1]
+        edge_vector = self.boundary_edges[:, -1, :-1] - self.boundary_edges[:, 0, :-1]
+        edge_fraction = ((position - start) * edge_vector).sum(axis=1) / np.maximum(
+            (edge_vector**2).sum(axis=1), TINY_SQUARE
+        )
+        nearest_points = start + np.clip(edge_fraction, 0.0, 1.0)[:, None] * edge_vector
+        distance = float(np.linalg.norm(nearest_points - position, axis=1).min(initial=np.inf))
+        return (
+            distance
+            if (barycentric_coordinates(self.facets, center) >= -FACET_TOLERANCE).all(axis=1).any()
+            else -distance
+        )
+
+    def max_lateral_extent(self, center: tuple[float, ...]) -> float:
+        """Return the distance [length] from `center` to the contact surface's farthest point."""
+        return float(self.corner_distances(center).max())
+
+    def corner_distances(self, center: tuple[float, ...]) -> np.ndarray:
+        """Return distances (k, n) [length] of the facets' corners from a vertical axis."""
+        return np.asarray(
+            np.linalg.norm(self.facets[..., :-1] - self._plan_coordinates(center), axis=-1)
+        )
+
+    def top_points(self) -> Points:
+        """Return the corners of the facets as seen from above."""
+        x, y = np.moveaxis(np.pad(self.facets[..., :-1], ((0, 0), (0, 0), (0, 1)))[..., :2], -1, 0)
+        return x, y
+
+    def fixed_edge_points(self) -> Points:
+        """Return the supported points of the contact surface as seen from above."""
+        x, y = np.pad(self.fixed_points[:, :-1], ((0, 0), (0, 1)))[:, :2].T
+        return x, y
+
+    def _plan_coordinates(self, center: tuple[float, ...]) -> np.ndarray:
+        """Return the horizontal coordinates of a center in the dimension of the mesh."""
+        return np.asarray(center[: self.facets.shape[2] - 1])
+
+
+def barycentric_coordinates(facets: np.ndarray, center: tuple[float, ...]) -> np.ndarray:
+    """Return barycentric coordinates (k, n) of a point in facets (k, n, n), seen from above."""
+    plan_corners = facets[..., :-1]
+    edges = np.swapaxes(plan_corners[:, 1:] - plan_corners[:, :1], 1, 2)
+    coordinates = np.linalg.solve(
+        edges, (np.asarray(center[: plan_corners.shape[2]]) - plan_corners[:, 0])[..., None]
+    )[..., 0]
+    return np.column_stack([1 - coordinates.sum(axis=1), coordinates])

@@ -1,0 +1,46 @@
+"""Layers of a body, and the coatings that they are on a curved surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from annotated_types import Len
+
+from indent_sim.model.materials import Material
+from indent_sim.model.units import (
+    LENGTH,
+    Length,
+    TaggedBy,
+)
+
+Position = Annotated[tuple[float, ...], Len(3, 3), LENGTH]  # (x, y, z)
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One layer of a body, bonded to its neighbours.
+
+    Without a material it has that of the body. The last layer of a half-space has no thickness, nor
+    has the core of a cap or ball, whose other layers are coatings around it.
+    """
+
+    thickness: Length | None = None
+    material: Annotated[Material | None, TaggedBy("model")] = None
+
+
+Layers = Annotated[tuple[Layer, ...], Len(1, 50)]
+
+
+@dataclass(frozen=True)
+class Coating:
+    """Region between two spheres about `center` [length]: a coating of a cap or a ball."""
+
+    center: Position
+    inner_radius: float
+    outer_radius: float
+
+    @property
+    def thickness(self) -> float:
+        """outer_radius - inner_radius [length]."""
+        return self.outer_radius - self.inner_radius

@@ -1,0 +1,188 @@
+"""Load path: the prescribed depths or forces in order, and in time for a history."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import chain, pairwise
+from typing import Literal
+
+Control = Literal["depth", "force"]
+
+
+@dataclass(frozen=True)
+class LoadPath:
+    """Prescribed depths [length] or forces of the whole body [force], in order.
+
+    Attributes
+    ----------
+    control
+        "depth" or "force".
+    values
+        Prescribed values, one for each row of the results.
+    times
+        Time of each row [time]; empty without time.
+    branches
+        Branch of each row (approach, hold, retract); empty without time.
+    turns
+        Values that the tip passes between the row before and each row, where the path turns or
+        takes further increments; empty if there are none.
+    turn_times
+        Times of `turns` [time].
+    start_time
+        Time at which the path of a time-dependent body begins [time]; None for any other body.
+    """
+
+    control: Control
+    values: tuple[float, ...]
+    times: tuple[float, ...] = ()
+    branches: tuple[str, ...] = ()
+    turns: tuple[tuple[float, ...], ...] = ()
+    turn_times: tuple[tuple[float, ...], ...] = ()
+    start_time: float | None = None
+
+    def with_halved_increments(self) -> LoadPath:
+        """Return the same path in increments half as long.
+
+        The mean of each two values is inserted between them, so that each row becomes two.
+        """
+        rows: list[tuple[float, float]] = []
+        turns: list[tuple[tuple[float, float], ...]] = []
+        previous_point = (0.0, 0.0)
+        for step in range(1, len(self.values) + 1):
+            refined_points = [
+                point
+                for a, b in pairwise((previous_point, *self.segment(step)))
+                for point in (_midpoint(a, b), b)
+            ]
+            rows += refined_points[-2:]
+            turns += [tuple(refined_points[:-2]), ()]
+            previous_point = refined_points[-1]
+        values, times = zip(*rows, strict=True)
+        segment_points = (
+            [tuple(zip(*segment, strict=True)) or ((), ()) for segment in turns]
+            if self.turns
+            else []
+        )
+        path = LoadPath(self.control, values, turns=tuple(depths for depths, _ in segment_points))
+        if self.start_time is None:
+            return path
+        row_times = tuple(self.start_time + t for t in times)
+        turn_times = tuple(
+            tuple(self.start_time + t for t in segment) for _, segment in segment_points
+        )
+        return replace(
+            path,
+            times=row_times,
+            branches=(*chain(*zip(self.branches, self.branches, strict=True)),),
+            turn_times=turn_times,
+            start_time=self.start_time,
+        )
+
+    @property
+    def is_increasing(self) -> bool:
+        """True if every value is larger than all before it."""
+        return not any(self.turns) and all(b > a for a, b in pairwise(self.values))
+
+    @property
+    def hold_count(self) -> int:
+        """Number of increments in which the value does not change."""
+        values = [
+            0.0,
+            *(value for step in range(1, len(self.values) + 1) for value, _ in self.segment(step)),
+        ]
+        return sum(a == b for a, b in pairwise(values))
+
+    @property
+    def sudden_rows(self) -> tuple[int, ...]:
+        """Rows [from 1] at which the value jumps: it changes while no time passes."""
+        rows = (self._sudden_points(step)[-1] for step in range(1, len(self.values) + 1))
+        return tuple(step for step, is_sudden in enumerate(rows, start=1) if is_sudden)
+
+    @property
+    def has_jumps(self) -> bool:
+        """True if the value jumps at a row or between two rows."""
+        return any(any(self._sudden_points(step)) for step in range(1, len(self.values) + 1))
+
+    def _sudden_points(self, step: int) -> list[bool]:
+        """Return whether the value jumps at each point between the previous row and a row.
+
+        Rows count from 1; the row itself is the last point. A value jumps if it changes while no
+        time passes.
+        """
+        previous_point = self.segment(step - 1)[-1] if step > 1 else (0.0, 0.0)
+        return [
+            a[1] == b[1] and a[0] != b[0]
+            for a, b in pairwise((previous_point, *self.segment(step)))
+        ]
+
+    def without_sudden_rows(self) -> LoadPath:
+        """Return the same path without the points at which the value jumps.
+
+        The increment after a jump then begins before the jump. Rows at jumps are left out; the
+        points on the way to them belong to the next row.
+        """
+        rows: list[int] = []
+        segments: list[list[tuple[float, float]]] = []
+        pending_points: list[tuple[float, float]] = []
+        for step in range(1, len(self.values) + 1):
+            continuous_points = [
+                point
+                for point, sudden in zip(self.segment(step), self._sudden_points(step), strict=True)
+                if not sudden
+            ]
+            pending_points += continuous_points
+            if self._sudden_points(step)[-1]:
+                continue
+            rows.append(step - 1)
+            segments.append(pending_points[:-1])
+            pending_points = []
+        start_time = self.start_time or 0.0
+        turns: tuple[tuple[float, ...], ...] = ()
+        turn_times: tuple[tuple[float, ...], ...] = ()
+        if any(segments):
+            turns = tuple(tuple(value for value, _ in segment) for segment in segments)
+            turn_times = tuple(tuple(start_time + t for _, t in segment) for segment in segments)
+        return replace(
+            self,
+            values=tuple(self.values[row] for row in rows),
+            times=tuple(self.times[row] for row in rows),
+            branches=tuple(self.branches[row] for row in rows),
+            turns=turns,
+            turn_times=turn_times,
+        )
+
+    def segment(self, step: int) -> tuple[tuple[float, float], ...]:
+        """Return the values from the previous row to a row [from 1], each with its time.
+
+        The row's own value is the last one. Times count from the beginning of the path; they are 0
+        for a body that is not time-dependent.
+        """
+        values = (*(self.turns[step - 1] if self.turns else ()), self.values[step - 1])
+        if self.start_time is None:
+            return tuple((value, 0.0) for value in values)
+        times = (*(self.turn_times[step - 1] if self.turn_times else ()), self.times[step - 1])
+        return tuple((value, t - self.start_time) for value, t in zip(values, times, strict=True))
+
+    def nondimensionalize(self, unit: float) -> LoadPath:
+        """Return the same path with its values in multiples of `unit`; times do not change."""
+        turns = tuple(tuple(value / unit for value in segment) for segment in self.turns)
+        return replace(self, values=tuple(value / unit for value in self.values), turns=turns)
+
+    @property
+    def retained_rows(self) -> frozenset[int]:
+        """Rows [from 1] whose states are kept: the last one, and those at which unloading begins.
+
+        Unloading begins at a row if the value decreases after it and no value before it was larger.
+        """
+        rows = {len(self.values)}
+        deepest = float("-inf")
+        for step, (value, next_value) in enumerate(pairwise(self.values), start=1):
+            deepest = max(deepest, value)
+            if next_value < value == deepest:
+                rows.add(step)
+        return frozenset(rows)
+
+
+def _midpoint(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
+    """Return the point halfway between two points (value, time)."""
+    return (a[0] + b[0]) / 2, (a[1] + b[1]) / 2

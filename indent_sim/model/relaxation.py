@@ -1,0 +1,51 @@
+"""Stress relaxation of an elastic law: Prony series and power law."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal, NamedTuple
+
+from annotated_types import Ge, Gt, Len, Lt
+
+from indent_sim.model.units import (
+    TIME,
+    UnitRow,
+)
+
+MAX_PRONY_TERMS = 100
+Time = Annotated[float, Gt(0), TIME]
+Fraction = Annotated[float, Ge(0), Lt(1)]
+RelaxationTerm = Annotated[tuple[float, ...], Len(2, 2), UnitRow((None, TIME))]
+
+
+@dataclass(frozen=True)
+class PowerLaw:
+    """Power-law relaxation of Young's modulus, E(t) = E (t/time)^-exponent."""
+
+    exponent: Annotated[float, Gt(0), Lt(1)]
+    time: Time
+
+
+@dataclass(frozen=True)
+class Relaxation:
+    """Stress relaxation of a law whose constants are the instantaneous ones.
+
+    Either `prony` terms [fraction, time], whose fractions sum to less than 1, or a power law. `of`:
+    "all" relaxes all moduli by one factor and keeps nu; "shear" relaxes the shear modulus alone and
+    keeps the bulk modulus, also at finite strain.
+    """
+
+    prony: Annotated[tuple[RelaxationTerm, ...], Len(1, MAX_PRONY_TERMS)] | None = None
+    power_law: PowerLaw | None = None
+    of: Literal["all", "shear"] = "all"
+
+
+class PronySeries(NamedTuple):
+    """Relaxation function G(t)/G(0) = long_term + sum fraction exp(-t/time) of a modulus.
+
+    G(0) is the modulus of the law's constants; the times [time] are > 0.
+    """
+
+    long_term: float
+    fractions: tuple[float, ...]
+    times: tuple[float, ...]

@@ -1,0 +1,126 @@
+"""Bodies with a spherical surface: the cap and the ball."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import radians, tan
+from typing import Annotated, Literal
+
+from annotated_types import Gt, Lt
+
+from indent_sim.model.body_base import BaseSupport, CenteredBody, RoundBody
+from indent_sim.model.inclusions import Inclusion, Inclusions
+from indent_sim.model.layers import Layers
+from indent_sim.model.units import (
+    ANGLE,
+    Length,
+    SurfaceTension,
+)
+
+ContactAngle = Annotated[float, Gt(0), Lt(180), ANGLE]
+
+
+@dataclass(frozen=True)
+class SphericalBody(RoundBody):
+    """Part of a ball below its apex at z = 0, down to its base in the plane z = -height [length].
+
+    A whole ball (height = 2 radius) is supported below its equator instead. contacts_per_body: see
+    `Scales`.
+    """
+
+    radius: Length
+    height: Length
+    shape: Literal["cap", "ball"]
+    base: BaseSupport = "fixed"
+    contacts_per_body: int = 1
+    inclusions: Inclusions | None = None
+
+    @property
+    def max_coating_thickness(self) -> float:
+        """Upper bound of the total thickness of all coatings [length].
+
+        With thicker coatings the core would not reach the base.
+        """
+        return (
+            self.radius
+            if self.height == 2 * self.radius
+            else min(self.height, 2 * self.radius - self.height)
+        )
+
+    @property
+    def base_edge(self) -> tuple[float, float]:
+        """(r, z) [length] of the edge between the curved surface and the base."""
+        depth = self.radius if self.height == 2 * self.radius else self.height
+        return float(depth * (2 * self.radius - depth)) ** 0.5, -depth
+
+    @property
+    def max_section_radius(self) -> float:
+        """Largest radius of a horizontal section [length]."""
+        return self.radius if self.height > self.radius else self.base_edge[0]
+
+    def wall_clearance(self, inclusion: Inclusion) -> float:
+        """Return the distance [length] from an inclusion to the curved surface.
+
+        It is negative if the inclusion protrudes.
+        """
+        return self.radius - inclusion.farthest_distance((0.0, 0.0, -self.radius))
+
+
+@dataclass(frozen=True)
+class Cap(CenteredBody):
+    """Part of a ball above the plane z = -height, on which it stands with `base_radius` [length].
+
+    Either `height` or `contact_angle` [degrees] is given, the angle between base and surface inside
+    the body: height = base_radius tan(contact_angle/2). Beyond 90 degrees the body is wider than
+    its base. Layers are concentric coatings of constant thickness from the curved surface inwards;
+    the last one, the core, has no thickness.
+    """
+
+    base_radius: Length
+    height: Length | None = None
+    contact_angle: ContactAngle | None = None
+    shape: Literal["cap"] = "cap"
+    base: BaseSupport = "fixed"
+    layers: Layers | None = None
+    inclusions: Inclusions | None = None
+    surface_tension: SurfaceTension = 0.0
+
+    @property
+    def apex_height(self) -> float:
+        """Height [length], given or from the contact angle."""
+        return self.height or self.base_radius * tan(radians(self.contact_angle or 90.0) / 2)
+
+    @property
+    def spherical_body(self) -> SphericalBody:
+        """The same body with the radius of its ball, (base_radius^2 + height^2)/(2 height)."""
+        height = self.apex_height
+        radius = (self.base_radius**2 + height**2) / (2 * height)
+        return SphericalBody(radius, height, "cap", self.base, inclusions=self.inclusions)
+
+
+@dataclass(frozen=True)
+class Ball(CenteredBody):
+    """Ball whose highest point is the origin: -2 radius <= z <= 0 [length].
+
+    base "roller": the plane through the center is a mirror plane, and an equal tip pushes up from
+    below. `delta` is the approach of the two tips; an inclusion is above that plane and mirrored,
+    or centered on it. base "fixed": the lower half of the surface is bonded to a rigid support.
+    Layers are concentric coatings from the surface inwards; the last one, the core, has no
+    thickness.
+    """
+
+    radius: Length
+    shape: Literal["ball"] = "ball"
+    base: BaseSupport = "roller"
+    layers: Layers | None = None
+    inclusions: Inclusions | None = None
+    surface_tension: SurfaceTension = 0.0
+
+    @property
+    def spherical_body(self) -> SphericalBody:
+        """The modelled part: the half above the mirror plane, or the whole ball."""
+        if self.base == "roller":
+            return SphericalBody(self.radius, self.radius, "ball", self.base, 2, self.inclusions)
+        return SphericalBody(
+            self.radius, 2 * self.radius, "ball", self.base, inclusions=self.inclusions
+        )
