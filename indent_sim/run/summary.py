@@ -25,7 +25,7 @@ from indent_sim.theory.solution import SOLUTION_ERRORS, Solution
 from indent_sim.theory.theory import Theory
 
 if TYPE_CHECKING:
-    from indent_sim.theory.adhesion import AdhesiveContact  # with scipy's searches
+    from indent_sim.theory.adhesion import AdhesiveContact
 
 FORCE_TOLERANCE = 1e-6  # relative: rows with one force, but for what the solver leaves of it
 # of the curves kept for the plot, a formula's and theory's

@@ -362,11 +362,11 @@ def _expected_adhesion(
     """What is known of this attraction beforehand; zone, h [length]: of its cohesive zone, of the
     elements there.
     """
-    from indent_sim.theory.adhesion import (
+    from indent_sim.theory.maugis import (  # with scipy's searches
         maugis_lambda,
         maugis_pull_off,
         tabor_number,
-    )  # with scipy's searches
+    )
 
     L = setup.physics.scales.length
     F = setup.physics.scales.force

@@ -1034,9 +1034,9 @@ def prony_series(law: Relaxation, shortest: float, longest: float) -> PronySerie
     if law.power_law is None:
         fractions, times = zip(*(law.prony or ()), strict=True)
         return PronySeries(1.0 - sum(fractions), fractions, times)
-    from indent_sim.theory.viscoelasticity import (
-        PowerLaw,
-    )  # with scipy's splines, which no other scene needs
+    from indent_sim.theory.relaxation_function import (
+        PowerLaw,  # with scipy's splines, which no other scene needs
+    )
 
     series = PowerLaw(law.power_law.exponent, law.power_law.time).prony_series(shortest, longest)
     return PronySeries(series.long_term, series.fractions, series.times)
@@ -1248,11 +1248,11 @@ def _read_boundary_cells(config: Config, source: MeshFromFile) -> BoundaryCells:
     """The skin of that body, read in the process that meshes; of the whole this one has arrays that
     lie in a file.
     """
-    from indent_sim.mesh import gmsh
+    from indent_sim.mesh import mesher_process
 
     failure_text = f"'{source.file}' could not be read"
     folder = os.path.dirname(config.source.name)
-    return gmsh.call_in_mesher(
+    return mesher_process.call_in_mesher(
         failure_text, mesh_import.import_boundary_cells, folder, source, config.material
     )()
 

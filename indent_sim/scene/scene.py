@@ -292,9 +292,9 @@ Mesher = Callable[[Scene], Grid]  # makes the mesh of a scene
 
 def start_mesher() -> None:
     """Fork the process that meshes, which loads gmsh while this one does something else."""
-    from indent_sim.mesh import gmsh
+    from indent_sim.mesh import mesher_process
 
-    gmsh.start_mesher()
+    mesher_process.start_mesher()
 
 
 def resolve(

@@ -10,7 +10,6 @@ Gautschi, Orthogonal Polynomials (2004), for the discrete measure.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -18,14 +17,15 @@ from itertools import pairwise
 import numpy as np
 from numpy.polynomial.chebyshev import chebder
 
+from indent_sim.theory.quadrature import (
+    bessel_j1_zeros,
+    gauss_legendre,
+    join_nodes,
+    wall_mode_nodes,
+    wavenumber_nodes,
+)
 from indent_sim.theory.stack import Stack
 
-MAX_WAVENUMBER = 22.0  # M(22) < 2e-16
-POINTS_PER_PANEL = 18  # Gauss points that resolve M between s and 3 s
-POINTS_PER_PHASE = 0.6  # more of them for each unit of the phase x ds of cos(sx)
-LONGEST_PHASE = 100.0  # phase on one panel: a rule of many points is an eigenvalue problem as large
-SINGLE_MODES = 32  # modes between walls that are summed one by one
-Nodes = tuple[np.ndarray, np.ndarray]  # and their weights
 AXIS_POINTS = 64  # of an integral of cosh(y x), which has no poles, to x < W
 # least and largest reach of even polynomials [h]
 MIN_EVEN_RADIUS = 2.0**-10
@@ -308,95 +308,3 @@ def _wall_modes(clearance: float) -> tuple[np.ndarray, np.ndarray, float]:
     pole = -float(np.sum(w0 * 2.0 / z0**2)) - 2.0 / WALL_FORM_SWITCH
     nodes, weights = join_nodes(parts)
     return nodes, 2.0 / math.pi * weights, 2.0 / math.pi * pole
-
-
-def bessel_j1_zeros(numbers: np.ndarray) -> np.ndarray:
-    """Zeros of J1 by number from 1; between numbers (from SINGLE_MODES on) what McMahon's expansion
-    makes of them.
-    """
-    from scipy.special import j0, j1
-
-    b = (numbers + 0.25) * math.pi
-    v = 8.0 * b
-    z = b - 3.0 / v + 12.0 / v**3 - 7545.6 / v**5 + 3567925.0 / v**7
-    is_first = numbers <= SINGLE_MODES
-    for _ in range(3):
-        z[is_first] -= j1(z[is_first]) / (j0(z[is_first]) - j1(z[is_first]) / z[is_first])
-    return z
-
-
-def wavenumber_nodes(max_radius: float, min_wavenumber: float) -> Nodes:
-    """Nodes s and weights of ∫_0^inf M(s) cos(sx) cos(st) ds for x, t <= reach: panels graded down
-    to `min_wavenumber`.
-    """
-    panels = max(1, math.ceil(math.log(MAX_WAVENUMBER / min_wavenumber, 3.0)))
-    edges = _split_panels(
-        [0.0, *(MAX_WAVENUMBER * 3.0 ** np.arange(-panels, 1.0))], LONGEST_PHASE / max_radius
-    )
-    parts = [
-        gauss_legendre(
-            lo, hi, POINTS_PER_PANEL + math.ceil(POINTS_PER_PHASE * max_radius * (hi - lo))
-        )
-        for lo, hi in pairwise(edges)
-    ]
-    return join_nodes(parts)
-
-
-def wall_mode_nodes(max_radius: float, wall: float) -> Nodes:
-    """Nodes n and weights of sum_n M(k_n) cos(k_n x) cos(k_n t) for x, t <= reach, over k_n of
-    about n pi/W. The first SINGLE_MODES one by one; then, in doubling blocks, Gauss's rule for
-    the sum, exact for polynomials in n.
-    """
-    last = max(1, math.ceil(MAX_WAVENUMBER * wall / math.pi))
-    doubling_edges = (n for i in range(64) if (n := (SINGLE_MODES + 1) * 2**i) <= last)
-    edges = [*range(1, min(last, SINGLE_MODES) + 1), *doubling_edges, last + 1]
-    blocks = pairwise(
-        round(edge)
-        for edge in _split_panels(edges, max(1.0, LONGEST_PHASE / max_radius * wall / math.pi))
-    )
-    per_number = POINTS_PER_PHASE * max_radius * math.pi / wall
-    return join_nodes(
-        [
-            _gauss_sum(*ends, POINTS_PER_PANEL + math.ceil(per_number * (ends[1] - ends[0])))
-            for ends in blocks
-        ]
-    )
-
-
-def join_nodes(parts: Sequence[Nodes]) -> Nodes:
-    """Nodes and weights of all parts in one."""
-    return np.concatenate([x for x, _ in parts]), np.concatenate([w for _, w in parts])
-
-
-def _split_panels(edges: Sequence[float], longest: float) -> list[float]:
-    """The edges, and equally many between two of them as make no panel longer."""
-    parts = [
-        np.linspace(lo, hi, math.ceil((hi - lo) / longest), endpoint=False)
-        for lo, hi in pairwise(edges)
-    ]
-    return [*np.concatenate(parts), edges[-1]]
-
-
-def _gauss_sum(first: int, end: int, count: int) -> Nodes:
-    """Nodes and weights of sum_{n=first}^{end-1} f(n), exact below degree 2 count (Gautschi 2004,
-    sect. 1.5.2).
-    """
-    term_count = end - first
-    if term_count <= count:
-        return np.arange(float(first), end), np.ones(term_count)
-    j = np.arange(1.0, count)
-    off_diagonal = 0.5 * j * np.sqrt((term_count - j) * (term_count + j) / (4.0 * j * j - 1.0))
-    nodes, vectors = np.linalg.eigh(np.diag(off_diagonal, 1) + np.diag(off_diagonal, -1))
-    return nodes + 0.5 * (first + end - 1.0), term_count * vectors[0] ** 2
-
-
-def gauss_legendre(lo: float, hi: float, count: int) -> Nodes:
-    """Gauss-Legendre nodes and weights on [lo, hi], each of shape (count,)."""
-    x, w = _legendre_rule(count)
-    return 0.5 * (lo + hi) + 0.5 * (hi - lo) * x, 0.5 * (hi - lo) * w
-
-
-@lru_cache(maxsize=256)
-def _legendre_rule(count: int) -> Nodes:
-    """numpy's leggauss, kept: an eigenvalue problem of this size would dominate a solve."""
-    return np.polynomial.legendre.leggauss(count)

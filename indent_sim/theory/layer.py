@@ -24,31 +24,27 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
-from itertools import pairwise
 
 import numpy as np
 from numpy.polynomial import Chebyshev
-from numpy.polynomial.chebyshev import chebpts1, chebvander
 
-from indent_sim.theory.contact_curve import ContactCurve, field_of_position
-from indent_sim.theory.hankel import (
-    EvenKernel,
-    Kernel,
-    Nodes,
-    axisymmetric_kernel,
-    contact_kernel,
-    gauss_legendre,
-    join_nodes,
+from indent_sim.theory.abel_pressure import (
+    TIP_INTEGRAL_POINTS,
+    LayerPressure,
+    abel_point_count,
+    contact_nodes,
+    layer_pressure_rule,
+    polynomial_degree,
+    tip_pressure,
+    tip_pressure_rule,
 )
-from indent_sim.theory.profiles import Shape, Tip
+from indent_sim.theory.contact_curve import ContactCurve, field_of_position
+from indent_sim.theory.hankel import EvenKernel, Kernel, axisymmetric_kernel, contact_kernel
+from indent_sim.theory.profiles import Tip
+from indent_sim.theory.quadrature import gauss_legendre
 from indent_sim.theory.roots import first_guess, increasing_root
 from indent_sim.theory.solution import Solution
 from indent_sim.theory.stack import Stack
-
-TIP_INTEGRAL_POINTS = 64  # of an integral over a tip without breaks
-MAX_PANELS = 40  # of an Abel integral, between kinks of the tip
-RADII_PER_CHUNK = 50  # radii whose integrals are worked out together, of some hundred nodes each
 
 
 @dataclass(frozen=True)
@@ -73,42 +69,6 @@ class _LinearSolution:
         radius.
         """
         return self.tip_shape_edge / self.unit_depth_edge
-
-
-@dataclass(frozen=True)
-class _LayerPressure:
-    """-∫_r^a psi'(t)/sqrt(t^2-r^2) dt; psi is even and analytic: t^2 = r^2 + chord^2 s^2
-    regularises it.
-    """
-
-    kernel: Kernel | EvenKernel
-    a: float
-    modes: np.ndarray  # of psi
-
-    def __call__(self, r: np.ndarray, chord: np.ndarray) -> np.ndarray:
-        s, w = gauss_legendre(0.0, 1.0, _abel_point_count(self.a))
-        t = np.hypot(r[:, None], chord[:, None] * s)
-        if len(r) == 1:  # no polynomial for one place
-            return -chord * (self.modes @ self.kernel.slope_over_x(t[0]) @ w)
-        return -chord * (self._slope_over_t(t) @ w)
-
-    @cached_property
-    def _slope_over_t(self) -> Chebyshev:
-        """psi'(t)/t."""
-        slope_over_x = self.kernel.slope_over_x
-        return Chebyshev.interpolate(
-            lambda t: self.modes @ slope_over_x(t), _polynomial_degree(self.a), domain=[0.0, self.a]
-        )
-
-
-def _polynomial_degree(a: float) -> int:
-    """Of a polynomial that psi is, and what is analytic as far, over a contact of the radius a [h]."""
-    return 24 + math.ceil(8.0 * a)
-
-
-def _abel_point_count(a: float) -> int:
-    """Of an Abel integral of it."""
-    return 24 + math.ceil(4.0 * a)
 
 
 class Layer(ContactCurve):
@@ -237,9 +197,9 @@ class Layer(ContactCurve):
         """As `_pressure` says them, under a tip without breaks and corners of all contacts at once."""
         if self.tip.slope_discontinuities or self.tip.apex_slope:
             return super().pressures(sizes, linear_solutions, point_count)
-        radius_fractions, t, tip_weights = _tip_pressure_rule(point_count)
-        x, layer_weights = _layer_pressure_rule(
-            point_count, _polynomial_degree(sizes[-1]), _abel_point_count(sizes[-1])
+        radius_fractions, t, tip_weights = tip_pressure_rule(point_count)
+        x, layer_weights = layer_pressure_rule(
+            point_count, polynomial_degree(sizes[-1]), abel_point_count(sizes[-1])
         )
         edge, g, height_differences = (
             self._profiles(sizes, fractions)
@@ -300,7 +260,7 @@ class Layer(ContactCurve):
         force = 2.0 * self.E_star * self.h**2 * float(lin.weights @ phi)
         energy = self.E_star * self.h**3 * float(lin.weights @ (phi * (depth - lin.g)))
         stiffness = 2.0 * self.E_star * self.h * float(lin.weights @ lin.unit_depth)
-        layer_part = _LayerPressure(
+        layer_part = LayerPressure(
             lin.kernel, a, depth * lin.unit_depth_modes - lin.tip_shape_modes
         )
         pressure = field_of_position(_pressure, self, a, edge_value, layer_part)
@@ -328,7 +288,7 @@ def sneddon_force(delta: float, tip: Tip, half_space: Stack) -> float:
 
 
 def _pressure(
-    layer: Layer, a: float, edge: float, layer_part: _LayerPressure, r: np.ndarray
+    layer: Layer, a: float, edge: float, layer_part: LayerPressure, r: np.ndarray
 ) -> np.ndarray:
     """p(r) [F/L^2] from phi = delta - g + psi: the edge, the tip and the layer each add one Abel
     integral.
@@ -392,156 +352,10 @@ def _layer_sinking(
     phi = depth * lin.unit_depth - lin.tip_shape
     modes = 2.0 / math.pi * kernel.weight * (kernel.basis(nodes) @ (lin.weights * phi))
     psi = Chebyshev.interpolate(
-        lambda t: modes @ kernel.basis(t), _polynomial_degree(a), domain=[0.0, a]
+        lambda t: modes @ kernel.basis(t), polynomial_degree(a), domain=[0.0, a]
     )
-    s, w = gauss_legendre(0.0, 1.0, _abel_point_count(a))
+    s, w = gauss_legendre(0.0, 1.0, abel_point_count(a))
     end = np.arcsin(a / r)
     return 2.0 / math.pi * end * (
         psi(r[:, None] * np.sin(end[:, None] * s)) @ w
     ) - modes @ kernel.surface_displacements(r)
-
-
-def contact_nodes(a: float, breaks: Sequence[float], count: int) -> Nodes:
-    """Gauss nodes and weights on [0, a], `count` per panel (fewer if there are many), panelled at
-    the breaks. Behind a break g rises like sqrt(x - break): there x = break + length v^2 makes
-    it analytic again.
-    """
-    edges = [0.0, *(b for b in breaks if 0.0 < b < a), a]
-    count = count if len(edges) < 5 else min(count, 12)
-    return join_nodes(
-        [
-            gauss_legendre(0.0, edges[1], count),
-            *(_graded_nodes(lo, hi, count) for lo, hi in pairwise(edges[1:])),
-        ]
-    )
-
-
-def tip_pressure(
-    g: Shape, r: np.ndarray, a: float, breaks: Sequence[float], apex_slope: float
-) -> np.ndarray:
-    """∫_r^a g'(t)/sqrt(t^2 - r^2) dt at radii 0 <= r < a, shape of r: pi/E* times the half-space
-    pressure; infinite at an apex with a `apex_slope`.
-
-    By parts about g(r), so that g' is not needed and only differences ~ (t - r) are divided: (g(a)
-    - g(r))/sqrt(a^2 - r^2) + ∫_r^a (g(t) - g(r)) t/(t^2 - r^2)^{3/2} dt, with t = r cosh y, which
-    resolves any r. More than MAX_PANELS breaks are thinned: such a tip is nearly smooth.
-    """
-    breaks = [b for b in breaks if 0.0 < b < a]
-    breaks = breaks[:: max(1, math.ceil(len(breaks) / MAX_PANELS))]
-    g_edge = float(g(np.array([a]))[0])
-    is_off_axis = r >= 1e-9 * a
-    t, w = contact_nodes(a, breaks, TIP_INTEGRAL_POINTS)
-    on_axis = g_edge / a + float(
-        w @ (g(t) / t**2)
-    )  # ∫_0^a g'(t)/t dt of a tip that is smooth at its apex
-    value = np.full_like(r, math.inf if apex_slope > 0.0 else on_axis)
-    off_axis_radii = r[is_off_axis]
-    heights = g(off_axis_radii)
-    value[is_off_axis] = (g_edge - heights) / np.sqrt(
-        (a - off_axis_radii) * (a + off_axis_radii)
-    ) + _integral_by_parts(g, heights, a, off_axis_radii, breaks)
-    return value
-
-
-def _integral_by_parts(
-    g: Shape, g_r: np.ndarray, a: float, r: np.ndarray, breaks: Sequence[float]
-) -> np.ndarray:
-    """∫_r^a (g(t) - g(r)) t/(t^2 - r^2)^{3/2} dt; a tip without breaks has the same nodes below all
-    radii.
-    """
-    if not breaks:
-        s, w = gauss_legendre(0.0, 1.0, TIP_INTEGRAL_POINTS)
-        end = np.arccosh(a / r)[:, None]
-        return np.asarray((_abel_integrand(g, g_r[:, None], r[:, None], end * s) @ w) * end[:, 0])
-    chunks = [slice(k, k + RADII_PER_CHUNK) for k in range(0, r.size, RADII_PER_CHUNK)]
-    return np.concatenate(
-        [_integral_with_breaks(g, g_r[chunk], a, r[chunk], breaks) for chunk in chunks] or [r]
-    )
-
-
-def _integral_with_breaks(
-    g: Shape, g_r: np.ndarray, a: float, r: np.ndarray, breaks: Sequence[float]
-) -> np.ndarray:
-    """What `_integral_by_parts` is at some radii, each of which has nodes of its own."""
-    nodes = [_abel_nodes(a, radius, breaks) for radius in r]
-    y, w = join_nodes(nodes)
-    counts = [radius_nodes.size for radius_nodes, _ in nodes]
-    values = w * _abel_integrand(g, np.repeat(g_r, counts), np.repeat(r, counts), y)
-    return np.asarray(np.add.reduceat(values, np.cumsum([0, *counts[:-1]])))
-
-
-@lru_cache(maxsize=8)
-def _tip_pressure_rule(point_count: int) -> tuple[np.ndarray, ...]:
-    """Even shares r/a from 0 below 1 (places), nodes t/a and weights (places, TIP_POINTS) of
-    a ∫_r^a (g(t) - g(r)) t/(t^2 - r^2)^{3/2} dt."""
-    radius_fractions = np.linspace(0.0, 1.0, point_count, endpoint=False)
-    s, w = gauss_legendre(0.0, 1.0, TIP_INTEGRAL_POINTS)
-    r = radius_fractions[1:, None]
-    end = np.arccosh(1.0 / r)
-    cosh = np.cosh(end * s)
-    sinh = np.sinh(end * s)
-    return (
-        radius_fractions,
-        np.vstack([s, r * cosh]),
-        np.vstack([w / s**2, w * end * cosh / sinh**2 / r]),
-    )
-
-
-@lru_cache(maxsize=8)
-def _layer_pressure_rule(
-    point_count: int, degree: int, count: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes t/a and weights (places, nodes) of -1/a ∫_r^a psi'(t)/sqrt(t^2 - r^2) dt at even shares
-    r/a, of psi'(t)/t at the nodes; a polynomial of that degree, by so many points
-    (`_LayerPart`).
-    """
-    radius_fractions = np.linspace(0.0, 1.0, point_count, endpoint=False)[:, None]
-    nodes = chebpts1(degree + 1)
-    s, w = gauss_legendre(0.0, 1.0, count)
-    chord = np.sqrt(1.0 - radius_fractions * radius_fractions)
-    polynomials = chebvander(2.0 * np.hypot(radius_fractions, chord * s) - 1.0, degree)
-    weights = -chord * np.einsum("ijn,j->in", polynomials, w)
-    return 0.5 * (1.0 + nodes), weights @ np.linalg.inv(chebvander(nodes, degree))
-
-
-def _abel_integrand(g: Shape, g_r: np.ndarray, r: np.ndarray, y: np.ndarray) -> np.ndarray:
-    cosh = np.cosh(y)
-    t = r * cosh
-    return (g(t.ravel()).reshape(t.shape) - g_r) * cosh / np.sinh(y) ** 2 / r
-
-
-def _abel_nodes(a: float, r: float, breaks: Sequence[float]) -> Nodes:
-    """Nodes y = arcosh(t/r) on [0, arcosh(a/r)]; geometric panels, as a pole or a branch point may
-    be near a start.
-    """
-    end = math.acosh(a / r)
-    break_below = max((b for b in breaks if b < r), default=0.0)
-    first_panel = math.sqrt(2.0 * (r - break_below) / r)
-    starts = [0.0, *(math.acosh(b / r) for b in breaks if b > r), end]
-    panels = []
-    for start, stop in pairwise(starts):
-        cuts = [
-            start,
-            *_geometric_edges(max(start, 1e-8) if start else max(first_panel, 1e-8), start, stop),
-            stop,
-        ]
-        first = (
-            _graded_nodes(cuts[0], cuts[1], 24) if start else gauss_legendre(cuts[0], cuts[1], 24)
-        )
-        panels += [first, *(gauss_legendre(lo, hi, 24) for lo, hi in pairwise(cuts[1:]))]
-    return join_nodes(panels)
-
-
-def _geometric_edges(size: float, start: float, stop: float) -> list[float]:
-    """start + size (1, 3, 9, ...) as far as it stays clearly below stop."""
-    count = (
-        math.floor(math.log((stop - start) / (1.5 * size), 3.0)) + 1
-        if stop - start > 1.5 * size
-        else 0
-    )
-    return [start + size * 3.0**k for k in range(count)]
-
-
-def _graded_nodes(lo: float, hi: float, count: int) -> Nodes:
-    v, w = gauss_legendre(0.0, 1.0, count)
-    return lo + (hi - lo) * v**2, 2.0 * (hi - lo) * v * w

@@ -168,8 +168,8 @@ class Theory:
         if work in self._jkr_of_work:
             return self._jkr_of_work[work]
         from indent_sim.theory.adhesion import (
-            Jkr,
-        )  # with scipy's searches, which no other scene needs
+            Jkr,  # with scipy's searches, which no other scene needs
+        )
         from indent_sim.theory.punches import LayerPunches
 
         jkr = Jkr(LayerPunches(self.contact), work) if isinstance(self.contact, Layer) else None
