@@ -1,4 +1,11 @@
-"""Abel."""
+"""Contact pressure of axisymmetric contacts by Abel integrals of phi = delta - g + psi.
+
+    p(r) = (E*/pi) [phi(a)/sqrt(a^2 - r^2) - ∫_r^a phi'(t)/sqrt(t^2 - r^2) dt] > 0 in compression.
+
+The tip's Abel transform g may have slope discontinuities; psi, the effect of the layer, is even and
+analytic. Lengths are in units of the top layer's thickness h. Source: Sneddon (1965), Int. J. Eng.
+Sci. 3, 47, for the Abel integral; the quadrature is our own.
+"""
 
 from __future__ import annotations
 
@@ -16,31 +23,34 @@ from indent_sim.theory.hankel import EvenKernel, Kernel
 from indent_sim.theory.profiles import Shape
 from indent_sim.theory.quadrature import Nodes, gauss_legendre, join_nodes
 
-TIP_INTEGRAL_POINTS = 64  # of an integral over a tip without breaks
-MAX_PANELS = 40  # of an Abel integral, between kinks of the tip
-RADII_PER_CHUNK = 50  # radii whose integrals are worked out together, of some hundred nodes each
+TIP_INTEGRAL_POINTS = 64  # Gauss points of an integral over a tip with a continuous slope.
+MAX_PANELS = 40  # Panels of an Abel integral between slope discontinuities of the tip.
+RADII_PER_CHUNK = 50  # Radii evaluated at once: each has several hundred quadrature nodes.
 
 
 @dataclass(frozen=True)
 class LayerPressure:
-    """-∫_r^a psi'(t)/sqrt(t^2-r^2) dt; psi is even and analytic: t^2 = r^2 + chord^2 s^2
-    regularises it.
+    """Pressure part -∫_r^a psi'(t)/sqrt(t^2-r^2) dt of the layer, psi = sum_j modes_j b_j.
+
+    psi is even and analytic, so that t^2 = r^2 + chord^2 s^2 with chord^2 = a^2 - r^2 regularizes
+    it.
     """
 
     kernel: Kernel | EvenKernel
     a: float
-    modes: np.ndarray  # of psi
+    modes: np.ndarray
 
     def __call__(self, r: np.ndarray, chord: np.ndarray) -> np.ndarray:
         s, w = gauss_legendre(0.0, 1.0, abel_point_count(self.a))
         t = np.hypot(r[:, None], chord[:, None] * s)
-        if len(r) == 1:  # no polynomial for one place
+        if len(r) == 1:
+            # A polynomial would cost more than one radius.
             return -chord * (self.modes @ self.kernel.slope_over_x(t[0]) @ w)
         return -chord * (self._slope_over_t(t) @ w)
 
     @cached_property
     def _slope_over_t(self) -> Chebyshev:
-        """psi'(t)/t."""
+        """Chebyshev polynomial of psi'(t)/t on [0, a]."""
         slope_over_x = self.kernel.slope_over_x
         return Chebyshev.interpolate(
             lambda t: self.modes @ slope_over_x(t), polynomial_degree(self.a), domain=[0.0, self.a]
@@ -48,19 +58,20 @@ class LayerPressure:
 
 
 def polynomial_degree(a: float) -> int:
-    """Of a polynomial that psi is, and what is analytic as far, over a contact of the radius a [h]."""
+    """Return the degree of a polynomial that approximates psi over a contact of radius a [h]."""
     return 24 + math.ceil(8.0 * a)
 
 
 def abel_point_count(a: float) -> int:
-    """Of an Abel integral of it."""
+    """Return the number of Gauss points of an Abel integral of psi for the radius a [h]."""
     return 24 + math.ceil(4.0 * a)
 
 
 def contact_nodes(a: float, breaks: Sequence[float], count: int) -> Nodes:
-    """Gauss nodes and weights on [0, a], `count` per panel (fewer if there are many), panelled at
-    the breaks. Behind a break g rises like sqrt(x - break): there x = break + length v^2 makes
-    it analytic again.
+    """Return Gauss nodes and weights on [0, a] in panels between the slope discontinuities.
+
+    Each panel has `count` nodes, fewer if there are many panels. Behind a discontinuity at b the
+    function g rises like sqrt(x - b); x = b + length v^2 makes it analytic again.
     """
     edges = [0.0, *(b for b in breaks if 0.0 < b < a), a]
     count = count if len(edges) < 5 else min(count, 12)
@@ -75,21 +86,35 @@ def contact_nodes(a: float, breaks: Sequence[float], count: int) -> Nodes:
 def tip_pressure(
     g: Shape, r: np.ndarray, a: float, breaks: Sequence[float], apex_slope: float
 ) -> np.ndarray:
-    """∫_r^a g'(t)/sqrt(t^2 - r^2) dt at radii 0 <= r < a, shape of r: pi/E* times the half-space
-    pressure; infinite at an apex with a `apex_slope`.
+    """Return ∫_r^a g'(t)/sqrt(t^2 - r^2) dt at radii 0 <= r < a, in the shape of r.
 
-    By parts about g(r), so that g' is not needed and only differences ~ (t - r) are divided: (g(a)
-    - g(r))/sqrt(a^2 - r^2) + ∫_r^a (g(t) - g(r)) t/(t^2 - r^2)^{3/2} dt, with t = r cosh y, which
-    resolves any r. More than MAX_PANELS breaks are thinned: such a tip is nearly smooth.
+    This is pi/E* times the pressure on a half-space, and infinite at an apex with a slope.
+
+    Integration by parts about g(r) avoids g' and divides only differences ~ (t - r): (g(a) -
+    g(r))/sqrt(a^2 - r^2) + ∫_r^a (g(t) - g(r)) t/(t^2 - r^2)^{3/2} dt, with t = r cosh y, which
+    resolves any r. More than MAX_PANELS slope discontinuities are thinned out: such a tip is nearly
+    smooth.
+
+    Parameters
+    ----------
+    g
+        Abel transform of the tip's profile.
+    r
+        Radii.
+    a
+        Contact radius.
+    breaks
+        Radii at which the tip's slope is discontinuous.
+    apex_slope
+        Slope of the tip at its apex.
     """
     breaks = [b for b in breaks if 0.0 < b < a]
     breaks = breaks[:: max(1, math.ceil(len(breaks) / MAX_PANELS))]
     g_edge = float(g(np.array([a]))[0])
     is_off_axis = r >= 1e-9 * a
     t, w = contact_nodes(a, breaks, TIP_INTEGRAL_POINTS)
-    on_axis = g_edge / a + float(
-        w @ (g(t) / t**2)
-    )  # ∫_0^a g'(t)/t dt of a tip that is smooth at its apex
+    # The integral ∫_0^a g'(t)/t dt of a tip that is smooth at its apex.
+    on_axis = g_edge / a + float(w @ (g(t) / t**2))
     value = np.full_like(r, math.inf if apex_slope > 0.0 else on_axis)
     off_axis_radii = r[is_off_axis]
     heights = g(off_axis_radii)
@@ -102,8 +127,9 @@ def tip_pressure(
 def _integral_by_parts(
     g: Shape, g_r: np.ndarray, a: float, r: np.ndarray, breaks: Sequence[float]
 ) -> np.ndarray:
-    """∫_r^a (g(t) - g(r)) t/(t^2 - r^2)^{3/2} dt; a tip without breaks has the same nodes below all
-    radii.
+    """Return ∫_r^a (g(t) - g(r)) t/(t^2 - r^2)^{3/2} dt at radii r.
+
+    A tip with a continuous slope has the same relative nodes for all radii.
     """
     if not breaks:
         s, w = gauss_legendre(0.0, 1.0, TIP_INTEGRAL_POINTS)
@@ -118,7 +144,7 @@ def _integral_by_parts(
 def _integral_with_breaks(
     g: Shape, g_r: np.ndarray, a: float, r: np.ndarray, breaks: Sequence[float]
 ) -> np.ndarray:
-    """What `_integral_by_parts` is at some radii, each of which has nodes of its own."""
+    """Return the integral of `_integral_by_parts` at radii each of which has its own nodes."""
     nodes = [_abel_nodes(a, radius, breaks) for radius in r]
     y, w = join_nodes(nodes)
     counts = [radius_nodes.size for radius_nodes, _ in nodes]
@@ -128,8 +154,11 @@ def _integral_with_breaks(
 
 @lru_cache(maxsize=8)
 def tip_pressure_rule(point_count: int) -> tuple[np.ndarray, ...]:
-    """Even shares r/a from 0 below 1 (places), nodes t/a and weights (places, TIP_POINTS) of
-    a ∫_r^a (g(t) - g(r)) t/(t^2 - r^2)^{3/2} dt."""
+    """Return r/a, and nodes and weights of a ∫_r^a (g(t) - g(r)) t/(t^2 - r^2)^{3/2} dt.
+
+    The fractions r/a (n,) are evenly spaced from 0 to below 1; nodes t/a and weights are (n,
+    points).
+    """
     radius_fractions = np.linspace(0.0, 1.0, point_count, endpoint=False)
     s, w = gauss_legendre(0.0, 1.0, TIP_INTEGRAL_POINTS)
     r = radius_fractions[1:, None]
@@ -145,9 +174,11 @@ def tip_pressure_rule(point_count: int) -> tuple[np.ndarray, ...]:
 
 @lru_cache(maxsize=8)
 def layer_pressure_rule(point_count: int, degree: int, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes t/a and weights (places, nodes) of -1/a ∫_r^a psi'(t)/sqrt(t^2 - r^2) dt at even shares
-    r/a, of psi'(t)/t at the nodes; a polynomial of that degree, by so many points
-    (`_LayerPart`).
+    """Return nodes and weights of -1/a ∫_r^a psi'(t)/sqrt(t^2 - r^2) dt.
+
+    The radii are evenly spaced from 0 to below a. The weights (radii, nodes) apply to psi'(t)/t at
+    the nodes t/a, through a polynomial of the given degree that is integrated with `count` Gauss
+    points (`LayerPressure`).
     """
     radius_fractions = np.linspace(0.0, 1.0, point_count, endpoint=False)[:, None]
     nodes = chebpts1(degree + 1)
@@ -159,14 +190,16 @@ def layer_pressure_rule(point_count: int, degree: int, count: int) -> tuple[np.n
 
 
 def _abel_integrand(g: Shape, g_r: np.ndarray, r: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return the integrand of `_integral_by_parts` in the variable y = arcosh(t/r)."""
     cosh = np.cosh(y)
     t = r * cosh
     return (g(t.ravel()).reshape(t.shape) - g_r) * cosh / np.sinh(y) ** 2 / r
 
 
 def _abel_nodes(a: float, r: float, breaks: Sequence[float]) -> Nodes:
-    """Nodes y = arcosh(t/r) on [0, arcosh(a/r)]; geometric panels, as a pole or a branch point may
-    be near a start.
+    """Return nodes y = arcosh(t/r) and weights on [0, arcosh(a/r)].
+
+    The panels grow geometrically, as a pole or a branch point may lie near the start of one.
     """
     end = math.acosh(a / r)
     break_below = max((b for b in breaks if b < r), default=0.0)
@@ -187,7 +220,7 @@ def _abel_nodes(a: float, r: float, breaks: Sequence[float]) -> Nodes:
 
 
 def _geometric_edges(size: float, start: float, stop: float) -> list[float]:
-    """start + size (1, 3, 9, ...) as far as it stays clearly below stop."""
+    """Return start + size (1, 3, 9, ...) as far as it stays clearly below stop."""
     count = (
         math.floor(math.log((stop - start) / (1.5 * size), 3.0)) + 1
         if stop - start > 1.5 * size
@@ -197,5 +230,6 @@ def _geometric_edges(size: float, start: float, stop: float) -> list[float]:
 
 
 def _graded_nodes(lo: float, hi: float, count: int) -> Nodes:
+    """Return Gauss nodes and weights on [lo, hi] in v with x = lo + (hi - lo) v^2."""
     v, w = gauss_legendre(0.0, 1.0, count)
     return lo + (hi - lo) * v**2, 2.0 * (hi - lo) * v * w

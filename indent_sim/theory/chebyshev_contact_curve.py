@@ -1,4 +1,13 @@
-"""Chebyshev."""
+"""Load curve interpolated by Chebyshev polynomials of the contact size.
+
+The scaled quantities of `contact_curve` are analytic functions of the contact size, which
+polynomials through few sizes approximate to rounding. The last coefficients measure the error;
+where they are not small the curve is not interpolated (tips with slope discontinuities, pressures
+whose maximum moves).
+
+delta > 0 pushes in; force, pressure > 0 push.
+Source: Trefethen (2013), Approximation Theory and Approximation Practice, chapters 3 and 8.
+"""
 
 from __future__ import annotations
 
@@ -18,41 +27,50 @@ from indent_sim.theory.solution import (
 if TYPE_CHECKING:
     from indent_sim.theory.contact_curve import ContactCurve
 
-SIZE_COUNTS = (8, 15, 29, 57, 113)  # sizes, those of each among those of the next
-# relative size of that many last coefficients once a polynomial has converged
+# Numbers of Chebyshev points that are tried in turn. The points are nested (n -> 2 n - 1), so that
+# every contact size that was solved for one number is used again for the next.
+SIZE_COUNTS = (8, 15, 29, 57, 113)
+# A polynomial has converged when its last coefficients, this many, are this small relative to the
+# largest one.
 TAIL_TOLERANCE = 2e-13
 TAIL_COEFFICIENTS = 2
-SEARCH_TOLERANCE = 1e-11  # relative, of a depth or force that a search has not found
-SIZE_COUNT_MARGIN = 2.0  # sizes by which what a few foretell may be too many
-# relative steps: the last of a search, the least of a secant; rounds
+# Relative error of a depth or force above which the search for its contact size has failed.
+SEARCH_TOLERANCE = 1e-11
+# Margin of the number of sizes that is predicted from the decay of the coefficients: smaller
+# numbers are skipped.
+SIZE_COUNT_MARGIN = 2.0
+# The secant search for sizes: relative step at which it ends, relative step below which the
+# exponent is kept, and number of steps.
 SIZE_TOLERANCE = 1e-11
 LEAST_SECANT_STEP = 1e-10
 MAX_SECANT_STEPS = 30
-PEAK_SAMPLING_STRIDE = 7  # every so many sizes it is looked where the largest pressure is
-# in a contact, where its largest pressure is looked for: it changes within h
+PEAK_SAMPLING_STRIDE = 7  # The place of the largest pressure is checked for every seventh size.
+# Points across a contact at which the largest pressure is searched for: the pressure varies over h.
 LEAST_PEAK_POINTS = 21
 PEAK_POINTS_PER_RADIUS = 8.0
-# columns of what belongs to a contact
+# Rows of the load values of a contact: depth, force, stiffness, energy.
 DEPTH_COLUMN = 0
 FORCE_COLUMN = 1
 
 
 @dataclass(frozen=True, eq=False)
 class ChebyshevContactCurve:
-    """The contacts of a theory between two sizes, which was asked for them at a few sizes [h],
-    increasing.
+    """Contacts of a load curve interpolated between the smallest and the largest of some sizes.
+
+    `sizes` [h] increase; `linear_solutions` are those of `ContactCurve.linear_solution` at each.
     """
 
     curve: ContactCurve
     sizes: np.ndarray
-    linear_solutions: Sequence[Any]  # what `LayerContact.at` says of each
+    linear_solutions: Sequence[Any]
 
     @classmethod
     def interpolate(
         cls, curve: ContactCurve, smallest: float, largest: float, max_sizes: int
     ) -> ChebyshevContactCurve | None:
-        """Contacts of a smooth tip from `smallest` to `largest` [h]; None where `max_sizes` sizes do not
-        determine them.
+        """Interpolate contacts of a smooth tip from `smallest` to `largest` [h].
+
+        None where `max_sizes` contact sizes are too few for polynomials to converge.
         """
         solution_of_size: dict[float, Any] = {}
         needed_count = 0.0
@@ -86,16 +104,16 @@ class ChebyshevContactCurve:
         return None
 
     def solutions_at_depths(self, deltas: Sequence[float]) -> list[Solution]:
-        """The contacts at depths [L] between those of the two sizes."""
+        """Return the contacts at depths [L] between those of the smallest and the largest size."""
         return self._solutions(self._find_sizes(deltas, DEPTH_COLUMN), deltas)
 
     def solutions_at_forces(self, forces: Sequence[float]) -> list[Solution]:
-        """The contacts under forces [F] between those of the two sizes."""
+        """Return the contacts under forces [F] between those of the smallest and the largest size."""
         a = self._find_sizes(forces, FORCE_COLUMN)
         return self._solutions(a, list(map(float, self._load_values(a)[DEPTH_COLUMN])))
 
     def covers(self, first: float, last: float) -> bool:
-        """Whether two depths [L] are between those of the sizes."""
+        """Return whether two depths [L] lie between those of the smallest and the largest size."""
         return bool(
             self._node_values[DEPTH_COLUMN, 0] <= first
             and last <= self._node_values[DEPTH_COLUMN, -1]
@@ -103,17 +121,18 @@ class ChebyshevContactCurve:
 
     @cached_property
     def node_solutions(self) -> list[Solution]:
-        """The contacts of the sizes."""
+        """Contacts at the interpolation nodes."""
         return [
             self.curve.solution_at_size(a, linear)
             for a, linear in zip(map(float, self.sizes), self.linear_solutions, strict=True)
         ]
 
     def solution_at_size(self, a: float) -> Solution:
-        """The contact of a size [h], solved for."""
+        """Solve the contact of a size [h] without interpolation."""
         return self.curve.solution_at_size(float(a))
 
     def _solutions(self, a: np.ndarray, deltas: Sequence[float]) -> list[Solution]:
+        """Return the interpolated contacts of sizes a [h] at their depths [L]."""
         curve = self.curve
         peak_pressures = _PeakPressures(self, a)
         solutions = []
@@ -141,11 +160,11 @@ class ChebyshevContactCurve:
         return solutions
 
     def _load_values(self, a: np.ndarray) -> np.ndarray:
-        """Depth, force, stiffness and energy of contacts of sizes (4, len(a)) [L, F, F/L, F L]."""
+        """Return depth, force, stiffness and energy (4, len(a)) [L, F, F/L, F L] of contacts."""
         return self.evaluate_polynomials(self._scaled_node_values, a) * self._load_scales(a)
 
     def _load_scales(self, a: np.ndarray) -> np.ndarray:
-        """What is taken out of depth, force, stiffness and energy (4, len(a)) [L, F, F/L, F L]."""
+        """Return Hertzian factors of depth, force, stiffness, energy (4, len(a)) [L, F, F/L, F L]."""
         curve = self.curve
         h = self.curve.h
         g = h * curve.profile(a)
@@ -154,16 +173,16 @@ class ChebyshevContactCurve:
 
     @cached_property
     def _scaled_node_values(self) -> np.ndarray:
-        """d, f, s and u at the sizes (4, sizes)."""
+        """Scaled quantities d, f, s and u at the nodes (4, sizes)."""
         return np.asarray(self._node_values / self._load_scales(self.sizes))
 
     @cached_property
     def _node_values(self) -> np.ndarray:
-        """Depth, force, stiffness and energy at the sizes (4, sizes) [L, F, F/L, F L]."""
+        """Depth, force, stiffness and energy at the nodes (4, sizes) [L, F, F/L, F L]."""
         return self.curve.load_values(self.sizes, self.linear_solutions)
 
     def evaluate_polynomials(self, values: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Polynomials through values (columns, sizes), at other sizes (columns, len(a))."""
+        """Evaluate polynomials through node values (columns, sizes) at sizes a, (columns, len(a))."""
         x = self.curve.interpolation_variable(a)
         (first, *_, last) = self.curve.interpolation_variable(self.sizes)
         angle = np.arccos(
@@ -174,8 +193,9 @@ class ChebyshevContactCurve:
         ).T
 
     def _find_sizes(self, requested: Sequence[float], column: int) -> np.ndarray:
-        """The sizes [h] at which a column of `_values` is what is asked for: secants between
-        logarithms, which set out from chords between the known sizes.
+        """Return the sizes [h] at which one row of the load values has the requested values.
+
+        Secants in logarithmic variables start from chords between the nodes.
         """
         log_requested = np.log(requested)
         smallest = self.sizes[0]
@@ -213,16 +233,14 @@ class ChebyshevContactCurve:
 
 
 class _PeakPressures:
-    """The largest pressures of contacts, of all by a polynomial where one meets them, else each
-    sought.
-    """
+    """Largest pressures of contacts: interpolated if a polynomial converges, else searched for."""
 
     def __init__(self, curve: ChebyshevContactCurve, a: np.ndarray):
         self._curve = curve
         self._a = a
 
     def peak_pressure(self, i: int) -> float:
-        """The largest pressure [F/L^2] of the i-th contact."""
+        """Return the largest pressure [F/L^2] of the i-th contact."""
         return (
             float(self._interpolated_peaks[i])
             if self._interpolated_peaks is not None
@@ -231,8 +249,9 @@ class _PeakPressures:
 
     @property
     def _are_central(self) -> bool:
-        """Whether every LOOKED_AT-th size has it there, where an even pressure is flat: then all
-        are taken to.
+        """Whether the largest pressure lies in the center, where an even pressure has slope 0.
+
+        Every PEAK_SAMPLING_STRIDE-th size is checked, and all are taken to be alike.
         """
         curve = self._curve
         stride = slice(None, None, PEAK_SAMPLING_STRIDE)
@@ -246,6 +265,7 @@ class _PeakPressures:
         return bool(np.all((p[:, 0] >= p.max(axis=1)) & (p[:, 1] > p[:, 2])))
 
     def _search_peak(self, solution: Solution) -> float:
+        """Search for the largest pressure [F/L^2] of a contact that was solved for."""
         point_count = LEAST_PEAK_POINTS + math.ceil(
             PEAK_POINTS_PER_RADIUS * solution.a / self._curve.curve.h
         )
@@ -253,7 +273,7 @@ class _PeakPressures:
 
     @cached_property
     def _interpolated_peaks(self) -> np.ndarray | None:
-        """Those of all contacts; None where no polynomial meets them."""
+        """Interpolated largest pressures of all contacts; None where no polynomial converges."""
         curve = self._curve
         contact_curve = self._curve.curve
         if self._are_central:
@@ -273,13 +293,14 @@ class _PeakPressures:
 
 
 def _field_values(curve: ContactCurve, delta: float, a: float, name: str, r: Any) -> Any:
-    """Pressure or u_z of a contact at places r, solved for when they are asked for."""
+    """Solve a contact and return its field `name`, pressure or u_z, at positions r [L]."""
     return getattr(curve.solution(delta, a), name)(r)
 
 
 def _chebyshev_points(low: float, high: float, count: int) -> list[float]:
-    """Chebyshev's points of the second kind, in order; every second one is among those of half as
-    many.
+    """Return Chebyshev points of the second kind in ascending order.
+
+    Every second one of 2 n - 1 points is one of n points.
     """
     points = 0.5 * (low + high) - 0.5 * (high - low) * np.cos(
         math.pi * np.arange(count) / (count - 1)
@@ -289,7 +310,7 @@ def _chebyshev_points(low: float, high: float, count: int) -> list[float]:
 
 @lru_cache(maxsize=len(SIZE_COUNTS))
 def _coefficient_matrix(count: int) -> np.ndarray:
-    """From values at Chebyshev's points to coefficients (count, count)."""
+    """Return the matrix (count, count) from values at Chebyshev points to coefficients."""
     k = np.arange(count)
     n = count - 1
     ends = np.where((k == 0) | (k == n), 0.5, 1.0)
@@ -297,13 +318,14 @@ def _coefficient_matrix(count: int) -> np.ndarray:
 
 
 def _tail_ratio(values: np.ndarray) -> float:
-    """The last coefficients of polynomials through values (columns, sizes), over the largest one of
-    each.
+    """Return the last coefficients of polynomials through values over the largest one of each.
+
+    `values` has the shape (columns, sizes); the result is the largest ratio.
     """
     coefficients = np.abs(_coefficients(values))
     return float((coefficients[-TAIL_COEFFICIENTS:].max(axis=0) / coefficients.max(axis=0)).max())
 
 
 def _coefficients(values: np.ndarray) -> np.ndarray:
-    """Coefficients (sizes, columns) of polynomials through values (columns, sizes)."""
+    """Return coefficients (sizes, columns) of polynomials through values (columns, sizes)."""
     return _coefficient_matrix(values.shape[1]) @ values.T

@@ -1,10 +1,9 @@
-"""Smooth kernels made of the surface compliance of a stack, and quadrature over its wavenumbers.
+"""Smooth kernels of the integral equation from the surface compliance of a stack.
 
 A pressure of wavenumber k displaces the surface by w = (2/E*) L(k)/k p, > 0 into the body; L -> 1
-is the half-space and M = 1 - L is what lies below the top layer (`stack`). All lengths in this file
-are in units of the top layer's thickness. Sources: Lebedev & Ufliand (1958), PMM 22, 442; Sneddon,
-Mixed Boundary Value Problems (1966), for the Dini sum; Abramowitz & Stegun 9.5.12 (McMahon);
-Gautschi, Orthogonal Polynomials (2004), for the discrete measure.
+is the half-space, and M = 1 - L is the effect of all below the top layer (`stack`). All lengths in
+this file are in units of the top layer's thickness. Sources: Lebedev & Ufliand (1958), PMM 22, 442;
+Sneddon, Mixed Boundary Value Problems (1966), for the Dini sum.
 """
 
 from __future__ import annotations
@@ -41,8 +40,9 @@ WALL_FORM_SWITCH = 2.0  # k W at which the wall integral changes from its split 
 
 @dataclass(frozen=True)
 class Kernel:
-    """Smooth symmetric kernel sum_j weight_j b_j(x) b_j(t), b = cos(k x), cosh(y x) exp(-y W) and
-    1.
+    """Smooth symmetric kernel sum_j weight_j b_j(x) b_j(t).
+
+    The functions b are cos(k x), cosh(y x) exp(-y W) and 1.
     """
 
     k: np.ndarray
@@ -51,24 +51,26 @@ class Kernel:
     weight: np.ndarray
 
     def basis(self, x: np.ndarray) -> np.ndarray:
-        """b_j(x), shape (modes, len(x))."""
+        """Return b_j(x), shape (modes, len(x))."""
         cosines = np.cos(np.multiply.outer(self.k, x))
         if not self.y.size:
             return cosines
-        # scaled by exp(-y W): cosh alone overflows, its product with the weight does not
+        # cosh alone overflows, its product with the weight does not: scale it by exp(-y W).
         y = self.y[:, None]
         hyperbolic = 0.5 * (np.exp(y * (x - self.wall)) + np.exp(-y * (x + self.wall)))
         return np.vstack([cosines, hyperbolic, np.ones((1, x.size))])
 
     def apply_weights(self, values: np.ndarray) -> np.ndarray:
-        """weight_j values_j of values (..., modes, n)."""
+        """Return weight_j values_j of values (..., modes, n)."""
         return self.weight[:, None] * values
 
     def solve_modes(
         self, direct: np.ndarray, projection: np.ndarray, modes_at_points: np.ndarray
     ) -> np.ndarray:
-        """m = direct + project across m (..., modes, n), by phi = across m at the points: beside a
-        wall modes are nearly dependent, and a system of theirs loses digits.
+        """Solve m = direct + projection (modes_at_points m) for modes m (..., modes, n).
+
+        The unknowns are the values at the points: beside a wall the modes are nearly dependent, and
+        a linear system of modes loses digits.
         """
         point_matrix = np.eye(projection.shape[-1]) - modes_at_points @ projection
         return np.asarray(
@@ -76,7 +78,7 @@ class Kernel:
         )
 
     def slope_over_x(self, x: np.ndarray) -> np.ndarray:
-        """b_j'(x)/x for x > 0, shape (modes, len(x)); finite as x -> 0 because every b is even."""
+        """Return b_j'(x)/x for x > 0, shape (modes, len(x)); finite as x -> 0 because every b is even."""
         k = self.k[:, None]
         cosines = -k * np.sin(k * x) / x
         if not self.y.size:
@@ -86,8 +88,9 @@ class Kernel:
         return np.vstack([cosines, hyperbolic, np.zeros((1, x.size))])
 
     def slope_integrals(self, a: np.ndarray) -> np.ndarray:
-        """∫_0^a b_j'(x)/x dx, shape (modes, len(a)): -k Si(k a) of the cosines, the others by
-        quadrature.
+        """Return ∫_0^a b_j'(x)/x dx, shape (modes, len(a)).
+
+        It is -k Si(k a) for the cosines; the other integrals are by quadrature.
         """
         from scipy.special import sici
 
@@ -101,8 +104,9 @@ class Kernel:
         return np.vstack([cosines, hyperbolic @ w * a])
 
     def surface_displacements(self, r: np.ndarray) -> np.ndarray:
-        """(2/pi) ∫_0^r b_j(x)/sqrt(r^2 - x^2) dx, shape (modes, len(r)): J0(k r), I0(y r) exp(-y W)
-        and 1.
+        """Return (2/pi) ∫_0^r b_j(x)/sqrt(r^2 - x^2) dx, shape (modes, len(r)).
+
+        These are J0(k r), I0(y r) exp(-y W) and 1.
         """
         from scipy.special import i0e, j0
 
@@ -115,31 +119,32 @@ class Kernel:
 
 @dataclass(frozen=True)
 class EvenKernel:
-    """The same kernel on [0, reach] as sum_jl matrix_jl b_j(x) b_l(t) of a few even polynomials b_j
-    = T_2j(x/reach).
+    """Kernel on [0, max_radius] as sum_jl matrix_jl b_j(x) b_l(t) of few even polynomials.
+
+    The polynomials are b_j = T_2j(x/max_radius).
     """
 
     max_radius: float
     matrix: np.ndarray
 
     def basis(self, x: np.ndarray) -> np.ndarray:
-        """b_j(x), shape (modes, len(x))."""
+        """Return b_j(x), shape (modes, len(x))."""
         return _chebyshev_values(self._chebyshev_argument(x), len(self.matrix))
 
     def apply_weights(self, values: np.ndarray) -> np.ndarray:
-        """sum_l matrix_jl values_l of values (..., modes, n)."""
+        """Return sum_l matrix_jl values_l of values (..., modes, n)."""
         return self.matrix @ values
 
     def solve_modes(
         self, direct: np.ndarray, projection: np.ndarray, modes_at_points: np.ndarray
     ) -> np.ndarray:
-        """m = direct + project across m (..., modes, n)."""
+        """Solve m = direct + projection (modes_at_points m) for modes m (..., modes, n)."""
         return np.asarray(
             np.linalg.solve(np.eye(len(self.matrix)) - projection @ modes_at_points, direct)
         )
 
     def slope_over_x(self, x: np.ndarray) -> np.ndarray:
-        """b_j'(x)/x, shape (modes, len(x))."""
+        """Return b_j'(x)/x, shape (modes, len(x))."""
         derivative_matrix = _derivative_matrix(len(self.matrix))
         return (
             4.0
@@ -151,24 +156,24 @@ class EvenKernel:
         )
 
     def slope_integrals(self, a: np.ndarray) -> np.ndarray:
-        """∫_0^a b_j'(x)/x dx, shape (modes, len(a))."""
+        """Return ∫_0^a b_j'(x)/x dx, shape (modes, len(a))."""
         x, w = gauss_legendre(0.0, 1.0, len(self.matrix))
         slopes = self.slope_over_x(np.multiply.outer(a, x).ravel())
         return np.asarray(slopes.reshape(-1, a.size, x.size) @ w * a)
 
     def _chebyshev_argument(self, x: np.ndarray) -> np.ndarray:
-        """Where Chebyshev's T_j are T_2j(x/reach)."""
+        """Return the argument of Chebyshev's T_j at which it equals T_2j(x/max_radius)."""
         return 2.0 * (x / self.max_radius) ** 2 - 1.0
 
 
 @lru_cache(maxsize=8)
 def _derivative_matrix(count: int) -> np.ndarray:
-    """Coefficients of the derivatives of T_0 to T_(count - 1), shape (count, count - 1)."""
+    """Return coefficients of the derivatives of T_0 to T_(count - 1), shape (count, count - 1)."""
     return np.ascontiguousarray(chebder(np.eye(count)).T)
 
 
 def _chebyshev_values(x: np.ndarray, count: int) -> np.ndarray:
-    """T_0 to T_(count - 1) at places, shape (count, len(x))."""
+    """Return T_0 to T_(count - 1) at arguments x, shape (count, len(x))."""
     values = np.empty((count, x.size))
     values[0] = 1.0
     values[1:2] = x
@@ -180,10 +185,10 @@ def _chebyshev_values(x: np.ndarray, count: int) -> np.ndarray:
 
 
 def contact_kernel(a: float, stack: Stack, wall: float) -> Kernel | EvenKernel:
-    """`axisymmetric_kernel` for places up to a, by few functions where that can be.
+    """Return the kernel of `axisymmetric_kernel` for radii up to a, by few polynomials if possible.
 
-    Without walls it is analytic 2 h off the axis: polynomials meet it where the contact is smaller,
-    and are cached in powers of the square root of two.
+    Without walls the kernel is analytic up to 2 h off the real axis: polynomials approximate it
+    where the contact is smaller. They are cached for radii in powers of sqrt(2).
     """
     if math.isinf(wall) and a <= MAX_EVEN_RADIUS:
         max_radius = 2.0 ** (0.5 * math.ceil(2.0 * math.log2(max(a, MIN_EVEN_RADIUS))))
@@ -194,8 +199,9 @@ def contact_kernel(a: float, stack: Stack, wall: float) -> Kernel | EvenKernel:
 
 @lru_cache(maxsize=64)
 def _polynomial_kernel(max_radius: float, stack: Stack) -> EvenKernel | None:
-    """By cos(k x) = J_0(k reach) + 2 sum_j (-1)^j J_2j(k reach) T_2j(x/reach); None where that
-    takes many.
+    """Return the kernel in even polynomials; None where it takes too many.
+
+    cos(k x) = J_0(k R) + 2 sum_j (-1)^j J_2j(k R) T_2j(x/R) with R = max_radius.
     """
     kernel = axisymmetric_kernel(max_radius, stack, math.inf)
     j = np.arange(MAX_EVEN_POLYNOMIALS)
@@ -213,10 +219,10 @@ def _polynomial_kernel(max_radius: float, stack: Stack) -> EvenKernel | None:
 
 
 def _even_bessel(x: np.ndarray, count: int) -> np.ndarray:
-    """J_0, J_2, ... of places 0 < x < 2 count, shape (count, len(x)), each to its own rounding.
+    """Return J_0, J_2, ... at 0 < x < 2 count, shape (count, len(x)), each to its own rounding.
 
     By J_n/J_(n-1) = x/(2 n - x J_(n+1)/J_n) downwards, and J_0 + 2 sum_j J_2j = 1 (Abramowitz &
-    Stegun 9.1.46, 9.1.73); scipy.special is not loaded for it.
+    Stegun 9.1.46, 9.1.73). This avoids the import of scipy.special.
     """
     last_order = 2 * count + EXTRA_BESSEL_ORDERS
     ratios = np.empty((last_order, x.size))
@@ -229,12 +235,11 @@ def _even_bessel(x: np.ndarray, count: int) -> np.ndarray:
 
 
 def axisymmetric_kernel(a: float, stack: Stack, wall: float) -> Kernel:
-    """Kernel K(x, t) of phi(x) - (2/pi) ∫_0^a phi K dt = (E*/pi)(delta - g), good for every radius
-    up to a.
+    """Return the kernel K(x, t) of phi(x) - (2/pi) ∫_0^a phi K dt = (E*/pi)(delta - g).
 
     wall = inf: K = ∫_0^inf M(s) cos(sx) cos(st) ds. With a frictionless wall at radius W the
-    integral over L becomes the Dini sum over k_n = j_{1,n}/W. Cached in powers of two, so that
-    neighbouring radii share one kernel.
+    integral over L becomes the Dini sum over k_n = j_{1,n}/W. The kernel is valid for every radius
+    up to a; it is cached for powers of two, so that neighbouring radii share one.
     """
     max_radius = 2.0 ** math.ceil(math.log2(max(a, 1.0)))
     if math.isinf(wall):
@@ -245,14 +250,16 @@ def axisymmetric_kernel(a: float, stack: Stack, wall: float) -> Kernel:
 
 @lru_cache(maxsize=64)
 def _layer_kernel(max_radius: float, stack: Stack) -> Kernel:
+    """Return the kernel of an infinitely wide layer."""
     s, w = wavenumber_nodes(max_radius, stack.min_wavenumber)
     return Kernel(s, np.empty(0), math.inf, w * stack.compliance_complement(s))
 
 
 @lru_cache(maxsize=64)
 def _cylinder_kernel(max_radius: float, clearance: float, stack: Stack, wall: float) -> Kernel:
-    """Dini sum over L, as the half-space integral + smooth terms: the equation stays of the second
-    kind.
+    """Return the Dini sum over L as the half-space integral and smooth terms.
+
+    So the integral equation stays of the second kind.
     """
     # sum_n w_n cos cos = ∫ cos cos dk + (2/pi) ∫_0^inf [K1(yW)/I1(yW) cosh cosh - 2/(yW)^2] dy, w_n
     # = 2/(k_n W^2 J0(k_n W)^2); the double pole belongs to the mean pressure of confined
@@ -275,8 +282,9 @@ def _cylinder_kernel(max_radius: float, clearance: float, stack: Stack, wall: fl
 
 @lru_cache(maxsize=64)
 def _wall_modes(clearance: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Nodes z = yW and weights of (2/pi) ∫_0^inf [K1/I1 cosh cosh - 2/z^2] dz, and the constant
-    left over.
+    """Return nodes z = yW and weights of (2/pi) ∫_0^inf [K1/I1 cosh cosh - 2/z^2] dz, and a constant.
+
+    The constant is the part of the double pole 2/z^2 that the nodes leave out.
     """
     # below CHANGE K1/I1 - ln(z/2) is even and analytic but for the pole 2/z^2; above it decays as
     # pi exp(-2z)

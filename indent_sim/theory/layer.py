@@ -1,18 +1,19 @@
-"""Frictionless indentation of a layer or a stack of layers, axisymmetric, to near machine precision
-in milliseconds.
+"""Frictionless axisymmetric indentation of a layer or a stack of layers, nearly to rounding.
 
 The pressure is written as an Abel integral over phi, which turns the mixed boundary conditions into
     phi(x) - (2/pi) ∫_0^a phi(t) K(x, t) dt = (E*/pi) (delta - g(x)),  0 <= x <= a,
-F = 2 pi ∫ phi, energy U = pi ∫ phi (delta - g), p(r) = phi(a)/sqrt(a^2-r^2) - ∫_r^a phi'(t)/sqrt(t^2-r^2) dt. The
-surface sinks by (2/E*) [∫_0^min(r,a) phi(t)/sqrt(r^2-t^2) dt - ∫_0^inf M(k) J0(kr) ∫_0^a phi cos(kt) dt dk]. K is
-analytic, so a Gauss-Legendre Nystrom rule converges exponentially. For a given contact radius a
-everything is linear: phi = delta phi_1 - phi_g, and phi(a) = 0 (smooth tips) gives delta(a); a root search inverts
-that.
+F = 2 pi ∫ phi, energy U = pi ∫ phi (delta - g),
+p(r) = phi(a)/sqrt(a^2-r^2) - ∫_r^a phi'(t)/sqrt(t^2-r^2) dt.
+The surface displacement into the body is
+    (2/E*) [∫_0^min(r,a) phi(t)/sqrt(r^2-t^2) dt - ∫_0^inf M(k) J0(kr) ∫_0^a phi cos(kt) dt dk].
+K is analytic, so a Gauss-Legendre Nystrom rule converges exponentially. For a given contact radius
+a the problem is linear: phi = delta phi_1 - phi_g, and phi(a) = 0 (smooth tips) gives delta(a); a
+root search inverts this.
 
-M is that of the stack below the tip (`stack`), and h, the unit of length, the thickness of its top
-layer. Forces are good to 1e-9 for a/h < 100 and moduli within a factor of 1000; on a half-space 1e4
-times softer than the top layer to 1e-8, 1e5 times softer to 2e-6, because digits of a stiffness are
-lost against the plate's.
+M is the compliance of the stack below the tip (`stack`); the unit of length is h, the thickness of
+the top layer. Forces are accurate to 1e-9 for a/h < 100 and moduli within a factor of 1000; on a
+half-space 1e4 times softer than the top layer to 1e-8, 1e5 times softer to 2e-6, because the
+plate's stiffness cancels digits of the half-space's.
 
 Small strain, gap at the reference radius. delta > 0 pushes in; force, pressure > 0 push. Any
 consistent units. Sources: Lebedev & Ufliand (1958), PMM 22, 442; Hayes et al. (1972), J. Biomech.
@@ -49,11 +50,13 @@ from indent_sim.theory.stack import Stack
 
 @dataclass(frozen=True)
 class _LinearSolution:
-    """The two linear solutions at one contact radius, phi = delta one - shape, in units of h and
-    E*/pi.
+    """Linear solutions at one contact radius, in units of h and E*/pi.
+
+    They add up to phi = depth unit_depth - tip_shape. `weights` are those of the quadrature points
+    at which `g`, `unit_depth` and `tip_shape` are given.
     """
 
-    weights: np.ndarray  # weights of the quadrature points of g, one and shape
+    weights: np.ndarray
     g: np.ndarray
     unit_depth: np.ndarray
     tip_shape: np.ndarray
@@ -65,25 +68,22 @@ class _LinearSolution:
 
     @property
     def indentation_of_radius(self) -> float:
-        """Depth at which phi vanishes at the edge: the depth of a smooth tip with this contact
-        radius.
-        """
+        """Depth [h] at which phi is 0 at the edge: that of a smooth tip with this contact radius."""
         return self.tip_shape_edge / self.unit_depth_edge
 
 
 class Layer(ContactCurve):
-    """A layer under a tip of revolution; with a wall, a cylinder of that radius."""
+    """Axisymmetric layer under a tip of revolution; with a wall, a cylinder of that radius."""
 
     def profile(self, x: np.ndarray) -> np.ndarray:
-        """g [h] of the tip."""
+        """Return the Abel transform g [h] of the tip's profile at radii x [h]."""
         return self.tip.g(x * self.h) / self.h
 
     def linear_solution(self, a: float) -> _LinearSolution:
-        """Solve the integral equation for unit depth and for the tip's shape at the contact radius
-        a [h].
+        """Solve the integral equation for unit depth and for the tip's shape at the radius a [h].
 
-        The tip may have corners, phi - delta + g never has: only that smooth part is unknown, on a
-        few Gauss points, while the tip enters through moments taken on its own finer points.
+        The tip may have slope discontinuities, phi - delta + g never has any: only this smooth part
+        is unknown, on a few Gauss points. The tip enters through moments on its own finer points.
         """
         kernel = contact_kernel(a, self.scaled_stack, self.wall)
         breaks = self._inner_discontinuities(a)
@@ -119,8 +119,9 @@ class Layer(ContactCurve):
         )
 
     def linear_solutions(self, sizes: Sequence[float], largest: float) -> Sequence[_LinearSolution]:
-        """As `at`, under a tip without breaks of all sizes at once, on as many points as the
-        largest needs.
+        """Solve for several contact radii at once if the tip's slope is continuous.
+
+        All radii get as many quadrature points as the largest one needs.
         """
         if self.tip.slope_discontinuities:
             return super().linear_solutions(sizes, largest)
@@ -152,7 +153,7 @@ class Layer(ContactCurve):
     def load_values(
         self, sizes: np.ndarray, linear_solutions: Sequence[_LinearSolution]
     ) -> np.ndarray:
-        """As `solution` says them, under a tip without breaks of all contacts at once."""
+        """Return depth, force, stiffness and energy of all contacts at once, as in `solution`."""
         if self.tip.slope_discontinuities:
             return super().load_values(sizes, linear_solutions)
         parts = (
@@ -173,7 +174,7 @@ class Layer(ContactCurve):
     def center_pressures(
         self, sizes: np.ndarray, linear_solutions: Sequence[_LinearSolution]
     ) -> np.ndarray:
-        """As `_pressure` says them, under a tip without breaks and corners of all contacts at once."""
+        """Return the central pressures of all contacts at once if the tip's slope is continuous."""
         if self.tip.slope_discontinuities or self.tip.apex_slope:
             return super().center_pressures(sizes, linear_solutions)
         s, w = gauss_legendre(0.0, 1.0, TIP_INTEGRAL_POINTS)
@@ -194,7 +195,7 @@ class Layer(ContactCurve):
     def pressures(
         self, sizes: np.ndarray, linear_solutions: Sequence[_LinearSolution], point_count: int
     ) -> np.ndarray:
-        """As `_pressure` says them, under a tip without breaks and corners of all contacts at once."""
+        """Return the pressures of all contacts at once if the tip's slope is continuous."""
         if self.tip.slope_discontinuities or self.tip.apex_slope:
             return super().pressures(sizes, linear_solutions, point_count)
         radius_fractions, t, tip_weights = tip_pressure_rule(point_count)
@@ -225,22 +226,24 @@ class Layer(ContactCurve):
         return self.E_star / math.pi * (tip_part + layer_part)
 
     def _profiles(self, sizes: np.ndarray, radius_fractions: np.ndarray) -> np.ndarray:
-        """g [h] at shares of contact radii (sizes, shares)."""
+        """Return g [h] at fractions of the contact radii, shape (sizes, fractions)."""
         return self.profile(np.multiply.outer(sizes, radius_fractions).ravel()).reshape(
             sizes.size, -1
         )
 
     def _inner_discontinuities(self, a: float) -> list[float]:
-        """Those of the tip inside the contact [h]."""
+        """Return the radii [h] of the tip's slope discontinuities inside the contact."""
         return [b / self.h for b in self.tip.slope_discontinuities if b / self.h < a]
 
     def _smooth_point_count(self, a: float) -> int:
-        # exponential convergence: the kernel is analytic 2h off the axis, singular where the
-        # contact meets a wall
+        # Gauss's rule converges exponentially: the kernel is analytic up to 2h off the real axis,
+        # and singular where the contact meets a wall.
+        """Return the number of Gauss points for the smooth part of phi."""
         return 20 + math.ceil(5.0 * a + 12.0 * math.sqrt(a / max(self.wall - a, 1e-4 * a)))
 
     def _tip_point_count(self, a: float) -> int:
-        # the tip's own singularity is where it ends, next to the last panel
+        # The tip's profile is singular at its end, near the last panel.
+        """Return the number of Gauss points between two slope discontinuities of the tip."""
         last_panel = a - max(self._inner_discontinuities(a), default=0.0)
         end_distance_ratio = math.sqrt(
             last_panel / max(self.tip.max_radius / self.h - a, 1e-4 * last_panel)
@@ -248,7 +251,7 @@ class Layer(ContactCurve):
         return self._smooth_point_count(a) + math.ceil(12.0 * end_distance_ratio)
 
     def solution(self, delta: float, a: float, linear: _LinearSolution | None = None) -> Solution:
-        """Turn the linear solutions at the contact radius a [h] into physical quantities."""
+        """Convert the linear solutions at the contact radius a [h] to physical quantities."""
         depth = delta / self.h
         lin = linear or self.linear_solution(a)
         phi = depth * lin.unit_depth - lin.tip_shape
@@ -271,11 +274,10 @@ class Layer(ContactCurve):
 
 
 def sneddon_force(delta: float, tip: Tip, half_space: Stack) -> float:
-    """Force [F] on a half-space by Sneddon's integral, for any tip of revolution; errors as of
-    `curve`.
+    """Return the force [F] on a half-space by Sneddon's integral, for any tip of revolution.
 
-    phi = delta - g there, so the contact radius is where g = delta: no integral equation is solved
-    to find it.
+    On a half-space phi = delta - g, so the contact radius is where g = delta: no integral equation
+    has to be solved to find it. Errors as `Layer.solutions_at_depths`.
     """
     layer = Layer.from_stack(tip, half_space)
     if tip.punch_radius is not None or delta <= 0.0:
@@ -290,9 +292,7 @@ def sneddon_force(delta: float, tip: Tip, half_space: Stack) -> float:
 def _pressure(
     layer: Layer, a: float, edge: float, layer_part: LayerPressure, r: np.ndarray
 ) -> np.ndarray:
-    """p(r) [F/L^2] from phi = delta - g + psi: the edge, the tip and the layer each add one Abel
-    integral.
-    """
+    """Return p(r) [F/L^2] from phi = delta - g + psi, as Abel integrals of edge, tip and layer."""
     inside = r < a
     radius = r[inside]
     chord = np.sqrt((a - radius) * (a + radius))
@@ -307,7 +307,7 @@ def _pressure(
 
 
 def _u_z(layer: Layer, lin: _LinearSolution, a: float, depth: float, r: np.ndarray) -> np.ndarray:
-    """u_z(r) [L]: as on a half-space under delta - g, and outside the contact what psi adds to it."""
+    """Return u_z(r) [L]: that of a half-space under delta - g, and outside that of psi, too."""
     is_beyond_wall = r > layer.wall * (1.0 + 1e-12)
     if layer._inner_discontinuities(a):
         value = np.array([_half_space_sinking(layer, a, depth, radius) for radius in r])
@@ -321,7 +321,7 @@ def _u_z(layer: Layer, lin: _LinearSolution, a: float, depth: float, r: np.ndarr
 
 
 def _smooth_sinking(layer: Layer, a: float, depth: float, r: np.ndarray) -> np.ndarray:
-    """What `_half_space_sinking` is at places r (n,) under a tip without breaks, all at once."""
+    """Return `_half_space_sinking` at radii r (n,) at once, for a tip with a continuous slope."""
     s, w = gauss_legendre(0.0, 1.0, TIP_INTEGRAL_POINTS)
     end = np.arcsin(np.minimum(a / np.maximum(r, a), 1.0))
     t = r[:, None] * np.sin(end[:, None] * s)
@@ -331,8 +331,9 @@ def _smooth_sinking(layer: Layer, a: float, depth: float, r: np.ndarray) -> np.n
 
 
 def _half_space_sinking(layer: Layer, a: float, depth: float, r: float) -> float:
-    """(2/pi) ∫_0^min(r,a) (depth - g(t))/sqrt(r^2 - t^2) dt with t = r sin(q); depth - f(r) inside
-    the contact.
+    """Return (2/pi) ∫_0^min(r,a) (depth - g(t))/sqrt(r^2 - t^2) dt [h] with t = r sin(q).
+
+    Inside the contact this is depth - f(r).
     """
     end = math.asin(a / r) if r > a else 0.5 * math.pi
     breaks = [math.asin(b / r) for b in layer._inner_discontinuities(min(r, a))]
@@ -343,8 +344,10 @@ def _half_space_sinking(layer: Layer, a: float, depth: float, r: float) -> float
 def _layer_sinking(
     layer: Layer, lin: _LinearSolution, a: float, depth: float, r: np.ndarray
 ) -> np.ndarray:
-    """(2/pi) ∫_0^a psi(t)/sqrt(r^2 - t^2) dt - sum_j modes_j (2/pi) ∫_0^r b_j(t)/sqrt(r^2 - t^2)
-    dt, r > a.
+    """Return the part of the displacement outside the contact, r > a, that the layer causes [h].
+
+    This is (2/pi) ∫_0^a psi(t)/sqrt(r^2 - t^2) dt
+    - sum_j modes_j (2/pi) ∫_0^r b_j(t)/sqrt(r^2 - t^2) dt.
     """
     kernel = axisymmetric_kernel(0.5 * (a + float(r.max())), layer.scaled_stack, layer.wall)
     breaks = layer._inner_discontinuities(a)

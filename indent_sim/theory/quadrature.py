@@ -1,4 +1,9 @@
-"""Quadrature of the layer theories."""
+"""Quadrature rules of the layer theories: Gauss-Legendre panels, wavenumbers, modes between walls.
+
+All lengths are in units of the top layer's thickness. Sources: Abramowitz & Stegun 9.5.12
+(McMahon's expansion of the zeros of J1); Gautschi, Orthogonal Polynomials (2004), for the discrete
+measure.
+"""
 
 from __future__ import annotations
 
@@ -9,17 +14,19 @@ from itertools import pairwise
 
 import numpy as np
 
-MAX_WAVENUMBER = 22.0  # M(22) < 2e-16
-POINTS_PER_PANEL = 18  # Gauss points that resolve M between s and 3 s
-POINTS_PER_PHASE = 0.6  # more of them for each unit of the phase x ds of cos(sx)
-LONGEST_PHASE = 100.0  # phase on one panel: a rule of many points is an eigenvalue problem as large
-SINGLE_MODES = 32  # modes between walls that are summed one by one
-Nodes = tuple[np.ndarray, np.ndarray]  # and their weights
+MAX_WAVENUMBER = 22.0  # The compliance M(22) is below 2e-16.
+POINTS_PER_PANEL = 18  # Gauss points that resolve M between s and 3 s.
+POINTS_PER_PHASE = 0.6  # Further Gauss points per unit of the phase x ds of cos(sx).
+# Longest phase on one panel: a Gauss rule of n points costs an eigenvalue problem of size n.
+LONGEST_PHASE = 100.0
+SINGLE_MODES = 32  # Modes between walls that are summed one by one.
+Nodes = tuple[np.ndarray, np.ndarray]  # Nodes and weights of a quadrature rule.
 
 
 def bessel_j1_zeros(numbers: np.ndarray) -> np.ndarray:
-    """Zeros of J1 by number from 1; between numbers (from SINGLE_MODES on) what McMahon's expansion
-    makes of them.
+    """Return zeros of J1 by their numbers, counted from 1.
+
+    Non-integer numbers, from SINGLE_MODES on, give the smooth continuation by McMahon's expansion.
     """
     from scipy.special import j0, j1
 
@@ -33,8 +40,9 @@ def bessel_j1_zeros(numbers: np.ndarray) -> np.ndarray:
 
 
 def wavenumber_nodes(max_radius: float, min_wavenumber: float) -> Nodes:
-    """Nodes s and weights of ∫_0^inf M(s) cos(sx) cos(st) ds for x, t <= reach: panels graded down
-    to `min_wavenumber`.
+    """Return nodes s and weights of ∫_0^inf M(s) cos(sx) cos(st) ds for x, t <= max_radius.
+
+    The panels are graded geometrically down to `min_wavenumber`.
     """
     panels = max(1, math.ceil(math.log(MAX_WAVENUMBER / min_wavenumber, 3.0)))
     edges = _split_panels(
@@ -50,9 +58,10 @@ def wavenumber_nodes(max_radius: float, min_wavenumber: float) -> Nodes:
 
 
 def wall_mode_nodes(max_radius: float, wall: float) -> Nodes:
-    """Nodes n and weights of sum_n M(k_n) cos(k_n x) cos(k_n t) for x, t <= reach, over k_n of
-    about n pi/W. The first SINGLE_MODES one by one; then, in doubling blocks, Gauss's rule for
-    the sum, exact for polynomials in n.
+    """Return nodes n and weights of sum_n M(k_n) cos(k_n x) cos(k_n t) for x, t <= max_radius.
+
+    k_n is about n pi/W. The first SINGLE_MODES modes are summed one by one; then, in doubling
+    blocks, Gauss's rule for sums is used, which is exact for polynomials in n.
     """
     last = max(1, math.ceil(MAX_WAVENUMBER * wall / math.pi))
     doubling_edges = (n for i in range(64) if (n := (SINGLE_MODES + 1) * 2**i) <= last)
@@ -71,12 +80,12 @@ def wall_mode_nodes(max_radius: float, wall: float) -> Nodes:
 
 
 def join_nodes(parts: Sequence[Nodes]) -> Nodes:
-    """Nodes and weights of all parts in one."""
+    """Concatenate the nodes and weights of several quadrature rules."""
     return np.concatenate([x for x, _ in parts]), np.concatenate([w for _, w in parts])
 
 
 def _split_panels(edges: Sequence[float], longest: float) -> list[float]:
-    """The edges, and equally many between two of them as make no panel longer."""
+    """Split panels evenly so that none is longer than `longest`."""
     parts = [
         np.linspace(lo, hi, math.ceil((hi - lo) / longest), endpoint=False)
         for lo, hi in pairwise(edges)
@@ -85,8 +94,9 @@ def _split_panels(edges: Sequence[float], longest: float) -> list[float]:
 
 
 def _gauss_sum(first: int, end: int, count: int) -> Nodes:
-    """Nodes and weights of sum_{n=first}^{end-1} f(n), exact below degree 2 count (Gautschi 2004,
-    sect. 1.5.2).
+    """Return nodes and weights of sum_{n=first}^{end-1} f(n), exact below degree 2 count.
+
+    Source: Gautschi (2004), section 1.5.2.
     """
     term_count = end - first
     if term_count <= count:
@@ -98,12 +108,12 @@ def _gauss_sum(first: int, end: int, count: int) -> Nodes:
 
 
 def gauss_legendre(lo: float, hi: float, count: int) -> Nodes:
-    """Gauss-Legendre nodes and weights on [lo, hi], each of shape (count,)."""
+    """Return Gauss-Legendre nodes and weights on [lo, hi], each of shape (count,)."""
     x, w = _legendre_rule(count)
     return 0.5 * (lo + hi) + 0.5 * (hi - lo) * x, 0.5 * (hi - lo) * w
 
 
 @lru_cache(maxsize=256)
 def _legendre_rule(count: int) -> Nodes:
-    """numpy's leggauss, kept: an eigenvalue problem of this size would dominate a solve."""
+    """Return numpy's leggauss, cached: its eigenvalue problem would dominate the cost of a solution."""
     return np.polynomial.legendre.leggauss(count)
