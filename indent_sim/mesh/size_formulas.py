@@ -1,4 +1,8 @@
-"""F."""
+"""Element sizes as expressions for gmsh's MathEval field, which has neither min nor max.
+
+All lengths are those of the scene; the sizes are those of `sizes.Sizes`. Source: Gmsh Reference
+Manual, section on mesh size fields.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,7 @@ from indent_sim.model.body import Coating, EllipsoidInclusion, Inclusion
 
 
 def size_formula(sizes: Sizes, dim: int) -> str:
-    """The element size at (x, y[, z]) as a gmsh MathEval expression (gmsh has no min or max there)."""
+    """Return the element size at (x, y[, z]) as a MathEval expression, as in `Sizes.size_at`."""
     number = "{:.12g}".format
     x, y = (*map(number, sizes.axis), "")[:2]
     r = f"Sqrt((x-({x}))^2+(y-({y}))^2)"
@@ -38,8 +42,9 @@ def size_formula(sizes: Sizes, dim: int) -> str:
 
 
 def inclusion_formula(inclusion: Inclusion, inner_size: float, grading: float, dim: int) -> str:
-    """The element size that an inclusion wants: the one inside it, growing with
-    `Inclusion.distance`, of an ellipsoid to first order.
+    """Return the element size that an inclusion asks for as a MathEval expression.
+
+    The size inside it grows with the distance from it, for an ellipsoid to first order.
     """
     number = "{:.12g}".format
     names = ("x", "0", "y") if dim == 2 else ("x", "y", "z")
@@ -61,9 +66,7 @@ def inclusion_formula(inclusion: Inclusion, inner_size: float, grading: float, d
 
 
 def coating_formula(coating: Coating, inner_size: float, grading: float) -> str:
-    """The element size that a skin wants in a section: the one inside it, growing with the distance
-    from it.
-    """
+    """Return the element size that a coating asks for in a section as a MathEval expression."""
     number = "{:.12g}".format
     rho = f"Sqrt(x^2+(y-({number(coating.center[2])}))^2)"
     distance = f"{_positive_part(f'({rho}-{number(coating.outer_radius)})')}+{_positive_part(f'({number(coating.inner_radius)}-{rho})')}"
@@ -71,8 +74,9 @@ def coating_formula(coating: Coating, inner_size: float, grading: float) -> str:
 
 
 def drained_face_formula(face: DrainedFace, axis: float, grading: float) -> str:
-    """The element size that a drained face wants in a section, of a tip whose axis is at x =
-    `axis`.
+    """Return the element size that a drained face asks for in a section as a MathEval expression.
+
+    `axis` is x of the tip's axis.
     """
     number = "{:.12g}".format
     if face.side.center is not None:
@@ -92,12 +96,15 @@ def drained_face_formula(face: DrainedFace, axis: float, grading: float) -> str:
 
 
 def _positive_part(a: str) -> str:
+    """Return the expression of max(a, 0)."""
     return f"(0.5*({a}+Abs({a})))"
 
 
 def _maximum(a: str, b: str) -> str:
+    """Return the expression of max(a, b)."""
     return f"(0.5*(({a})+({b})+Abs(({a})-({b}))))"
 
 
 def _minimum(a: str, b: str) -> str:
+    """Return the expression of min(a, b)."""
     return f"(0.5*(({a})+({b})-Abs(({a})-({b}))))"

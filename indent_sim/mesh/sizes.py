@@ -1,4 +1,7 @@
-"""The element-size field, in numpy and in the language of gmsh."""
+"""Element sizes of a mesh as a function of position.
+
+`size_formulas` holds the same function as expressions for gmsh.
+"""
 
 from __future__ import annotations
 
@@ -10,15 +13,23 @@ import numpy as np
 from indent_sim.mesh.model_domain import Side
 from indent_sim.model.body import Coating, Inclusion
 
-DOUBTFUL_ELEMENTS = 3.0  # elements per contact radius below which results are doubtful
+DOUBTFUL_ELEMENTS = 3.0  # Elements per contact radius below which results are unreliable.
 
 
 @dataclass(frozen=True)
 class DrainedFace:
-    """A drained face of a section, beside which the pressure of the fluid changes within a film.
+    """Drained face of a section, next to which the pore pressure varies in a thin boundary layer.
 
-    Elements at the face have the size h [length], up to a distance `reach` [length] from where the
-    tip touches first; from there sizes grow by `grading` along the face and away from it alike.
+    Attributes
+    ----------
+    side
+        The face.
+    h
+        Size [length] of the elements at the face within `fine_radius` of the point of first
+        contact. Beyond it sizes grow by `grading` of `Sizes`, along the face and away from it
+        alike.
+    fine_radius
+        Distance [length] from the point of first contact.
     """
 
     side: Side
@@ -28,15 +39,42 @@ class DrainedFace:
 
 @dataclass(frozen=True)
 class Sizes:
-    """Element sizes [length].
+    """Element sizes of a mesh [length], growing by `grading` per unit distance from refined regions.
 
-    h_contact inside `patch` of the tip's `axis` (x, y), growing by `grading` per unit distance
-    outside it up to h_far; around a sharp edge at radius `edge` it shrinks to h_edge, from `rubbed`
-    inside that radius on, around `corners` (r, depth) to h_corner. Where h_axis is given, sizes
-    inside the expected contact radius `a` are the share of it that the distance from the axis is,
-    but at least h_axis: so a contact of any radius down to a h_axis/h_contact finds as many
-    elements as the last one. inclusions, skins: each with the size inside it, which grows by
-    `grading` outside. films: drained faces, with h_film, the size at those next to the contact.
+    Attributes
+    ----------
+    h_contact
+        Size within `fine_radius` of the tip's axis.
+    h_far
+        Largest size.
+    fine_radius
+        Radius of the uniformly refined patch under the tip.
+    grading
+        Growth of the size per unit distance outside refined regions.
+    punch_edge, h_edge
+        Radius of a sharp edge of the tip, and the size at it.
+    h_axis, a
+        Where `h_axis` is given, the size inside the expected contact radius `a` is proportional to
+        the distance from the axis, h_contact r/a, but at least `h_axis`: a contact of any radius
+        down to a h_axis/h_contact has as many elements as the largest one.
+    corners, h_corner
+        Corner singularities (r, depth), and the size at them.
+    corner_error
+        Bound of the relative error of the force by the elements at the corners.
+    inclusions, coatings
+        Each with the size inside it.
+    drained_faces, h_film
+        Drained faces, and the size at those next to the contact.
+    edge_refinement_factor
+        Sensitivity of the force to the radius of a sharp punch, relative to a far larger body.
+    rounded_edge_width
+        Width of a punch's rounded edge where friction at finite strain needs fine elements on all
+        of it.
+    refinements
+        Uniform refinements of a mesh from a file, which gives these sizes; None: the body is
+        meshed.
+    axis
+        Position (x, y) of the tip's axis.
     """
 
     h_contact: float
@@ -49,39 +87,31 @@ class Sizes:
     a: float = 0.0
     corners: tuple[tuple[float, float], ...] = ()
     h_corner: float | None = None
-    corner_error: float = 0.0  # of the force, at most, what the elements at corners cost
+    corner_error: float = 0.0
     inclusions: tuple[tuple[Inclusion, float], ...] = ()
     coatings: tuple[tuple[Coating, float], ...] = ()
     drained_faces: tuple[DrainedFace, ...] = ()
     h_film: float | None = None
-    edge_refinement_factor: float = (
-        1.0  # how much more than on a far larger body the force feels the radius of a sharp punch
-    )
-    rounded_edge_width: float = (
-        0.0  # width of a punch's rounded edge, where friction at finite strain needs all of it fine
-    )
-    refinements: int | None = (
-        None  # of a mesh from a file, which has these sizes then; None: they are to be meshed
-    )
+    edge_refinement_factor: float = 1.0
+    rounded_edge_width: float = 0.0
+    refinements: int | None = None
     axis: tuple[float, ...] = field(kw_only=True)
 
     @property
     def typical_size(self) -> float:
-        """Between the sizes at the axis and at the edge of the contact, in the geometric mean
-        [length].
-        """
+        """Geometric mean of the sizes at the axis and at the edge of the contact [length]."""
         return (
             self.h_contact if self.h_axis is None else float(np.sqrt(self.h_axis * self.h_contact))
         )
 
     @property
     def axis_size(self) -> float:
-        """The size at the axis [length]."""
+        """Size at the axis [length]."""
         return self.h_axis or self.h_contact
 
     @property
     def min_size(self) -> float:
-        """The smallest size anywhere [length]."""
+        """Smallest size anywhere [length]."""
         local_sizes = [
             *(h for _, h in (*self.inclusions, *self.coatings)),
             *(film.h for film in self.drained_faces),
@@ -95,9 +125,7 @@ class Sizes:
 
     @property
     def refinement_points(self) -> list[tuple[float, float, float]]:
-        """(r, depth, size) [length] of the places towards which elements shrink: a punch's edge,
-        the felt corners.
-        """
+        """Points (r, depth, size) [length] towards which elements shrink: a punch's edge and corners."""
         edge_points = (
             []
             if self.punch_edge is None or self.h_edge is None
@@ -109,17 +137,17 @@ class Sizes:
 
     @property
     def size_slope(self) -> float:
-        """Growth of the size per unit distance from the axis, inside the contact, where there is
-        one.
-        """
+        """Growth of the size per unit distance from the axis inside the contact."""
         return self.h_contact / self.a
 
     def size_at(self, r: np.ndarray, depth: np.ndarray) -> np.ndarray:
-        """The element size [length] at distance r from the tip's axis and a depth, far from
-        inclusions, skins and drained faces.
+        """Return the size [length] at a distance r from the tip's axis and a depth below the surface.
+
+        Inclusions, coatings and drained faces are left out.
         """
         contact_size: Any = self.h_contact
-        if self.h_axis is not None:  # not np.clip, which costs ten times as much for one place
+        if self.h_axis is not None:
+            # np.clip would cost ten times as much for a single point.
             contact_size = np.minimum(np.maximum(self.size_slope * r, self.h_axis), self.h_contact)
         size = contact_size + self.grading * np.hypot(np.maximum(r - self.fine_radius, 0.0), depth)
         for radius, point_depth, point_size in self.refinement_points:
@@ -134,20 +162,21 @@ class Sizes:
 
     @property
     def _rounded_edge(self) -> tuple[float, float]:
-        """The middle of the rounded edge and half its width [length]."""
+        """Center and half-width [length] of the punch's rounded edge."""
         assert self.punch_edge is not None
         return self.punch_edge - self.rounded_edge_width / 2, self.rounded_edge_width / 2
 
     def elements_in_contact(self, a: float) -> float:
-        """How many elements there are in a contact radius a, judged by the one where it ends."""
+        """Return the contact radius a over the size of the element at the contact's edge."""
         return a / self.surface_size(a)
 
     def surface_size(self, r: float) -> float:
-        """The size of the elements of the surface at a distance from the contact's middle."""
+        """Return the size of surface elements at a distance r from the tip's axis."""
         return float(self.size_at(np.array(r), np.array(0.0)))
 
     def is_resolved(self, a: float) -> bool:
-        """Whether a contact of radius a is resolved; a punch's is known before, and its edge
-        refined.
+        """Return whether a contact of radius a has enough elements.
+
+        A flat punch's contact radius is known beforehand and its edge is refined, so it always is.
         """
         return self.punch_edge is not None or self.elements_in_contact(a) >= DOUBTFUL_ELEMENTS

@@ -164,7 +164,7 @@ class ChebyshevContactCurve:
         return self.evaluate_polynomials(self._scaled_node_values, a) * self._load_scales(a)
 
     def _load_scales(self, a: np.ndarray) -> np.ndarray:
-        """Return Hertzian factors of depth, force, stiffness, energy (4, len(a)) [L, F, F/L, F L]."""
+        """Return Hertzian factors of the load values (4, len(a)) [L, F, F/L, F L]."""
         curve = self.curve
         h = self.curve.h
         g = h * curve.profile(a)

@@ -25,17 +25,15 @@ from indent_sim.theory.quadrature import (
 )
 from indent_sim.theory.stack import Stack
 
-AXIS_POINTS = 64  # of an integral of cosh(y x), which has no poles, to x < W
-# least and largest reach of even polynomials [h]
+AXIS_POINTS = 64  # Gauss points of an integral of cosh(y x), an entire function, up to x < W.
+# Smallest and largest radius [h] of a kernel in even polynomials.
 MIN_EVEN_RADIUS = 2.0**-10
 MAX_EVEN_RADIUS = 2.0
-# polynomials; of the largest part of a kernel, what is left out
+# Largest number of even polynomials, and the relative size of coefficients that are left out.
 MAX_EVEN_POLYNOMIALS = 32
 EVEN_TOLERANCE = 1e-17
-EXTRA_BESSEL_ORDERS = (
-    20  # orders beyond the last one from which a recurrence of Bessel functions sets out
-)
-WALL_FORM_SWITCH = 2.0  # k W at which the wall integral changes from its split to its direct form
+EXTRA_BESSEL_ORDERS = 20  # The downward recurrence starts this many orders above the last one.
+WALL_FORM_SWITCH = 2.0  # k W at which the wall integral changes from its split to its direct form.
 
 
 @dataclass(frozen=True)
@@ -78,7 +76,7 @@ class Kernel:
         )
 
     def slope_over_x(self, x: np.ndarray) -> np.ndarray:
-        """Return b_j'(x)/x for x > 0, shape (modes, len(x)); finite as x -> 0 because every b is even."""
+        """Return b_j'(x)/x for x > 0, shape (modes, len(x)); finite as x -> 0, since b is even."""
         k = self.k[:, None]
         cosines = -k * np.sin(k * x) / x
         if not self.y.size:
@@ -261,17 +259,17 @@ def _cylinder_kernel(max_radius: float, clearance: float, stack: Stack, wall: fl
 
     So the integral equation stays of the second kind.
     """
-    # sum_n w_n cos cos = ∫ cos cos dk + (2/pi) ∫_0^inf [K1(yW)/I1(yW) cosh cosh - 2/(yW)^2] dy, w_n
-    # = 2/(k_n W^2 J0(k_n W)^2); the double pole belongs to the mean pressure of confined
-    # compression
+    # The sum is sum_n w_n cos cos
+    #     = ∫ cos cos dk + (2/pi) ∫_0^inf [K1(yW)/I1(yW) cosh cosh - 2/(yW)^2] dy
+    # with w_n = 2/(k_n W^2 J0(k_n W)^2). The double pole is the mean pressure of confined
+    # compression.
     from scipy.special import j1, y1
 
     number, weight = wall_mode_nodes(max_radius, wall)
     zeros = bessel_j1_zeros(number)
     k = zeros / wall
-    j0_squared = 4.0 / (
-        (math.pi * zeros) ** 2 * (j1(zeros) ** 2 + y1(zeros) ** 2)
-    )  # by the Wronskian; smooth in n
+    # The Wronskian gives J0^2 at the zeros of J1 as a smooth function of n.
+    j0_squared = 4.0 / ((math.pi * zeros) ** 2 * (j1(zeros) ** 2 + y1(zeros) ** 2))
     dini = 2.0 * weight * stack.compliance_complement(k) / (k * wall**2 * j0_squared)
     z, wall_weight, pole = _wall_modes(clearance)
     weight = np.concatenate(
@@ -282,15 +280,16 @@ def _cylinder_kernel(max_radius: float, clearance: float, stack: Stack, wall: fl
 
 @lru_cache(maxsize=64)
 def _wall_modes(clearance: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return nodes z = yW and weights of (2/pi) ∫_0^inf [K1/I1 cosh cosh - 2/z^2] dz, and a constant.
+    """Return nodes z = yW and weights of (2/pi) ∫_0^inf [K1/I1 cosh cosh - 2/z^2] dz.
 
-    The constant is the part of the double pole 2/z^2 that the nodes leave out.
+    The third value is the constant part of the double pole 2/z^2 that the nodes leave out.
     """
-    # below CHANGE K1/I1 - ln(z/2) is even and analytic but for the pole 2/z^2; above it decays as
-    # pi exp(-2z)
+    # Below WALL_FORM_SWITCH, K1/I1 - ln(z/2) is even and analytic but for the pole 2/z^2; above,
+    # K1/I1 decays as pi exp(-2z).
     from scipy.special import i1e, k1e
 
-    def scaled_bessel_ratio(z):  # exp(2z) K1/I1; the factor cancels those of the scaled basis
+    def scaled_bessel_ratio(z):
+        """Return exp(2z) K1/I1; the factor cancels those of the scaled basis."""
         return k1e(z) / i1e(z)
 
     z0, w0 = gauss_legendre(0.0, WALL_FORM_SWITCH, 32)

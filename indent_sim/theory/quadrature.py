@@ -115,5 +115,5 @@ def gauss_legendre(lo: float, hi: float, count: int) -> Nodes:
 
 @lru_cache(maxsize=256)
 def _legendre_rule(count: int) -> Nodes:
-    """Return numpy's leggauss, cached: its eigenvalue problem would dominate the cost of a solution."""
+    """Return numpy's leggauss, cached: its eigenvalue problem costs more than a solution."""
     return np.polynomial.legendre.leggauss(count)
