@@ -1,4 +1,4 @@
-"""Rows of a table distributed over the ranks: one slice of nearly equal length on each, in order."""
+"""Rows of a table distributed over the ranks: on each one slice of nearly equal length."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Part and element sizes -> Grid; the only file that builds with gmsh."""
+"""Mesh generation with gmsh: from a model domain and element sizes to a Grid."""
 
 from __future__ import annotations
 
@@ -24,25 +24,27 @@ from indent_sim.mesh.sizes import Sizes
 from indent_sim.process.errors import MeshError
 from indent_sim.process.ranks import is_parallel
 
-ALTERNATIVE_SIZE_FACTORS = (
-    1.1,
-    0.9,
-)  # times h_contact: tried where a part cannot be meshed, so that a message names what helps
+# Factors of h_contact that are tried where a domain cannot be meshed, to name a remedy.
+ALTERNATIVE_SIZE_FACTORS = (1.1, 0.9)
 
 
 def build_mesh(domain: ModelDomain, sizes: Sizes) -> Grid:
-    """Mesh a part with elements of these sizes.
+    """Mesh a model domain with elements of the given sizes.
 
-    Raises MeshError when gmsh fails or crashes, BackendError when it is missing.
+    Raises
+    ------
+    MeshError
+        If gmsh fails or crashes.
+    BackendError
+        If gmsh is missing.
     """
     return start_meshing(domain, sizes)()
 
 
 def start_meshing(domain: ModelDomain, sizes: Sizes) -> Callable[[], Grid]:
-    """Begin to mesh a part in the forked process; what is returned waits for the grid that `build`
-    returns.
+    """Start to mesh a domain in the mesher process and return a function that waits for the grid.
 
-    A mesh from a file is refined, without gmsh, and by a process alone here.
+    A mesh from a file is refined without gmsh, in this process unless there are several ranks.
     """
     if not isinstance(domain, ImportedDomain):
         return call_in_mesher(
@@ -54,10 +56,10 @@ def start_meshing(domain: ModelDomain, sizes: Sizes) -> Callable[[], Grid]:
 
 
 def _mesh_domain(domain: ModelDomain, sizes: Sizes, terminal: int = 0) -> Grid:
-    """The mesh of a part, with a smaller shift where gmsh fails or leaves flat cells; terminal: 1
-    where it prints.
+    """Mesh a domain, with smaller shifts of points where gmsh fails or leaves flat cells.
 
-    MeshError where none does; it says which other size at the contact was tried and can be meshed.
+    The MeshError of a domain that cannot be meshed says which other sizes at the contact were tried
+    and whether they can be meshed. `terminal` is 1 where gmsh prints.
     """
     try:
         return _mesh_with_shifts(domain, sizes, terminal)
@@ -70,12 +72,12 @@ def _mesh_domain(domain: ModelDomain, sizes: Sizes, terminal: int = 0) -> Grid:
             )
     factors = " and ".join(f"{factor:g}" for factor in ALTERNATIVE_SIZE_FACTORS)
     raise MeshError(
-        f"{message}; neither can it with a mesh.h_contact {factors} times as large, which were tried"
+        f"{message}; a mesh.h_contact {factors} times as large was tried and cannot be meshed either"
     )
 
 
 def _can_be_meshed(domain: ModelDomain, sizes: Sizes, terminal: int) -> bool:
-    """Whether a part can be meshed with other sizes."""
+    """Return whether a domain can be meshed with other sizes."""
     try:
         _mesh_with_shifts(domain, sizes, terminal)
     except MeshError:
@@ -84,13 +86,10 @@ def _can_be_meshed(domain: ModelDomain, sizes: Sizes, terminal: int) -> bool:
 
 
 def _mesh_with_shifts(domain: ModelDomain, sizes: Sizes, terminal: int) -> Grid:
-    """As `_meshed`, of these sizes alone."""
+    """Mesh a domain with the given sizes alone, with smaller and smaller random shifts of points."""
     failure = MeshError("gmsh left cells without volume")
-    for shift_factor in (
-        1.0,
-        0.1,
-        0.01,
-    ):  # 4 meshes in 10 of a strip had flat triangles at 1, none at 0.1
+    # With the factor 1, 4 of 10 meshes of a strip had flat triangles; with 0.1 none had.
+    for shift_factor in (1.0, 0.1, 0.01):
         try:
             grid = _generate_mesh(
                 domain, sizes, shift_factor * point_shift(domain, sizes), terminal
@@ -104,11 +103,12 @@ def _mesh_with_shifts(domain: ModelDomain, sizes: Sizes, terminal: int) -> Grid:
 
 
 def has_flat_cells(grid: Grid) -> bool:
-    """Whether a cell has no volume to speak of."""
+    """Return whether a cell has practically no volume."""
     return bool(is_flat(grid.points, grid.cells).any())
 
 
 def _generate_mesh(domain: ModelDomain, sizes: Sizes, shift: float, terminal: int) -> Grid:
+    """Draw a domain in a gmsh session, prescribe its sizes and mesh it."""
     with gmsh_session() as gmsh:
         gmsh.option.setNumber("General.Terminal", terminal)
         try:
@@ -131,6 +131,7 @@ def _generate_mesh(domain: ModelDomain, sizes: Sizes, shift: float, terminal: in
 
 
 def _extract_grid(gmsh: Gmsh, domain: ModelDomain, sizes: Sizes) -> Grid:
+    """Return gmsh's mesh of a domain as a Grid, without points that belong to no cell."""
     dim = domain.dim
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     _, nodes = gmsh.model.mesh.getElementsByType(2 if dim == 2 else 4)

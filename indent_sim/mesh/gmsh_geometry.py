@@ -1,4 +1,7 @@
-"""G."""
+"""Geometry of a model domain for gmsh: its outline, layers, inclusions, and the field of sizes.
+
+Source: Gmsh Reference Manual, for the built-in and the OpenCASCADE kernel.
+"""
 
 from __future__ import annotations
 

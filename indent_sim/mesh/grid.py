@@ -97,7 +97,7 @@ def map_grid(
 
 
 def _is_mappable(domain: ModelDomain) -> bool:
-    """Return whether a domain is a section with straight sides and layers and the axis at its left."""
+    """Return whether a domain is a section of layers with straight sides and the axis at its left."""
     is_straight = all(side.center is None for side in domain.outline)
     return (
         domain.dim == 2
@@ -144,7 +144,7 @@ def regions_of_cells(points: np.ndarray, cells: np.ndarray, domain: ModelDomain)
 
 
 def boundary_facets(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the facets (k, dim) that belong to one cell only, and the cell's opposite corner (k,)."""
+    """Return the facets (k, dim) of one cell only, and the opposite corner (k,) of that cell."""
     boundary = [cells[:0, 1:]]
     opposite = [cells[:0, 0]]
     for facets, cell, corner in iterate_facets(cells):

@@ -71,7 +71,7 @@ def reactions_of_whole_body(
 
 
 def _mirror_images(domain: ModelDomain, surface: str, axis: str) -> Iterable[tuple[str, int]]:
-    """Yield the name of a support on each image of the model domain, and its force's sign along an axis."""
+    """Yield a support's name on each image of the domain, and the sign of its force there."""
     for mirror_flags in product((False, True), repeat=len(domain.mirror_axes)):
         mirrored = {
             mirror_axis

@@ -39,7 +39,7 @@ class DrainedFace:
 
 @dataclass(frozen=True)
 class Sizes:
-    """Element sizes of a mesh [length], growing by `grading` per unit distance from refined regions.
+    """Element sizes of a mesh [length], which grow by `grading` outside refined regions.
 
     Attributes
     ----------
@@ -125,7 +125,7 @@ class Sizes:
 
     @property
     def refinement_points(self) -> list[tuple[float, float, float]]:
-        """Points (r, depth, size) [length] towards which elements shrink: a punch's edge and corners."""
+        """Points (r, depth, size) [length] towards which elements shrink: punch edge and corners."""
         edge_points = (
             []
             if self.punch_edge is None or self.h_edge is None
@@ -141,7 +141,7 @@ class Sizes:
         return self.h_contact / self.a
 
     def size_at(self, r: np.ndarray, depth: np.ndarray) -> np.ndarray:
-        """Return the size [length] at a distance r from the tip's axis and a depth below the surface.
+        """Return the size [length] at a distance r from the tip's axis and a depth.
 
         Inclusions, coatings and drained faces are left out.
         """

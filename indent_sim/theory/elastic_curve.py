@@ -1,4 +1,9 @@
-"""E."""
+"""Elastic load curve of a body from samples: force and contact radius as functions of the depth.
+
+ln F and ln a are cubic splines of ln delta; below the first sample the power law at that sample
+continues. delta > 0 pushes in, force > 0 pushes. Lengths [L], forces [F].
+Source: de Boor (1978), A Practical Guide to Splines, chapter 4, for cubic splines.
+"""
 
 from __future__ import annotations
 

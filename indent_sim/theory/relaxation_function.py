@@ -1,4 +1,9 @@
-"""R."""
+"""Relaxation functions G(t) = E(t)/E of linear viscoelastic materials: Prony series and power law.
+
+The force of a body of constant Poisson ratio is F(t) = ∫ G(t - s) dF_el(s), with F_el its elastic
+force, > 0 while the tip pushes. Any unit of time.
+Source: Tschoegl (1989), Phenomenological Theory of Linear Viscoelastic Behavior, chapters 3 and 4.
+"""
 
 from __future__ import annotations
 

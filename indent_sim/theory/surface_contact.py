@@ -1,4 +1,10 @@
-"""S."""
+"""Frictionless contact on a surface compliance as a linear complementarity problem.
+
+    p >= 0,  g = o + M p >= 0,  p g = 0
+for pressures p and open gaps o at surface points; p > 0 in compression, g > 0 where open.
+Sources: Wriggers, Computational Contact Mechanics (2006), section 6.5; Hintermueller, Ito & Kunisch
+(2002), SIAM J. Optim. 13, 865, for the primal-dual active sets.
+"""
 
 from __future__ import annotations
 
