@@ -21,27 +21,24 @@ from indent_sim.mesh.size_formulas import (
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.body import BallInclusion, CylinderInclusion, EllipsoidInclusion, Inclusion
 
+# Rotation axis and angle that take the seam and the poles of a ball out of all symmetry planes.
 TILT_ROTATION = (
     1.0,
     -1.0,
     0.0,
     1.0,
-)  # about this axis by this angle: seam and poles of a ball lie in no plane of symmetry then
-# points nearer to one another may change places by the shift, and then gmsh aborts: seen up to 4
+)
+# gmsh aborts where its random shift makes points change places: seen up to distances of 4 shifts.
 MIN_SPLIT_SHIFTS = 10.0
 
 
 def _cad_kernel(gmsh: Gmsh, domain: ModelDomain) -> Gmsh:
-    """The built-in CAD kernel, which knows no tolerance; OpenCASCADE where there is something to
-    cut out.
-    """
+    """Return gmsh's built-in CAD kernel, which needs no tolerance, or OpenCASCADE for inclusions."""
     return gmsh.model.occ if domain.inclusions else gmsh.model.geo
 
 
 def draw_inclusions(gmsh: Gmsh, domain: ModelDomain) -> None:
-    """Cut the inclusions out of what is drawn, as far as they are inside it, and put them in their
-    places.
-    """
+    """Cut the inclusions out of the domain, as far as they lie inside it, and put them in place."""
     occ = gmsh.model.occ
     body_entities = gmsh.model.getEntities(domain.dim)
     solids = [
@@ -53,7 +50,7 @@ def draw_inclusions(gmsh: Gmsh, domain: ModelDomain) -> None:
 
 
 def _add_inclusion(occ: Gmsh, inclusion: Inclusion, dim: int) -> int:
-    """The inclusion as a solid; in two dimensions its section y = 0, drawn in (x, y)."""
+    """Add an inclusion as a solid; in two dimensions its section y = 0, drawn in (x, y)."""
     (x, y, z) = _round_point(inclusion.center)
     (a, b, c) = _round_point(tuple(map(inclusion.half_width, range(3))))
     if isinstance(inclusion, EllipsoidInclusion):
@@ -70,11 +67,10 @@ def _add_inclusion(occ: Gmsh, inclusion: Inclusion, dim: int) -> int:
 def _add_ellipsoid(
     occ: Gmsh, center: tuple[float, ...], semi_axes: tuple[float, ...], dim: int
 ) -> int:
-    """A unit disk or ball in its place, stretched: a disk of gmsh's has its longer semi-axis along
-    x.
+    """Add an ellipsoid as a stretched unit disk or ball: gmsh's own disk is longer along x.
 
-    The ball is tilted first: OpenCASCADE 7.8 does not close a stretched one that is cut along its
-    seam or at a pole, as planes of symmetry would.
+    The ball is rotated first: OpenCASCADE 7.8 does not close a stretched one that is cut along its
+    seam or at a pole, as symmetry planes would cut it.
     """
     (x, y, z) = center
     (a, b, c) = semi_axes
@@ -87,9 +83,7 @@ def _add_ellipsoid(
 
 
 def draw_section(gmsh: Gmsh, domain: ModelDomain, sizes: Sizes) -> None:
-    """The section, its top edge split under the tip's axis and at a punch's edge; lines across it
-    part the layers.
-    """
+    """Draw a section, split at the tip's axis, a punch's edge and the interfaces between layers."""
     geo = _cad_kernel(gmsh, domain)
     split_points = [
         (_round_point(position), z, side)
@@ -111,12 +105,12 @@ def draw_section(gmsh: Gmsh, domain: ModelDomain, sizes: Sizes) -> None:
     ]
     interface_ends = [
         [k for k, (_, level, _) in enumerate(split_points) if level == z] for z in domain.interfaces
-    ]  # right, left
+    ]
     interface_lines = [
         _draw_interface(geo, domain, *((corners[k], points[k]) for k in end_indices))
         for end_indices in interface_ends
     ]
-    # each layer goes along the right side up to its upper interface, across, and down the left side
+    # The boundary of a layer goes up the right side, along its upper interface, down the left side.
     edges = zip(
         [0, *(right for right, _ in interface_ends)],
         [len(corners), *(left_index for _, left_index in interface_ends)],
@@ -132,13 +126,11 @@ def draw_section(gmsh: Gmsh, domain: ModelDomain, sizes: Sizes) -> None:
     geo.synchronize()
 
 
-Corner = tuple[tuple[float, ...], int]  # its place, and its number in gmsh
+Corner = tuple[tuple[float, ...], int]  # Position of a corner, and its tag in gmsh.
 
 
 def _draw_interface(geo: Gmsh, domain: ModelDomain, right: Corner, left: Corner) -> list[int]:
-    """The lines of a face between layers, from the right to the left: a straight one, or arcs of a
-    quarter at most.
-    """
+    """Draw an interface from right to left: a straight line, or arcs of at most a quarter circle."""
     (start, start_tag) = right
     (end, end_tag) = left
     if domain.top_radius is None:
@@ -157,7 +149,10 @@ def _draw_interface(geo: Gmsh, domain: ModelDomain, right: Corner, left: Corner)
 def _split_corners(
     domain: ModelDomain, sizes: Sizes, side: Side
 ) -> list[tuple[tuple[float, ...], float | None]]:
-    """Where a side of a section begins, and where it is split, there by which interface."""
+    """Return the points at which a side of a section begins or is split, each with its interface.
+
+    The second value is z of the interface, None where the point lies on no interface.
+    """
     if side.surface == "top":
         R = domain.top_radius
         positions = reversed(_top_split_points(domain, sizes, side.end[0], side.start[0]))
@@ -170,8 +165,9 @@ def _split_corners(
 
 
 def _top_split_points(domain: ModelDomain, sizes: Sizes, x0: float, x1: float) -> list[float]:
-    """Where the top edge is split, from left to right, but nowhere within 1e-8 of the body of a
-    corner or the axis.
+    """Return the points at which the top edge is split, from left to right.
+
+    No point lies closer to a corner or the axis than MIN_SPLIT_SHIFTS random shifts of gmsh.
     """
     min_distance = MIN_SPLIT_SHIFTS * point_shift(domain, sizes) * domain.max_extent
     positions = [round(x0, LENGTH_DIGITS), round(x1, LENGTH_DIGITS)]
@@ -187,8 +183,9 @@ def _top_split_points(domain: ModelDomain, sizes: Sizes, x0: float, x1: float) -
 
 
 def draw_box(gmsh: Gmsh, domain: ModelDomain, sizes: Sizes) -> None:
-    """A box whose top is split along a punch's edge: elements it crosses would feel a smaller
-    punch, each another.
+    """Draw a box whose top is split along a punch's edge.
+
+    Elements that the edge crosses would feel a smaller punch, each a different one.
     """
     (x0, x1), (y0, y1), (z0, z1) = map(_round_point, domain.extent)
     occ = gmsh.model.occ
@@ -208,7 +205,7 @@ def draw_box(gmsh: Gmsh, domain: ModelDomain, sizes: Sizes) -> None:
 
 
 def draw_extruded(gmsh: Gmsh, domain: ModelDomain, sizes: Sizes) -> None:
-    """The outline with its arcs, drawn on the base and pulled up to the top, layer by layer."""
+    """Draw the outline with its arcs on the base and extrude it to the top, layer by layer."""
     geo = _cad_kernel(gmsh, domain)
     base = -round(domain.height, LENGTH_DIGITS)
     arc_centers = [side.center for side in domain.outline if side.center]
@@ -219,6 +216,7 @@ def draw_extruded(gmsh: Gmsh, domain: ModelDomain, sizes: Sizes) -> None:
     }
 
     def line(side: Side) -> int:
+        """Add a side of the outline as a line or an arc."""
         ends = points[_round_point(side.start)], points[_round_point(side.end)]
         return (
             geo.addCircleArc(ends[0], points[_round_point(side.center)], ends[1])
@@ -233,12 +231,14 @@ def draw_extruded(gmsh: Gmsh, domain: ModelDomain, sizes: Sizes) -> None:
 
 
 def _round_point(point: tuple[float, ...]) -> tuple[float, ...]:
+    """Round the coordinates of a point to LENGTH_DIGITS digits."""
     return tuple(round(x, LENGTH_DIGITS) for x in point)
 
 
 def prescribe_sizes(gmsh: Gmsh, sizes: Sizes, dim: int) -> None:
-    """The smallest of what contact, inclusions, skins and drained faces want, each a field of its
-    own: a minimum doubles a formula.
+    """Set the element size to the minimum of a field for each contact, inclusion, coating and face.
+
+    Separate fields are shorter than one formula, which a minimum would double.
     """
     field = gmsh.model.mesh.field
     tags = []
@@ -262,8 +262,9 @@ def prescribe_sizes(gmsh: Gmsh, sizes: Sizes, dim: int) -> None:
 
 
 def point_shift(domain: ModelDomain, sizes: Sizes) -> float:
-    """How far gmsh may shift points, of the body's longest side; more turns cells inside out, or
-    gmsh aborts.
+    """Return gmsh's random shift of points over the body's longest side.
+
+    Larger shifts invert cells or make gmsh abort.
     """
-    # gmsh's own is 1e-9, by which no four points lie on a circle
+    # gmsh's default of 1e-9 keeps any four points from lying on a circle.
     return min(1e-9, 1e-4 * sizes.min_size / domain.max_extent)

@@ -97,7 +97,7 @@ def map_grid(
 
 
 def _is_mappable(domain: ModelDomain) -> bool:
-    """Return whether a domain is a section of layers with straight sides and the axis at its left."""
+    """Return whether a domain is a section of layers with straight sides, its axis at the left."""
     is_straight = all(side.center is None for side in domain.outline)
     return (
         domain.dim == 2

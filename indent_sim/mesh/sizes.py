@@ -125,7 +125,7 @@ class Sizes:
 
     @property
     def refinement_points(self) -> list[tuple[float, float, float]]:
-        """Points (r, depth, size) [length] towards which elements shrink: punch edge and corners."""
+        """Points (r, depth, size) [length] at which elements shrink: punch edge and corners."""
         edge_points = (
             []
             if self.punch_edge is None or self.h_edge is None

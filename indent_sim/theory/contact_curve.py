@@ -96,7 +96,7 @@ class ContactCurve(ABC):
 
     @abstractmethod
     def profile(self, x: np.ndarray) -> np.ndarray:
-        """Return an increasing shape function of the tip, about the depth [h] of a contact of size x."""
+        """Return an increasing shape function of the tip, about the depth [h] of a contact."""
 
     @abstractmethod
     def linear_solution(self, a: float) -> Any:

@@ -16,38 +16,47 @@ from scipy.linalg import cholesky, solve_triangular
 from indent_sim.theory.hankel import axisymmetric_kernel
 from indent_sim.theory.layer import Layer
 
-POINTS_PER_RADIUS = 200  # of a contact radius, on a body that theory knows
-SURFACE_MARGIN = 1.25  # of the widest contact that is expected: places beyond are there
-MAX_ACTIVE_SET_ITERATIONS = 60  # corrections of a contact that is no disc
-CONTACT_TOLERANCE = (
-    1e-12  # of the largest pressure, or gap, by which a contact may pull, or overlap
-)
+POINTS_PER_RADIUS = 200  # Points in the largest contact radius of a layer.
+SURFACE_MARGIN = 1.25  # Radius of the surface over the largest expected contact radius.
+MAX_ACTIVE_SET_ITERATIONS = 60  # Active sets that are tried for a contact that is no disc.
+# Tensile pressure or overlap that is accepted, relative to the largest pressure or gap.
+CONTACT_TOLERANCE = 1e-12
 
 
 class CandidateSetTooSmall(ValueError):
-    """The contact covers all of the surface that is known."""
+    """Error of a contact that covers all points of the surface."""
 
     def __init__(self) -> None:
         super().__init__(
-            "the contact outgrows the surface that is known: the tip comes deeper than its "
+            "the contact covers all points of the surface: the tip comes deeper than its "
             "history says"
         )
 
 
 class SearchNotConverged(ArithmeticError):
-    """A search that did not come to its end: what it has is no contact."""
+    """Error of a search that did not converge: its last state is no contact."""
 
 
 @dataclass(frozen=True)
 class RelaxingSurface:
-    """A: (n, n) compliance between weighted places, symmetric and positive definite; heights and
-    areas (n,).
+    """Compliance of a surface at points with weights, and the tip's heights above them.
 
-    `places` (n,): the radii [L] of places in their order on an axisymmetric body; its contact ends
-    by `shift` of their distance beyond where their edge pressure vanishes. Empty otherwise, where
-    the contact's area is the sum of areas, or its width in plane strain (`is_plane`). `only_discs`:
-    what stands for pressure and gap does so for discs alone. `end`: radius [L] at which the tip
-    ends, as all places do: then all of them may touch.
+    Attributes
+    ----------
+    compliance
+        Symmetric positive definite matrix (n, n) between the weighted points.
+    heights, areas
+        Weighted heights of the tip and weights of the points (n,).
+    radii
+        Radii [L] of the points of an axisymmetric body in ascending order; empty for other bodies,
+        whose contact area is the sum of areas, or its width in plane strain.
+    edge_shift
+        Distance of the contact's edge beyond the zero of the edge pressures, over the point
+        distance.
+    has_only_discs
+        Whether the unknowns stand for pressure and gap of discs only.
+    max_radius
+        Radius [L] at which tip and points end, so that all points may touch.
     """
 
     compliance: np.ndarray
@@ -61,19 +70,18 @@ class RelaxingSurface:
 
     @property
     def is_ordered(self) -> bool:
-        """Whether a contact is the first places."""
+        """Whether a contact consists of the first points."""
         return len(self.radii) > 0
 
     def contact_radius(self, p: np.ndarray) -> float:
-        """Contact radius [L] of pressures (n,) on places that have no order; half the width in
-        plane strain.
-        """
+        """Return the contact radius [L] of pressures (n,) at unordered points; half-width in plane strain."""
         area = float(self.areas[p > 0.0].sum())
         return 0.5 * area if self.is_plane_strain else float(np.sqrt(area / np.pi))
 
     def disc_radius(self, y: np.ndarray) -> float:
-        """Radius [L] of a disc from the edge pressures y (n,) of punches that end at each place: it
-        is where they change their sign.
+        """Return the radius [L] of a disc at which the edge pressures y (n,) change their sign.
+
+        y are the edge pressures of punches that end at each point.
         """
         n = int(np.argmax(y <= 0.0))
         if n == 0:
@@ -85,12 +93,11 @@ class RelaxingSurface:
 
 
 def layer_surface(contact: Layer, a: float) -> RelaxingSurface:
-    """The surface of a layer theory for contacts up to the radius a [L], in the variable of its
-    integral equation.
+    """Return the surface of a layer for contacts up to the radius a [L].
 
-    phi(x) >= 0 and delta - g(x) take the places of pressure and gap: (pi/E*)(phi - (2/pi) int K
-    phi) = delta - g, and F = 2 pi int phi. A contact that is a disc ends at the same radius in
-    both, whatever has happened outside.
+    In the variable of the layer's integral equation phi(x) >= 0 and delta - g(x) take the places of
+    pressure and gap: (pi/E*)(phi - (2/pi) ∫ K phi) = delta - g, and F = 2 pi ∫ phi. A contact that
+    is a disc ends at the same radius in both.
     """
     h = contact.h
     n = round(POINTS_PER_RADIUS * SURFACE_MARGIN)
@@ -115,10 +122,10 @@ def layer_surface(contact: Layer, a: float) -> RelaxingSurface:
 
 
 class SurfaceContactLCP:
-    """One compliance M of a surface and its contacts: p >= 0, o + M p >= 0, p (o + M p) = 0.
+    """Contacts on one surface compliance M: p >= 0, o + M p >= 0, p (o + M p) = 0.
 
-    Of the last contact found: its `radius` [L], and the force per depth `stiffness` [F/L] of what
-    touches.
+    `contact_radius` [L] and `stiffness` [F/L], the force per depth of the active points, are those
+    of the last contact.
     """
 
     def __init__(self, surface: RelaxingSurface, M: np.ndarray):
@@ -132,20 +139,26 @@ class SurfaceContactLCP:
         self.stiffness = 0.0
 
     def solve_pressures(self, open_gaps: np.ndarray) -> np.ndarray:
-        """The pressures of open gaps o (n,).
+        """Return the pressures for open gaps o (n,).
 
-        Outgrown where all places touch, Unsettled where no contact was found.
+        Raises
+        ------
+        CandidateSetTooSmall
+            If all points touch.
+        SearchNotConverged
+            If no contact was found.
         """
         p = self._solve_disc(open_gaps) if self.surface.is_ordered else None
         if p is None and self.surface.has_only_discs:
             raise SearchNotConverged(
-                "the contact is no disc, and theory knows no other (solver.method: condensed does)"
+                "the contact is no disc, which this theory requires; use solver.method: condensed"
             )
         return self._solve_active_set(open_gaps) if p is None else p
 
     def _solve_disc(self, open_gaps: np.ndarray) -> np.ndarray | None:
-        """Those of a contact on the first places: the last of n pressures has the sign of y_n, L y
-        = -o.
+        """Return the pressures of a contact on the first points; None if these are no solution.
+
+        The last of n pressures has the sign of y_n with L y = -o, L the Cholesky factor.
         """
         edge_pressures = solve_triangular(self.cholesky_factor, -open_gaps, lower=True)
         outside_points = np.flatnonzero(edge_pressures <= 0.0)
@@ -170,7 +183,7 @@ class SurfaceContactLCP:
         )
 
     def _solve_active_set(self, open_gaps: np.ndarray) -> np.ndarray:
-        """Those of any contact, by primal-dual active sets; from the last one."""
+        """Return the pressures of any contact by primal-dual active sets, starting from the last one."""
         is_active = self._is_active if self._is_active.any() else open_gaps < 0.0
         for _ in range(MAX_ACTIVE_SET_ITERATIONS):
             p, gap = self._pressures_and_gaps(open_gaps, is_active)
@@ -182,7 +195,7 @@ class SurfaceContactLCP:
             is_active = np.where(is_active, p, -gap) > 0.0
         else:
             raise SearchNotConverged(
-                f"the contact of a step did not settle in {MAX_ACTIVE_SET_ITERATIONS} corrections"
+                f"the active set did not converge in {MAX_ACTIVE_SET_ITERATIONS} iterations"
             )
         if is_active.all():
             raise CandidateSetTooSmall
@@ -198,7 +211,7 @@ class SurfaceContactLCP:
     def _pressures_and_gaps(
         self, open_gaps: np.ndarray, is_active: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The pressures that close some gaps, whatever their sign, and all gaps."""
+        """Return the pressures of either sign that close the active gaps, and all gaps."""
         active = np.flatnonzero(is_active)
         p = np.zeros(len(open_gaps))
         p[active] = self._solve_active(active, -open_gaps)
@@ -207,4 +220,5 @@ class SurfaceContactLCP:
         return p, gap
 
     def _solve_active(self, active: np.ndarray, right_side: np.ndarray) -> np.ndarray:
+        """Solve for the pressures of the active points."""
         return np.linalg.solve(self.compliance[np.ix_(active, active)], right_side[active])
