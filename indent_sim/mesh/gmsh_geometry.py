@@ -33,7 +33,7 @@ MIN_SPLIT_SHIFTS = 10.0
 
 
 def _cad_kernel(gmsh: Gmsh, domain: ModelDomain) -> Gmsh:
-    """Return gmsh's built-in CAD kernel, which needs no tolerance, or OpenCASCADE for inclusions."""
+    """Return gmsh's built-in CAD kernel, which needs no tolerance; OpenCASCADE for inclusions."""
     return gmsh.model.occ if domain.inclusions else gmsh.model.geo
 
 
@@ -130,7 +130,7 @@ Corner = tuple[tuple[float, ...], int]  # Position of a corner, and its tag in g
 
 
 def _draw_interface(geo: Gmsh, domain: ModelDomain, right: Corner, left: Corner) -> list[int]:
-    """Draw an interface from right to left: a straight line, or arcs of at most a quarter circle."""
+    """Draw an interface from right to left: a straight line, or arcs of up to a quarter circle."""
     (start, start_tag) = right
     (end, end_tag) = left
     if domain.top_radius is None:

@@ -14,21 +14,31 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
-MIN_CURVE_SAMPLES = 4  # of an elastic curve
+MIN_CURVE_SAMPLES = 4  # Samples that a cubic spline needs.
 
 
 class ElasticCurve:
-    """Force and contact radius of an elastic body over the depth, from samples: splines of their
-    logarithms.
+    """Force and contact radius of an elastic body over the depth, from splines of their logarithms.
 
-    delta [L] > 0 increasing, force [F] and a [L] (n,); below the first sample a power law goes on.
-    ValueError for too few.
+    Parameters
+    ----------
+    delta
+        Depths (n,) [L], > 0 and increasing.
+    force
+        Forces (n,) [F].
+    a
+        Contact radii (n,) [L].
+
+    Raises
+    ------
+    ValueError
+        For less than MIN_CURVE_SAMPLES samples.
     """
 
     def __init__(self, delta: np.ndarray, force: np.ndarray, a: np.ndarray):
         if len(delta) < MIN_CURVE_SAMPLES:
             raise ValueError(
-                f"{len(delta)} rows are too few to know a curve by, at least {MIN_CURVE_SAMPLES}"
+                f"{len(delta)} rows are too few for a load curve, at least {MIN_CURVE_SAMPLES}"
             )
         self.deepest = float(delta[-1])
         self._low = math.log(delta[0])
@@ -37,7 +47,7 @@ class ElasticCurve:
     def _value_and_slope(
         self, spline: CubicSpline, delta: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Value and derivative along ln delta of a spline's exponential, both 0 for delta <= 0."""
+        """Return value and derivative along ln delta of a spline's exponential; both 0 for delta <= 0."""
         delta = np.asarray(delta, dtype=float)
         x = np.log(np.where(delta > 0, delta, 1.0))
         log_depth_inside = np.maximum(x, self._low)
@@ -48,27 +58,28 @@ class ElasticCurve:
         return value, slope * value
 
     def force(self, delta: np.ndarray) -> np.ndarray:
-        """Force [F] at depths [L]."""
+        """Return the force [F] at depths [L]."""
         return self._value_and_slope(self._force, delta)[0]
 
     def stiffness(self, delta: np.ndarray) -> np.ndarray:
-        """dF/ddelta [F/L]; 0 without contact."""
+        """Return dF/ddelta [F/L] at depths [L]; 0 without contact."""
         delta = np.asarray(delta, dtype=float)
         return self._value_and_slope(self._force, delta)[1] / np.where(delta > 0, delta, 1.0)
 
     def contact_radius(self, delta: np.ndarray) -> np.ndarray:
-        """Contact radius [L] at depths [L]."""
+        """Return the contact radius [L] at depths [L]."""
         return self._value_and_slope(self._a, delta)[0]
 
     def depth_of_force(self, force: float) -> float:
-        """The depth [L] of a force [F] >= 0; ValueError where it is beyond the deepest sample."""
+        """Return the depth [L] of a force [F] >= 0; ValueError beyond the deepest sample."""
         if not 0.0 <= force <= float(self.force(np.array(self.deepest))):
             raise ValueError(f"the force {force:g} is beyond the deepest point known")
         return self._root(lambda x: float(self.force(np.array(x))) - force, self.deepest)
 
     def depth_behind_spring(self, compliance: float, z: float) -> float:
-        """The depth [L] at which delta + compliance force = z [L]; ValueError where it is beyond
-        the deepest sample.
+        """Return the depth [L] at which delta + compliance force = z [L].
+
+        ValueError beyond the deepest sample.
         """
         if z <= 0.0 or compliance == 0.0:
             return z
@@ -80,4 +91,5 @@ class ElasticCurve:
         )
 
     def _root(self, equation: Callable[[float], float], high: float) -> float:
+        """Return the root of an equation between 0 and `high`."""
         return float(brentq(equation, 0.0, high, xtol=1e-15 * high))

@@ -1,15 +1,14 @@
-"""Viscoelastic indentation from the elastic curve: Lee-Radok while the contact grows, Ting while it
-shrinks; dynamics.
+"""Viscoelastic indentation from the elastic curve: Lee-Radok for loading, Ting for unloading.
 
 A homogeneous linear body of constant Poisson ratio whose modulus relaxes as E(t) = E G(t), G(0) =
-1, has, at the time t of an approach that reached the depth delta at s(delta), and of the retraction
+1, has, at the time t of a loading that reached the depth delta at s(delta), and of the unloading
 after it,
 
     F(t) = int_0^delta_1 G(t - s(delta)) F_el'(delta) d delta,   a(t) = a_el(delta_1):
 
 delta_1 = delta(t) while the contact grows (Lee & Radok 1960); while it shrinks (Ting 1966) delta_1
-follows from int_delta_1^max G(t - s(delta)) d delta + int_retraction G(t - s) delta'(s) ds = 0.
-Exact for any shape of body and tip.
+follows from int_delta_1^max G(t - s(delta)) d delta + int_unloading G(t - s) delta'(s) ds = 0.
+This is exact for any shape of body and tip.
 
 delta > 0 pushes in, force > 0 pushes. Any unit of time.
 Sources: Lee & Radok (1960), J. Appl. Mech. 27, 438; Ting (1966), J. Appl. Mech. 33, 845.
@@ -32,8 +31,9 @@ REGROWTH_TOLERANCE = 1e-9  # of the largest depth: by more than that the contact
 
 @dataclass(frozen=True)
 class Response:
-    """What a tip feels at one time: its depth delta [L], the force [F], the contact radius a [L],
-    and the depth `elastic` [L] at which an elastic body has that contact.
+    """Response at time t: depth delta [L], force [F], contact radius a [L] and elastic depth [L].
+
+    The elastic depth is that at which an elastic body has the same contact radius.
     """
 
     t: float
@@ -44,11 +44,10 @@ class Response:
 
 
 class LeeRadokTing:
-    """The response to a history of depths that never fall before they never rise, exact by
-    quadrature.
+    """Response to a history of depths that increase and then decrease, by quadrature.
 
-    times never fall, deltas [L] are joined by straight lines; two equal times are a jump, which a
-    power law refuses.
+    `times` never decrease, `deltas` [L] are joined by straight lines; two equal times are a jump,
+    which a power law excludes.
     """
 
     def __init__(
@@ -68,7 +67,7 @@ class LeeRadokTing:
         self.deepest = float(self._depths[self._peak_index])
 
     def response_at(self, t: float, is_after_jump: bool = True) -> Response:
-        """The response at a time; at a jump after it, or before."""
+        """Return the response at a time; at a jump, that after or before it."""
         delta, k = self._depth_at(t, is_after_jump)
         elastic_depth = (
             max(delta, 0.0) if k <= self._peak_index else self._depth_while_unloading(t, delta, k)
@@ -84,7 +83,7 @@ class LeeRadokTing:
         )
 
     def _depth_at(self, t: float, is_after_jump: bool) -> tuple[float, int]:
-        """The depth at a time, and the number of the point at the end of its piece."""
+        """Return the depth at a time, and the number of the point at the end of its segment."""
         point_count = np.count_nonzero(self._times <= t if is_after_jump else self._times < t)
         if point_count == 0:  # at rest, as the history begins
             return float(self._depths[0]), 0
@@ -96,8 +95,9 @@ class LeeRadokTing:
         return float(np.interp(t, self._times[k - 1 : k + 1], self._depths[k - 1 : k + 1])), k
 
     def _loading_segments(self, low: float, high: float) -> list[tuple[float, float, float, float]]:
-        """The pieces of the approach between two depths: (depth, depth, time, time), a jump having
-        equal times.
+        """Return the segments of loading between two depths: (depth, depth, time, time).
+
+        A jump has equal times.
         """
         segments = []
         for k in range(self._peak_index):
@@ -120,7 +120,7 @@ class LeeRadokTing:
         return segments
 
     def _force(self, t: float, elastic_depth: float) -> float:
-        """int_0^elastic G(t - s) F_el' d delta, on nodes that crowd at both ends of every piece."""
+        """Return int_0^elastic G(t - s) F_el' d delta, with nodes that crowd at both ends of segments."""
         force = 0.0
         for low, high, begin, end in self._loading_segments(0.0, elastic_depth):
             u, v, w = _SEGMENT_NODES
@@ -130,14 +130,14 @@ class LeeRadokTing:
         return force
 
     def _relaxed_depth_change(self, t: float, d0: float, d1: float, t0: float, t1: float) -> float:
-        """int G(t - s) d delta over a straight piece of the path."""
+        """Return int G(t - s) d delta over a straight segment of the history."""
         if t1 == t0:
             return float((d1 - d0) * self.modulus(np.array(t - t0)))
         ages = self.modulus.integral(np.array([t - t0, max(t - t1, 0.0)]))
         return float((d1 - d0) / (t1 - t0) * (ages[0] - ages[1]))
 
     def _depth_while_unloading(self, t: float, delta: float, k: int) -> float:
-        """delta_1 of a contact that shrinks; 0 after lift-off."""
+        """Return delta_1 of a shrinking contact; 0 after lift-off."""
         d = self._depths
         s = self._times
         unloading_integral = sum(

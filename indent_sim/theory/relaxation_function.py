@@ -28,9 +28,10 @@ EXTRA_DECADES = 2.0
 
 @dataclass(frozen=True)
 class ShearRelaxation:
-    """G = `rest` + sum g_i exp(-t/tau_i); without a rest given, of what is left of 1.
+    """Prony series G = g_inf + sum g_i exp(-t/tau_i) of a relaxing shear modulus.
 
-    fractions g_i >= 0 of the instantaneous modulus and times tau_i > 0.
+    `fractions` g_i >= 0 refer to the instantaneous modulus, `times` are tau_i > 0. Without a
+    `given_long_term`, g_inf = 1 - sum g_i.
     """
 
     fractions: tuple[float, ...]
@@ -43,6 +44,7 @@ class ShearRelaxation:
         return 1.0 - sum(self.fractions) if self.given_long_term is None else self.given_long_term
 
     def _sum(self, terms: np.ndarray) -> np.ndarray:
+        """Return sum g_i terms_i."""
         return (
             np.tensordot(np.array(self.fractions), terms, axes=1)
             if self.fractions
@@ -50,35 +52,38 @@ class ShearRelaxation:
         )
 
     def __call__(self, t: np.ndarray) -> np.ndarray:
-        """G at times t >= 0."""
+        """Return G at times t >= 0."""
         t = np.asarray(t, dtype=float)
         return self.long_term + self._sum(
             np.array([np.exp(-t / tau) for tau in self.times] or [0.0 * t])
         )
 
     def integral(self, t: np.ndarray) -> np.ndarray:
-        """int_0^t G [time]."""
+        """Return int_0^t G [time]."""
         t = np.asarray(t, dtype=float)
         return self.long_term * t + self._sum(
             np.array([-tau * np.expm1(-t / tau) for tau in self.times] or [0.0 * t])
         )
 
     def complex_modulus(self, omega: float) -> complex:
-        """Storage + i loss at the angular frequency omega [1/time], over E."""
+        """Return storage + i loss modulus over E at the angular frequency omega [1/time]."""
         pairs = zip(self.fractions, self.times, strict=True)
         return self.long_term + sum(
             g * 1j * omega * tau / (1 + 1j * omega * tau) for g, tau in pairs
         )
 
     def prony_series(self, shortest: float, longest: float) -> ShearRelaxation:
-        """Itself."""
+        """Return the series itself."""
         return self
 
     def force_relaxation(self, t: np.ndarray) -> ForceRelaxation:
-        """What relaxation makes of elastic forces at times (n,), increasing: F = rest F_el + sum
-        g_i h_i, dh_i/dt = dF_el/dt - h_i/tau_i, exact where F_el is linear between the times.
+        """Return the function from elastic forces at increasing times t (n,) to relaxed ones.
+
+        F = g_inf F_el + sum g_i h_i with dh_i/dt = dF_el/dt - h_i/tau_i, exact where F_el is linear
+        between the times.
         """
-        from scipy.signal import lfilter  # which curves that are not sampled do not need
+        # Imported here because only sampled curves need it.
+        from scipy.signal import lfilter
 
         dt = np.diff(t)
         has_equal_steps = bool(len(dt)) and bool(
@@ -86,7 +91,7 @@ class ShearRelaxation:
         )
 
         def recurrence(first: float, decay: np.ndarray, gain: np.ndarray) -> np.ndarray:
-            """h_j = h_{j-1} decay_j + gain_j."""
+            """Return h_j = h_{j-1} decay_j + gain_j from the first value on."""
             if has_equal_steps:
                 return lfilter([1.0], [1.0, -decay[0]], gain, zi=np.array([decay[0] * first]))[0]
             values = np.empty(len(decay))
@@ -97,6 +102,7 @@ class ShearRelaxation:
             return values
 
         def relax_forces(elastic: np.ndarray) -> np.ndarray:
+            """Return the relaxed forces of elastic forces."""
             force_steps = np.diff(elastic)
             force = self.long_term * elastic
             for fraction, tau in zip(self.fractions, self.times, strict=True):
@@ -115,29 +121,31 @@ class ShearRelaxation:
 
 @dataclass(frozen=True)
 class PowerLaw:
-    """G = (t/time)^-exponent, 0 < exponent < 1: infinite at t = 0."""
+    """Power law G = (t/time)^-exponent with 0 < exponent < 1, infinite at t = 0."""
 
     exponent: float
     time: float
 
     def __call__(self, t: np.ndarray) -> np.ndarray:
-        """G at times t > 0."""
+        """Return G at times t > 0."""
         return (np.asarray(t, dtype=float) / self.time) ** -self.exponent
 
     def integral(self, t: np.ndarray) -> np.ndarray:
-        """int_0^t G [time]."""
+        """Return int_0^t G [time]."""
         b = self.exponent
         return self.time / (1.0 - b) * (np.asarray(t, dtype=float) / self.time) ** (1.0 - b)
 
     def complex_modulus(self, omega: float) -> complex:
-        """Storage + i loss at the angular frequency omega [1/time], over E: Gamma(1 - b) (i omega
-        time)^b.
+        """Return storage + i loss modulus over E, Gamma(1 - b) (i omega time)^b.
+
+        omega is the angular frequency [1/time].
         """
         return math.gamma(1.0 - self.exponent) * (1j * omega * self.time) ** self.exponent
 
     def prony_series(self, shortest: float, longest: float) -> ShearRelaxation:
-        """t^-b = int_0^inf s^(b-1) e^(-ts) ds/Gamma(b) by equal steps of ln s: 1e-6 between the two
-        times.
+        """Return a Prony series that is accurate to 1e-6 between the shortest and the longest time.
+
+        t^-b = int_0^inf s^(b-1) e^(-ts) ds/Gamma(b), integrated with equal steps of ln s.
         """
         b = self.exponent
         step = math.log(10.0) / EXPONENTIALS_PER_DECADE
@@ -153,9 +161,7 @@ class PowerLaw:
         )
 
     def force_relaxation(self, t: np.ndarray) -> ForceRelaxation:
-        """What relaxation makes of elastic forces at times (n,), increasing, as a sum of
-        exponentials does.
-        """
+        """Return the function from elastic forces at increasing times t (n,) to relaxed ones."""
         span = max(float(np.ptp(t)), 1e-300)
         return self.prony_series(
             SHORTEST_TIME_FRACTION * span / max(len(t) - 1, 1), span

@@ -74,7 +74,10 @@ class RelaxingSurface:
         return len(self.radii) > 0
 
     def contact_radius(self, p: np.ndarray) -> float:
-        """Return the contact radius [L] of pressures (n,) at unordered points; half-width in plane strain."""
+        """Return the contact radius [L] of pressures (n,) at unordered points.
+
+        In plane strain this is half the width.
+        """
         area = float(self.areas[p > 0.0].sum())
         return 0.5 * area if self.is_plane_strain else float(np.sqrt(area / np.pi))
 
@@ -183,7 +186,7 @@ class SurfaceContactLCP:
         )
 
     def _solve_active_set(self, open_gaps: np.ndarray) -> np.ndarray:
-        """Return the pressures of any contact by primal-dual active sets, starting from the last one."""
+        """Return the pressures of any contact by primal-dual active sets, from the last one on."""
         is_active = self._is_active if self._is_active.any() else open_gaps < 0.0
         for _ in range(MAX_ACTIVE_SET_ITERATIONS):
             p, gap = self._pressures_and_gaps(open_gaps, is_active)

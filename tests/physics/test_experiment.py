@@ -508,7 +508,7 @@ def test_a_step_that_finds_no_contact_ends_the_run(monkeypatch: pytest.MonkeyPat
     base = scene_of(STRIP, {"relaxation": SLOW, "history": TWICE}, "solver.method=condensed")
     body = pipeline.condense(base).equilibrium
     monkeypatch.setattr(surface_contact, "MAX_ACTIVE_SET_ITERATIONS", 1)
-    with pytest.raises(NotConverged, match="did not settle"):
+    with pytest.raises(NotConverged, match="did not converge"):
         evaluate_with_units(base, body)
 
 
