@@ -161,7 +161,7 @@ class Rings:
             )
 
         def is_slip_admissible(k: int) -> bool:
-            """Return whether the rings before k stick, so that ring k - 1 would not have to slip."""
+            """Return whether the rings before k stick, ring k - 1 without need to slip."""
             return k == 0 or bool(slip_equations[k - 1] @ solve_slip_from(k) <= 0.0)
 
         k = bisect_left(range(n), True, key=lambda ring: not is_slip_admissible(ring + 1))

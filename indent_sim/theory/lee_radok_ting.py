@@ -120,7 +120,7 @@ class LeeRadokTing:
         return segments
 
     def _force(self, t: float, elastic_depth: float) -> float:
-        """Return int_0^elastic G(t - s) F_el' d delta, with nodes that crowd at both ends of segments."""
+        """Return int_0^elastic G(t - s) F_el' d delta, with nodes graded to the ends of segments."""
         force = 0.0
         for low, high, begin, end in self._loading_segments(0.0, elastic_depth):
             u, v, w = _SEGMENT_NODES
