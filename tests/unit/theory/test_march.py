@@ -7,9 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from indent_sim.theory import chebyshev_contact_curve, profiles
-from indent_sim.theory.chebyshev_contact_curve import ChebyshevContactCurve
-from indent_sim.theory.contact_curve import ContactCurve
+from indent_sim.theory import contact_curve, profiles
+from indent_sim.theory.contact_curve import ChebyshevContactCurve, ContactCurve
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.solution import Solution
 from indent_sim.theory.stack import Stack, StackLayer
@@ -134,7 +133,7 @@ def test_a_depth_that_is_no_number_is_refused_among_many(wrong):
 def test_a_depth_that_is_not_found_is_an_error(monkeypatch):
     """Nothing is returned for it: a theory whose depths are not found together is asked for each."""
     contact, deepest = SMOOTH["a film much thinner than the contact"]
-    monkeypatch.setattr(chebyshev_contact_curve, "MAX_SECANT_STEPS", 1)
+    monkeypatch.setattr(contact_curve, "MAX_SECANT_STEPS", 1)
     with pytest.raises(ArithmeticError, match="not found"):
         contact.solutions_at_depths(list(deepest * np.arange(1, 121) / 120))
 

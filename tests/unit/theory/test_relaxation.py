@@ -218,7 +218,7 @@ def test_what_does_not_settle_is_no_pressure(monkeypatch: pytest.MonkeyPatch) ->
         )
     monkeypatch.setattr(surface_contact, "MAX_ACTIVE_SET_ITERATIONS", 1)
     other = RelaxingSurface(disc.compliance, disc.heights, disc.areas)
-    with pytest.raises(SearchNotConverged, match="1 corrections"):
+    with pytest.raises(SearchNotConverged, match="1 iterations"):
         SurfaceContactLCP(other, other.compliance).solve_pressures(disc.heights - 0.01 * disc.areas)
     monkeypatch.setattr(viscoelastic_stepping, "MAX_SEARCH_STEPS", 1)
     with pytest.raises(SearchNotConverged, match="was not found"):
