@@ -14,11 +14,11 @@ import threading
 import time
 from pathlib import Path
 
-from indent_sim.mesh import gmsh
+from indent_sim.mesh import gmsh, mesher_process
 from indent_sim.process.ranks import is_root, run_on_root
 
 if is_root():
-    gmsh.start_mesher()  # as `indent-sim run` does, before MPI is up
+    mesher_process.start_mesher()  # as `indent-sim run` does, before MPI is up
 
 from mpi4py import MPI
 

@@ -42,7 +42,7 @@ from indent_sim.run.error_estimation.coarser_run import (
 from indent_sim.run.pipeline import simulate, states
 from indent_sim.scene.problem_definition import CREASING_STRETCH
 from indent_sim.scene.scene import resolve
-from indent_sim.theory.poroelasticity import drained_length
+from indent_sim.theory.drained_layer import drained_length
 
 QUIET = {"fields": "none", "surface": "none", "plot": False}
 TERMS = 4000  # of the disc's series: at D t = 5e-8 a^2 the last has fallen by e^-8

@@ -1,1 +1,1 @@
-"""The mesh of a body: element sizes, gmsh, points and cells."""
+"""Meshes of bodies: model domain, element sizes, mesh generation with gmsh, imported meshes."""

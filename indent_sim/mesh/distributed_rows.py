@@ -1,6 +1,4 @@
-"""Rows of a table divided among the ranks: one slice on each, about as long as every other, in
-their order.
-"""
+"""Rows of a table distributed over the ranks: on each one slice of nearly equal length."""
 
 from __future__ import annotations
 
@@ -8,14 +6,14 @@ from typing import Any
 
 import numpy as np
 
-Comm = Any  # a communicator of mpi4py
+Comm = Any  # A communicator of mpi4py.
 
 
 def scatter_rows(comm: Comm, table: np.ndarray | None) -> np.ndarray:
-    """This rank's slice of a table (n, ...) that rank 0 can read, sent one after the other
-    (collective).
+    """Send each rank its slice of a table (n, ...) that rank 0 can read (collective).
 
-    A table in a file is never in memory as a whole.
+    The slices are sent one after the other, so that a table in a file is never in memory as a
+    whole.
     """
     (count, *row_shape), dtype = comm.bcast(
         (table.shape, table.dtype.str) if table is not None else None, root=0
@@ -27,9 +25,8 @@ def scatter_rows(comm: Comm, table: np.ndarray | None) -> np.ndarray:
         )
         comm.Recv(local_rows, source=0)
         return local_rows
-    for rank in range(
-        1, comm.size
-    ):  # gmsh's own arrays have a type, though of floats, that mpi4py does not know
+    for rank in range(1, comm.size):
+        # gmsh's float arrays have a type that mpi4py does not know: view them as the numpy type.
         comm.Send(
             np.ascontiguousarray(table[slice_ends[rank] : slice_ends[rank + 1]]).view(dtype),
             dest=rank,
@@ -38,8 +35,9 @@ def scatter_rows(comm: Comm, table: np.ndarray | None) -> np.ndarray:
 
 
 def fetch_rows(comm: Comm, local_rows: np.ndarray, row_numbers: np.ndarray) -> np.ndarray:
-    """Rows by their numbers in a table whose slices are `local_rows`, from the ranks that have them
-    (collective).
+    """Return rows of a distributed table by their numbers (collective).
+
+    `local_rows` is this rank's slice; the rows come from the ranks that have them.
     """
     slice_ends = _slice_ends(comm, comm.allreduce(len(local_rows)))
     owner = np.searchsorted(slice_ends, row_numbers, side="right") - 1
@@ -56,5 +54,5 @@ def fetch_rows(comm: Comm, local_rows: np.ndarray, row_numbers: np.ndarray) -> n
 
 
 def _slice_ends(comm: Comm, count: int) -> np.ndarray:
-    """The row at which the slice of each rank begins, and the end of the last (ranks + 1,)."""
+    """Return the first row of each rank's slice, and the end of the last one (ranks + 1,)."""
     return np.arange(comm.size + 1) * count // comm.size

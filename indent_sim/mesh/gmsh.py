@@ -1,72 +1,50 @@
-"""Part and element sizes -> Grid; the only file that builds with gmsh."""
+"""Mesh generation with gmsh: from a model domain and element sizes to a Grid."""
 
 from __future__ import annotations
 
-import signal
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from itertools import pairwise
-from typing import Any, TypeVar
 
 import numpy as np
 
-from indent_sim.mesh.grid import LENGTH_DIGITS, Grid, is_flat, named_surfaces, regions_of_cells
+from indent_sim.mesh.gmsh_geometry import (
+    draw_box,
+    draw_extruded,
+    draw_inclusions,
+    draw_section,
+    point_shift,
+    prescribe_sizes,
+)
+from indent_sim.mesh.grid import Grid, is_flat, named_surfaces, regions_of_cells
 from indent_sim.mesh.imported_domain import ImportedDomain, refine_domain
-from indent_sim.mesh.model_domain import ModelDomain, Side
-from indent_sim.mesh.sizes import (
-    Sizes,
-    coating_formula,
-    drained_face_formula,
-    inclusion_formula,
-    size_formula,
-)
-from indent_sim.model.inclusions import (
-    BallInclusion,
-    CylinderInclusion,
-    EllipsoidInclusion,
-    Inclusion,
-)
-from indent_sim.process.errors import BackendError, MeshError
-from indent_sim.process.forked_process import ForkedProcess, ProcessCrash
+from indent_sim.mesh.mesher_process import Gmsh, call_in_mesher, gmsh_session
+from indent_sim.mesh.model_domain import ModelDomain
+from indent_sim.mesh.sizes import Sizes
+from indent_sim.process.errors import MeshError
 from indent_sim.process.ranks import is_parallel
 
-T = TypeVar("T")
-Gmsh = Any  # the module, which is loaded where it meshes alone, or one of its kernels
-ALTERNATIVE_SIZE_FACTORS = (
-    1.1,
-    0.9,
-)  # times h_contact: tried where a part cannot be meshed, so that a message names what helps
-GMSH_OPTIONS = {
-    "General.Terminal": 0,
-    "General.Verbosity": 1,
-    "General.NumThreads": 1,
-}  # says errors alone
-GMSH_OPTIONS |= {"Mesh.MeshSizeExtendFromBoundary": 0, "Mesh.MeshSizeFromPoints": 0}
-TILT_ROTATION = (
-    1.0,
-    -1.0,
-    0.0,
-    1.0,
-)  # about this axis by this angle: seam and poles of a ball lie in no plane of symmetry then
-# points nearer to one another may change places by the shift, and then gmsh aborts: seen up to 4
-MIN_SPLIT_SHIFTS = 10.0
+# Factors of h_contact that are tried where a domain cannot be meshed, to name a remedy.
+ALTERNATIVE_SIZE_FACTORS = (1.1, 0.9)
 
 
 def build_mesh(domain: ModelDomain, sizes: Sizes) -> Grid:
-    """Mesh a part with elements of these sizes.
+    """Mesh a model domain with elements of the given sizes.
 
-    Raises MeshError when gmsh fails or crashes, BackendError when it is missing.
+    Raises
+    ------
+    MeshError
+        If gmsh fails or crashes.
+    BackendError
+        If gmsh is missing.
     """
     return start_meshing(domain, sizes)()
 
 
 def start_meshing(domain: ModelDomain, sizes: Sizes) -> Callable[[], Grid]:
-    """Begin to mesh a part in the forked process; what is returned waits for the grid that `build`
-    returns.
+    """Start to mesh a domain in the mesher process and return a function that waits for the grid.
 
-    A mesh from a file is refined, without gmsh, and by a process alone here.
+    A mesh from a file is refined without gmsh, in this process unless there are several ranks.
     """
     if not isinstance(domain, ImportedDomain):
         return call_in_mesher(
@@ -77,46 +55,11 @@ def start_meshing(domain: ModelDomain, sizes: Sizes) -> Callable[[], Grid]:
     return call_in_mesher("the mesh could not be refined", refine_domain, domain, sizes)
 
 
-def call_in_mesher(
-    failure: str, function: Callable[..., T], *arguments: object, **child_arguments: object
-) -> Callable[[], T]:
-    """Begin a call in the forked process, told `child_arguments` too; what is returned waits for what it
-    gives.
-
-    On several ranks the arrays stay in a temporary file, from which they are divided; a process is
-    not forked once MPI may be up, and without room for one this process does it. MeshError where it
-    crashes, with `failure` as its words.
-    """
-    call = partial(function, *arguments)
-    if not _mesher.is_running and is_parallel():
-        return call
-    try:
-        wait_for_result = _mesher.begin_call(partial(call, **child_arguments), mapped=is_parallel())
-    except OSError:
-        return call
-
-    def wait_for_mesh() -> T:
-        try:
-            return wait_for_result()
-        except ProcessCrash as crash:
-            raise MeshError(f"{failure}: its process {crash}") from None
-
-    return wait_for_mesh
-
-
-def start_mesher() -> None:
-    """Fork the process that meshes, best before MPI is up; it loads gmsh, which the first mesh
-    would wait for.
-    """
-    with suppress(OSError):
-        _mesher.start()
-
-
 def _mesh_domain(domain: ModelDomain, sizes: Sizes, terminal: int = 0) -> Grid:
-    """The mesh of a part, with a smaller shift where gmsh fails or leaves flat cells; terminal: 1
-    where it prints.
+    """Mesh a domain, with smaller shifts of points where gmsh fails or leaves flat cells.
 
-    MeshError where none does; it says which other size at the contact was tried and can be meshed.
+    The MeshError of a domain that cannot be meshed says which other sizes at the contact were tried
+    and whether they can be meshed. `terminal` is 1 where gmsh prints.
     """
     try:
         return _mesh_with_shifts(domain, sizes, terminal)
@@ -129,12 +72,12 @@ def _mesh_domain(domain: ModelDomain, sizes: Sizes, terminal: int = 0) -> Grid:
             )
     factors = " and ".join(f"{factor:g}" for factor in ALTERNATIVE_SIZE_FACTORS)
     raise MeshError(
-        f"{message}; neither can it with a mesh.h_contact {factors} times as large, which were tried"
+        f"{message}; a mesh.h_contact {factors} times as large was tried and cannot be meshed either"
     )
 
 
 def _can_be_meshed(domain: ModelDomain, sizes: Sizes, terminal: int) -> bool:
-    """Whether a part can be meshed with other sizes."""
+    """Return whether a domain can be meshed with other sizes."""
     try:
         _mesh_with_shifts(domain, sizes, terminal)
     except MeshError:
@@ -143,16 +86,13 @@ def _can_be_meshed(domain: ModelDomain, sizes: Sizes, terminal: int) -> bool:
 
 
 def _mesh_with_shifts(domain: ModelDomain, sizes: Sizes, terminal: int) -> Grid:
-    """As `_meshed`, of these sizes alone."""
+    """Mesh a domain with the given sizes alone, with ever smaller random shifts of points."""
     failure = MeshError("gmsh left cells without volume")
-    for shift_factor in (
-        1.0,
-        0.1,
-        0.01,
-    ):  # 4 meshes in 10 of a strip had flat triangles at 1, none at 0.1
+    # With the factor 1, 4 of 10 meshes of a strip had flat triangles; with 0.1 none had.
+    for shift_factor in (1.0, 0.1, 0.01):
         try:
             grid = _generate_mesh(
-                domain, sizes, shift_factor * _point_shift(domain, sizes), terminal
+                domain, sizes, shift_factor * point_shift(domain, sizes), terminal
             )
         except MeshError as error:
             failure = error
@@ -163,25 +103,24 @@ def _mesh_with_shifts(domain: ModelDomain, sizes: Sizes, terminal: int) -> Grid:
 
 
 def has_flat_cells(grid: Grid) -> bool:
-    """Whether a cell has no volume to speak of."""
+    """Return whether a cell has practically no volume."""
     return bool(is_flat(grid.points, grid.cells).any())
 
 
 def _generate_mesh(domain: ModelDomain, sizes: Sizes, shift: float, terminal: int) -> Grid:
-    with _gmsh_session() as gmsh:
+    """Draw a domain in a gmsh session, prescribe its sizes and mesh it."""
+    with gmsh_session() as gmsh:
         gmsh.option.setNumber("General.Terminal", terminal)
         try:
-            draw = (
-                _draw_section
-                if domain.dim == 2
-                else _draw_extruded
-                if domain.wall_radius
-                else _draw_box
-            )
-            draw(gmsh, domain, sizes)
+            if domain.dim == 2:
+                draw_section(gmsh, domain, sizes)
+            elif domain.wall_radius:
+                draw_extruded(gmsh, domain, sizes)
+            else:
+                draw_box(gmsh, domain, sizes)
             if domain.inclusions:
-                _draw_inclusions(gmsh, domain)
-            _prescribe_sizes(gmsh, sizes, domain.dim)
+                draw_inclusions(gmsh, domain)
+            prescribe_sizes(gmsh, sizes, domain.dim)
             gmsh.option.setNumber("Mesh.RandomFactor", shift)
             gmsh.model.mesh.generate(domain.dim)
         except Exception as failure:  # gmsh raises bare Exceptions
@@ -189,278 +128,8 @@ def _generate_mesh(domain: ModelDomain, sizes: Sizes, shift: float, terminal: in
         return _extract_grid(gmsh, domain, sizes)
 
 
-def _load_gmsh() -> None:
-    with _gmsh_session():
-        pass
-
-
-_mesher = ForkedProcess(
-    lambda call: call(), _load_gmsh
-)  # one for this process, as gmsh is; keeps what gmsh prints for a crash
-
-
-@contextmanager
-def _gmsh_session() -> Iterator[Gmsh]:
-    handler = signal.getsignal(
-        signal.SIGINT
-    )  # importing, initialising and finalising gmsh each take it away
-    try:
-        import gmsh
-    except ImportError as missing:
-        raise BackendError(
-            f"gmsh is missing ({missing}); install the packages of packages-debian.txt"
-        ) from missing
-    gmsh.initialize([], False)  # no user configuration: the mesh depends on the scene alone
-    try:
-        signal.signal(signal.SIGINT, handler)
-        for option, value in GMSH_OPTIONS.items():
-            gmsh.option.setNumber(option, value)
-        gmsh.model.add("indent-sim")
-        yield gmsh
-    finally:
-        gmsh.finalize()
-        signal.signal(signal.SIGINT, handler)
-
-
-def _cad_kernel(gmsh: Gmsh, domain: ModelDomain) -> Gmsh:
-    """The built-in CAD kernel, which knows no tolerance; OpenCASCADE where there is something to
-    cut out.
-    """
-    return gmsh.model.occ if domain.inclusions else gmsh.model.geo
-
-
-def _draw_inclusions(gmsh: Gmsh, domain: ModelDomain) -> None:
-    """Cut the inclusions out of what is drawn, as far as they are inside it, and put them in their
-    places.
-    """
-    occ = gmsh.model.occ
-    body_entities = gmsh.model.getEntities(domain.dim)
-    solids = [
-        (domain.dim, _add_inclusion(occ, inclusion, domain.dim)) for inclusion in domain.inclusions
-    ]
-    inner_solids, _ = occ.intersect(solids, body_entities, removeTool=False)
-    occ.fragment(body_entities, inner_solids)
-    occ.synchronize()
-
-
-def _add_inclusion(occ: Gmsh, inclusion: Inclusion, dim: int) -> int:
-    """The inclusion as a solid; in two dimensions its section y = 0, drawn in (x, y)."""
-    (x, y, z) = _round_point(inclusion.center)
-    (a, b, c) = _round_point(tuple(map(inclusion.half_width, range(3))))
-    if isinstance(inclusion, EllipsoidInclusion):
-        return _add_ellipsoid(occ, (x, y, z), (a, b, c), dim)
-    if isinstance(inclusion, BallInclusion):
-        return int(occ.addDisk(x, z, 0.0, a, a) if dim == 2 else occ.addSphere(x, y, z, a))
-    if dim == 2:
-        return int(occ.addRectangle(x - a, z - c, 0.0, 2 * a, 2 * c))
-    if isinstance(inclusion, CylinderInclusion):
-        return int(occ.addCylinder(x, y, z - c, 0.0, 0.0, 2 * c, a))
-    return int(occ.addBox(x - a, y - b, z - c, 2 * a, 2 * b, 2 * c))
-
-
-def _add_ellipsoid(
-    occ: Gmsh, center: tuple[float, ...], semi_axes: tuple[float, ...], dim: int
-) -> int:
-    """A unit disk or ball in its place, stretched: a disk of gmsh's has its longer semi-axis along
-    x.
-
-    The ball is tilted first: OpenCASCADE 7.8 does not close a stretched one that is cut along its
-    seam or at a pole, as planes of symmetry would.
-    """
-    (x, y, z) = center
-    (a, b, c) = semi_axes
-    tag = int(occ.addDisk(x, z, 0.0, 1.0, 1.0) if dim == 2 else occ.addSphere(x, y, z, 1.0))
-    center_point, factors = ((x, z, 0.0), (a, c, 1.0)) if dim == 2 else ((x, y, z), (a, b, c))
-    if dim == 3:
-        occ.rotate([(dim, tag)], *center_point, *TILT_ROTATION)
-    occ.dilate([(dim, tag)], *center_point, *factors)
-    return tag
-
-
-def _draw_section(gmsh: Gmsh, domain: ModelDomain, sizes: Sizes) -> None:
-    """The section, its top edge split under the tip's axis and at a punch's edge; lines across it
-    part the layers.
-    """
-    geo = _cad_kernel(gmsh, domain)
-    split_points = [
-        (_round_point(position), z, side)
-        for side in domain.outline
-        for position, z in _split_corners(domain, sizes, side)
-    ]
-    corners = [corner for corner, _, _ in split_points]
-    arc_centers = [_round_point(side.center) for side in domain.outline if side.center]
-    point_tags = {
-        point: geo.addPoint(*point, 0.0) for point in dict.fromkeys([*corners, *arc_centers])
-    }
-    points = [point_tags[corner] for corner in corners]
-    pairs = zip(points, points[1:] + points[:1], strict=True)
-    lines = [
-        geo.addCircleArc(a, point_tags[_round_point(side.center)], b)
-        if side.center
-        else geo.addLine(a, b)
-        for (a, b), (_, _, side) in zip(pairs, split_points, strict=True)
-    ]
-    interface_ends = [
-        [k for k, (_, level, _) in enumerate(split_points) if level == z] for z in domain.interfaces
-    ]  # right, left
-    interface_lines = [
-        _draw_interface(geo, domain, *((corners[k], points[k]) for k in end_indices))
-        for end_indices in interface_ends
-    ]
-    # each layer goes along the right side up to its upper interface, across, and down the left side
-    edges = zip(
-        [0, *(right for right, _ in interface_ends)],
-        [len(corners), *(left_index for _, left_index in interface_ends)],
-        strict=True,
-    )
-    for layer, (begin, end) in enumerate(edges):
-        lower_lines = [-line for line in reversed(interface_lines[layer - 1])] if layer else []
-        boundary_lines = lines[begin:end]
-        if layer < len(interface_lines):
-            right, left_index = interface_ends[layer]
-            boundary_lines = [*lines[begin:right], *interface_lines[layer], *lines[left_index:end]]
-        geo.addPlaneSurface([geo.addCurveLoop([*lower_lines, *boundary_lines])])
-    geo.synchronize()
-
-
-Corner = tuple[tuple[float, ...], int]  # its place, and its number in gmsh
-
-
-def _draw_interface(geo: Gmsh, domain: ModelDomain, right: Corner, left: Corner) -> list[int]:
-    """The lines of a face between layers, from the right to the left: a straight one, or arcs of a
-    quarter at most.
-    """
-    (start, start_tag) = right
-    (end, end_tag) = left
-    if domain.top_radius is None:
-        return [geo.addLine(start_tag, end_tag)]
-    radius = abs(end[1] + domain.top_radius)
-    center = geo.addPoint(0.0, -domain.top_radius, 0.0)
-    if start[1] >= -domain.top_radius:
-        return [geo.addCircleArc(start_tag, center, end_tag)]
-    equator = geo.addPoint(radius, -domain.top_radius, 0.0)
-    return [
-        geo.addCircleArc(start_tag, center, equator),
-        geo.addCircleArc(equator, center, end_tag),
-    ]
-
-
-def _split_corners(
-    domain: ModelDomain, sizes: Sizes, side: Side
-) -> list[tuple[tuple[float, ...], float | None]]:
-    """Where a side of a section begins, and where it is split, there by which interface."""
-    if side.surface == "top":
-        R = domain.top_radius
-        positions = reversed(_top_split_points(domain, sizes, side.end[0], side.start[0]))
-        points = [
-            (x, float(-x * x / (R + np.sqrt(R * R - x * x))) if R else side.start[1])
-            for x in positions
-        ]
-        return [(side.start, None), *((point, None) for point in points)]
-    return [(side.start, None), *(domain.interface_crossings(side) if side.center is None else ())]
-
-
-def _top_split_points(domain: ModelDomain, sizes: Sizes, x0: float, x1: float) -> list[float]:
-    """Where the top edge is split, from left to right, but nowhere within 1e-8 of the body of a
-    corner or the axis.
-    """
-    min_distance = MIN_SPLIT_SHIFTS * _point_shift(domain, sizes) * domain.max_extent
-    positions = [round(x0, LENGTH_DIGITS), round(x1, LENGTH_DIGITS)]
-    for offset in (
-        (0.0,) if sizes.punch_edge is None else (0.0, -sizes.punch_edge, sizes.punch_edge)
-    ):
-        x = round(sizes.axis[0] + offset, LENGTH_DIGITS)
-        if positions[0] < x < positions[1] and all(
-            abs(x - position) > min_distance for position in positions
-        ):
-            positions.append(x)
-    return sorted(positions[2:])
-
-
-def _draw_box(gmsh: Gmsh, domain: ModelDomain, sizes: Sizes) -> None:
-    """A box whose top is split along a punch's edge: elements it crosses would feel a smaller
-    punch, each another.
-    """
-    (x0, x1), (y0, y1), (z0, z1) = map(_round_point, domain.extent)
-    occ = gmsh.model.occ
-    levels = (z0, *(round(z, LENGTH_DIGITS) for z in domain.interfaces), z1)
-    layers = [
-        (3, occ.addBox(x0, y0, low, x1 - x0, y1 - y0, high - low)) for low, high in pairwise(levels)
-    ]
-    tools = layers[:-1]
-    if sizes.punch_edge is not None:
-        radius = round(sizes.punch_edge, LENGTH_DIGITS)
-        disk = occ.addDisk(*sizes.axis, z1, radius, radius)
-        disks, _ = occ.intersect([(2, disk)], layers[-1:], removeTool=False)
-        tools = [*tools, *disks]
-    if tools:
-        occ.fragment(layers[-1:], tools)
-    occ.synchronize()
-
-
-def _draw_extruded(gmsh: Gmsh, domain: ModelDomain, sizes: Sizes) -> None:
-    """The outline with its arcs, drawn on the base and pulled up to the top, layer by layer."""
-    geo = _cad_kernel(gmsh, domain)
-    base = -round(domain.height, LENGTH_DIGITS)
-    arc_centers = [side.center for side in domain.outline if side.center]
-    outline_points = [*arc_centers, *(side.start for side in domain.outline)]
-    points = {
-        point: geo.addPoint(*point, base)
-        for point in dict.fromkeys(map(_round_point, outline_points))
-    }
-
-    def line(side: Side) -> int:
-        ends = points[_round_point(side.start)], points[_round_point(side.end)]
-        return (
-            geo.addCircleArc(ends[0], points[_round_point(side.center)], ends[1])
-            if side.center
-            else geo.addLine(*ends)
-        )
-
-    section = (2, geo.addPlaneSurface([geo.addCurveLoop([line(side) for side in domain.outline])]))
-    for low, high in pairwise((base, *(round(z, LENGTH_DIGITS) for z in domain.interfaces), 0.0)):
-        section = geo.extrude([section], 0.0, 0.0, high - low)[0]
-    geo.synchronize()
-
-
-def _round_point(point: tuple[float, ...]) -> tuple[float, ...]:
-    return tuple(round(x, LENGTH_DIGITS) for x in point)
-
-
-def _prescribe_sizes(gmsh: Gmsh, sizes: Sizes, dim: int) -> None:
-    """The smallest of what contact, inclusions, skins and drained faces want, each a field of its
-    own: a minimum doubles a formula.
-    """
-    field = gmsh.model.mesh.field
-    tags = []
-    inclusion_formulas = [inclusion_formula(*size, sizes.grading, dim) for size in sizes.inclusions]
-    coating_formulas = [coating_formula(*size, sizes.grading) for size in sizes.coatings]
-    face_formulas = [
-        drained_face_formula(face, sizes.axis[0], sizes.grading) for face in sizes.drained_faces
-    ]
-    for formula in (
-        size_formula(sizes, dim),
-        *inclusion_formulas,
-        *coating_formulas,
-        *face_formulas,
-    ):
-        tags.append(field.add("MathEval"))
-        field.setString(tags[-1], "F", formula)
-    minimum_field = tags[0] if len(tags) == 1 else field.add("Min")
-    if len(tags) > 1:
-        field.setNumbers(minimum_field, "FieldsList", tags)
-    field.setAsBackgroundMesh(minimum_field)
-
-
-def _point_shift(domain: ModelDomain, sizes: Sizes) -> float:
-    """How far gmsh may shift points, of the body's longest side; more turns cells inside out, or
-    gmsh aborts.
-    """
-    # gmsh's own is 1e-9, by which no four points lie on a circle
-    return min(1e-9, 1e-4 * sizes.min_size / domain.max_extent)
-
-
 def _extract_grid(gmsh: Gmsh, domain: ModelDomain, sizes: Sizes) -> Grid:
+    """Return gmsh's mesh of a domain as a Grid, without points that belong to no cell."""
     dim = domain.dim
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     _, nodes = gmsh.model.mesh.getElementsByType(2 if dim == 2 else 4)

@@ -1,4 +1,4 @@
-"""A simplex mesh as arrays, with its named surfaces."""
+"""Simplex mesh as arrays, with its named surfaces."""
 
 from __future__ import annotations
 
@@ -11,23 +11,31 @@ import numpy as np
 
 from indent_sim.mesh.model_domain import ModelDomain
 
-# volume of a cell over length^dim, less is none: beside a split at 1e-8 of the body it is 1e-8
+# Volume of a cell over its longest edge^dim below which it counts as flat. Next to a split of a
+# side at 1e-8 of the body it is 1e-8.
 FLAT_CELL_VOLUME = 1e-9
-MOVED_CONTACT_RADII = 2.0  # contact radii that a mesh is moved with as a whole
-# lengths are rounded to this many digits, so that a scene in nm and in m gives the same mesh
+MOVED_CONTACT_RADII = 2.0  # Contact radii within which `map_grid` scales a mesh as a whole.
+# Lengths are rounded to this many digits, so that a scene in nm and in m gives the same mesh.
 LENGTH_DIGITS = 12
-ROWS_PER_CHUNK = (
-    10**6
-)  # rows worked on at a time: what they take then is little beside what a solver takes
+ROWS_PER_CHUNK = 10**6  # Rows per chunk, whose memory is small beside that of a solver.
 
 
 @dataclass(frozen=True)
 class Grid:
-    """A simplex mesh as arrays: points (n, dim) [length of the scene], cells (m, dim + 1); by which
-    gmsh.
+    """Simplex mesh as arrays.
 
-    surfaces: the facets (k, dim) of each named surface, by their points; regions (m,): each cell's
-    region.
+    Attributes
+    ----------
+    points
+        Coordinates (n, dim) [length of the scene].
+    cells
+        Corners (m, dim + 1) of the cells, by their points.
+    regions
+        Region number (m,) of each cell.
+    surfaces
+        Facets (k, dim) of each named surface, by their points.
+    gmsh_version
+        Version of the gmsh that generated the mesh; empty for an imported one.
     """
 
     points: np.ndarray
@@ -38,7 +46,7 @@ class Grid:
 
     @property
     def hash(self) -> str:
-        """Fingerprint of the mesh, for the record of a run; not all of it in memory at a time."""
+        """Fingerprint of the mesh for the record of a run, computed in chunks to save memory."""
         digest = hashlib.sha256()
         for chunk in row_slices(len(self.points)):
             digest.update(np.round(self.points[chunk], decimals=LENGTH_DIGITS).tobytes())
@@ -50,11 +58,19 @@ class Grid:
 def map_grid(
     grid: Grid, source: ModelDomain, target: ModelDomain, radii: tuple[float, ...]
 ) -> Grid | None:
-    """The mesh of one part moved onto another, with its sides, the interfaces of its layers and the
-    edge of the contact, which has the `radii` in the one and in the other [length].
+    """Map the mesh of one domain to another by scaling layers and contact radius.
 
-    None where that is no map: both must be sections of straight sides and of layers, their tip's
-    axis the left one.
+    Parameters
+    ----------
+    source, target
+        Sections with straight sides and layers; the tip's axis is the left side of both.
+    radii
+        Contact radius [length] in the source and in the target.
+
+    Returns
+    -------
+    Grid or None
+        The mapped mesh; None if the domains have other shapes.
     """
     if not (
         _is_mappable(source) and _is_mappable(target) and len(source.outline) == len(target.outline)
@@ -81,7 +97,7 @@ def map_grid(
 
 
 def _is_mappable(domain: ModelDomain) -> bool:
-    """Whether a part is a section of straight sides and of layers, its tip's axis the left one."""
+    """Return whether a domain is a section of layers with straight sides, its axis at the left."""
     is_straight = all(side.center is None for side in domain.outline)
     return (
         domain.dim == 2
@@ -94,14 +110,13 @@ def _is_mappable(domain: ModelDomain) -> bool:
 def named_surfaces(
     points: np.ndarray, cells: np.ndarray, domain: ModelDomain, finest: float
 ) -> dict[str, np.ndarray]:
-    """The boundary facets on each surface of a part meshed with elements down to `finest` [length].
+    """Return the boundary facets on each surface of a domain.
 
-    A facet belongs to the surface that holds all its corners, to a flat one rather than to a curved
-    one.
+    A facet belongs to the surface that holds all its corners, to a flat surface rather than to a
+    curved one. `finest` is the smallest element size [length].
     """
-    tolerance = min(
-        1e-9, 1e-3 * finest
-    )  # of coordinates near 1 with 12 digits; less than from a surface to the next nodes
+    # Coordinates are near 1 and have 12 digits; the next nodes are farther away than this.
+    tolerance = min(1e-9, 1e-3 * finest)
     boundary, _ = boundary_facets(cells)
     distances = (
         [] if domain.dim == 2 else [("base", points[:, 2] + domain.height), ("top", points[:, 2])]
@@ -117,7 +132,7 @@ def named_surfaces(
 
 
 def regions_of_cells(points: np.ndarray, cells: np.ndarray, domain: ModelDomain) -> np.ndarray:
-    """The number of the region that holds each cell's centroid (m,)."""
+    """Return the number of the region (m,) that holds each cell's centroid."""
     x, *y, z = points[cells].mean(axis=1).T
     region_numbers = len(domain.interfaces) - np.searchsorted(
         domain.interfaces, domain.interface_level(x, z)
@@ -129,9 +144,7 @@ def regions_of_cells(points: np.ndarray, cells: np.ndarray, domain: ModelDomain)
 
 
 def boundary_facets(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The facets (k, dim) that belong to one cell only, and the corner (k,) of that cell that is
-    not on it.
-    """
+    """Return the facets (k, dim) of one cell only, and the opposite corner (k,) of that cell."""
     boundary = [cells[:0, 1:]]
     opposite = [cells[:0, 0]]
     for facets, cell, corner in iterate_facets(cells):
@@ -147,11 +160,10 @@ def boundary_facets(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def iterate_facets(
     cells: np.ndarray, chunk_size: int = ROWS_PER_CHUNK
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """The facets (k, dim) of all cells, with the cell (k,) of each and the corner (k,) of that
-    which it leaves out.
+    """Yield the facets (k, dim) of all cells, the cell (k,) of each and its opposite corner (k,).
 
-    About a `chunk_size` of them at a time, by their smallest point: those of the same points come
-    together.
+    About `chunk_size` of them come at a time, sorted by their smallest point, so that facets with
+    the same points come in the same chunk. The opposite corner is a column of `cells`.
     """
     m, corners = cells.shape
     smallest_corner, second_corner = np.partition(cells, 1, axis=1)[:, :2].T
@@ -168,14 +180,14 @@ def iterate_facets(
 
 
 def is_flat(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """Which cells have no volume (m,), as a triangle on three points of a straight side."""
+    """Return which cells (m,) have no volume, as a triangle on three points of a straight side."""
     edges = points[cells[:, 1:]] - points[cells[:, :1]]
     smallest_determinant = FLAT_CELL_VOLUME * np.abs(edges).max(axis=(1, 2)) ** points.shape[1]
     return np.asarray(np.abs(np.linalg.det(edges)) <= smallest_determinant)
 
 
 def unit_normals(corners: np.ndarray) -> np.ndarray:
-    """The unit normals of segments or triangles (k, n, n), on either side."""
+    """Return unit normals of segments or triangles (k, n, n), of either direction."""
     edges = corners[:, 1:] - corners[:, :1]
     is_segment = corners.shape[2] == 2
     first_edge = edges[:, 0]
@@ -188,13 +200,11 @@ def unit_normals(corners: np.ndarray) -> np.ndarray:
 
 
 def sort_and_match_rows(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The numbers of rows, in ascending order of them, and which of these (k - 1,) hold the same as
-    the next.
-    """
+    """Return the order (k,) that sorts rows, and which sorted rows (k - 1,) equal the next one."""
     order = np.lexsort(table.T)
     return order, (table[order[1:]] == table[order[:-1]]).all(axis=1)
 
 
 def row_slices(count: int, chunk_size: int = ROWS_PER_CHUNK) -> Iterator[slice]:
-    """Slices of so many rows, a `chunk_size` at a time."""
+    """Return slices that cover `count` rows, `chunk_size` at a time."""
     return (slice(start, start + chunk_size) for start in range(0, count, chunk_size))

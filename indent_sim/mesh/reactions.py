@@ -1,7 +1,8 @@
-"""Reactions of the supports of a whole body, from what the supports of its modelled part bear.
+"""Reactions of the supports of a whole body, from those of the supports of its model domain.
 
-Sign: a reaction is the force of a support on the body. In equilibrium the reactions of all supports
-add up to the force of the body on the tip: their z components to `force`, > 0 where the tip pushes.
+Sign convention: a reaction is the force of a support on the body. In equilibrium the reactions of
+all supports add up to the force of the body on the tip: their z components to `force`, > 0 while
+the tip pushes.
 """
 
 from __future__ import annotations
@@ -12,16 +13,14 @@ from itertools import product
 from indent_sim.mesh.model_domain import ModelDomain
 from indent_sim.model.state import REACTION_COLUMNS, REACTION_PREFIX
 
-SurfaceComponent = tuple[
-    str, int
-]  # name of a surface of the modelled part, and a component of the force on it
+# Name of a surface of the model domain, and a component of the force on it.
+SurfaceComponent = tuple[str, int]
 
 
 def bearing_surfaces(domain: ModelDomain) -> list[SurfaceComponent]:
-    """The surfaces of the modelled part whose supports bear something, with each component of it.
+    """Return the supported surfaces of the model domain, with each component of the reaction.
 
-    A curved roller wall in three dimensions holds no component of its own but the one along its
-    normal.
+    A curved roller wall in three dimensions constrains the displacement along its normal only.
     """
     surfaces = [(surface, component) for component, surface in domain.constrained_components]
     if domain.has_curved_roller:
@@ -32,26 +31,26 @@ def bearing_surfaces(domain: ModelDomain) -> list[SurfaceComponent]:
 def reactions_of_whole_body(
     domain: ModelDomain, domain_reactions: Mapping[SurfaceComponent, float]
 ) -> dict[str, float]:
-    """Reactions of the supports of the whole body, and the forces through its mirror planes.
+    """Return the reactions of the supports of the whole body, and the forces through mirror planes.
 
-    An image of the modelled part in the mirror plane x = c bears the same forces, with x components
+    An image of the model domain in the mirror plane x = c bears the same forces, with x components
     of the other sign. Components that cancel between the images are left out, and so is the axis of
-    an axisymmetric body: what crosses it is no force.
+    an axisymmetric body, which no force crosses.
 
     Parameters
     ----------
-    part
+    domain
         The modelled part of the body.
-    borne
-        For each of `bearing_surfaces` the force of its support on the modelled part [force]. Of an axisymmetric part,
-        component 0: the integral of the radial traction over the surface.
+    domain_reactions
+        Force of the support on the model domain [force] for each of `bearing_surfaces`. Component 0
+        of an axisymmetric domain is the integral of the radial traction over the surface.
 
     Returns
     -------
     dict
-        By the support's name in the scene and the axis, as in `base_z` or `x_max_x`; in an axisymmetric body the
-        radial pressure of the wall on all of it, `sides_r`. `mirror_x` is the force of the other half of the body on
-        the half x > c, along x.
+        Reactions by the support's name in the scene and the axis, as in `base_z` or `x_max_x`; for
+        an axisymmetric body the radial force of the wall on all of it is `sides_r`. `mirror_x` is
+        the force of the other half of the body on the half x > c, along x.
     """
     axes = {"axisymmetric": "rz", "plane_strain": "xz"}.get(domain.kinematics.name, "xyz")
     reactions: dict[str, float] = {}
@@ -72,9 +71,7 @@ def reactions_of_whole_body(
 
 
 def _mirror_images(domain: ModelDomain, surface: str, axis: str) -> Iterable[tuple[str, int]]:
-    """The name of a support on each image of the modelled part, and the sign of its force along an
-    axis there.
-    """
+    """Yield a support's name on each image of the domain, and the sign of its force there."""
     for mirror_flags in product((False, True), repeat=len(domain.mirror_axes)):
         mirrored = {
             mirror_axis
@@ -88,6 +85,6 @@ def _mirror_images(domain: ModelDomain, surface: str, axis: str) -> Iterable[tup
 
 
 def reaction_columns(domain: ModelDomain) -> tuple[str, ...]:
-    """The columns of the force table with the reactions of a part's body, in order."""
+    """Return the columns of the force table with the reactions of a domain's body, in order."""
     no_forces = dict.fromkeys(bearing_surfaces(domain), 0.0)
     return tuple(f"{REACTION_PREFIX}{name}" for name in reactions_of_whole_body(domain, no_forces))

@@ -1,4 +1,7 @@
-"""The element-size field, in numpy and in the language of gmsh."""
+"""Element sizes of a mesh as a function of position.
+
+`size_formulas` holds the same function as expressions for gmsh.
+"""
 
 from __future__ import annotations
 
@@ -8,18 +11,26 @@ from typing import Any
 import numpy as np
 
 from indent_sim.mesh.model_domain import Side
-from indent_sim.model.inclusions import EllipsoidInclusion, Inclusion
+from indent_sim.model.inclusions import Inclusion
 from indent_sim.model.layers import Coating
 
-DOUBTFUL_ELEMENTS = 3.0  # elements per contact radius below which results are doubtful
+DOUBTFUL_ELEMENTS = 3.0  # Elements per contact radius below which results are unreliable.
 
 
 @dataclass(frozen=True)
 class DrainedFace:
-    """A drained face of a section, beside which the pressure of the fluid changes within a film.
+    """Drained face of a section, next to which the pore pressure varies in a thin boundary layer.
 
-    Elements at the face have the size h [length], up to a distance `reach` [length] from where the
-    tip touches first; from there sizes grow by `grading` along the face and away from it alike.
+    Attributes
+    ----------
+    side
+        The face.
+    h
+        Size [length] of the elements at the face within `fine_radius` of the point of first
+        contact. Beyond it sizes grow by `grading` of `Sizes`, along the face and away from it
+        alike.
+    fine_radius
+        Distance [length] from the point of first contact.
     """
 
     side: Side
@@ -29,15 +40,42 @@ class DrainedFace:
 
 @dataclass(frozen=True)
 class Sizes:
-    """Element sizes [length].
+    """Element sizes of a mesh [length], which grow by `grading` outside refined regions.
 
-    h_contact inside `patch` of the tip's `axis` (x, y), growing by `grading` per unit distance
-    outside it up to h_far; around a sharp edge at radius `edge` it shrinks to h_edge, from `rubbed`
-    inside that radius on, around `corners` (r, depth) to h_corner. Where h_axis is given, sizes
-    inside the expected contact radius `a` are the share of it that the distance from the axis is,
-    but at least h_axis: so a contact of any radius down to a h_axis/h_contact finds as many
-    elements as the last one. inclusions, skins: each with the size inside it, which grows by
-    `grading` outside. films: drained faces, with h_film, the size at those next to the contact.
+    Attributes
+    ----------
+    h_contact
+        Size within `fine_radius` of the tip's axis.
+    h_far
+        Largest size.
+    fine_radius
+        Radius of the uniformly refined patch under the tip.
+    grading
+        Growth of the size per unit distance outside refined regions.
+    punch_edge, h_edge
+        Radius of a sharp edge of the tip, and the size at it.
+    h_axis, a
+        Where `h_axis` is given, the size inside the expected contact radius `a` is proportional to
+        the distance from the axis, h_contact r/a, but at least `h_axis`: a contact of any radius
+        down to a h_axis/h_contact has as many elements as the largest one.
+    corners, h_corner
+        Corner singularities (r, depth), and the size at them.
+    corner_error
+        Bound of the relative error of the force by the elements at the corners.
+    inclusions, coatings
+        Each with the size inside it.
+    drained_faces, h_film
+        Drained faces, and the size at those next to the contact.
+    edge_refinement_factor
+        Sensitivity of the force to the radius of a sharp punch, relative to a far larger body.
+    rounded_edge_width
+        Width of a punch's rounded edge where friction at finite strain needs fine elements on all
+        of it.
+    refinements
+        Uniform refinements of a mesh from a file, which gives these sizes; None: the body is
+        meshed.
+    axis
+        Position (x, y) of the tip's axis.
     """
 
     h_contact: float
@@ -50,39 +88,31 @@ class Sizes:
     a: float = 0.0
     corners: tuple[tuple[float, float], ...] = ()
     h_corner: float | None = None
-    corner_error: float = 0.0  # of the force, at most, what the elements at corners cost
+    corner_error: float = 0.0
     inclusions: tuple[tuple[Inclusion, float], ...] = ()
     coatings: tuple[tuple[Coating, float], ...] = ()
     drained_faces: tuple[DrainedFace, ...] = ()
     h_film: float | None = None
-    edge_refinement_factor: float = (
-        1.0  # how much more than on a far larger body the force feels the radius of a sharp punch
-    )
-    rounded_edge_width: float = (
-        0.0  # width of a punch's rounded edge, where friction at finite strain needs all of it fine
-    )
-    refinements: int | None = (
-        None  # of a mesh from a file, which has these sizes then; None: they are to be meshed
-    )
+    edge_refinement_factor: float = 1.0
+    rounded_edge_width: float = 0.0
+    refinements: int | None = None
     axis: tuple[float, ...] = field(kw_only=True)
 
     @property
     def typical_size(self) -> float:
-        """Between the sizes at the axis and at the edge of the contact, in the geometric mean
-        [length].
-        """
+        """Geometric mean of the sizes at the axis and at the edge of the contact [length]."""
         return (
             self.h_contact if self.h_axis is None else float(np.sqrt(self.h_axis * self.h_contact))
         )
 
     @property
     def axis_size(self) -> float:
-        """The size at the axis [length]."""
+        """Size at the axis [length]."""
         return self.h_axis or self.h_contact
 
     @property
     def min_size(self) -> float:
-        """The smallest size anywhere [length]."""
+        """Smallest size anywhere [length]."""
         local_sizes = [
             *(h for _, h in (*self.inclusions, *self.coatings)),
             *(film.h for film in self.drained_faces),
@@ -96,9 +126,7 @@ class Sizes:
 
     @property
     def refinement_points(self) -> list[tuple[float, float, float]]:
-        """(r, depth, size) [length] of the places towards which elements shrink: a punch's edge,
-        the felt corners.
-        """
+        """Points (r, depth, size) [length] at which elements shrink: punch edge and corners."""
         edge_points = (
             []
             if self.punch_edge is None or self.h_edge is None
@@ -110,17 +138,17 @@ class Sizes:
 
     @property
     def size_slope(self) -> float:
-        """Growth of the size per unit distance from the axis, inside the contact, where there is
-        one.
-        """
+        """Growth of the size per unit distance from the axis inside the contact."""
         return self.h_contact / self.a
 
     def size_at(self, r: np.ndarray, depth: np.ndarray) -> np.ndarray:
-        """The element size [length] at distance r from the tip's axis and a depth, far from
-        inclusions, skins and drained faces.
+        """Return the size [length] at a distance r from the tip's axis and a depth.
+
+        Inclusions, coatings and drained faces are left out.
         """
         contact_size: Any = self.h_contact
-        if self.h_axis is not None:  # not np.clip, which costs ten times as much for one place
+        if self.h_axis is not None:
+            # np.clip would cost ten times as much for a single point.
             contact_size = np.minimum(np.maximum(self.size_slope * r, self.h_axis), self.h_contact)
         size = contact_size + self.grading * np.hypot(np.maximum(r - self.fine_radius, 0.0), depth)
         for radius, point_depth, point_size in self.refinement_points:
@@ -135,115 +163,21 @@ class Sizes:
 
     @property
     def _rounded_edge(self) -> tuple[float, float]:
-        """The middle of the rounded edge and half its width [length]."""
+        """Center and half-width [length] of the punch's rounded edge."""
         assert self.punch_edge is not None
         return self.punch_edge - self.rounded_edge_width / 2, self.rounded_edge_width / 2
 
     def elements_in_contact(self, a: float) -> float:
-        """How many elements there are in a contact radius a, judged by the one where it ends."""
+        """Return the contact radius a over the size of the element at the contact's edge."""
         return a / self.surface_size(a)
 
     def surface_size(self, r: float) -> float:
-        """The size of the elements of the surface at a distance from the contact's middle."""
+        """Return the size of surface elements at a distance r from the tip's axis."""
         return float(self.size_at(np.array(r), np.array(0.0)))
 
     def is_resolved(self, a: float) -> bool:
-        """Whether a contact of radius a is resolved; a punch's is known before, and its edge
-        refined.
+        """Return whether a contact of radius a has enough elements.
+
+        A flat punch's contact radius is known beforehand and its edge is refined, so it always is.
         """
         return self.punch_edge is not None or self.elements_in_contact(a) >= DOUBTFUL_ELEMENTS
-
-
-def size_formula(sizes: Sizes, dim: int) -> str:
-    """The element size at (x, y[, z]) as a gmsh MathEval expression (gmsh has no min or max there)."""
-    number = "{:.12g}".format
-    x, y = (*map(number, sizes.axis), "")[:2]
-    r = f"Sqrt((x-({x}))^2+(y-({y}))^2)"
-    depth = "Abs(z)"
-    if dim == 2:
-        r = f"Abs(x-({x}))"
-        depth = "Abs(y)"
-    outside_distance = _positive_part(f"({r}-{number(sizes.fine_radius)})")
-    contact_size = number(sizes.h_contact)
-    if sizes.h_axis is not None:
-        contact_size = _minimum(
-            contact_size, _maximum(number(sizes.h_axis), f"{number(sizes.size_slope)}*{r}")
-        )
-    size = f"{contact_size}+{number(sizes.grading)}*Sqrt({outside_distance}^2+{depth}^2)"
-    for radius, point_depth, point_size in sizes.refinement_points:
-        distance = f"Sqrt(({r}-{number(radius)})^2+({depth}-{number(point_depth)})^2)"
-        size = _minimum(size, f"{number(point_size)}+{number(sizes.grading)}*{distance}")
-    if sizes.rounded_edge_width and sizes.h_edge is not None:
-        edge_center, edge_half_width = map(number, sizes._rounded_edge)
-        edge_distance = _positive_part(f"(Abs({r}-({edge_center}))-{edge_half_width})")
-        size = _minimum(
-            size,
-            f"{number(sizes.h_edge)}+{number(sizes.grading)}*Sqrt({edge_distance}^2+{depth}^2)",
-        )
-    return _minimum(size, number(sizes.h_far))
-
-
-def inclusion_formula(inclusion: Inclusion, inner_size: float, grading: float, dim: int) -> str:
-    """The element size that an inclusion wants: the one inside it, growing with
-    `Inclusion.distance`, of an ellipsoid to first order.
-    """
-    number = "{:.12g}".format
-    names = ("x", "0", "y") if dim == 2 else ("x", "y", "z")
-    if isinstance(inclusion, EllipsoidInclusion):
-        offsets = [
-            f"({name}-({number(c)}))" for name, c in zip(names, inclusion.center, strict=True)
-        ]
-        scaled_offsets = list(zip(offsets, inclusion.semi_axes, strict=True))
-        rho, gradient = (
-            "+".join(f"({d}/{number(s**n)})^2" for d, s in scaled_offsets) for n in (1, 2)
-        )
-        distance = f"Sqrt({rho})*{_positive_part(f'(Sqrt({rho})-1)')}/Sqrt({gradient}+1e-30)"
-        return f"{number(inner_size)}+{number(grading)}*{distance}"
-    squared_distances = []
-    for axes, half in inclusion.spans:
-        squares = "+".join(f"({names[axis]}-({number(inclusion.center[axis])}))^2" for axis in axes)
-        squared_distances.append(f"{_positive_part(f'(Sqrt({squares})-{number(half)})')}^2")
-    return f"{number(inner_size)}+{number(grading)}*Sqrt({'+'.join(squared_distances)})"
-
-
-def coating_formula(coating: Coating, inner_size: float, grading: float) -> str:
-    """The element size that a skin wants in a section: the one inside it, growing with the distance
-    from it.
-    """
-    number = "{:.12g}".format
-    rho = f"Sqrt(x^2+(y-({number(coating.center[2])}))^2)"
-    distance = f"{_positive_part(f'({rho}-{number(coating.outer_radius)})')}+{_positive_part(f'({number(coating.inner_radius)}-{rho})')}"
-    return f"{number(inner_size)}+{number(grading)}*({distance})"
-
-
-def drained_face_formula(face: DrainedFace, axis: float, grading: float) -> str:
-    """The element size that a drained face wants in a section, of a tip whose axis is at x =
-    `axis`.
-    """
-    number = "{:.12g}".format
-    if face.side.center is not None:
-        x, y = map(number, face.side.center)
-        distance = f"Abs({number(face.side.radius)}-Sqrt((x-({x}))^2+(y-({y}))^2))"
-    else:
-        (x0, y0) = face.side.start
-        (x1, y1) = face.side.end
-        length = float(np.hypot(x1 - x0, y1 - y0))
-        along_x = number((x1 - x0) / length)
-        along_y = number((y1 - y0) / length)
-        distance = f"Abs(({along_x})*(y-({number(y0)}))-({along_y})*(x-({number(x0)})))"
-    outside_distance = _positive_part(
-        f"(Sqrt((x-({number(axis)}))^2+y^2)-{number(face.fine_radius)})"
-    )
-    return f"{number(face.h)}+{number(grading)}*({distance}+{outside_distance})"
-
-
-def _positive_part(a: str) -> str:
-    return f"(0.5*({a}+Abs({a})))"
-
-
-def _maximum(a: str, b: str) -> str:
-    return f"(0.5*(({a})+({b})+Abs(({a})-({b}))))"
-
-
-def _minimum(a: str, b: str) -> str:
-    return f"(0.5*(({a})+({b})-Abs(({a})-({b}))))"

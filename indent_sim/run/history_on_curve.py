@@ -21,24 +21,17 @@ from indent_sim.scene.prescribed_history import needs_time_stepping, remaining_m
 from indent_sim.scene.reference_theory import relative_tip
 from indent_sim.scene.scene import Scene
 from indent_sim.scene.tip_theories import theory_tip_shape
-from indent_sim.theory import viscoelasticity
-from indent_sim.theory.adhesion import (
-    AdhesiveContact,
-    Jkr,
-    maugis_lambda,
-    maugis_pull_off,
-    tabor_number,
-)
+from indent_sim.theory.adhesion import AdhesiveContact, Jkr
 from indent_sim.theory.contact_curve import ContactCurve
+from indent_sim.theory.elastic_curve import MIN_CURVE_SAMPLES, ElasticCurve
 from indent_sim.theory.layer import Layer
+from indent_sim.theory.lee_radok_ting import LeeRadokTing, Response
+from indent_sim.theory.maugis import maugis_lambda, maugis_pull_off, tabor_number
 from indent_sim.theory.punches import FittedPunches, Punches, contact_radius
+from indent_sim.theory.relaxation_function import Modulus, PowerLaw, ShearRelaxation
 from indent_sim.theory.solution import SOLUTION_ERRORS
-from indent_sim.theory.viscoelastic_stepping import (
-    RelaxingSurface,
-    ViscoelasticTimeStepper,
-    layer_surface,
-)
-from indent_sim.theory.viscoelasticity import MIN_CURVE_SAMPLES, ElasticCurve, LeeRadokTing, Modulus
+from indent_sim.theory.surface_contact import RelaxingSurface, layer_surface
+from indent_sim.theory.viscoelastic_stepping import ViscoelasticTimeStepper
 
 CURVE_POINTS = 200  # rows of an experiment without a history
 # Least sampled depth, relative to the largest; the curve is a power law below it.
@@ -152,9 +145,9 @@ def _scale_numbers(numbers: Mapping[str, Any], units: Mapping[str, float]) -> di
 def relaxation_modulus(law: Relaxation | None) -> Modulus:
     """Normalised relaxation modulus G(t)/G(0); 1 without relaxation."""
     if law and law.power_law:
-        return viscoelasticity.PowerLaw(law.power_law.exponent, law.power_law.time)
+        return PowerLaw(law.power_law.exponent, law.power_law.time)
     terms = law.prony if law and law.prony else ()
-    return viscoelasticity.ShearRelaxation(
+    return ShearRelaxation(
         tuple(fraction for fraction, _ in terms), tuple(time for _, time in terms)
     )
 
@@ -358,9 +351,7 @@ class _HistoryEvaluation:
         )
         return self._make_row(t, contact, branch)
 
-    def _make_row(
-        self, t: float, contact: AdhesiveContact | viscoelasticity.Response, branch: str
-    ) -> HistoryRow:
+    def _make_row(self, t: float, contact: AdhesiveContact | Response, branch: str) -> HistoryRow:
         """The row of a contact, with the position of the cantilever's base."""
         return HistoryRow(
             t,

@@ -35,7 +35,7 @@ from indent_sim.scene.depth_limits import RIM_TOLERANCE
 from indent_sim.scene.elastic_limit_laws import undrained_law
 from indent_sim.scene.problem_definition import ProblemDefinition, is_undrained_incompressible
 from indent_sim.scene.problem_setup import ProblemSetup
-from indent_sim.theory.poroelasticity import drained_length, excess_length
+from indent_sim.theory.drained_layer import drained_length, excess_length
 
 MEAN_SQUARE_FACTOR = 9 / 8  # mean square of a paraboloid's pressure over the square of its mean
 DEPTH_RATIO = 0.9  # of a depth: a second one, for slopes

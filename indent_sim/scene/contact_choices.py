@@ -316,7 +316,7 @@ def _expected_adhesion(
     attraction: Adhesion, setup: ProblemSetup, zone: float, h: float
 ) -> ExpectedAdhesion:
     """Predict the adhesion from its cohesive zone and the size h of the elements there [length]."""
-    from indent_sim.theory.adhesion import (
+    from indent_sim.theory.maugis import (
         maugis_lambda,
         maugis_pull_off,
         tabor_number,

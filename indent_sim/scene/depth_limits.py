@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from indent_sim.model.body import Body
 from indent_sim.model.body_base import Points
 from indent_sim.model.history import History
 from indent_sim.model.imported_body import ImportedBody

@@ -79,11 +79,11 @@ def read_mesh_file(config: Config, source: MeshFromFile) -> ImportedMesh:
 
 def _read_boundary_cells(config: Config, source: MeshFromFile) -> BoundaryCells:
     """Read the boundary cells in the process that meshes; all other arrays stay in a file."""
-    from indent_sim.mesh import gmsh
+    from indent_sim.mesh.mesher_process import call_in_mesher
 
     failure_text = f"'{source.file}' could not be read"
     folder = os.path.dirname(config.source.name)
-    return gmsh.call_in_mesher(
+    return call_in_mesher(
         failure_text, mesh_import.import_boundary_cells, folder, source, config.material
     )()
 

@@ -350,11 +350,11 @@ def _adhesion_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
         or not isinstance(setup.relative_tip, Paraboloid | Sphere | Hyperboloid)
     ):
         return
-    from indent_sim.theory.adhesion import (
+    from indent_sim.theory.maugis import (  # with scipy's searches
         maugis_lambda,
         maugis_pull_off,
         tabor_number,
-    )  # with scipy's searches
+    )
 
     parameters = limit.work, limit.range, setup.relative_tip.R, setup.physics.material.E_star
     pull_off_factor = maugis_pull_off(maugis_lambda(*parameters))

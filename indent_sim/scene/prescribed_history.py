@@ -46,7 +46,7 @@ def prony_series(law: Relaxation, shortest: float, longest: float) -> PronySerie
         fractions, times = zip(*(law.prony or ()), strict=True)
         return PronySeries(1.0 - sum(fractions), fractions, times)
     # Only power laws need this module, which imports the splines of scipy.
-    from indent_sim.theory.viscoelasticity import PowerLaw
+    from indent_sim.theory.relaxation_function import PowerLaw
 
     series = PowerLaw(law.power_law.exponent, law.power_law.time).prony_series(shortest, longest)
     return PronySeries(series.long_term, series.fractions, series.times)

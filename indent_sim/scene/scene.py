@@ -273,9 +273,9 @@ Mesher = Callable[[Scene], Grid]
 
 def start_mesher() -> None:
     """Start the process that meshes, so that it loads gmsh while this one goes on."""
-    from indent_sim.mesh import gmsh
+    from indent_sim.mesh import mesher_process
 
-    gmsh.start_mesher()
+    mesher_process.start_mesher()
 
 
 def resolve(

@@ -1,3 +1,1 @@
-"""Closed forms and semi-analytic solutions that the simulation is judged against (numpy and scipy
-only).
-"""
+"""Closed forms and semi-analytic solutions for comparison with simulations (numpy, scipy only)."""

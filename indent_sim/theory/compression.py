@@ -28,7 +28,6 @@ DIFFERENCE_STEP = 1e-3
 STRAIN_TOLERANCE = 1e-13
 MAX_NEWTON_STEPS = 50
 TANGENT_STEP = 1e-4  # of the strain over which the tangent modulus is a difference
-
 # psi(l1, l2, l3) [F/L^2]: the strain energy of the principal stretches, the last one along z
 Energy = Callable[[float, float, float], float]
 

@@ -1,13 +1,14 @@
-"""LayerContact: the contact of a layer theory at one depth or force after another, or at many at
-once.
+"""Load curve of a layer theory: its contacts at one or many depths or forces.
 
-Once the powers of Hertz's contact are taken out of it, whatever belongs to a contact of the size a is an analytic
-function of a,
+Without the powers of Hertz's contact all quantities of a contact of size a are analytic in a,
     delta = h g d(a),  F = E* h^n a^(n-1) g f(a),  dF/ddelta = E* h^(n-1) a^(n-1) s(a),
     U = E* h^(n+1) a^(n-1) g^2 u(a),  p_max = E* (g/a) p(a),
-with g(a) the tip's profile, a and g in units of h, n = 2 (n = 1 in plane strain). Chebyshev polynomials through a few
-sizes meet it to rounding, which their last coefficients tell; where these are not small nothing is interpolated: a tip
-with kinks, a pressure whose largest place wanders.
+with g(a) the tip's profile, a and g in units of h, n = 2 (n = 1 in plane strain). Chebyshev
+polynomials through a few sizes approximate them to rounding; their last coefficients measure the
+error. Where these are not small, nothing is interpolated: tips with slope discontinuities, pressures
+whose maximum moves.
+
+delta > 0 pushes in; force, pressure > 0 push.
 Source: Trefethen (2013), Approximation Theory and Approximation Practice, chapters 3 and 8.
 """
 
@@ -33,70 +34,87 @@ from indent_sim.theory.solution import (
 )
 from indent_sim.theory.stack import Stack
 
-TENSION_RINGS = 40  # of a contact, in which the sign of the pressure is looked at
-TENSION_TOLERANCE = 1e-6  # of the force: less is a lost digit
-# Depths from which on a few sizes may tell all of them, and most sizes for each: a search of one
-# takes four or five
+TENSION_RINGS = 40  # Rings of a contact in which the sign of the pressure is checked.
+TENSION_TOLERANCE = 1e-6  # Tensile part of the force below which the sign is rounding.
+# Interpolation pays for this many depths and more, as long as it solves no more sizes per depth
+# than this; the search for the size of one depth solves four or five.
 FEWEST_DEPTHS = 8
 SIZES_PER_DEPTH = 1.9
-SIZE_COUNTS = (8, 15, 29, 57, 113)  # sizes, those of each among those of the next
-# relative size of that many last coefficients once a polynomial has converged
+# Numbers of Chebyshev points that are tried in turn. The points are nested (n -> 2 n - 1), so that
+# every contact size that was solved for one number is used again for the next.
+SIZE_COUNTS = (8, 15, 29, 57, 113)
+# A polynomial has converged when its last coefficients, this many, are this small relative to the
+# largest one.
 TAIL_TOLERANCE = 2e-13
 TAIL_COEFFICIENTS = 2
-SEARCH_TOLERANCE = 1e-11  # relative, of a depth or force that a search has not found
-SIZE_COUNT_MARGIN = 2.0  # sizes by which what a few foretell may be too many
-# relative steps: the last of a search, the least of a secant; rounds
+# Relative error of a depth or force above which the search for its contact size has failed.
+SEARCH_TOLERANCE = 1e-11
+# Margin of the number of sizes that is predicted from the decay of the coefficients: smaller
+# numbers are skipped.
+SIZE_COUNT_MARGIN = 2.0
+# The secant search for sizes: relative step at which it ends, relative step below which the
+# exponent is kept, and number of steps.
 SIZE_TOLERANCE = 1e-11
 LEAST_SECANT_STEP = 1e-10
 MAX_SECANT_STEPS = 30
-PEAK_SAMPLING_STRIDE = 7  # every so many sizes it is looked where the largest pressure is
-# in a contact, where its largest pressure is looked for: it changes within h
+PEAK_SAMPLING_STRIDE = 7  # The place of the largest pressure is checked for every seventh size.
+# Points across a contact at which the largest pressure is searched for: the pressure varies over h.
 LEAST_PEAK_POINTS = 21
 PEAK_POINTS_PER_RADIUS = 8.0
-END_MARGIN = 0.05  # of the sizes at both ends: what the first step of a search may be off
-# columns of what belongs to a contact
+# Rows of the load values of a contact: depth, force, stiffness, energy.
 DEPTH_COLUMN = 0
 FORCE_COLUMN = 1
+END_MARGIN = 0.05  # Relative margin for the error of the estimated smallest and largest size.
 Sizes = TypeVar("Sizes", float, np.ndarray)
 
 
 def field_of_position(
     value: Callable[..., np.ndarray], curve: ContactCurve, *arguments: Any
 ) -> Callable[[Any], np.ndarray]:
-    """value(contact, *known, |x|/h) of places (n,), as a function of places x [L], a number or an
-    array.
-    """
+    """Return value(curve, *arguments, |x|/h) as a function of positions x [L], numbers or arrays."""
     return partial(_evaluate_field, value, curve, arguments)
 
 
 def _evaluate_field(
     value: Callable[..., np.ndarray], curve: ContactCurve, arguments: tuple[Any, ...], x: Any
 ) -> np.ndarray:
+    """Evaluate a field of `field_of_position` at positions x [L]."""
     x = np.abs(np.asarray(x, dtype=float)) / curve.h
     return value(curve, *arguments, np.atleast_1d(x).ravel()).reshape(x.shape)[()]
 
 
 @dataclass(frozen=True)
 class ContactCurve(ABC):
-    """A layer, or a stack of them, under a tip.
+    """Load curve of a tip on a layer or a stack of layers.
 
-    The unit of length of all contact sizes is h [L], the thickness of the top layer. wall: the
-    distance of frictionless side walls [h], infinity for none. E_star [F/L^2]: of the top layer.
+    Attributes
+    ----------
+    tip
+        Profile of the tip.
+    scaled_stack
+        The layers in units of the thickness and modulus of the top one.
+    E_star
+        E* of the top layer [F/L^2].
+    h
+        Thickness of the top layer [L], the unit of all contact sizes.
+    wall
+        Distance of frictionless side walls [h], infinity for none.
     """
 
     tip: Tip
-    scaled_stack: Stack  # in units of its top layer
+    scaled_stack: Stack
     E_star: float
     h: float
     wall: float
 
-    dimensions: ClassVar[int] = 2  # of the contact area
+    dimensions: ClassVar[int] = 2  # Dimensions of the contact area.
 
     @classmethod
     def from_stack(cls, tip: Tip, stack: Stack, wall: float | None = None) -> Self:
-        """The contact of a tip with a stack, infinitely wide or between frictionless walls at the
-        distance `wall` [L]. ValueError for a wall around a half-space, which would sink without
-        end.
+        """Return the load curve of a tip on a stack, infinitely wide or between frictionless walls.
+
+        `wall` is the walls' distance [L] from the axis. ValueError for walls around a half-space,
+        which would sink without end.
         """
         return cls(
             tip, stack.scaled_by_top(), stack.E_star, stack.h, stack.scaled_wall_distance(wall)
@@ -104,46 +122,46 @@ class ContactCurve(ABC):
 
     @abstractmethod
     def profile(self, x: np.ndarray) -> np.ndarray:
-        """An increasing shape function of the tip, about the depth [h] of a contact of size x."""
+        """Return an increasing shape function of the tip, about the depth [h] of a contact."""
 
     @abstractmethod
     def linear_solution(self, a: float) -> Any:
-        """The linear problem of the contact size a; its `touch` is the depth [h] of a smooth tip
-        with this contact.
+        """Solve the linear problem of the contact size a [h].
+
+        Its `indentation_of_radius` is the depth [h] of a smooth tip with this contact.
         """
 
     @abstractmethod
     def solution(self, delta: float, a: float, linear: Any = None) -> Solution:
-        """The contact of size a at the depth delta [L]; found: what `at` says of that size, where
-        it is known.
+        """Return the contact of size a [h] at the depth delta [L].
+
+        `linear` is the `linear_solution` of that size where it is known.
         """
 
     def area(self, a: Sizes) -> Sizes:
-        """Area [L^2] of a disc of radius a, in plane strain the width [L] of a band."""
+        """Return the area [L^2] of a disc of radius a [h], in plane strain the width [L] of a band."""
         return math.pi * (a * self.h) ** 2 if self.dimensions == 2 else 2.0 * a * self.h
 
     @staticmethod
     def interpolation_variable(a: Sizes) -> Sizes:
-        """The variable in which what belongs to a contact of size a is smooth between two sizes."""
+        """Return the variable in which the quantities of a contact of size a are smooth."""
         return a
 
     @staticmethod
     def size_of_variable(x: float) -> float:
-        """The size with that variable."""
+        """Return the contact size of an interpolation variable."""
         return x
 
     def max_size(self) -> float:
-        """The contact size that cannot be reached."""
+        """Return the contact size [h] that no contact can reach."""
         return min(self.wall, self.tip.max_radius / self.h, MAX_SLENDERNESS)
 
     def linear_solutions(self, sizes: Sequence[float], largest: float) -> Sequence[Any]:
-        """What `at` says of several contact sizes, none above the largest [h]."""
+        """Return the linear solutions of several contact sizes, none above `largest` [h]."""
         return [self.linear_solution(a) for a in sizes]
 
     def load_values(self, sizes: np.ndarray, linear_solutions: Sequence[Any]) -> np.ndarray:
-        """Depth, force, stiffness and energy (4, sizes) [L, F, F/L, F L] of contacts of a smooth
-        tip; found: what `at` says of their sizes [h].
-        """
+        """Return depth, force, stiffness and energy (4, sizes) [L, F, F/L, F L] of smooth contacts."""
         solutions = [
             self.solution_at_size(a, linear)
             for a, linear in zip(map(float, sizes), linear_solutions, strict=True)
@@ -153,7 +171,7 @@ class ContactCurve(ABC):
         ).T
 
     def center_pressures(self, sizes: np.ndarray, linear_solutions: Sequence[Any]) -> np.ndarray:
-        """Pressures [F/L^2] in the middle of contacts of a smooth tip; as above."""
+        """Return the pressures (sizes,) [F/L^2] in the centers of contacts of a smooth tip."""
         center = np.zeros(1)
         pairs = zip(map(float, sizes), linear_solutions, strict=True)
         return np.array(
@@ -163,8 +181,9 @@ class ContactCurve(ABC):
     def pressures(
         self, sizes: np.ndarray, linear_solutions: Sequence[Any], point_count: int
     ) -> np.ndarray:
-        """Pressures (sizes, places) [F/L^2] at even steps from the middle to before the edge; as
-        above.
+        """Return pressures (sizes, points) [F/L^2] from the center to before the edge.
+
+        The points are evenly spaced.
         """
         radius_fractions = np.linspace(0.0, 1.0, point_count, endpoint=False)
         pairs = zip(map(float, sizes), linear_solutions, strict=True)
@@ -176,19 +195,23 @@ class ContactCurve(ABC):
         )
 
     def solution_at_size(self, a: float, linear: Any = None) -> Solution:
-        """The contact of size a of a smooth tip; found: what `at` says of that size, where it is
-        known.
+        """Return the contact of size a [h] of a smooth tip.
+
+        `linear` is the `linear_solution` of that size where it is known.
         """
         linear = linear or self.linear_solution(a)
         return self.solution(linear.indentation_of_radius * self.h, a, linear)
 
     def solutions_at_depths(self, deltas: Sequence[float]) -> list[Solution]:
-        """One Solution per depth [L]; none for a depth <= 0.
+        """Return one Solution per depth [L]; without contact for a depth <= 0.
 
-        Raises ValueError when the contact would reach the wall, the end of the tip, or a/h = 100.
+        Many depths are interpolated where this is accurate to rounding; otherwise the contact size
+        of each is searched for from its neighbour's.
 
-        Those of many depths are interpolated where that is exact to rounding, else each is sought
-        from its neighbour's.
+        Raises
+        ------
+        ValueError
+            If the contact would reach the wall, the end of the tip, or a/h = 100.
         """
         for delta in deltas:
             check_contact(delta, self.tip.punch_radius, self.h, self.wall * self.h)
@@ -202,7 +225,10 @@ class ContactCurve(ABC):
         return [solution_at.get(delta) or no_contact(delta) for delta in deltas]
 
     def solutions_at_forces(self, forces: Sequence[float]) -> list[Solution]:
-        """One Solution per force [F], none for a force <= 0; otherwise as `curve`."""
+        """Return one Solution per force [F]; without contact for a force <= 0.
+
+        Errors as `solutions_at_depths`.
+        """
         pushing_forces = sorted({force for force in forces if force > 0.0})
         interpolated = None
         if len(pushing_forces) >= FEWEST_DEPTHS:
@@ -222,8 +248,9 @@ class ContactCurve(ABC):
     def _interpolated_curve(
         self, first_depth: float, last_depth: float, count: int
     ) -> ChebyshevContactCurve | None:
-        """The contacts between two depths, from which so many are wanted; None where they are few,
-        or no polynomial meets them.
+        """Return the interpolated contacts between two depths [L], from which `count` are wanted.
+
+        None where they are few, or where no polynomial of the contact size approximates them.
         """
         if (
             count < FEWEST_DEPTHS
@@ -247,9 +274,7 @@ class ContactCurve(ABC):
         )
 
     def _estimated_sizes(self, first_depth: float, last_depth: float) -> tuple[float, float]:
-        """A little less and a little more than the contact sizes [h] at two depths [L]: the first
-        step of a search.
-        """
+        """Estimate the contact sizes [h] at two depths [L], with a margin outwards."""
         depths = first_depth / self.h, last_depth / self.h
         sizes = [first_guess(self.profile, depth, self.max_size()) for depth in depths]
         estimates = zip(sizes, self.linear_solutions(sizes, max(sizes)), depths, strict=True)
@@ -259,6 +284,7 @@ class ContactCurve(ABC):
         return smallest * (1.0 - END_MARGIN), largest * (1.0 + END_MARGIN)
 
     def _solve_one_by_one(self, deltas: Sequence[float]) -> list[Solution]:
+        """Return one Solution per depth [L], each by a search that starts from the previous ones."""
         solutions: list[Solution] = []
         previous_points: list[tuple[float, float]] = []
         for delta in deltas:
@@ -282,8 +308,9 @@ class ContactCurve(ABC):
         return solutions
 
     def solutions_up_to(self, deepest: Solution, count: int) -> list[Solution]:
-        """Solutions up to a known one, at even steps of the contact size, which is not sought then;
-        of the depth under an edge.
+        """Return solutions at even steps of the contact size up to a known one.
+
+        For a flat punch, whose contact size is fixed, the steps are even in depth.
         """
         steps = np.arange(1, count + 1) / count
         if self.tip.punch_radius is not None:
@@ -291,9 +318,7 @@ class ContactCurve(ABC):
         return [self.solution_at_size(a) for a in deepest.a / self.h * steps]
 
     def depth_of_force(self, force: float) -> float:
-        """The depth [L] at which the force is this one [F] > 0, found by the contact's size; errors
-        as for `curve`.
-        """
+        """Return the depth [L] of a force [F] > 0; errors as `solutions_at_depths`."""
         if self.tip.punch_radius is not None:
             return force / self.solutions_at_depths([self.h])[0].stiffness
         start = first_guess(self.profile, force / (self.E_star * self.h**2), self.max_size())
@@ -301,11 +326,11 @@ class ContactCurve(ABC):
         return float(self.linear_solution(a).indentation_of_radius * self.h)
 
     def tension_fraction(self, solution: Solution) -> float:
-        """The share of the force that the tip would have to pull with: the sum of negative pressure
-        over the force.
+        """Return the integral of the tensile pressure over the force.
 
-        The contact of theory is whole. A stiff layer on a soft one bends away from the middle of a
-        punch, and what is pushed alone has a smaller contact and a little less force.
+        The theory's contact is a full disc or band. A stiff layer on a soft one bends away from the
+        center of a punch; without tension its contact would be smaller and its force slightly
+        lower.
         """
         if len(self.scaled_stack.layers) == 1 or solution.force <= 0:
             return 0.0
@@ -323,20 +348,22 @@ class ContactCurve(ABC):
 
 @dataclass(frozen=True, eq=False)
 class ChebyshevContactCurve:
-    """The contacts of a theory between two sizes, which was asked for them at a few sizes [h],
-    increasing.
+    """Contacts of a load curve interpolated between the smallest and the largest of some sizes.
+
+    `sizes` [h] increase; `linear_solutions` are those of `ContactCurve.linear_solution` at each.
     """
 
     curve: ContactCurve
     sizes: np.ndarray
-    linear_solutions: Sequence[Any]  # what `LayerContact.at` says of each
+    linear_solutions: Sequence[Any]
 
     @classmethod
     def interpolate(
         cls, curve: ContactCurve, smallest: float, largest: float, max_sizes: int
     ) -> ChebyshevContactCurve | None:
-        """Contacts of a smooth tip from `smallest` to `largest` [h]; None where `max_sizes` sizes do not
-        determine them.
+        """Interpolate contacts of a smooth tip from `smallest` to `largest` [h].
+
+        None where `max_sizes` contact sizes are too few for polynomials to converge.
         """
         solution_of_size: dict[float, Any] = {}
         needed_count = 0.0
@@ -370,16 +397,16 @@ class ChebyshevContactCurve:
         return None
 
     def solutions_at_depths(self, deltas: Sequence[float]) -> list[Solution]:
-        """The contacts at depths [L] between those of the two sizes."""
+        """Return the contacts at depths [L] between those of the smallest and the largest size."""
         return self._solutions(self._find_sizes(deltas, DEPTH_COLUMN), deltas)
 
     def solutions_at_forces(self, forces: Sequence[float]) -> list[Solution]:
-        """The contacts under forces [F] between those of the two sizes."""
+        """Return the contacts under forces [F] between those of the smallest and the largest size."""
         a = self._find_sizes(forces, FORCE_COLUMN)
         return self._solutions(a, list(map(float, self._load_values(a)[DEPTH_COLUMN])))
 
     def covers(self, first: float, last: float) -> bool:
-        """Whether two depths [L] are between those of the sizes."""
+        """Return whether two depths [L] lie between those of the smallest and the largest size."""
         return bool(
             self._node_values[DEPTH_COLUMN, 0] <= first
             and last <= self._node_values[DEPTH_COLUMN, -1]
@@ -387,17 +414,18 @@ class ChebyshevContactCurve:
 
     @cached_property
     def node_solutions(self) -> list[Solution]:
-        """The contacts of the sizes."""
+        """Contacts at the interpolation nodes."""
         return [
             self.curve.solution_at_size(a, linear)
             for a, linear in zip(map(float, self.sizes), self.linear_solutions, strict=True)
         ]
 
     def solution_at_size(self, a: float) -> Solution:
-        """The contact of a size [h], solved for."""
+        """Solve the contact of a size [h] without interpolation."""
         return self.curve.solution_at_size(float(a))
 
     def _solutions(self, a: np.ndarray, deltas: Sequence[float]) -> list[Solution]:
+        """Return the interpolated contacts of sizes a [h] at their depths [L]."""
         curve = self.curve
         peak_pressures = _PeakPressures(self, a)
         solutions = []
@@ -425,11 +453,11 @@ class ChebyshevContactCurve:
         return solutions
 
     def _load_values(self, a: np.ndarray) -> np.ndarray:
-        """Depth, force, stiffness and energy of contacts of sizes (4, len(a)) [L, F, F/L, F L]."""
+        """Return depth, force, stiffness and energy (4, len(a)) [L, F, F/L, F L] of contacts."""
         return self.evaluate_polynomials(self._scaled_node_values, a) * self._load_scales(a)
 
     def _load_scales(self, a: np.ndarray) -> np.ndarray:
-        """What is taken out of depth, force, stiffness and energy (4, len(a)) [L, F, F/L, F L]."""
+        """Return Hertzian factors of the load values (4, len(a)) [L, F, F/L, F L]."""
         curve = self.curve
         h = self.curve.h
         g = h * curve.profile(a)
@@ -438,16 +466,16 @@ class ChebyshevContactCurve:
 
     @cached_property
     def _scaled_node_values(self) -> np.ndarray:
-        """d, f, s and u at the sizes (4, sizes)."""
+        """Scaled quantities d, f, s and u at the nodes (4, sizes)."""
         return np.asarray(self._node_values / self._load_scales(self.sizes))
 
     @cached_property
     def _node_values(self) -> np.ndarray:
-        """Depth, force, stiffness and energy at the sizes (4, sizes) [L, F, F/L, F L]."""
+        """Depth, force, stiffness and energy at the nodes (4, sizes) [L, F, F/L, F L]."""
         return self.curve.load_values(self.sizes, self.linear_solutions)
 
     def evaluate_polynomials(self, values: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Polynomials through values (columns, sizes), at other sizes (columns, len(a))."""
+        """Evaluate polynomials through node values (columns, sizes) at sizes a, (columns, len(a))."""
         x = self.curve.interpolation_variable(a)
         (first, *_, last) = self.curve.interpolation_variable(self.sizes)
         angle = np.arccos(
@@ -458,8 +486,9 @@ class ChebyshevContactCurve:
         ).T
 
     def _find_sizes(self, requested: Sequence[float], column: int) -> np.ndarray:
-        """The sizes [h] at which a column of `_values` is what is asked for: secants between
-        logarithms, which set out from chords between the known sizes.
+        """Return the sizes [h] at which one row of the load values has the requested values.
+
+        Secants in logarithmic variables start from chords between the nodes.
         """
         log_requested = np.log(requested)
         smallest = self.sizes[0]
@@ -497,16 +526,14 @@ class ChebyshevContactCurve:
 
 
 class _PeakPressures:
-    """The largest pressures of contacts, of all by a polynomial where one meets them, else each
-    sought.
-    """
+    """Largest pressures of contacts: interpolated if a polynomial converges, else searched for."""
 
     def __init__(self, curve: ChebyshevContactCurve, a: np.ndarray):
         self._curve = curve
         self._a = a
 
     def peak_pressure(self, i: int) -> float:
-        """The largest pressure [F/L^2] of the i-th contact."""
+        """Return the largest pressure [F/L^2] of the i-th contact."""
         return (
             float(self._interpolated_peaks[i])
             if self._interpolated_peaks is not None
@@ -515,8 +542,9 @@ class _PeakPressures:
 
     @property
     def _are_central(self) -> bool:
-        """Whether every LOOKED_AT-th size has it there, where an even pressure is flat: then all
-        are taken to.
+        """Whether the largest pressure lies in the center, where an even pressure has slope 0.
+
+        Every PEAK_SAMPLING_STRIDE-th size is checked, and all are taken to be alike.
         """
         curve = self._curve
         stride = slice(None, None, PEAK_SAMPLING_STRIDE)
@@ -530,6 +558,7 @@ class _PeakPressures:
         return bool(np.all((p[:, 0] >= p.max(axis=1)) & (p[:, 1] > p[:, 2])))
 
     def _search_peak(self, solution: Solution) -> float:
+        """Search for the largest pressure [F/L^2] of a contact that was solved for."""
         point_count = LEAST_PEAK_POINTS + math.ceil(
             PEAK_POINTS_PER_RADIUS * solution.a / self._curve.curve.h
         )
@@ -537,7 +566,7 @@ class _PeakPressures:
 
     @cached_property
     def _interpolated_peaks(self) -> np.ndarray | None:
-        """Those of all contacts; None where no polynomial meets them."""
+        """Interpolated largest pressures of all contacts; None where no polynomial converges."""
         curve = self._curve
         contact_curve = self._curve.curve
         if self._are_central:
@@ -557,13 +586,14 @@ class _PeakPressures:
 
 
 def _field_values(curve: ContactCurve, delta: float, a: float, name: str, r: Any) -> Any:
-    """Pressure or u_z of a contact at places r, solved for when they are asked for."""
+    """Solve a contact and return its field `name`, pressure or u_z, at positions r [L]."""
     return getattr(curve.solution(delta, a), name)(r)
 
 
 def _chebyshev_points(low: float, high: float, count: int) -> list[float]:
-    """Chebyshev's points of the second kind, in order; every second one is among those of half as
-    many.
+    """Return Chebyshev points of the second kind in ascending order.
+
+    Every second one of 2 n - 1 points is one of n points.
     """
     points = 0.5 * (low + high) - 0.5 * (high - low) * np.cos(
         math.pi * np.arange(count) / (count - 1)
@@ -573,7 +603,7 @@ def _chebyshev_points(low: float, high: float, count: int) -> list[float]:
 
 @lru_cache(maxsize=len(SIZE_COUNTS))
 def _coefficient_matrix(count: int) -> np.ndarray:
-    """From values at Chebyshev's points to coefficients (count, count)."""
+    """Return the matrix (count, count) from values at Chebyshev points to coefficients."""
     k = np.arange(count)
     n = count - 1
     ends = np.where((k == 0) | (k == n), 0.5, 1.0)
@@ -581,13 +611,14 @@ def _coefficient_matrix(count: int) -> np.ndarray:
 
 
 def _tail_ratio(values: np.ndarray) -> float:
-    """The last coefficients of polynomials through values (columns, sizes), over the largest one of
-    each.
+    """Return the last coefficients of polynomials through values over the largest one of each.
+
+    `values` has the shape (columns, sizes); the result is the largest ratio.
     """
     coefficients = np.abs(_coefficients(values))
     return float((coefficients[-TAIL_COEFFICIENTS:].max(axis=0) / coefficients.max(axis=0)).max())
 
 
 def _coefficients(values: np.ndarray) -> np.ndarray:
-    """Coefficients (sizes, columns) of polynomials through values (columns, sizes)."""
+    """Return coefficients (sizes, columns) of polynomials through values (columns, sizes)."""
     return _coefficient_matrix(values.shape[1]) @ values.T

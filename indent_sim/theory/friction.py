@@ -1,19 +1,20 @@
-"""Coulomb friction between a tip and an elastic half-space on the way in: its force, contact radius
-and stick radius.
+"""Coulomb friction between a tip and an elastic half-space during loading.
 
-Under a flat punch of radius 1 and depth 1 pressure p and outward traction q on the body are Abel
-transforms of phi and x chi, and so are the displacements inside, with beta = (1 - 2 nu)/(2 (1 -
-nu)), in units of mu/(1 - nu) and 1:
+Results are the factors of force and contact radius and the stick radius. Under a flat punch of
+radius 1 and depth 1 pressure p and outward traction q on the body are Abel transforms of phi and
+x chi, and so are the displacements inside, with beta = (1 - 2 nu)/(2 (1 - nu)), in units of
+mu/(1 - nu) and 1:
 
-    int_r^1 s p ds = int_r^1 phi x/sqrt(x^2 - r^2) dx,          int_r^1 q ds = int_r^1 chi
-    x/sqrt(x^2 - r^2) dx, u_z(r) = int_0^r phi/sqrt(r^2 - x^2) dx - beta int_r^1 q ds = 1, u_r(r) =
-    int_0^r chi x^2/(r sqrt(r^2 - x^2)) dx - beta/r int_0^r s p ds = 0 (stick)   or   q = f p
-    (slip).
+    int_r^1 s p ds = int_r^1 phi x/sqrt(x^2 - r^2) dx,
+    int_r^1 q ds = int_r^1 chi x/sqrt(x^2 - r^2) dx,
+    u_z(r) = int_0^r phi/sqrt(r^2 - x^2) dx - beta int_r^1 q ds = 1,
+    u_r(r) = int_0^r chi x^2/(r sqrt(r^2 - x^2)) dx - beta/r int_0^r s p ds = 0 (stick)
+    or q = f p (slip).
 
 With phi and chi constant on rings all of it is elementary. Under f = B r^n each increment of the
-depth is that of a punch of the present radius: the stick radius is the same part of all of them, so
-what has slipped slips, and what has stuck sticks. Then delta = alpha a^n as in `no_slip`, the
-surface beside a punch of radius 1 lying as deep as int_0^1 phi/sqrt(r^2 - x^2) dx.
+depth is that of a punch of the present radius: the stick radius is the same fraction of all of
+them, so that slipping and sticking regions stay so. Then delta = alpha a^n as in `no_slip`, with
+the surface outside a punch of radius 1 at the depth int_0^1 phi/sqrt(r^2 - x^2) dx.
 
 Sources: Spence (1975), J. Elasticity 5, 297, for the problem and its self-similarity; the
 collocation is our own.
@@ -32,20 +33,27 @@ import numpy as np
 from indent_sim.theory import no_slip
 from indent_sim.theory.no_slip import FrictionCorrection
 
-FRICTION_RINGS = 200  # forces to 2e-5; twice as many cost five times as much for half of it
-EDGE_GRADING = 4.0  # power of their widths towards the edge, where p and q are singular
-# friction beta up to which that holds; from 1 on the rings find another singularity at the edge
+FRICTION_RINGS = (
+    200  # The force is accurate to 2e-5; twice as many halve the error at 5 x the cost.
+)
+EDGE_GRADING = 4.0  # Exponent of the grading of rings towards the edge, where p, q are singular.
+# Largest friction times beta with this accuracy; above 1 the edge has another singularity.
 MAX_FRICTION_BETA = 0.8
 
 
 def friction_correction(
     nu: float, friction: float | Literal["stick"], power: float = math.inf
 ) -> FrictionCorrection:
-    """Force, contact and stick radius under f = B r^power with friction, to 2e-5 (`sticks` to a
-    ring, 0.01 at worst).
+    """Return the factors of force and contact radius, and the stick radius, under f = B r^power.
 
-    An infinite power is a flat punch. Raises ValueError unless -1 < nu <= 0.5, power >= 1, and
-    friction is stick or between 0 and 0.8/beta, which is 1.6 at nu = 0 and 2.8 at nu = 0.3.
+    The force is accurate to 2e-5, the stick radius to one ring, 0.01 at worst. An infinite power
+    stands for a flat punch.
+
+    Raises
+    ------
+    ValueError
+        Unless -1 < nu <= 0.5, power >= 1, and friction is "stick" or between 0 and 0.8/beta, which
+        is 1.6 at nu = 0 and 2.8 at nu = 0.3.
     """
     if friction == "stick":
         return no_slip.no_slip_correction(nu, power)
@@ -66,8 +74,9 @@ def friction_correction(
 
 @dataclass(frozen=True)
 class FrictionalPunch:
-    """The flat punch of radius 1: phi on each ring, over the edges x of the rings; those before
-    `stuck` stick.
+    """Flat punch of radius 1 with phi constant on each ring between `ring_edges`.
+
+    The first `stick_ring_count` rings stick.
     """
 
     ring_edges: np.ndarray
@@ -76,17 +85,18 @@ class FrictionalPunch:
 
     @property
     def force(self) -> float:
-        """The force over that of a frictionless punch, whose phi is 2/pi."""
+        """Force over that of a frictionless punch, whose phi is 2/pi."""
         return float(math.pi / 2.0 * self.phi @ np.diff(self.ring_edges))
 
     @property
     def stick_radius(self) -> float:
-        """The radius up to which the surface sticks."""
+        """Radius up to which the surface sticks."""
         return float(self.ring_edges[self.stick_ring_count])
 
     def sinking_integral(self, n: float) -> float:
-        """int_0^1 (1 - W(1/s)) s^(n-1) ds = B/(n alpha), W(q) = int_0^1 phi/sqrt(q^2 - x^2) dx
-        beside the punch.
+        """Return int_0^1 (1 - W(1/s)) s^(n-1) ds = B/(n alpha).
+
+        W(q) = int_0^1 phi/sqrt(q^2 - x^2) dx is the surface's depth outside the punch.
         """
         from scipy.special import hyp2f1
 
@@ -99,6 +109,7 @@ class FrictionalPunch:
 
 @lru_cache(maxsize=16)
 def _punch(beta: float, friction: float) -> FrictionalPunch:
+    """Return the frictional punch on the graded rings, cached."""
     return Rings(
         1.0 - (1.0 - np.linspace(0.0, 1.0, FRICTION_RINGS + 1)) ** EDGE_GRADING
     ).solve_punch(beta, friction)
@@ -106,23 +117,22 @@ def _punch(beta: float, friction: float) -> FrictionalPunch:
 
 @dataclass(frozen=True)
 class Rings:
-    """Rings between the edges x (n + 1,), their middles r, and the integrals over them (n, n), seen
-    from r.
-    """
+    """Rings between the edges x (n + 1,), and the Abel integrals over them."""
 
     ring_edges: np.ndarray
 
     @cached_property
     def ring_middles(self) -> np.ndarray:
-        """Their middles (n,), where displacements are asked for."""
+        """Middles of the rings (n,), the collocation points of the displacements."""
         return (self.ring_edges[1:] + self.ring_edges[:-1]) / 2.0
 
     @cached_property
     def _inner_fraction(self) -> np.ndarray:
+        """Ring edges over the middles (n, n + 1), at most 1."""
         return np.minimum(self.ring_edges / self.ring_middles[:, None], 1.0)
 
     def solve_punch(self, beta: float, friction: float) -> FrictionalPunch:
-        """The punch that presses on them: slip begins at a ring found by bisection."""
+        """Return the punch on the rings; the first ring that slips is found by bisection."""
         n = len(self.ring_middles)
         angle = np.arcsin(self._inner_fraction)
         vertical_rows = np.diff(angle)  # int_0^r 1/sqrt(r^2 - x^2) dx
@@ -145,22 +155,20 @@ class Rings:
         right_side = np.repeat([1.0, 0.0], n)
 
         def solve_slip_from(k: int) -> np.ndarray:
-            """phi and chi if the rings from k on slip."""
+            """Return phi and chi if the rings from k on slip."""
             return np.linalg.solve(
                 np.vstack([stick_equations[: n + k], slip_equations[k:]]), right_side
             )
 
         def is_slip_admissible(k: int) -> bool:
-            """Whether the rings before k stick, of which the last is the first to slip."""
+            """Return whether the rings before k stick, ring k - 1 without need to slip."""
             return k == 0 or bool(slip_equations[k - 1] @ solve_slip_from(k) <= 0.0)
 
-        k = bisect_left(
-            range(n), True, key=lambda slip_equations: not is_slip_admissible(slip_equations + 1)
-        )
+        k = bisect_left(range(n), True, key=lambda ring: not is_slip_admissible(ring + 1))
         return FrictionalPunch(self.ring_edges, solve_slip_from(k)[:n], k)
 
     def _outer_integrals(self, r: np.ndarray) -> np.ndarray:
-        """int_r^1 x/sqrt(x^2 - r^2) dx over each ring, seen from each r."""
+        """Return int_r^1 x/sqrt(x^2 - r^2) dx over each ring for each r."""
         return np.diff(np.sqrt(np.maximum(self.ring_edges**2 - r[:, None] ** 2, 0.0)))
 
 

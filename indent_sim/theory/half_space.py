@@ -1,8 +1,8 @@
 """Frictionless indentation of an elastic half-space: the force at a depth in closed form.
 
-delta > 0 pushes in, force > 0 pushes, E_star = E/(1-nu^2). Any consistent units; below [L] is a
-length, [F] a force. ValueError: a length or modulus that is not > 0, an angle outside (0, 90)
-degrees.
+Sign convention: delta > 0 and force > 0 while the tip pushes into the body. E_star = E/(1 - nu^2).
+Any consistent units; [L] is a length and [F] a force. ValueError is raised for a length or modulus
+that is not > 0 and for an angle outside (0, 90) degrees.
 
 Sources: Hertz (1882); Sneddon (1965), Int. J. Eng. Sci. 3, 47.
 """
@@ -15,31 +15,32 @@ from collections.abc import Callable
 from indent_sim.theory.roots import depth_of_force
 from indent_sim.theory.solution import require_positive, tangent_of_half_angle
 
-SPHERE_SERIES = tuple(
-    1.0 / (2 * n + 1) + 1.0 / (2 * n - 1) for n in range(17, 0, -1)
-)  # of q^(2n + 1), from the last
-PYRAMID_CONSTANT = 0.73762  # +- 2e-5; the often quoted 0.7453 is 1 % high
+# Coefficients of q^(2n + 1) in (1 + q^2) artanh(q) - q, from the highest power down.
+SPHERE_SERIES = tuple(1.0 / (2 * n + 1) + 1.0 / (2 * n - 1) for n in range(17, 0, -1))
+# Boundary-element result with an uncertainty of 2e-5; the often quoted 0.7453 is 1 % too high.
+PYRAMID_CONSTANT = 0.73762
 
 
 def E_star(E: float, nu: float) -> float:
-    """Plane-strain modulus E/(1 - nu^2) [F/L^2]; raises ValueError unless E > 0 and -1 < nu <= 0.5."""
+    """Plane-strain modulus E/(1 - nu^2) [F/L^2]; ValueError unless E > 0 and -1 < nu <= 0.5."""
     require_positive(E=E)
     check_nu(nu)
     return E / (1.0 - nu**2)
 
 
 def paraboloid_force(delta: float, R: float, E_star: float) -> float:
-    """Force F = 4/3 E* sqrt(R) delta^(3/2) [F] under f = r^2/(2R); 0 for delta <= 0 (Hertz 1882)."""
+    """Hertz's force F = 4/3 E* sqrt(R) delta^(3/2) [F] under f = r^2/(2R); 0 for delta <= 0."""
     require_positive(R=R, E_star=E_star)
     return 4.0 / 3.0 * E_star * math.sqrt(R) * max(delta, 0.0) ** 1.5
 
 
 def sphere_force(delta: float, R: float, E_star: float) -> float:
-    """Force under an exact sphere F = E*/2 [(a^2+R^2) ln((R+a)/(R-a)) - 2aR] [F] (Sneddon 1965)."""
+    """Sneddon's force F = E*/2 [(a^2+R^2) ln((R+a)/(R-a)) - 2aR] [F] under an exact sphere."""
     require_positive(E_star=E_star)
     t = _sphere_angle(delta, R)
     q = math.tanh(t)
-    if q < 0.3:  # the three terms cancel to third order, so sum what is left of their series
+    if q < 0.3:
+        # The closed form cancels to third order in q: its power series is summed instead.
         square = q * q
         bracket = 0.0
         for coefficient in SPHERE_SERIES:
@@ -51,14 +52,13 @@ def sphere_force(delta: float, R: float, E_star: float) -> float:
 
 
 def _sphere_angle(delta: float, R: float) -> float:
-    """Root t of t tanh(t) = delta/R, where a = R tanh(t): free of cancellation at any depth."""
+    """Root t of t tanh(t) = delta/R with a = R tanh(t), a form without cancellation at any depth."""
     require_positive(R=R)
     d = max(delta, 0.0) / R
     if d == 0.0:
         return 0.0
-    t = (
-        math.sqrt(d * (1.0 + d * (1.0 / 3.0 + d * 4.0 / 45.0))) if d < 1.0 else d
-    )  # the first terms of its series
+    # Newton's method starts from the first terms of the power series of t^2.
+    t = math.sqrt(d * (1.0 + d * (1.0 / 3.0 + d * 4.0 / 45.0))) if d < 1.0 else d
     for _ in range(50):
         q = math.tanh(t)
         step = (t * q - d) / (q + t * (1.0 - q * q))
@@ -69,28 +69,34 @@ def _sphere_angle(delta: float, R: float) -> float:
 
 
 def cone_force(delta: float, half_angle: float, E_star: float) -> float:
-    """Force F = 2/pi E* tan(alpha) delta^2 [F], alpha in degrees from axis to flank (Sneddon 1965)."""
+    """Sneddon's force F = 2/pi E* tan(alpha) delta^2 [F]; alpha in degrees between axis and flank."""
     require_positive(E_star=E_star)
     return 2.0 / math.pi * E_star * tangent_of_half_angle(half_angle) * max(delta, 0.0) ** 2
 
 
 def flat_punch_force(delta: float, radius: float, E_star: float) -> float:
-    """Force F = 2 E* a delta of a flat circular punch of radius a [F] (Sneddon 1965)."""
+    """Sneddon's force F = 2 E* a delta [F] under a flat circular punch of radius a."""
     require_positive(radius=radius, E_star=E_star)
     return 2.0 * E_star * radius * max(delta, 0.0)
 
 
 def square_pyramid_force(delta: float, half_angle: float, E_star: float) -> float:
-    """Force F = C E* tan(beta) delta^2 [F], C = 0.73762(2), beta in degrees between axis and face.
-    C is a boundary-element result; the contact is a rounded square, so no closed form exists.
+    """Force F = C E* tan(beta) delta^2 [F] of a square pyramid; beta in degrees from axis to face.
+
+    C = 0.73762(2) is a boundary-element result: the contact area is a square with curved sides, for
+    which no closed form exists.
     """
     require_positive(E_star=E_star)
     return PYRAMID_CONSTANT * E_star * tangent_of_half_angle(half_angle) * max(delta, 0.0) ** 2
 
 
 def estimate_depth(radius_at: Callable[[float], float], force: float, E_star: float) -> float:
-    """About the depth [L] of a force under any tip, radius_at(depth) its section: force = E*
-    radius_at(depth) depth.
+    """Estimate the depth [L] of a force under any tip from force = E* r(depth) depth.
+
+    Parameters
+    ----------
+    radius_at
+        Radius r [L] of the tip's section at a height above its apex.
     """
     force_scale = max(force, 0.0) / E_star
     start = math.sqrt(force_scale)
@@ -98,6 +104,6 @@ def estimate_depth(radius_at: Callable[[float], float], force: float, E_star: fl
 
 
 def check_nu(nu: float) -> None:
-    """ValueError unless -1 < nu <= 0.5."""
+    """Raise ValueError unless -1 < nu <= 0.5."""
     if not -1.0 < nu <= 0.5:
         raise ValueError(f"nu must lie in (-1, 0.5], got {nu!r}")

@@ -1,16 +1,14 @@
-"""Smooth kernels made of the surface compliance of a stack, and quadrature over its wavenumbers.
+"""Smooth kernels of the integral equation from the surface compliance of a stack.
 
 A pressure of wavenumber k displaces the surface by w = (2/E*) L(k)/k p, > 0 into the body; L -> 1
-is the half-space and M = 1 - L is what lies below the top layer (`stack`). All lengths in this file
-are in units of the top layer's thickness. Sources: Lebedev & Ufliand (1958), PMM 22, 442; Sneddon,
-Mixed Boundary Value Problems (1966), for the Dini sum; Abramowitz & Stegun 9.5.12 (McMahon);
-Gautschi, Orthogonal Polynomials (2004), for the discrete measure.
+is the half-space, and M = 1 - L is the effect of all below the top layer (`stack`). All lengths in
+this file are in units of the top layer's thickness. Sources: Lebedev & Ufliand (1958), PMM 22, 442;
+Sneddon, Mixed Boundary Value Problems (1966), for the Dini sum.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -18,31 +16,31 @@ from itertools import pairwise
 import numpy as np
 from numpy.polynomial.chebyshev import chebder
 
+from indent_sim.theory.quadrature import (
+    bessel_j1_zeros,
+    gauss_legendre,
+    join_nodes,
+    wall_mode_nodes,
+    wavenumber_nodes,
+)
 from indent_sim.theory.stack import Stack
 
-MAX_WAVENUMBER = 22.0  # M(22) < 2e-16
-POINTS_PER_PANEL = 18  # Gauss points that resolve M between s and 3 s
-POINTS_PER_PHASE = 0.6  # more of them for each unit of the phase x ds of cos(sx)
-LONGEST_PHASE = 100.0  # phase on one panel: a rule of many points is an eigenvalue problem as large
-SINGLE_MODES = 32  # modes between walls that are summed one by one
-Nodes = tuple[np.ndarray, np.ndarray]  # and their weights
-AXIS_POINTS = 64  # of an integral of cosh(y x), which has no poles, to x < W
-# least and largest reach of even polynomials [h]
+AXIS_POINTS = 64  # Gauss points of an integral of cosh(y x), an entire function, up to x < W.
+# Smallest and largest radius [h] of a kernel in even polynomials.
 MIN_EVEN_RADIUS = 2.0**-10
 MAX_EVEN_RADIUS = 2.0
-# polynomials; of the largest part of a kernel, what is left out
+# Largest number of even polynomials, and the relative size of coefficients that are left out.
 MAX_EVEN_POLYNOMIALS = 32
 EVEN_TOLERANCE = 1e-17
-EXTRA_BESSEL_ORDERS = (
-    20  # orders beyond the last one from which a recurrence of Bessel functions sets out
-)
-WALL_FORM_SWITCH = 2.0  # k W at which the wall integral changes from its split to its direct form
+EXTRA_BESSEL_ORDERS = 20  # The downward recurrence starts this many orders above the last one.
+WALL_FORM_SWITCH = 2.0  # k W at which the wall integral changes from its split to its direct form.
 
 
 @dataclass(frozen=True)
 class Kernel:
-    """Smooth symmetric kernel sum_j weight_j b_j(x) b_j(t), b = cos(k x), cosh(y x) exp(-y W) and
-    1.
+    """Smooth symmetric kernel sum_j weight_j b_j(x) b_j(t).
+
+    The functions b are cos(k x), cosh(y x) exp(-y W) and 1.
     """
 
     k: np.ndarray
@@ -51,24 +49,26 @@ class Kernel:
     weight: np.ndarray
 
     def basis(self, x: np.ndarray) -> np.ndarray:
-        """b_j(x), shape (modes, len(x))."""
+        """Return b_j(x), shape (modes, len(x))."""
         cosines = np.cos(np.multiply.outer(self.k, x))
         if not self.y.size:
             return cosines
-        # scaled by exp(-y W): cosh alone overflows, its product with the weight does not
+        # cosh alone overflows, its product with the weight does not: scale it by exp(-y W).
         y = self.y[:, None]
         hyperbolic = 0.5 * (np.exp(y * (x - self.wall)) + np.exp(-y * (x + self.wall)))
         return np.vstack([cosines, hyperbolic, np.ones((1, x.size))])
 
     def apply_weights(self, values: np.ndarray) -> np.ndarray:
-        """weight_j values_j of values (..., modes, n)."""
+        """Return weight_j values_j of values (..., modes, n)."""
         return self.weight[:, None] * values
 
     def solve_modes(
         self, direct: np.ndarray, projection: np.ndarray, modes_at_points: np.ndarray
     ) -> np.ndarray:
-        """m = direct + project across m (..., modes, n), by phi = across m at the points: beside a
-        wall modes are nearly dependent, and a system of theirs loses digits.
+        """Solve m = direct + projection (modes_at_points m) for modes m (..., modes, n).
+
+        The unknowns are the values at the points: beside a wall the modes are nearly dependent, and
+        a linear system of modes loses digits.
         """
         point_matrix = np.eye(projection.shape[-1]) - modes_at_points @ projection
         return np.asarray(
@@ -76,7 +76,7 @@ class Kernel:
         )
 
     def slope_over_x(self, x: np.ndarray) -> np.ndarray:
-        """b_j'(x)/x for x > 0, shape (modes, len(x)); finite as x -> 0 because every b is even."""
+        """Return b_j'(x)/x for x > 0, shape (modes, len(x)); finite as x -> 0, since b is even."""
         k = self.k[:, None]
         cosines = -k * np.sin(k * x) / x
         if not self.y.size:
@@ -86,8 +86,9 @@ class Kernel:
         return np.vstack([cosines, hyperbolic, np.zeros((1, x.size))])
 
     def slope_integrals(self, a: np.ndarray) -> np.ndarray:
-        """∫_0^a b_j'(x)/x dx, shape (modes, len(a)): -k Si(k a) of the cosines, the others by
-        quadrature.
+        """Return ∫_0^a b_j'(x)/x dx, shape (modes, len(a)).
+
+        It is -k Si(k a) for the cosines; the other integrals are by quadrature.
         """
         from scipy.special import sici
 
@@ -101,8 +102,9 @@ class Kernel:
         return np.vstack([cosines, hyperbolic @ w * a])
 
     def surface_displacements(self, r: np.ndarray) -> np.ndarray:
-        """(2/pi) ∫_0^r b_j(x)/sqrt(r^2 - x^2) dx, shape (modes, len(r)): J0(k r), I0(y r) exp(-y W)
-        and 1.
+        """Return (2/pi) ∫_0^r b_j(x)/sqrt(r^2 - x^2) dx, shape (modes, len(r)).
+
+        These are J0(k r), I0(y r) exp(-y W) and 1.
         """
         from scipy.special import i0e, j0
 
@@ -115,31 +117,32 @@ class Kernel:
 
 @dataclass(frozen=True)
 class EvenKernel:
-    """The same kernel on [0, reach] as sum_jl matrix_jl b_j(x) b_l(t) of a few even polynomials b_j
-    = T_2j(x/reach).
+    """Kernel on [0, max_radius] as sum_jl matrix_jl b_j(x) b_l(t) of few even polynomials.
+
+    The polynomials are b_j = T_2j(x/max_radius).
     """
 
     max_radius: float
     matrix: np.ndarray
 
     def basis(self, x: np.ndarray) -> np.ndarray:
-        """b_j(x), shape (modes, len(x))."""
+        """Return b_j(x), shape (modes, len(x))."""
         return _chebyshev_values(self._chebyshev_argument(x), len(self.matrix))
 
     def apply_weights(self, values: np.ndarray) -> np.ndarray:
-        """sum_l matrix_jl values_l of values (..., modes, n)."""
+        """Return sum_l matrix_jl values_l of values (..., modes, n)."""
         return self.matrix @ values
 
     def solve_modes(
         self, direct: np.ndarray, projection: np.ndarray, modes_at_points: np.ndarray
     ) -> np.ndarray:
-        """m = direct + project across m (..., modes, n)."""
+        """Solve m = direct + projection (modes_at_points m) for modes m (..., modes, n)."""
         return np.asarray(
             np.linalg.solve(np.eye(len(self.matrix)) - projection @ modes_at_points, direct)
         )
 
     def slope_over_x(self, x: np.ndarray) -> np.ndarray:
-        """b_j'(x)/x, shape (modes, len(x))."""
+        """Return b_j'(x)/x, shape (modes, len(x))."""
         derivative_matrix = _derivative_matrix(len(self.matrix))
         return (
             4.0
@@ -151,24 +154,24 @@ class EvenKernel:
         )
 
     def slope_integrals(self, a: np.ndarray) -> np.ndarray:
-        """∫_0^a b_j'(x)/x dx, shape (modes, len(a))."""
+        """Return ∫_0^a b_j'(x)/x dx, shape (modes, len(a))."""
         x, w = gauss_legendre(0.0, 1.0, len(self.matrix))
         slopes = self.slope_over_x(np.multiply.outer(a, x).ravel())
         return np.asarray(slopes.reshape(-1, a.size, x.size) @ w * a)
 
     def _chebyshev_argument(self, x: np.ndarray) -> np.ndarray:
-        """Where Chebyshev's T_j are T_2j(x/reach)."""
+        """Return the argument of Chebyshev's T_j at which it equals T_2j(x/max_radius)."""
         return 2.0 * (x / self.max_radius) ** 2 - 1.0
 
 
 @lru_cache(maxsize=8)
 def _derivative_matrix(count: int) -> np.ndarray:
-    """Coefficients of the derivatives of T_0 to T_(count - 1), shape (count, count - 1)."""
+    """Return coefficients of the derivatives of T_0 to T_(count - 1), shape (count, count - 1)."""
     return np.ascontiguousarray(chebder(np.eye(count)).T)
 
 
 def _chebyshev_values(x: np.ndarray, count: int) -> np.ndarray:
-    """T_0 to T_(count - 1) at places, shape (count, len(x))."""
+    """Return T_0 to T_(count - 1) at arguments x, shape (count, len(x))."""
     values = np.empty((count, x.size))
     values[0] = 1.0
     values[1:2] = x
@@ -180,10 +183,10 @@ def _chebyshev_values(x: np.ndarray, count: int) -> np.ndarray:
 
 
 def contact_kernel(a: float, stack: Stack, wall: float) -> Kernel | EvenKernel:
-    """`axisymmetric_kernel` for places up to a, by few functions where that can be.
+    """Return the kernel of `axisymmetric_kernel` for radii up to a, by few polynomials if possible.
 
-    Without walls it is analytic 2 h off the axis: polynomials meet it where the contact is smaller,
-    and are cached in powers of the square root of two.
+    Without walls the kernel is analytic up to 2 h off the real axis: polynomials approximate it
+    where the contact is smaller. They are cached for radii in powers of sqrt(2).
     """
     if math.isinf(wall) and a <= MAX_EVEN_RADIUS:
         max_radius = 2.0 ** (0.5 * math.ceil(2.0 * math.log2(max(a, MIN_EVEN_RADIUS))))
@@ -194,8 +197,9 @@ def contact_kernel(a: float, stack: Stack, wall: float) -> Kernel | EvenKernel:
 
 @lru_cache(maxsize=64)
 def _polynomial_kernel(max_radius: float, stack: Stack) -> EvenKernel | None:
-    """By cos(k x) = J_0(k reach) + 2 sum_j (-1)^j J_2j(k reach) T_2j(x/reach); None where that
-    takes many.
+    """Return the kernel in even polynomials; None where it takes too many.
+
+    cos(k x) = J_0(k R) + 2 sum_j (-1)^j J_2j(k R) T_2j(x/R) with R = max_radius.
     """
     kernel = axisymmetric_kernel(max_radius, stack, math.inf)
     j = np.arange(MAX_EVEN_POLYNOMIALS)
@@ -213,10 +217,10 @@ def _polynomial_kernel(max_radius: float, stack: Stack) -> EvenKernel | None:
 
 
 def _even_bessel(x: np.ndarray, count: int) -> np.ndarray:
-    """J_0, J_2, ... of places 0 < x < 2 count, shape (count, len(x)), each to its own rounding.
+    """Return J_0, J_2, ... at 0 < x < 2 count, shape (count, len(x)), each to its own rounding.
 
     By J_n/J_(n-1) = x/(2 n - x J_(n+1)/J_n) downwards, and J_0 + 2 sum_j J_2j = 1 (Abramowitz &
-    Stegun 9.1.46, 9.1.73); scipy.special is not loaded for it.
+    Stegun 9.1.46, 9.1.73). This avoids the import of scipy.special.
     """
     last_order = 2 * count + EXTRA_BESSEL_ORDERS
     ratios = np.empty((last_order, x.size))
@@ -229,12 +233,11 @@ def _even_bessel(x: np.ndarray, count: int) -> np.ndarray:
 
 
 def axisymmetric_kernel(a: float, stack: Stack, wall: float) -> Kernel:
-    """Kernel K(x, t) of phi(x) - (2/pi) ∫_0^a phi K dt = (E*/pi)(delta - g), good for every radius
-    up to a.
+    """Return the kernel K(x, t) of phi(x) - (2/pi) ∫_0^a phi K dt = (E*/pi)(delta - g).
 
     wall = inf: K = ∫_0^inf M(s) cos(sx) cos(st) ds. With a frictionless wall at radius W the
-    integral over L becomes the Dini sum over k_n = j_{1,n}/W. Cached in powers of two, so that
-    neighbouring radii share one kernel.
+    integral over L becomes the Dini sum over k_n = j_{1,n}/W. The kernel is valid for every radius
+    up to a; it is cached for powers of two, so that neighbouring radii share one.
     """
     max_radius = 2.0 ** math.ceil(math.log2(max(a, 1.0)))
     if math.isinf(wall):
@@ -245,26 +248,28 @@ def axisymmetric_kernel(a: float, stack: Stack, wall: float) -> Kernel:
 
 @lru_cache(maxsize=64)
 def _layer_kernel(max_radius: float, stack: Stack) -> Kernel:
+    """Return the kernel of an infinitely wide layer."""
     s, w = wavenumber_nodes(max_radius, stack.min_wavenumber)
     return Kernel(s, np.empty(0), math.inf, w * stack.compliance_complement(s))
 
 
 @lru_cache(maxsize=64)
 def _cylinder_kernel(max_radius: float, clearance: float, stack: Stack, wall: float) -> Kernel:
-    """Dini sum over L, as the half-space integral + smooth terms: the equation stays of the second
-    kind.
+    """Return the Dini sum over L as the half-space integral and smooth terms.
+
+    So the integral equation stays of the second kind.
     """
-    # sum_n w_n cos cos = ∫ cos cos dk + (2/pi) ∫_0^inf [K1(yW)/I1(yW) cosh cosh - 2/(yW)^2] dy, w_n
-    # = 2/(k_n W^2 J0(k_n W)^2); the double pole belongs to the mean pressure of confined
-    # compression
+    # The sum is sum_n w_n cos cos
+    #     = ∫ cos cos dk + (2/pi) ∫_0^inf [K1(yW)/I1(yW) cosh cosh - 2/(yW)^2] dy
+    # with w_n = 2/(k_n W^2 J0(k_n W)^2). The double pole is the mean pressure of confined
+    # compression.
     from scipy.special import j1, y1
 
     number, weight = wall_mode_nodes(max_radius, wall)
     zeros = bessel_j1_zeros(number)
     k = zeros / wall
-    j0_squared = 4.0 / (
-        (math.pi * zeros) ** 2 * (j1(zeros) ** 2 + y1(zeros) ** 2)
-    )  # by the Wronskian; smooth in n
+    # The Wronskian gives J0^2 at the zeros of J1 as a smooth function of n.
+    j0_squared = 4.0 / ((math.pi * zeros) ** 2 * (j1(zeros) ** 2 + y1(zeros) ** 2))
     dini = 2.0 * weight * stack.compliance_complement(k) / (k * wall**2 * j0_squared)
     z, wall_weight, pole = _wall_modes(clearance)
     weight = np.concatenate(
@@ -275,14 +280,16 @@ def _cylinder_kernel(max_radius: float, clearance: float, stack: Stack, wall: fl
 
 @lru_cache(maxsize=64)
 def _wall_modes(clearance: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Nodes z = yW and weights of (2/pi) ∫_0^inf [K1/I1 cosh cosh - 2/z^2] dz, and the constant
-    left over.
+    """Return nodes z = yW and weights of (2/pi) ∫_0^inf [K1/I1 cosh cosh - 2/z^2] dz.
+
+    The third value is the constant part of the double pole 2/z^2 that the nodes leave out.
     """
-    # below CHANGE K1/I1 - ln(z/2) is even and analytic but for the pole 2/z^2; above it decays as
-    # pi exp(-2z)
+    # Below WALL_FORM_SWITCH, K1/I1 - ln(z/2) is even and analytic but for the pole 2/z^2; above,
+    # K1/I1 decays as pi exp(-2z).
     from scipy.special import i1e, k1e
 
-    def scaled_bessel_ratio(z):  # exp(2z) K1/I1; the factor cancels those of the scaled basis
+    def scaled_bessel_ratio(z):
+        """Return exp(2z) K1/I1; the factor cancels those of the scaled basis."""
         return k1e(z) / i1e(z)
 
     z0, w0 = gauss_legendre(0.0, WALL_FORM_SWITCH, 32)
@@ -308,95 +315,3 @@ def _wall_modes(clearance: float) -> tuple[np.ndarray, np.ndarray, float]:
     pole = -float(np.sum(w0 * 2.0 / z0**2)) - 2.0 / WALL_FORM_SWITCH
     nodes, weights = join_nodes(parts)
     return nodes, 2.0 / math.pi * weights, 2.0 / math.pi * pole
-
-
-def bessel_j1_zeros(numbers: np.ndarray) -> np.ndarray:
-    """Zeros of J1 by number from 1; between numbers (from SINGLE_MODES on) what McMahon's expansion
-    makes of them.
-    """
-    from scipy.special import j0, j1
-
-    b = (numbers + 0.25) * math.pi
-    v = 8.0 * b
-    z = b - 3.0 / v + 12.0 / v**3 - 7545.6 / v**5 + 3567925.0 / v**7
-    is_first = numbers <= SINGLE_MODES
-    for _ in range(3):
-        z[is_first] -= j1(z[is_first]) / (j0(z[is_first]) - j1(z[is_first]) / z[is_first])
-    return z
-
-
-def wavenumber_nodes(max_radius: float, min_wavenumber: float) -> Nodes:
-    """Nodes s and weights of ∫_0^inf M(s) cos(sx) cos(st) ds for x, t <= reach: panels graded down
-    to `min_wavenumber`.
-    """
-    panels = max(1, math.ceil(math.log(MAX_WAVENUMBER / min_wavenumber, 3.0)))
-    edges = _split_panels(
-        [0.0, *(MAX_WAVENUMBER * 3.0 ** np.arange(-panels, 1.0))], LONGEST_PHASE / max_radius
-    )
-    parts = [
-        gauss_legendre(
-            lo, hi, POINTS_PER_PANEL + math.ceil(POINTS_PER_PHASE * max_radius * (hi - lo))
-        )
-        for lo, hi in pairwise(edges)
-    ]
-    return join_nodes(parts)
-
-
-def wall_mode_nodes(max_radius: float, wall: float) -> Nodes:
-    """Nodes n and weights of sum_n M(k_n) cos(k_n x) cos(k_n t) for x, t <= reach, over k_n of
-    about n pi/W. The first SINGLE_MODES one by one; then, in doubling blocks, Gauss's rule for
-    the sum, exact for polynomials in n.
-    """
-    last = max(1, math.ceil(MAX_WAVENUMBER * wall / math.pi))
-    doubling_edges = (n for i in range(64) if (n := (SINGLE_MODES + 1) * 2**i) <= last)
-    edges = [*range(1, min(last, SINGLE_MODES) + 1), *doubling_edges, last + 1]
-    blocks = pairwise(
-        round(edge)
-        for edge in _split_panels(edges, max(1.0, LONGEST_PHASE / max_radius * wall / math.pi))
-    )
-    per_number = POINTS_PER_PHASE * max_radius * math.pi / wall
-    return join_nodes(
-        [
-            _gauss_sum(*ends, POINTS_PER_PANEL + math.ceil(per_number * (ends[1] - ends[0])))
-            for ends in blocks
-        ]
-    )
-
-
-def join_nodes(parts: Sequence[Nodes]) -> Nodes:
-    """Nodes and weights of all parts in one."""
-    return np.concatenate([x for x, _ in parts]), np.concatenate([w for _, w in parts])
-
-
-def _split_panels(edges: Sequence[float], longest: float) -> list[float]:
-    """The edges, and equally many between two of them as make no panel longer."""
-    parts = [
-        np.linspace(lo, hi, math.ceil((hi - lo) / longest), endpoint=False)
-        for lo, hi in pairwise(edges)
-    ]
-    return [*np.concatenate(parts), edges[-1]]
-
-
-def _gauss_sum(first: int, end: int, count: int) -> Nodes:
-    """Nodes and weights of sum_{n=first}^{end-1} f(n), exact below degree 2 count (Gautschi 2004,
-    sect. 1.5.2).
-    """
-    term_count = end - first
-    if term_count <= count:
-        return np.arange(float(first), end), np.ones(term_count)
-    j = np.arange(1.0, count)
-    off_diagonal = 0.5 * j * np.sqrt((term_count - j) * (term_count + j) / (4.0 * j * j - 1.0))
-    nodes, vectors = np.linalg.eigh(np.diag(off_diagonal, 1) + np.diag(off_diagonal, -1))
-    return nodes + 0.5 * (first + end - 1.0), term_count * vectors[0] ** 2
-
-
-def gauss_legendre(lo: float, hi: float, count: int) -> Nodes:
-    """Gauss-Legendre nodes and weights on [lo, hi], each of shape (count,)."""
-    x, w = _legendre_rule(count)
-    return 0.5 * (lo + hi) + 0.5 * (hi - lo) * x, 0.5 * (hi - lo) * w
-
-
-@lru_cache(maxsize=256)
-def _legendre_rule(count: int) -> Nodes:
-    """numpy's leggauss, kept: an eigenvalue problem of this size would dominate a solve."""
-    return np.polynomial.legendre.leggauss(count)

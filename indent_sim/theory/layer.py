@@ -1,18 +1,19 @@
-"""Frictionless indentation of a layer or a stack of layers, axisymmetric, to near machine precision
-in milliseconds.
+"""Frictionless axisymmetric indentation of a layer or a stack of layers, nearly to rounding.
 
 The pressure is written as an Abel integral over phi, which turns the mixed boundary conditions into
     phi(x) - (2/pi) ∫_0^a phi(t) K(x, t) dt = (E*/pi) (delta - g(x)),  0 <= x <= a,
-F = 2 pi ∫ phi, energy U = pi ∫ phi (delta - g), p(r) = phi(a)/sqrt(a^2-r^2) - ∫_r^a phi'(t)/sqrt(t^2-r^2) dt. The
-surface sinks by (2/E*) [∫_0^min(r,a) phi(t)/sqrt(r^2-t^2) dt - ∫_0^inf M(k) J0(kr) ∫_0^a phi cos(kt) dt dk]. K is
-analytic, so a Gauss-Legendre Nystrom rule converges exponentially. For a given contact radius a
-everything is linear: phi = delta phi_1 - phi_g, and phi(a) = 0 (smooth tips) gives delta(a); a root search inverts
-that.
+F = 2 pi ∫ phi, energy U = pi ∫ phi (delta - g),
+p(r) = phi(a)/sqrt(a^2-r^2) - ∫_r^a phi'(t)/sqrt(t^2-r^2) dt.
+The surface displacement into the body is
+    (2/E*) [∫_0^min(r,a) phi(t)/sqrt(r^2-t^2) dt - ∫_0^inf M(k) J0(kr) ∫_0^a phi cos(kt) dt dk].
+K is analytic, so a Gauss-Legendre Nystrom rule converges exponentially. For a given contact radius
+a the problem is linear: phi = delta phi_1 - phi_g, and phi(a) = 0 (smooth tips) gives delta(a); a
+root search inverts this.
 
-M is that of the stack below the tip (`stack`), and h, the unit of length, the thickness of its top
-layer. Forces are good to 1e-9 for a/h < 100 and moduli within a factor of 1000; on a half-space 1e4
-times softer than the top layer to 1e-8, 1e5 times softer to 2e-6, because digits of a stiffness are
-lost against the plate's.
+M is the compliance of the stack below the tip (`stack`); the unit of length is h, the thickness of
+the top layer. Forces are accurate to 1e-9 for a/h < 100 and moduli within a factor of 1000; on a
+half-space 1e4 times softer than the top layer to 1e-8, 1e5 times softer to 2e-6, because the
+plate's stiffness cancels digits of the half-space's.
 
 Small strain, gap at the reference radius. delta > 0 pushes in; force, pressure > 0 push. Any
 consistent units. Sources: Lebedev & Ufliand (1958), PMM 22, 442; Hayes et al. (1972), J. Biomech.
@@ -24,40 +25,38 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
-from itertools import pairwise
 
 import numpy as np
 from numpy.polynomial import Chebyshev
-from numpy.polynomial.chebyshev import chebpts1, chebvander
 
-from indent_sim.theory.contact_curve import ContactCurve, field_of_position
-from indent_sim.theory.hankel import (
-    EvenKernel,
-    Kernel,
-    Nodes,
-    axisymmetric_kernel,
-    contact_kernel,
-    gauss_legendre,
-    join_nodes,
+from indent_sim.theory.abel_pressure import (
+    TIP_INTEGRAL_POINTS,
+    LayerPressure,
+    abel_point_count,
+    contact_nodes,
+    layer_pressure_rule,
+    polynomial_degree,
+    tip_pressure,
+    tip_pressure_rule,
 )
-from indent_sim.theory.profiles import Shape, Tip
+from indent_sim.theory.contact_curve import ContactCurve, field_of_position
+from indent_sim.theory.hankel import EvenKernel, Kernel, axisymmetric_kernel, contact_kernel
+from indent_sim.theory.profiles import Tip
+from indent_sim.theory.quadrature import gauss_legendre
 from indent_sim.theory.roots import first_guess, increasing_root
 from indent_sim.theory.solution import Solution
 from indent_sim.theory.stack import Stack
 
-TIP_INTEGRAL_POINTS = 64  # of an integral over a tip without breaks
-MAX_PANELS = 40  # of an Abel integral, between kinks of the tip
-RADII_PER_CHUNK = 50  # radii whose integrals are worked out together, of some hundred nodes each
-
 
 @dataclass(frozen=True)
 class _LinearSolution:
-    """The two linear solutions at one contact radius, phi = delta one - shape, in units of h and
-    E*/pi.
+    """Linear solutions at one contact radius, in units of h and E*/pi.
+
+    They add up to phi = depth unit_depth - tip_shape. `weights` are those of the quadrature points
+    at which `g`, `unit_depth` and `tip_shape` are given.
     """
 
-    weights: np.ndarray  # weights of the quadrature points of g, one and shape
+    weights: np.ndarray
     g: np.ndarray
     unit_depth: np.ndarray
     tip_shape: np.ndarray
@@ -69,61 +68,22 @@ class _LinearSolution:
 
     @property
     def indentation_of_radius(self) -> float:
-        """Depth at which phi vanishes at the edge: the depth of a smooth tip with this contact
-        radius.
-        """
+        """Depth [h] at which phi is 0 at the edge: that of a smooth tip with this contact radius."""
         return self.tip_shape_edge / self.unit_depth_edge
 
 
-@dataclass(frozen=True)
-class _LayerPressure:
-    """-∫_r^a psi'(t)/sqrt(t^2-r^2) dt; psi is even and analytic: t^2 = r^2 + chord^2 s^2
-    regularises it.
-    """
-
-    kernel: Kernel | EvenKernel
-    a: float
-    modes: np.ndarray  # of psi
-
-    def __call__(self, r: np.ndarray, chord: np.ndarray) -> np.ndarray:
-        s, w = gauss_legendre(0.0, 1.0, _abel_point_count(self.a))
-        t = np.hypot(r[:, None], chord[:, None] * s)
-        if len(r) == 1:  # no polynomial for one place
-            return -chord * (self.modes @ self.kernel.slope_over_x(t[0]) @ w)
-        return -chord * (self._slope_over_t(t) @ w)
-
-    @cached_property
-    def _slope_over_t(self) -> Chebyshev:
-        """psi'(t)/t."""
-        slope_over_x = self.kernel.slope_over_x
-        return Chebyshev.interpolate(
-            lambda t: self.modes @ slope_over_x(t), _polynomial_degree(self.a), domain=[0.0, self.a]
-        )
-
-
-def _polynomial_degree(a: float) -> int:
-    """Of a polynomial that psi is, and what is analytic as far, over a contact of the radius a [h]."""
-    return 24 + math.ceil(8.0 * a)
-
-
-def _abel_point_count(a: float) -> int:
-    """Of an Abel integral of it."""
-    return 24 + math.ceil(4.0 * a)
-
-
 class Layer(ContactCurve):
-    """A layer under a tip of revolution; with a wall, a cylinder of that radius."""
+    """Axisymmetric layer under a tip of revolution; with a wall, a cylinder of that radius."""
 
     def profile(self, x: np.ndarray) -> np.ndarray:
-        """g [h] of the tip."""
+        """Return the Abel transform g [h] of the tip's profile at radii x [h]."""
         return self.tip.g(x * self.h) / self.h
 
     def linear_solution(self, a: float) -> _LinearSolution:
-        """Solve the integral equation for unit depth and for the tip's shape at the contact radius
-        a [h].
+        """Solve the integral equation for unit depth and for the tip's shape at the radius a [h].
 
-        The tip may have corners, phi - delta + g never has: only that smooth part is unknown, on a
-        few Gauss points, while the tip enters through moments taken on its own finer points.
+        The tip may have slope discontinuities, phi - delta + g never has any: only this smooth part
+        is unknown, on a few Gauss points. The tip enters through moments on its own finer points.
         """
         kernel = contact_kernel(a, self.scaled_stack, self.wall)
         breaks = self._inner_discontinuities(a)
@@ -159,8 +119,9 @@ class Layer(ContactCurve):
         )
 
     def linear_solutions(self, sizes: Sequence[float], largest: float) -> Sequence[_LinearSolution]:
-        """As `at`, under a tip without breaks of all sizes at once, on as many points as the
-        largest needs.
+        """Solve for several contact radii at once if the tip's slope is continuous.
+
+        All radii get as many quadrature points as the largest one needs.
         """
         if self.tip.slope_discontinuities:
             return super().linear_solutions(sizes, largest)
@@ -192,7 +153,7 @@ class Layer(ContactCurve):
     def load_values(
         self, sizes: np.ndarray, linear_solutions: Sequence[_LinearSolution]
     ) -> np.ndarray:
-        """As `solution` says them, under a tip without breaks of all contacts at once."""
+        """Return depth, force, stiffness and energy of all contacts at once, as in `solution`."""
         if self.tip.slope_discontinuities:
             return super().load_values(sizes, linear_solutions)
         parts = (
@@ -213,7 +174,7 @@ class Layer(ContactCurve):
     def center_pressures(
         self, sizes: np.ndarray, linear_solutions: Sequence[_LinearSolution]
     ) -> np.ndarray:
-        """As `_pressure` says them, under a tip without breaks and corners of all contacts at once."""
+        """Return the central pressures of all contacts at once if the tip's slope is continuous."""
         if self.tip.slope_discontinuities or self.tip.apex_slope:
             return super().center_pressures(sizes, linear_solutions)
         s, w = gauss_legendre(0.0, 1.0, TIP_INTEGRAL_POINTS)
@@ -234,12 +195,12 @@ class Layer(ContactCurve):
     def pressures(
         self, sizes: np.ndarray, linear_solutions: Sequence[_LinearSolution], point_count: int
     ) -> np.ndarray:
-        """As `_pressure` says them, under a tip without breaks and corners of all contacts at once."""
+        """Return the pressures of all contacts at once if the tip's slope is continuous."""
         if self.tip.slope_discontinuities or self.tip.apex_slope:
             return super().pressures(sizes, linear_solutions, point_count)
-        radius_fractions, t, tip_weights = _tip_pressure_rule(point_count)
-        x, layer_weights = _layer_pressure_rule(
-            point_count, _polynomial_degree(sizes[-1]), _abel_point_count(sizes[-1])
+        radius_fractions, t, tip_weights = tip_pressure_rule(point_count)
+        x, layer_weights = layer_pressure_rule(
+            point_count, polynomial_degree(sizes[-1]), abel_point_count(sizes[-1])
         )
         edge, g, height_differences = (
             self._profiles(sizes, fractions)
@@ -265,22 +226,24 @@ class Layer(ContactCurve):
         return self.E_star / math.pi * (tip_part + layer_part)
 
     def _profiles(self, sizes: np.ndarray, radius_fractions: np.ndarray) -> np.ndarray:
-        """g [h] at shares of contact radii (sizes, shares)."""
+        """Return g [h] at fractions of the contact radii, shape (sizes, fractions)."""
         return self.profile(np.multiply.outer(sizes, radius_fractions).ravel()).reshape(
             sizes.size, -1
         )
 
     def _inner_discontinuities(self, a: float) -> list[float]:
-        """Those of the tip inside the contact [h]."""
+        """Return the radii [h] of the tip's slope discontinuities inside the contact."""
         return [b / self.h for b in self.tip.slope_discontinuities if b / self.h < a]
 
     def _smooth_point_count(self, a: float) -> int:
-        # exponential convergence: the kernel is analytic 2h off the axis, singular where the
-        # contact meets a wall
+        # Gauss's rule converges exponentially: the kernel is analytic up to 2h off the real axis,
+        # and singular where the contact meets a wall.
+        """Return the number of Gauss points for the smooth part of phi."""
         return 20 + math.ceil(5.0 * a + 12.0 * math.sqrt(a / max(self.wall - a, 1e-4 * a)))
 
     def _tip_point_count(self, a: float) -> int:
-        # the tip's own singularity is where it ends, next to the last panel
+        # The tip's profile is singular at its end, near the last panel.
+        """Return the number of Gauss points between two slope discontinuities of the tip."""
         last_panel = a - max(self._inner_discontinuities(a), default=0.0)
         end_distance_ratio = math.sqrt(
             last_panel / max(self.tip.max_radius / self.h - a, 1e-4 * last_panel)
@@ -288,7 +251,7 @@ class Layer(ContactCurve):
         return self._smooth_point_count(a) + math.ceil(12.0 * end_distance_ratio)
 
     def solution(self, delta: float, a: float, linear: _LinearSolution | None = None) -> Solution:
-        """Turn the linear solutions at the contact radius a [h] into physical quantities."""
+        """Convert the linear solutions at the contact radius a [h] to physical quantities."""
         depth = delta / self.h
         lin = linear or self.linear_solution(a)
         phi = depth * lin.unit_depth - lin.tip_shape
@@ -300,7 +263,7 @@ class Layer(ContactCurve):
         force = 2.0 * self.E_star * self.h**2 * float(lin.weights @ phi)
         energy = self.E_star * self.h**3 * float(lin.weights @ (phi * (depth - lin.g)))
         stiffness = 2.0 * self.E_star * self.h * float(lin.weights @ lin.unit_depth)
-        layer_part = _LayerPressure(
+        layer_part = LayerPressure(
             lin.kernel, a, depth * lin.unit_depth_modes - lin.tip_shape_modes
         )
         pressure = field_of_position(_pressure, self, a, edge_value, layer_part)
@@ -311,11 +274,10 @@ class Layer(ContactCurve):
 
 
 def sneddon_force(delta: float, tip: Tip, half_space: Stack) -> float:
-    """Force [F] on a half-space by Sneddon's integral, for any tip of revolution; errors as of
-    `curve`.
+    """Return the force [F] on a half-space by Sneddon's integral, for any tip of revolution.
 
-    phi = delta - g there, so the contact radius is where g = delta: no integral equation is solved
-    to find it.
+    On a half-space phi = delta - g, so the contact radius is where g = delta: no integral equation
+    has to be solved to find it. Errors as `Layer.solutions_at_depths`.
     """
     layer = Layer.from_stack(tip, half_space)
     if tip.punch_radius is not None or delta <= 0.0:
@@ -328,11 +290,9 @@ def sneddon_force(delta: float, tip: Tip, half_space: Stack) -> float:
 
 
 def _pressure(
-    layer: Layer, a: float, edge: float, layer_part: _LayerPressure, r: np.ndarray
+    layer: Layer, a: float, edge: float, layer_part: LayerPressure, r: np.ndarray
 ) -> np.ndarray:
-    """p(r) [F/L^2] from phi = delta - g + psi: the edge, the tip and the layer each add one Abel
-    integral.
-    """
+    """Return p(r) [F/L^2] from phi = delta - g + psi, as Abel integrals of edge, tip and layer."""
     inside = r < a
     radius = r[inside]
     chord = np.sqrt((a - radius) * (a + radius))
@@ -347,7 +307,7 @@ def _pressure(
 
 
 def _u_z(layer: Layer, lin: _LinearSolution, a: float, depth: float, r: np.ndarray) -> np.ndarray:
-    """u_z(r) [L]: as on a half-space under delta - g, and outside the contact what psi adds to it."""
+    """Return u_z(r) [L]: that of a half-space under delta - g, and outside that of psi, too."""
     is_beyond_wall = r > layer.wall * (1.0 + 1e-12)
     if layer._inner_discontinuities(a):
         value = np.array([_half_space_sinking(layer, a, depth, radius) for radius in r])
@@ -361,7 +321,7 @@ def _u_z(layer: Layer, lin: _LinearSolution, a: float, depth: float, r: np.ndarr
 
 
 def _smooth_sinking(layer: Layer, a: float, depth: float, r: np.ndarray) -> np.ndarray:
-    """What `_half_space_sinking` is at places r (n,) under a tip without breaks, all at once."""
+    """Return `_half_space_sinking` at radii r (n,) at once, for a tip with a continuous slope."""
     s, w = gauss_legendre(0.0, 1.0, TIP_INTEGRAL_POINTS)
     end = np.arcsin(np.minimum(a / np.maximum(r, a), 1.0))
     t = r[:, None] * np.sin(end[:, None] * s)
@@ -371,8 +331,9 @@ def _smooth_sinking(layer: Layer, a: float, depth: float, r: np.ndarray) -> np.n
 
 
 def _half_space_sinking(layer: Layer, a: float, depth: float, r: float) -> float:
-    """(2/pi) ∫_0^min(r,a) (depth - g(t))/sqrt(r^2 - t^2) dt with t = r sin(q); depth - f(r) inside
-    the contact.
+    """Return (2/pi) ∫_0^min(r,a) (depth - g(t))/sqrt(r^2 - t^2) dt [h] with t = r sin(q).
+
+    Inside the contact this is depth - f(r).
     """
     end = math.asin(a / r) if r > a else 0.5 * math.pi
     breaks = [math.asin(b / r) for b in layer._inner_discontinuities(min(r, a))]
@@ -383,8 +344,10 @@ def _half_space_sinking(layer: Layer, a: float, depth: float, r: float) -> float
 def _layer_sinking(
     layer: Layer, lin: _LinearSolution, a: float, depth: float, r: np.ndarray
 ) -> np.ndarray:
-    """(2/pi) ∫_0^a psi(t)/sqrt(r^2 - t^2) dt - sum_j modes_j (2/pi) ∫_0^r b_j(t)/sqrt(r^2 - t^2)
-    dt, r > a.
+    """Return the part of the displacement outside the contact, r > a, that the layer causes [h].
+
+    This is (2/pi) ∫_0^a psi(t)/sqrt(r^2 - t^2) dt
+    - sum_j modes_j (2/pi) ∫_0^r b_j(t)/sqrt(r^2 - t^2) dt.
     """
     kernel = axisymmetric_kernel(0.5 * (a + float(r.max())), layer.scaled_stack, layer.wall)
     breaks = layer._inner_discontinuities(a)
@@ -392,156 +355,10 @@ def _layer_sinking(
     phi = depth * lin.unit_depth - lin.tip_shape
     modes = 2.0 / math.pi * kernel.weight * (kernel.basis(nodes) @ (lin.weights * phi))
     psi = Chebyshev.interpolate(
-        lambda t: modes @ kernel.basis(t), _polynomial_degree(a), domain=[0.0, a]
+        lambda t: modes @ kernel.basis(t), polynomial_degree(a), domain=[0.0, a]
     )
-    s, w = gauss_legendre(0.0, 1.0, _abel_point_count(a))
+    s, w = gauss_legendre(0.0, 1.0, abel_point_count(a))
     end = np.arcsin(a / r)
     return 2.0 / math.pi * end * (
         psi(r[:, None] * np.sin(end[:, None] * s)) @ w
     ) - modes @ kernel.surface_displacements(r)
-
-
-def contact_nodes(a: float, breaks: Sequence[float], count: int) -> Nodes:
-    """Gauss nodes and weights on [0, a], `count` per panel (fewer if there are many), panelled at
-    the breaks. Behind a break g rises like sqrt(x - break): there x = break + length v^2 makes
-    it analytic again.
-    """
-    edges = [0.0, *(b for b in breaks if 0.0 < b < a), a]
-    count = count if len(edges) < 5 else min(count, 12)
-    return join_nodes(
-        [
-            gauss_legendre(0.0, edges[1], count),
-            *(_graded_nodes(lo, hi, count) for lo, hi in pairwise(edges[1:])),
-        ]
-    )
-
-
-def tip_pressure(
-    g: Shape, r: np.ndarray, a: float, breaks: Sequence[float], apex_slope: float
-) -> np.ndarray:
-    """∫_r^a g'(t)/sqrt(t^2 - r^2) dt at radii 0 <= r < a, shape of r: pi/E* times the half-space
-    pressure; infinite at an apex with a `apex_slope`.
-
-    By parts about g(r), so that g' is not needed and only differences ~ (t - r) are divided: (g(a)
-    - g(r))/sqrt(a^2 - r^2) + ∫_r^a (g(t) - g(r)) t/(t^2 - r^2)^{3/2} dt, with t = r cosh y, which
-    resolves any r. More than MAX_PANELS breaks are thinned: such a tip is nearly smooth.
-    """
-    breaks = [b for b in breaks if 0.0 < b < a]
-    breaks = breaks[:: max(1, math.ceil(len(breaks) / MAX_PANELS))]
-    g_edge = float(g(np.array([a]))[0])
-    is_off_axis = r >= 1e-9 * a
-    t, w = contact_nodes(a, breaks, TIP_INTEGRAL_POINTS)
-    on_axis = g_edge / a + float(
-        w @ (g(t) / t**2)
-    )  # ∫_0^a g'(t)/t dt of a tip that is smooth at its apex
-    value = np.full_like(r, math.inf if apex_slope > 0.0 else on_axis)
-    off_axis_radii = r[is_off_axis]
-    heights = g(off_axis_radii)
-    value[is_off_axis] = (g_edge - heights) / np.sqrt(
-        (a - off_axis_radii) * (a + off_axis_radii)
-    ) + _integral_by_parts(g, heights, a, off_axis_radii, breaks)
-    return value
-
-
-def _integral_by_parts(
-    g: Shape, g_r: np.ndarray, a: float, r: np.ndarray, breaks: Sequence[float]
-) -> np.ndarray:
-    """∫_r^a (g(t) - g(r)) t/(t^2 - r^2)^{3/2} dt; a tip without breaks has the same nodes below all
-    radii.
-    """
-    if not breaks:
-        s, w = gauss_legendre(0.0, 1.0, TIP_INTEGRAL_POINTS)
-        end = np.arccosh(a / r)[:, None]
-        return np.asarray((_abel_integrand(g, g_r[:, None], r[:, None], end * s) @ w) * end[:, 0])
-    chunks = [slice(k, k + RADII_PER_CHUNK) for k in range(0, r.size, RADII_PER_CHUNK)]
-    return np.concatenate(
-        [_integral_with_breaks(g, g_r[chunk], a, r[chunk], breaks) for chunk in chunks] or [r]
-    )
-
-
-def _integral_with_breaks(
-    g: Shape, g_r: np.ndarray, a: float, r: np.ndarray, breaks: Sequence[float]
-) -> np.ndarray:
-    """What `_integral_by_parts` is at some radii, each of which has nodes of its own."""
-    nodes = [_abel_nodes(a, radius, breaks) for radius in r]
-    y, w = join_nodes(nodes)
-    counts = [radius_nodes.size for radius_nodes, _ in nodes]
-    values = w * _abel_integrand(g, np.repeat(g_r, counts), np.repeat(r, counts), y)
-    return np.asarray(np.add.reduceat(values, np.cumsum([0, *counts[:-1]])))
-
-
-@lru_cache(maxsize=8)
-def _tip_pressure_rule(point_count: int) -> tuple[np.ndarray, ...]:
-    """Even shares r/a from 0 below 1 (places), nodes t/a and weights (places, TIP_POINTS) of
-    a ∫_r^a (g(t) - g(r)) t/(t^2 - r^2)^{3/2} dt."""
-    radius_fractions = np.linspace(0.0, 1.0, point_count, endpoint=False)
-    s, w = gauss_legendre(0.0, 1.0, TIP_INTEGRAL_POINTS)
-    r = radius_fractions[1:, None]
-    end = np.arccosh(1.0 / r)
-    cosh = np.cosh(end * s)
-    sinh = np.sinh(end * s)
-    return (
-        radius_fractions,
-        np.vstack([s, r * cosh]),
-        np.vstack([w / s**2, w * end * cosh / sinh**2 / r]),
-    )
-
-
-@lru_cache(maxsize=8)
-def _layer_pressure_rule(
-    point_count: int, degree: int, count: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes t/a and weights (places, nodes) of -1/a ∫_r^a psi'(t)/sqrt(t^2 - r^2) dt at even shares
-    r/a, of psi'(t)/t at the nodes; a polynomial of that degree, by so many points
-    (`_LayerPart`).
-    """
-    radius_fractions = np.linspace(0.0, 1.0, point_count, endpoint=False)[:, None]
-    nodes = chebpts1(degree + 1)
-    s, w = gauss_legendre(0.0, 1.0, count)
-    chord = np.sqrt(1.0 - radius_fractions * radius_fractions)
-    polynomials = chebvander(2.0 * np.hypot(radius_fractions, chord * s) - 1.0, degree)
-    weights = -chord * np.einsum("ijn,j->in", polynomials, w)
-    return 0.5 * (1.0 + nodes), weights @ np.linalg.inv(chebvander(nodes, degree))
-
-
-def _abel_integrand(g: Shape, g_r: np.ndarray, r: np.ndarray, y: np.ndarray) -> np.ndarray:
-    cosh = np.cosh(y)
-    t = r * cosh
-    return (g(t.ravel()).reshape(t.shape) - g_r) * cosh / np.sinh(y) ** 2 / r
-
-
-def _abel_nodes(a: float, r: float, breaks: Sequence[float]) -> Nodes:
-    """Nodes y = arcosh(t/r) on [0, arcosh(a/r)]; geometric panels, as a pole or a branch point may
-    be near a start.
-    """
-    end = math.acosh(a / r)
-    break_below = max((b for b in breaks if b < r), default=0.0)
-    first_panel = math.sqrt(2.0 * (r - break_below) / r)
-    starts = [0.0, *(math.acosh(b / r) for b in breaks if b > r), end]
-    panels = []
-    for start, stop in pairwise(starts):
-        cuts = [
-            start,
-            *_geometric_edges(max(start, 1e-8) if start else max(first_panel, 1e-8), start, stop),
-            stop,
-        ]
-        first = (
-            _graded_nodes(cuts[0], cuts[1], 24) if start else gauss_legendre(cuts[0], cuts[1], 24)
-        )
-        panels += [first, *(gauss_legendre(lo, hi, 24) for lo, hi in pairwise(cuts[1:]))]
-    return join_nodes(panels)
-
-
-def _geometric_edges(size: float, start: float, stop: float) -> list[float]:
-    """start + size (1, 3, 9, ...) as far as it stays clearly below stop."""
-    count = (
-        math.floor(math.log((stop - start) / (1.5 * size), 3.0)) + 1
-        if stop - start > 1.5 * size
-        else 0
-    )
-    return [start + size * 3.0**k for k in range(count)]
-
-
-def _graded_nodes(lo: float, hi: float, count: int) -> Nodes:
-    v, w = gauss_legendre(0.0, 1.0, count)
-    return lo + (hi - lo) * v**2, 2.0 * (hi - lo) * v * w

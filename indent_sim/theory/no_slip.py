@@ -24,7 +24,7 @@ from functools import lru_cache
 import numpy as np
 
 from indent_sim.theory.half_space import check_nu
-from indent_sim.theory.hankel import Nodes, gauss_legendre, join_nodes
+from indent_sim.theory.quadrature import Nodes, gauss_legendre, join_nodes
 
 # Force without slip over the frictionless one on a layer bonded to its base, by contact radius over
 # thickness (columns) and Poisson ratio (rows), to 0.5 %: paraboloid and cone at the depth where the
@@ -63,7 +63,6 @@ MAP_ROUNDING = 0.001  # of the map
 # Beyond corners of a cell: up, of the effect, and down, of the force, where slip turns about
 CELL_PEAK = 0.02
 CELL_DIP = 0.004
-
 MAX_HYPERBOLIC_ANGLE = (
     20.0  # of the hyperbolic angle whose tanh is t: beyond it 1/cosh^2 is below 1e-17 of its peak
 )

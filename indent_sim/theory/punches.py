@@ -25,9 +25,9 @@ import numpy as np
 from numpy.polynomial import Chebyshev
 from numpy.polynomial.chebyshev import cheb2poly
 
-from indent_sim.theory.hankel import gauss_legendre
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.profiles import Tip
+from indent_sim.theory.quadrature import gauss_legendre
 from indent_sim.theory.roots import increasing_root
 
 FIT_DEGREE = 7  # of ln K and ln P over the radius: 3 and 7 are worse on noisy curves, 9 much

@@ -1,4 +1,8 @@
-"""Inversion of an increasing load curve: the contact size of a depth, the depth of a force."""
+"""Inversion of an increasing load curve: the contact size of a depth, the depth of a force.
+
+The search is a secant method in (log a, log depth), where Hertz's law is a straight line, inside a
+bracket (Press et al., Numerical Recipes, chapter 9, for safeguarded secants).
+"""
 
 from __future__ import annotations
 
@@ -11,18 +15,14 @@ import numpy as np
 from indent_sim.theory.solution import SOLUTION_ERRORS
 
 ForceCurve = Callable[[float], float]  # the force [F] at a depth [L]
-GUESS_FRACTIONS = np.geomspace(
-    1e-18, 1.0, 400
-)  # of the limit, the sizes among which the first guess is sought
-LEAST_END_DISTANCE = (
-    1e-4  # relative distance from a wall or from the end of the tip at which the search gives up
-)
+# Sizes over the limit at which the tip's profile is tabulated for the first guess.
+GUESS_FRACTIONS = np.geomspace(1e-18, 1.0, 400)
+# Relative distance from a wall or from the end of the tip at which the search gives up.
+LEAST_END_DISTANCE = 1e-4
 
 
 def first_guess(profile: Callable[[np.ndarray], np.ndarray], depth: float, limit: float) -> float:
-    """Contact size in (0, limit) at which an increasing profile(x) is about `depth`: where to
-    start.
-    """
+    """Return a contact size in (0, limit) at which an increasing profile(x) is about `depth`."""
     grid = limit * (1.0 - 1e-9) * GUESS_FRACTIONS
     values = profile(grid)
     if values[-1] <= depth:
@@ -32,8 +32,9 @@ def first_guess(profile: Callable[[np.ndarray], np.ndarray], depth: float, limit
 
 
 def next_guess(previous_points: list[tuple[float, float]], depth: float) -> float | None:
-    """Contact size at `depth` from the last two (depth, size) of a curve, which nearly obey a power
-    law.
+    """Extrapolate the contact size to `depth` by a power law through the last two points.
+
+    The points are pairs (depth, size); None without any.
     """
     if not previous_points:
         return None
@@ -49,12 +50,17 @@ def next_guess(previous_points: list[tuple[float, float]], depth: float) -> floa
 def increasing_root(
     depth: Callable[[float], float], target: float, start: float, limit: float
 ) -> float:
-    """Contact size a in (0, limit) with depth(a) = target > 0, for an increasing depth(a); or any
-    such pair.
+    """Return the contact size a in (0, limit) at which an increasing depth(a) is `target` > 0.
 
-    Secant in (log a, log depth), where Hertz is a straight line, kept inside a bracket that
-    bisection halves whenever the secant does not. Raises ValueError if depth stays below target up
-    to 1e-4 from the limit, ArithmeticError if nothing converges.
+    The secant in (log a, log depth) is kept inside a bracket, which is bisected where the secant
+    leaves it or converges slowly. Any other increasing function can take the place of the depth.
+
+    Raises
+    ------
+    ValueError
+        If the depth stays below the target up to a relative distance of 1e-4 from the limit.
+    ArithmeticError
+        If the search does not converge.
     """
     lo = 0.0
     hi = limit
@@ -67,7 +73,7 @@ def increasing_root(
             return a
         step = power_law_step(a, value, target, previous)
         if abs(step - a) <= 1e-11 * a:
-            return step  # the secant squares this error
+            return step  # The error of this step is about the square of the last one's.
         previous = (a, value)
         if (iteration > 30 and iteration % 2) or not lo < step < hi:
             step = _bracketed_step(lo, hi, limit)
@@ -81,8 +87,9 @@ def increasing_root(
 
 
 def depth_of_force(force_at: ForceCurve, force: float, start: float) -> float | None:
-    """The depth at which an increasing force_at(depth) is `force` > 0, near `start`; None when it
-    is not reached.
+    """Return the depth at which an increasing force_at(depth) is `force` > 0, sought near `start`.
+
+    None where the force is not reached.
     """
     with contextlib.suppress(*SOLUTION_ERRORS), np.errstate(all="ignore"):
         return increasing_root(force_at, force, start, 1e15 * start)
@@ -92,9 +99,9 @@ def depth_of_force(force_at: ForceCurve, force: float, start: float) -> float | 
 def power_law_step(
     a: float, value: float, target: float, previous: tuple[float, float] | None = None
 ) -> float:
-    """Next a of the log-log secant; the exponent starts at the paraboloid's 2.
+    """Return the next a of the secant in (log a, log value); NaN where `value` is not > 0.
 
-    Not a number where `value` is none.
+    Without a previous pair (a, value) the exponent is 2, that of a paraboloid's depth.
     """
     if value <= 0.0:
         return math.nan
@@ -107,8 +114,10 @@ def power_law_step(
 
 
 def _bracketed_step(lo: float, hi: float, limit: float) -> float:
+    """Return a step inside the bracket (lo, hi) for a secant that left it."""
     if lo == 0.0:
         return 0.25 * hi
-    if hi >= limit:  # nothing is known above lo: approach the limit quickly, but not in one leap
+    if hi >= limit:
+        # No size above lo was evaluated: approach the limit quickly, but not in one step.
         return min(2.0 * lo, limit - 0.1 * (limit - lo))
     return 0.5 * (lo + hi)

@@ -8,29 +8,45 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# Points of a search for the largest pressure, rounds, and their end
+# Search for the largest pressure: points of the first round, points of the rounds that refine the
+# interval around the largest value, number of rounds, and relative change that ends the search.
 PEAK_POINTS = 101
 REFINED_PEAK_POINTS = 11
 PEAK_ROUNDS = 12
 PEAK_TOLERANCE = 1e-10
-SOLUTION_ERRORS = (
-    ValueError,
-    ArithmeticError,
-    np.linalg.LinAlgError,
-)  # which in numpy 1.24 is neither of the other two
-MAX_SLENDERNESS = 100.0  # largest a/h; the dense matrices of the layer theories grow with it
+# Errors by which a theory says that it has no solution. In numpy 1.24 LinAlgError is a subclass of
+# neither ValueError nor ArithmeticError.
+SOLUTION_ERRORS = (ValueError, ArithmeticError, np.linalg.LinAlgError)
+MAX_SLENDERNESS = 100.0  # Largest a/h: the dense matrices of the layer theories grow with it.
 
 
 @dataclass(frozen=True)
 class Solution:
-    """State of the body at one depth; in plane strain force, energy and stiffness are per unit
-    length.
+    """State of the body at one depth.
 
-    delta [L]; force [F]; contact radius or half-width a [L]; contact area [L^2], or width [L];
-    strain energy [F L]; stiffness d force/d delta [F/L]; pressure: r -> p [F/L^2], number or array
-    in, same shape out, 0 outside the contact; u_z: r -> displacement of the surface [L], < 0 into
-    the body, likewise; not a number beyond side walls. The gap is f(r) - delta - u_z(r). peak: says
-    the largest pressure [F/L^2], where it need not be sought.
+    In plane strain force, energy and stiffness are per unit length. The gap at a distance r is
+    f(r) - delta - u_z(r).
+
+    Attributes
+    ----------
+    delta
+        Depth [L].
+    force
+        Force [F], > 0 while the tip pushes.
+    a
+        Contact radius or half-width [L].
+    area
+        Contact area [L^2], in plane strain the width [L].
+    energy
+        Strain energy [F L].
+    stiffness
+        d force/d delta [F/L].
+    pressure
+        Contact pressure [F/L^2] at distances r [L], of the shape of r; 0 outside the contact.
+    u_z
+        Surface displacement [L] at distances r [L], < 0 into the body; NaN beyond side walls.
+    peak_pressure
+        Returns the largest pressure [F/L^2]; None if it has to be searched for.
     """
 
     delta: float
@@ -44,11 +60,10 @@ class Solution:
     peak_pressure: Callable[[], float] | None = None
 
     def largest_pressure(self, points: int = PEAK_POINTS) -> float:
-        """The largest pressure [F/L^2], to 1e-9; NaN where it is infinite, under a sharp apex or
-        edge.
+        """Return the largest pressure [F/L^2] to 1e-9, or NaN where it is infinite.
 
-        The surroundings of the largest of some points are looked at closer and closer, unless it is
-        in the middle; towards an infinite pressure it does not stop growing.
+        The pressure is infinite under a sharp apex or edge. The search refines the interval around
+        the largest sampled value until this no longer changes.
         """
         if self.force <= 0.0:
             return 0.0
@@ -64,7 +79,7 @@ class Solution:
             if largest == math.inf:
                 return math.nan
             if previous_largest == 0.0 and p[0] == largest and p[1] > p[2]:
-                return largest  # on the axis, or the middle, where an even pressure is flat
+                return largest  # The maximum is in the center, where the pressure has slope 0.
             if abs(largest - previous_largest) <= PEAK_TOLERANCE * largest:
                 return largest
             k = int(np.argmax(p))
@@ -73,7 +88,7 @@ class Solution:
 
 
 def no_contact(delta: float) -> Solution:
-    """The untouched body: everything but delta is zero."""
+    """Return the Solution of a body that the tip does not touch: all but delta is zero."""
 
     def zero_field(r):
         return np.zeros_like(np.asarray(r, dtype=float))[()]
@@ -82,9 +97,7 @@ def no_contact(delta: float) -> Solution:
 
 
 def check_contact(delta: float, punch_radius: float | None, h: float, wall: float) -> None:
-    """Raise ValueError if delta is not finite or a fixed edge is wider than the body or the theory
-    allows.
-    """
+    """Raise ValueError if delta is not finite or a flat punch is too wide for body or theory."""
     if not math.isfinite(delta):
         raise ValueError(f"delta must be finite, got {delta!r}")
     if punch_radius is not None and punch_radius > MAX_SLENDERNESS * h:
@@ -98,14 +111,14 @@ def check_contact(delta: float, punch_radius: float | None, h: float, wall: floa
 
 
 def require_positive(**values: float) -> None:
-    """Raise ValueError naming the first value that is not a finite number > 0."""
+    """Raise ValueError for the first value, by name, that is not a finite number > 0."""
     for name, value in values.items():
         if not (value > 0.0 and math.isfinite(value)):
             raise ValueError(f"{name} must be a finite number > 0, got {value!r}")
 
 
 def tangent_of_half_angle(half_angle: float) -> float:
-    """tan of an angle in degrees; ValueError unless it lies in (0, 90)."""
+    """Return tan of an angle in degrees; ValueError unless it lies in (0, 90)."""
     if not 0.0 < half_angle < 90.0:
         raise ValueError(f"half_angle must lie in (0, 90) degrees, got {half_angle!r}")
     return math.tan(math.radians(half_angle))

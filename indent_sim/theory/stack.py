@@ -1,14 +1,14 @@
 """Surface compliance of a stack of elastic layers, per wavenumber, to rounding.
 
-A pressure p of wavenumber k displaces the surface by w = (2/E*) L(k)/k p, > 0 into the body, E* of
-the top layer; L -> 1 is its half-space and M = 1 - L is what lies below. L is the same about an
-axis (J0(kr)) and in plane strain (cos kx). With s = kz, the amplitudes v = (U, V, T/(mu k), N/(mu
-k)) of u_r, u_z, sigma_rz, sigma_zz obey v' = A v in each layer, z down; A has the double
-eigenvalues -1 and +1.
+A pressure p of wavenumber k displaces the surface by w = (2/E*) L(k)/k p, > 0 into the body, with
+E* of the top layer; L -> 1 is the half-space, and M = 1 - L is the effect of all below the top
+layer. L is the same in axial symmetry (J0(kr)) and in plane strain (cos kx). With s = kz, the
+amplitudes v = (U, V, T/(mu k), N/(mu k)) of u_r, u_z, sigma_rz, sigma_zz obey v' = A v in each
+layer, z down; A has the double eigenvalues -1 and +1.
 
-From the base upwards the compliance of what lies below is carried through one layer after the
-other: by exp(-A s) where a layer is thin (s < THICK), which loses no digit as k -> 0, and otherwise
-by the waves that decay downwards and their reflection, in which nothing grows.
+The compliance at the base is carried upwards through one layer after the other: by exp(-A s) where
+a layer is thin (s < WAVE_THICKNESS), which loses no digit as k -> 0, and otherwise by the waves
+that decay downwards and their reflection, so that no term grows.
 
 Sources: Thomson (1950), J. Appl. Phys. 21, 89; Kausel & Roesset (1981), Bull. Seismol. Soc. Am. 71,
 1743; Burmister (1945), J. Appl. Phys. 16, 89, for the layered half-space.
@@ -26,14 +26,17 @@ from indent_sim.theory.half_space import E_star
 from indent_sim.theory.solution import require_positive
 
 BASE_SUPPORTS = ("fixed", "roller")
-FAR_WALL_HEIGHTS = 1e6  # in heights; a stack that wide is infinite, but for less than 1e-9
-# k h from which a layer is a medium of waves; both ways are good to 1e-15 between 0.3 and 3
+# Wall distance over the height beyond which a stack counts as infinitely wide, with an error < 1e-9.
+FAR_WALL_HEIGHTS = 1e6
+# k h above which a layer is computed by reflected waves; both methods are accurate to 1e-15
+# between 0.3 and 3.
 WAVE_THICKNESS = 1.0
 
 
 class StackLayer(NamedTuple):
-    """One layer: thickness [L], infinite for an elastic half-space, Young's modulus [F/L^2],
-    Poisson's ratio.
+    """Layer of a stack: its thickness [L], Young's modulus [F/L^2] and Poisson's ratio.
+
+    An infinite thickness stands for an elastic half-space.
     """
 
     thickness: float
@@ -43,18 +46,27 @@ class StackLayer(NamedTuple):
 
 @dataclass(frozen=True)
 class Stack:
-    """Perfectly bonded layers from the top.
+    """Perfectly bonded elastic layers, listed from the top.
 
-    base: under the last ply "fixed" (bonded to a rigid base) or "roller" (frictionless); None if
-    the last ply is a half-space. Raises ValueError unless moduli are > 0, thicknesses > 0 and all
-    but the last finite, nu in [0, 0.5].
+    Parameters
+    ----------
+    layers
+        All but the last have a finite thickness; an infinitely thick last one is a half-space.
+    base
+        Below the last layer: "fixed" (bonded to a rigid base), "roller" (frictionless), or None
+        where the last layer is a half-space.
+
+    Raises
+    ------
+    ValueError
+        Unless moduli and thicknesses are > 0, nu lies in [0, 0.5] and the base fits the last layer.
     """
 
     layers: tuple[StackLayer, ...]
     base: str | None = "fixed"
 
     def __post_init__(self) -> None:
-        """Check every ply and that the base goes with the last one."""
+        """Check every layer and that the base fits the last one."""
         if not self.layers:
             raise ValueError("a stack needs at least one layer")
         for number, (thickness, E, nu) in enumerate(self.layers, 1):
@@ -69,35 +81,38 @@ class Stack:
 
     @classmethod
     def half_space(cls, E_star: float, unit: float) -> Stack:
-        """A homogeneous half-space, which knows E and nu only as E*; unit [L]: about a contact
+        """Return a homogeneous half-space with the modulus E*, as a stack.
+
+        Only E* enters, so it has nu = 0. `unit` [L] is the unit of length, best about a contact
         radius.
         """
         return cls((StackLayer(unit, E_star, 0.0), StackLayer(math.inf, E_star, 0.0)), None)
 
     @property
     def is_bottomless(self) -> bool:
-        """Whether the last ply is a half-space."""
+        """Whether the last layer is a half-space."""
         return self.layers[-1].thickness == math.inf
 
     @property
     def E_star(self) -> float:
-        """E* of the top ply [F/L^2]."""
+        """E* of the top layer [F/L^2]."""
         return E_star(self.layers[0].E, self.layers[0].nu)
 
     @property
     def h(self) -> float:
-        """Thickness of the top ply [L]."""
+        """Thickness of the top layer [L]."""
         return self.layers[0].thickness
 
     @property
     def height(self) -> float:
-        """Thickness of all plies above a half-space [L]."""
+        """Thickness of all layers above a half-space [L]."""
         return sum(ply.thickness for ply in self.layers if ply.thickness < math.inf)
 
     @property
     def confined_compliance(self) -> float:
-        """E*/h sum h_i/M_i, M_i the oedometric modulus: compliance under a uniform pressure; 0 if
-        incompressible.
+        """Compliance E*/h sum h_i/M_i under a uniform pressure, M_i the oedometric moduli.
+
+        It is 0 for incompressible layers.
         """
         layers = sum(
             t * (1.0 + nu) * (1.0 - 2.0 * nu) / ((1.0 - nu) * E) for t, E, nu in self.layers
@@ -106,14 +121,15 @@ class Stack:
 
     @property
     def min_wavenumber(self) -> float:
-        """Wavenumber [1/h] below which L is a simple power: membrane, bending and substrate meet
-        above it.
+        """Wavenumber [1/h] below which L is a power of k.
+
+        The ranges of membrane, bending and substrate lie above it.
         """
         moduli = [ply.E for ply in self.layers]
         return min(moduli) / max(moduli) * self.h / self.height
 
     def scaled_by_top(self) -> Stack:
-        """The same stack with the thickness and modulus of its top ply as units."""
+        """Return the stack in units of the thickness and modulus of its top layer."""
         top = self.layers[0]
         return Stack(
             tuple(StackLayer(t / top.thickness, E / top.E, nu) for t, E, nu in self.layers),
@@ -121,8 +137,13 @@ class Stack:
         )
 
     def scaled_wall_distance(self, distance: float | None) -> float:
-        """Distance of side walls in units of the top ply, infinity where there are none; it must be
-        > 0 or None. ValueError too for a half-space between walls, which would sink without end.
+        """Return the distance of side walls in units of the top layer; infinity without walls.
+
+        Raises
+        ------
+        ValueError
+            If the distance is not > 0, or for walls around a half-space, which would sink without
+            end.
         """
         if distance is not None and not distance > 0.0:
             raise ValueError(f"wall must be > 0 or None, got {distance!r}")
@@ -133,7 +154,7 @@ class Stack:
         return distance / self.h if distance < FAR_WALL_HEIGHTS * self.height else math.inf
 
     def compliance_complement(self, k: np.ndarray) -> np.ndarray:
-        """M(k) = 1 - L(k) [-] for wavenumbers k > 0 [1/L], shape of k."""
+        """Return M(k) = 1 - L(k) [-] for wavenumbers k > 0 [1/L], of the shape of k."""
         top = self.layers[0]
         layers = self.layers[:-1] if self.is_bottomless else self.layers
         states = np.broadcast_to(self._base_states(), (k.size, 4, 2)).copy()
@@ -146,8 +167,9 @@ class Stack:
         return excess[:, 1, 1] / (1.0 - top.nu)
 
     def _base_states(self) -> np.ndarray:
-        """A basis of the states (rows U, V, T, N) that the base allows, stresses in units of the
-        top's mu k.
+        """Return a basis of the states (rows U, V, T, N) that the base allows, shape (4, 2).
+
+        Stresses are in units of the top layer's mu k.
         """
         if self.base == "fixed":
             return np.eye(4)[:, 2:]
@@ -165,8 +187,9 @@ def _shear_modulus(layer: StackLayer) -> float:
 def _compliance_at_top(
     layer: StackLayer, s: np.ndarray, state: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compliance (T, N) -> (U, V) at a layer's top from states at its bottom; also its excess over
-    the half-space's.
+    """Return the compliance (T, N) -> (U, V) at a layer's top, and its excess over a half-space.
+
+    `state` (n, 4, 2) is a basis of the states at the layer's bottom; both results are (n, 2, 2).
     """
     compliance = np.empty((s.size, 2, 2))
     excess = np.empty((s.size, 2, 2))
@@ -182,9 +205,7 @@ def _compliance_at_top(
 def _compliance_by_reflection(
     nu: float, s: np.ndarray, state: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compliance of the layer's own half-space, and what the reflection of its downward waves adds
-    to it.
-    """
+    """Return the compliance of the layer's own half-space, and what reflection at the bottom adds."""
     waves = _wave_matrix(nu)
     down = waves[:, :2]
     up = waves[:, 2:]
@@ -198,8 +219,9 @@ def _compliance_by_reflection(
 
 
 def _wave_matrix(nu: float) -> np.ndarray:
-    """Columns x1, x2, y1, y2: x1 e^-s and (x2 + s x1) e^-s decay downwards, y1 e^s and (y2 - s y1)
-    e^s upwards.
+    """Return the columns x1, x2, y1, y2 of the waves in a layer.
+
+    x1 e^-s and (x2 + s x1) e^-s decay downwards, y1 e^s and (y2 - s y1) e^s upwards.
     """
     x1 = np.array([1.0, 1.0, -2.0, -2.0])
     x2 = np.array([0.0, 3.0 - 4.0 * nu, 4.0 * nu - 2.0, 4.0 * nu - 4.0])
@@ -208,8 +230,9 @@ def _wave_matrix(nu: float) -> np.ndarray:
 
 
 def _transfer_matrix(nu: float, s: np.ndarray) -> np.ndarray:
-    """exp(-A s) for s < THICK, shape (len(s), 4, 4), by Hermite's polynomial in A; no entry
-    cancels.
+    """Return exp(-A s) for s < WAVE_THICKNESS, shape (len(s), 4, 4), by Hermite's polynomial in A.
+
+    No entry is a difference of nearly equal terms.
     """
     q = nu / (1.0 - nu)
     c = (1.0 - 2.0 * nu) / (2.0 * (1.0 - nu))
@@ -222,14 +245,13 @@ def _transfer_matrix(nu: float, s: np.ndarray) -> np.ndarray:
     A3 = np.array([[0, 2 + q, 2 - c, 0], [-m, 0, 0, -q], [4 * e, 0, 0, m], [0, -2 * e, -2 - q, 0]])
     sinh = np.sinh(s)
     cosh = np.cosh(s)
-    cubic = sum(
-        j * s ** (2 * j + 1) / math.factorial(2 * j + 1) for j in range(1, 10)
-    )  # (s cosh s - sinh s)/2
+    # The series of (s cosh s - sinh s)/2.
+    cubic = sum(j * s ** (2 * j + 1) / math.factorial(2 * j + 1) for j in range(1, 10))
     factors = [cosh - 0.5 * s * sinh, 0.5 * (s * cosh - 3.0 * sinh), 0.5 * s * sinh, -cubic]
     return np.einsum("pk,pij->kij", factors, [np.eye(4), A, A2, A3])
 
 
 def _inverse_2x2(matrix: np.ndarray) -> np.ndarray:
-    """Inverses of 2 x 2 matrices, shape (n, 2, 2), by cofactors: small entries keep their digits."""
+    """Return the inverses (n, 2, 2) of 2 x 2 matrices by cofactors: small entries stay accurate."""
     (a, b), (c, d) = np.moveaxis(matrix, 0, -1)
     return np.moveaxis(np.array([[d, -b], [-c, a]]) / (a * d - b * c), -1, 0)

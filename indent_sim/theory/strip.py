@@ -25,8 +25,8 @@ from typing import ClassVar, Self
 import numpy as np
 
 from indent_sim.theory.contact_curve import ContactCurve, Sizes, field_of_position
-from indent_sim.theory.hankel import wall_mode_nodes, wavenumber_nodes
 from indent_sim.theory.profiles import Tip
+from indent_sim.theory.quadrature import wall_mode_nodes, wavenumber_nodes
 from indent_sim.theory.solution import Solution
 from indent_sim.theory.stack import Stack
 

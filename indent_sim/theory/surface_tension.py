@@ -45,8 +45,8 @@ import numpy as np
 from numpy.polynomial import Chebyshev
 
 from indent_sim.theory.contact_curve import ContactCurve, field_of_position
-from indent_sim.theory.hankel import Nodes, gauss_legendre, join_nodes, wavenumber_nodes
 from indent_sim.theory.layer import Layer
+from indent_sim.theory.quadrature import Nodes, gauss_legendre, join_nodes, wavenumber_nodes
 from indent_sim.theory.solution import Solution
 
 # functions of phi: and more for each sqrt(a/b), as phi ends in a layer of width b

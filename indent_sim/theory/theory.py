@@ -1,6 +1,4 @@
-"""Theory: the contact of a body under a tip at any depth, worked out once, and the usual formulas
-beside it.
-"""
+"""Reference theory of a body under a tip: its solutions at depths or forces, and textbook formulas."""
 
 from __future__ import annotations
 
@@ -22,22 +20,32 @@ from indent_sim.theory.solution import SOLUTION_ERRORS, Solution
 if TYPE_CHECKING:
     from indent_sim.theory.adhesion import Jkr
 
-MAX_KEPT_SOLUTIONS = 100  # solutions that a theory remembers
-THEORY_ERROR = 1e-8  # of theory's numbers, stated: ten times what was measured
-TENSION_CHECK_DEPTHS = (
-    10  # depths of a path at which it is asked whether theory's tip would have to pull
-)
+MAX_KEPT_SOLUTIONS = 100  # Solutions that a theory keeps before its cache is emptied.
+THEORY_ERROR = 1e-8  # Stated relative error of the theory: ten times the measured one.
+TENSION_CHECK_DEPTHS = 10  # Depths of a path at which the sign of the contact pressure is checked.
 
 
 @dataclass(frozen=True)
 class Theory:
-    """Theory of a body under a tip on its axis, at small strain but where it `is_finite`; `exact`
-    when the body is the theory's own.
+    """Reference theory of a body under a tip on its axis, with textbook formulas for such a body.
 
-    `why` says what the finite body has that the theory has not. `error`: of its numbers, relative.
-    `pull`: the share of the force that the tip would have to pull with, where that alone keeps it
-    from being exact. `formulas`: force [pressure length^2] at a depth [length] by the usual
-    formulas for such a body. A depth is worked out once and remembered.
+    Strains are small unless `is_finite_strain`. Solutions are cached by their depth.
+
+    Attributes
+    ----------
+    is_exact
+        Whether the body is the one that the theory describes.
+    reason
+        Difference between the real body and the theory's, where the theory is not exact.
+    contact
+        Load curve of the theory.
+    error
+        Relative error of the theory's numbers.
+    formulas
+        Textbook formulas by name: the force [pressure length^2] at a depth [length].
+    tension_fraction
+        Tensile part of the contact pressure over the force, where only this makes the theory
+        inexact.
     """
 
     name: str
@@ -47,7 +55,7 @@ class Theory:
     error: float = THEORY_ERROR
     formulas: Mapping[str, ForceCurve] = field(default_factory=dict, repr=False)
     tension_fraction: float = 0.0
-    is_finite_strain: bool = False  # of finite strain, its contact tested at the deformed point
+    is_finite_strain: bool = False
     _jkr_of_work: dict[float, Jkr | None] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -59,8 +67,9 @@ class Theory:
     )
 
     def solutions_at_depths(self, deltas: Sequence[float]) -> list[Solution] | None:
-        """One Solution (force, a, pressure) per depth, or None where the theory ends (contact meets
-        the wall).
+        """Return one Solution per depth, or None if the theory ends before one of them.
+
+        The theory ends where the contact would reach a side wall or the end of the tip.
         """
         if len(self._solution_of_depth) > MAX_KEPT_SOLUTIONS:
             self._solution_of_depth.clear()
@@ -75,12 +84,12 @@ class Theory:
         return solutions if len(solutions) == len(deltas) else None
 
     def expect_depths(self, deltas: Sequence[float]) -> None:
-        """Depths that will be asked for one by one: the first of them finds all at once."""
+        """Announce depths that will be requested one by one: the first request solves all of them."""
         self._expected_solutions.clear()
         self._expected_solutions.update(dict.fromkeys(deltas))
 
     def solution_at_depth(self, delta: float) -> Solution | None:
-        """The Solution at one depth, or None."""
+        """Return the Solution at one depth, or None if the theory ends before it."""
         if delta in self._expected_solutions:
             if self._expected_solutions[delta] is None and (
                 path_solutions := self.solutions_at_depths(list(self._expected_solutions))
@@ -90,28 +99,27 @@ class Theory:
                 )
             if solution := self._expected_solutions[delta]:
                 return solution
-            self._expected_solutions.clear()  # theory ends before the last of them
+            # The theory ends before the deepest of the announced depths.
+            self._expected_solutions.clear()
         solutions = self.solutions_at_depths([delta])
         self._solution_of_depth.setdefault(delta, None)
         return solutions[0] if solutions else None
 
     def solutions_at_forces(self, forces: Sequence[float]) -> list[Solution] | None:
-        """One Solution per force, or None where the theory ends before one of them."""
+        """Return one Solution per force, or None if the theory ends before one of them."""
         with contextlib.suppress(*SOLUTION_ERRORS), np.errstate(all="ignore"):
             return self.contact.solutions_at_forces(forces)
         return None
 
     def depth_of_force(self, force: float, deepest: float) -> float | None:
-        """The depth at which theory's force is this one, `deepest` at most; None when theory ends
-        before.
-        """
+        """Return the depth of a force, at most `deepest`; None if the theory ends before it."""
         with contextlib.suppress(*SOLUTION_ERRORS), np.errstate(all="ignore"):
             return min(self.contact.depth_of_force(force), deepest)
         deepest_solution = self.solution_at_depth(deepest)
         return deepest if deepest_solution and deepest_solution.force <= force else None
 
     def checked_for_tension(self, deltas: Sequence[float]) -> Theory:
-        """The same theory, no longer exact where its tip would have to pull at one of the depths."""
+        """Return the theory, marked as inexact if its pressure is tensile at one of the depths."""
         if (
             not self.is_exact
             or isinstance(self.contact, Compression)
@@ -123,8 +131,9 @@ class Theory:
             for delta in {*deltas[:: ceil(len(deltas) / TENSION_CHECK_DEPTHS)], max(deltas)}
             if delta > 0
         )
-        solutions = self.solutions_at_depths(sampled_depths)  # each sets out from the last
-        if solutions is None:  # theory ends before the deepest, and knows none beyond its end
+        solutions = self.solutions_at_depths(sampled_depths)
+        if solutions is None:
+            # The theory ends before the deepest depth: check those that it reaches.
             solutions = [
                 solution
                 for solution in takewhile(bool, map(self.solution_at_depth, sampled_depths))
@@ -134,8 +143,8 @@ class Theory:
         if not tension_fraction:
             return self
         reason = (
-            f"theory's tip would pull with {100 * tension_fraction:.1g} % of the force to keep its "
-            "contact whole"
+            "the theory keeps the contact closed by tensile pressure, in sum "
+            f"{100 * tension_fraction:.1g} % of the force"
         )
         return replace(
             self,
@@ -146,30 +155,27 @@ class Theory:
         )
 
     def covers_path(self, deepest: float, largest_force: float | None) -> bool:
-        """Whether theory goes as far as a path to this depth, or to the largest force where forces
-        are prescribed.
-        """
+        """Return whether the theory reaches the deepest depth, or the largest prescribed force."""
         if largest_force is not None:
             return largest_force <= 0 or self.depth_of_force(largest_force, inf) is not None
         return deepest <= 0 or self.solution_at_depth(deepest) is not None
 
     def formula_value(self, name: str, delta: float, force: float | None = None) -> float | None:
-        """Force at a depth by a usual formula or, where a force is given, its depth, near this one;
-        None: no such.
+        """Return the force at a depth by a textbook formula, or the depth of a given force.
+
+        The depth of a force is sought near `delta`. None where the formula has no finite value.
         """
         formula = self.formulas[name]
         value = formula(delta) if force is None else depth_of_force(formula, force, delta)
         return value if value is not None and np.isfinite(value) else None
 
     def jkr(self, work: float) -> Jkr | None:
-        """The tip if it adheres without range, which keeps what it has found; None where theory
-        does not know that.
-        """
+        """Return the JKR contact with a work of adhesion, or None if the theory has none."""
         if work in self._jkr_of_work:
             return self._jkr_of_work[work]
         from indent_sim.theory.adhesion import (
-            Jkr,
-        )  # with scipy's searches, which no other scene needs
+            Jkr,  # with scipy's searches, which no other scene needs
+        )
         from indent_sim.theory.punches import LayerPunches
 
         jkr = Jkr(LayerPunches(self.contact), work) if isinstance(self.contact, Layer) else None

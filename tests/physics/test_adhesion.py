@@ -21,7 +21,7 @@ from indent_sim.model.state import State
 from indent_sim.run.pipeline import states
 from indent_sim.scene.scene import resolve
 from indent_sim.studies.study_file import read as read_study
-from indent_sim.theory.adhesion import LAMBDA_PER_TABOR, maugis_pull_off
+from indent_sim.theory.maugis import LAMBDA_PER_TABOR, maugis_pull_off
 
 # 2000 contact radii thick and wide: a half-space to a few hundredths of a per cent
 THICK = {"shape": "cylinder", "radius": 200.0, "height": 200.0, "base": "fixed", "sides": "roller"}

@@ -22,14 +22,11 @@ from indent_sim.process.errors import NotConverged
 from indent_sim.run import pipeline
 from indent_sim.run.history_on_curve import HistoryResult, _HistoryEvaluation, evaluate_with_units
 from indent_sim.scene.scene import Scene, resolve
-from indent_sim.theory import profiles, viscoelastic_stepping
+from indent_sim.theory import profiles, surface_contact
 from indent_sim.theory.layer import Layer
-from indent_sim.theory.viscoelastic_stepping import (
-    RelaxingSurface,
-    SurfaceContactLCP,
-    ViscoelasticTimeStepper,
-)
-from indent_sim.theory.viscoelasticity import Modulus
+from indent_sim.theory.relaxation_function import Modulus
+from indent_sim.theory.surface_contact import RelaxingSurface, SurfaceContactLCP
+from indent_sim.theory.viscoelastic_stepping import ViscoelasticTimeStepper
 
 LAYER = {"shape": "layer", "height": 1.0}
 HALF_SPACE = {"shape": "half_space"}
@@ -510,8 +507,8 @@ def test_a_step_that_finds_no_contact_ends_the_run(monkeypatch: pytest.MonkeyPat
     """What has not settled is no number: it is said, and the run is not converged."""
     base = scene_of(STRIP, {"relaxation": SLOW, "history": TWICE}, "solver.method=condensed")
     body = pipeline.condense(base).equilibrium
-    monkeypatch.setattr(viscoelastic_stepping, "MAX_ACTIVE_SET_ITERATIONS", 1)
-    with pytest.raises(NotConverged, match="did not settle"):
+    monkeypatch.setattr(surface_contact, "MAX_ACTIVE_SET_ITERATIONS", 1)
+    with pytest.raises(NotConverged, match="did not converge"):
         evaluate_with_units(base, body)
 
 

@@ -14,7 +14,7 @@ from scenes import E_STAR, WALLED, meshed, scene, solve
 from indent_sim.fe import solver
 from indent_sim.fe.path.pull_off import force_ripple
 from indent_sim.model.state import PullOff, State
-from indent_sim.theory.adhesion import LAMBDA_PER_TABOR
+from indent_sim.theory.maugis import LAMBDA_PER_TABOR
 
 LOOSE = {"adhesion": {"work": 1e-2, "range": 5e-2}}  # Maugis' lambda 1 at R = E = 1
 TIGHT = {"adhesion": {"work": 1e-2, "range": 2e-2}}  # Maugis' lambda 2.5

@@ -29,7 +29,9 @@ from indent_sim.model.state import State
 from indent_sim.run import pipeline
 from indent_sim.scene.prescribed_history import prony_series
 from indent_sim.scene.scene import Scene
-from indent_sim.theory.viscoelasticity import ElasticCurve, LeeRadokTing, ShearRelaxation
+from indent_sim.theory.elastic_curve import ElasticCurve
+from indent_sim.theory.lee_radok_ting import LeeRadokTing
+from indent_sim.theory.relaxation_function import ShearRelaxation
 
 TWO_TIMES = PronySeries(0.3, (0.4, 0.3), (0.1, 1.0))
 ONE_TIME = PronySeries(0.4, (0.6,), (2.0,))

@@ -20,7 +20,7 @@ from scenes import grid_of
 from test_cli import environment
 
 from indent_sim.config.scene_file import loads
-from indent_sim.mesh import gmsh
+from indent_sim.mesh import gmsh, mesher_process
 from indent_sim.mesh.grid import Grid
 from indent_sim.process import usage
 from indent_sim.process.errors import ConfigError, MeshError
@@ -129,7 +129,7 @@ def test_a_flat_cell_is_told():
 @pytest.mark.parametrize(
     ("flat", "told"),
     [
-        (100, "neither can it with a mesh.h_contact 1.1 and 0.9 times as large, which were tried"),
+        (100, "mesh.h_contact 1.1 and 0.9 times as large was tried and cannot be meshed either"),
         (3, "a mesh.h_contact 1.1 times as large was tried and can be meshed"),
         (6, "a mesh.h_contact 0.9 times as large was tried and can be meshed"),
     ],
@@ -143,10 +143,10 @@ def test_a_mesh_that_stays_flat_is_refused(monkeypatch, flat, told):
         return len(seen) <= flat
 
     monkeypatch.setattr(gmsh, "has_flat_cells", is_flat)
-    gmsh._mesher.stop()  # forked anew, it knows
+    mesher_process._mesher.stop()  # forked anew, it knows
     with pytest.raises(MeshError, match=f"cells without volume; {told}"):
         grid_of(resolve(loads(SMALL)))
-    gmsh._mesher.stop()
+    mesher_process._mesher.stop()
 
 
 def test_a_dropped_split_does_not_change_the_force():
@@ -337,7 +337,7 @@ def program(draw: str) -> list[str]:
     """`run scene.yaml` with something else in the place where gmsh draws."""
     imports = "import os, time\nfrom unittest import mock\nfrom indent_sim.cli import commands"
     # AttributeError once renamed
-    patch = f"mock.patch('indent_sim.mesh.gmsh._prescribe_sizes', lambda *_: {draw})"
+    patch = f"mock.patch('indent_sim.mesh.gmsh.prescribe_sizes', lambda *_: {draw})"
     script = f"{imports}\nwith {patch}:\n    commands.main()"
     return ["-c", script, "run", "scene.yaml", "--output", "out"]
 
@@ -391,11 +391,13 @@ class TestRun:
         def refuse() -> int:
             raise BlockingIOError("no room")
 
-        gmsh._mesher.stop()
+        mesher_process._mesher.stop()
         monkeypatch.setattr(os, "fork", refuse)
         assert grid_of(scene).hash == expected.hash
 
     def test_among_ranks_nothing_is_forked_once_mpi_may_be_up(self, monkeypatch):
-        gmsh._mesher.stop()
+        mesher_process._mesher.stop()
         monkeypatch.setenv("OMPI_COMM_WORLD_SIZE", "2")
-        assert len(grid_of(resolve(loads(SMALL))).cells) > 0 and not gmsh._mesher.is_running
+        assert (
+            len(grid_of(resolve(loads(SMALL))).cells) > 0 and not mesher_process._mesher.is_running
+        )

@@ -96,7 +96,7 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "petsc4py": ("fe/",),
     "ufl": ("fe/", "model/"),
     "mpi4py": ("fe/", "run/", "cli/"),
-    "gmsh": ("mesh/gmsh.py", "fe/compat.py"),
+    "gmsh": ("mesh/mesher_process.py", "fe/compat.py"),
     "meshio": ("mesh/mesh_file.py",),
     "afmformats": ("results/measured/afm_file.py",),
     "pyfmreader": ("results/measured/nanoscope_file.py",),

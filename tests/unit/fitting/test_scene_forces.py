@@ -17,8 +17,10 @@ from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavaila
 from indent_sim.fitting.forward_model.parameters import ADHESION_WORK_KEY, number_at, parameters_of
 from indent_sim.process.errors import ConfigError
 from indent_sim.theory.adhesion import Jkr
+from indent_sim.theory.elastic_curve import ElasticCurve
+from indent_sim.theory.lee_radok_ting import LeeRadokTing
 from indent_sim.theory.punches import LayerPunches
-from indent_sim.theory.viscoelasticity import ElasticCurve, LeeRadokTing, ShearRelaxation
+from indent_sim.theory.relaxation_function import ShearRelaxation
 
 DEEPEST = 0.13
 DEPTHS = np.array([1e-4, 0.001, 0.01, 0.03, 0.1, 0.13])

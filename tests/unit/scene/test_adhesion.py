@@ -13,7 +13,7 @@ from indent_sim.model.adhesion import Adhesion
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.explicit_config import explicit_config
 from indent_sim.scene.scene import resolve
-from indent_sim.theory.adhesion import maugis_pull_off
+from indent_sim.theory.maugis import maugis_pull_off
 
 THICK = {"shape": "cylinder", "radius": 200.0, "height": 200.0, "base": "fixed", "sides": "roller"}
 WORK, RANGE = 1e-3, 1e-2

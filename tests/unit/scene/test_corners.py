@@ -14,7 +14,7 @@ from scenes import BOX, CYLINDER, ELASTIC, STRIP, WALLED, scene
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.mesh.model_domain import Side
-from indent_sim.mesh.sizes import size_formula
+from indent_sim.mesh.size_formulas import size_formula
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.error_estimation.coarser_run import coarsen_scene
 from indent_sim.run.explicit_config import explicit_config

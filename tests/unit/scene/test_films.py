@@ -16,7 +16,7 @@ from indent_sim.run.explicit_config import explicit_config
 from indent_sim.scene.boundary_films import path_rows
 from indent_sim.scene.resolution import coarsened_sizes
 from indent_sim.scene.scene import Scene, resolve
-from indent_sim.theory.poroelasticity import drained_length, excess_length
+from indent_sim.theory.drained_layer import drained_length, excess_length
 
 POROUS = {"model": "linear_elastic", "E": 1.0, "nu": 0.2, "flow": {"diffusivity": 1.0}}
 BASE: dict[str, Any] = {

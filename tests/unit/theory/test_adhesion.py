@@ -11,8 +11,9 @@ import pytest
 from theory_bodies import BONDED_PULL_OFF, one_layer
 
 from indent_sim.theory import profiles
-from indent_sim.theory.adhesion import Jkr, maugis_lambda, maugis_pull_off, tabor_number
+from indent_sim.theory.adhesion import Jkr
 from indent_sim.theory.layer import Layer
+from indent_sim.theory.maugis import maugis_lambda, maugis_pull_off, tabor_number
 from indent_sim.theory.punches import FittedPunches, LayerPunches
 from indent_sim.theory.stack import Stack, StackLayer
 

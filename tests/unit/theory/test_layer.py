@@ -10,8 +10,8 @@ from theory_bodies import indent, one_layer
 
 from indent_sim.theory import half_space as hs
 from indent_sim.theory import profiles
-from indent_sim.theory.hankel import bessel_j1_zeros
 from indent_sim.theory.layer import Layer
+from indent_sim.theory.quadrature import bessel_j1_zeros
 from indent_sim.theory.stack import Stack, StackLayer
 
 UNIT = {"E": 1.0, "h": 1.0}

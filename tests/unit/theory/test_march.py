@@ -107,9 +107,9 @@ def test_few_sizes_are_asked_for_where_few_depths_are_wanted():
     asked = []
 
     class Counting(Layer):
-        def several(self, sizes, largest):
+        def linear_solutions(self, sizes, largest):
             asked.extend(sizes)
-            return super().several(sizes, largest)
+            return super().linear_solutions(sizes, largest)
 
     counting = Counting(contact.tip, contact.scaled_stack, contact.E_star, contact.h, contact.wall)
     sizes = [one.a / contact.h for one in contact._solve_one_by_one([0.1 * deepest, deepest])]

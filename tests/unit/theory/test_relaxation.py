@@ -9,17 +9,19 @@ import pytest
 from scipy.special import beta
 from theory_bodies import one_layer
 
-from indent_sim.theory import profiles, viscoelastic_stepping
+from indent_sim.theory import profiles, surface_contact, viscoelastic_stepping
+from indent_sim.theory.elastic_curve import ElasticCurve
 from indent_sim.theory.layer import Layer
+from indent_sim.theory.lee_radok_ting import LeeRadokTing
+from indent_sim.theory.relaxation_function import PowerLaw, ShearRelaxation
 from indent_sim.theory.stack import Stack, StackLayer
-from indent_sim.theory.viscoelastic_stepping import (
+from indent_sim.theory.surface_contact import (
     RelaxingSurface,
     SearchNotConverged,
     SurfaceContactLCP,
-    ViscoelasticTimeStepper,
     layer_surface,
 )
-from indent_sim.theory.viscoelasticity import ElasticCurve, LeeRadokTing, PowerLaw, ShearRelaxation
+from indent_sim.theory.viscoelastic_stepping import ViscoelasticTimeStepper
 
 SOLID = ShearRelaxation((0.5,), (1.0,))  # E = 2 instantaneous, 1 in the end
 DEPTHS = np.geomspace(1e-4, 1.3, 60)
@@ -214,9 +216,9 @@ def test_what_does_not_settle_is_no_pressure(monkeypatch: pytest.MonkeyPatch) ->
         SurfaceContactLCP(disc, disc.compliance).solve_pressures(
             disc.heights[::-1] - 0.001 * disc.areas
         )
-    monkeypatch.setattr(viscoelastic_stepping, "MAX_ACTIVE_SET_ITERATIONS", 1)
+    monkeypatch.setattr(surface_contact, "MAX_ACTIVE_SET_ITERATIONS", 1)
     other = RelaxingSurface(disc.compliance, disc.heights, disc.areas)
-    with pytest.raises(SearchNotConverged, match="1 corrections"):
+    with pytest.raises(SearchNotConverged, match="1 iterations"):
         SurfaceContactLCP(other, other.compliance).solve_pressures(disc.heights - 0.01 * disc.areas)
     monkeypatch.setattr(viscoelastic_stepping, "MAX_SEARCH_STEPS", 1)
     with pytest.raises(SearchNotConverged, match="was not found"):

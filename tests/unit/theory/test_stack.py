@@ -8,7 +8,7 @@ import pytest
 from theory_bodies import stack_of
 
 from indent_sim.theory import half_space as hs
-from indent_sim.theory import hankel, profiles, strip
+from indent_sim.theory import hankel, profiles, quadrature, strip
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.stack import Stack, StackLayer
 from indent_sim.theory.strip import Strip
@@ -87,7 +87,7 @@ def refined(monkeypatch):
             "MAX_WAVENUMBER": 33.0,
             "SINGLE_MODES": 64,
         }.items():
-            monkeypatch.setattr(hankel, name, value)
+            monkeypatch.setattr(quadrature, name, value)
         monkeypatch.setattr(Stack, "min_wavenumber", property(lambda self: 0.1 * finest(self)))
         monkeypatch.setattr(Layer, "_smooth_point_count", lambda self, a: 2 * smooth(self, a))
         monkeypatch.setattr(Strip, "_node_count", lambda self, a: 2 * nodes(self, a))
@@ -315,7 +315,7 @@ def test_far_walls_and_sums_over_many_modes(monkeypatch):
             == infinite.force
         )
     with monkeypatch.context() as every_mode:  # 17 500 of them, one by one
-        every_mode.setattr(hankel, "SINGLE_MODES", 10**9)
+        every_mode.setattr(quadrature, "SINGLE_MODES", 10**9)
         hankel._cylinder_kernel.cache_clear()
         direct = Layer.from_stack(tip, stack, 50.0).solutions_at_depths([0.05])[0].force
     hankel._cylinder_kernel.cache_clear()
@@ -326,7 +326,7 @@ def test_far_walls_and_sums_over_many_modes(monkeypatch):
 
 def test_rule_for_sums_is_exact_for_polynomials():
     for first, end, count in [(33, 66, 18), (1000, 9000, 20), (5, 9, 20)]:
-        n, w = hankel._gauss_sum(first, end, count)
+        n, w = quadrature._gauss_sum(first, end, count)
         every = np.arange(first, end) / end
         for power in (0, 1, 7, min(35, 2 * len(n) - 1)):
             assert w @ (n / end) ** power == pytest.approx(np.sum(every**power), rel=1e-12)

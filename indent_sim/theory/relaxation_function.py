@@ -1,0 +1,171 @@
+"""Relaxation functions G(t) = E(t)/E of linear viscoelastic materials: Prony series and power law.
+
+The force of a body of constant Poisson ratio is F(t) = ∫ G(t - s) dF_el(s), with F_el its elastic
+force, > 0 while the tip pushes. Any unit of time.
+Source: Tschoegl (1989), Phenomenological Theory of Linear Viscoelastic Behavior, chapters 3 and 4.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+EQUAL_STEP_TOLERANCE = 1e-6  # relative: samples at equal times
+SHORTEST_TIME_FRACTION = (
+    1e-3  # of the time between samples: shorter times of a power law are not seen
+)
+ForceRelaxation = Callable[
+    [np.ndarray], np.ndarray
+]  # the force of a relaxing body by the elastic forces at some times
+
+# a power law as a sum of exponentials: per decade, and beyond the times asked for
+EXPONENTIALS_PER_DECADE = 8
+EXTRA_DECADES = 2.0
+
+
+@dataclass(frozen=True)
+class ShearRelaxation:
+    """Prony series G = g_inf + sum g_i exp(-t/tau_i) of a relaxing shear modulus.
+
+    `fractions` g_i >= 0 refer to the instantaneous modulus, `times` are tau_i > 0. Without a
+    `given_long_term`, g_inf = 1 - sum g_i.
+    """
+
+    fractions: tuple[float, ...]
+    times: tuple[float, ...]
+    given_long_term: float | None = None
+
+    @property
+    def long_term(self) -> float:
+        """G at infinite time."""
+        return 1.0 - sum(self.fractions) if self.given_long_term is None else self.given_long_term
+
+    def _sum(self, terms: np.ndarray) -> np.ndarray:
+        """Return sum g_i terms_i."""
+        return (
+            np.tensordot(np.array(self.fractions), terms, axes=1)
+            if self.fractions
+            else 0.0 * terms.sum(axis=0)
+        )
+
+    def __call__(self, t: np.ndarray) -> np.ndarray:
+        """Return G at times t >= 0."""
+        t = np.asarray(t, dtype=float)
+        return self.long_term + self._sum(
+            np.array([np.exp(-t / tau) for tau in self.times] or [0.0 * t])
+        )
+
+    def integral(self, t: np.ndarray) -> np.ndarray:
+        """Return int_0^t G [time]."""
+        t = np.asarray(t, dtype=float)
+        return self.long_term * t + self._sum(
+            np.array([-tau * np.expm1(-t / tau) for tau in self.times] or [0.0 * t])
+        )
+
+    def complex_modulus(self, omega: float) -> complex:
+        """Return storage + i loss modulus over E at the angular frequency omega [1/time]."""
+        pairs = zip(self.fractions, self.times, strict=True)
+        return self.long_term + sum(
+            g * 1j * omega * tau / (1 + 1j * omega * tau) for g, tau in pairs
+        )
+
+    def prony_series(self, shortest: float, longest: float) -> ShearRelaxation:
+        """Return the series itself."""
+        return self
+
+    def force_relaxation(self, t: np.ndarray) -> ForceRelaxation:
+        """Return the function from elastic forces at increasing times t (n,) to relaxed ones.
+
+        F = g_inf F_el + sum g_i h_i with dh_i/dt = dF_el/dt - h_i/tau_i, exact where F_el is linear
+        between the times.
+        """
+        # Imported here because only sampled curves need it.
+        from scipy.signal import lfilter
+
+        dt = np.diff(t)
+        has_equal_steps = bool(len(dt)) and bool(
+            np.all(np.abs(dt - dt[0]) <= EQUAL_STEP_TOLERANCE * abs(dt[0]))
+        )
+
+        def recurrence(first: float, decay: np.ndarray, gain: np.ndarray) -> np.ndarray:
+            """Return h_j = h_{j-1} decay_j + gain_j from the first value on."""
+            if has_equal_steps:
+                return lfilter([1.0], [1.0, -decay[0]], gain, zi=np.array([decay[0] * first]))[0]
+            values = np.empty(len(decay))
+            value = first
+            for j, (d, g) in enumerate(zip(map(float, decay), map(float, gain), strict=True)):
+                value = value * d + g
+                values[j] = value
+            return values
+
+        def relax_forces(elastic: np.ndarray) -> np.ndarray:
+            """Return the relaxed forces of elastic forces."""
+            force_steps = np.diff(elastic)
+            force = self.long_term * elastic
+            for fraction, tau in zip(self.fractions, self.times, strict=True):
+                gain = np.where(
+                    dt > 0,
+                    force_steps * -np.expm1(-dt / tau) * tau / np.where(dt > 0, dt, 1.0),
+                    force_steps,
+                )
+                force = force + fraction * np.append(
+                    elastic[0], recurrence(elastic[0], np.exp(-dt / tau), gain)
+                )
+            return force
+
+        return relax_forces
+
+
+@dataclass(frozen=True)
+class PowerLaw:
+    """Power law G = (t/time)^-exponent with 0 < exponent < 1, infinite at t = 0."""
+
+    exponent: float
+    time: float
+
+    def __call__(self, t: np.ndarray) -> np.ndarray:
+        """Return G at times t > 0."""
+        return (np.asarray(t, dtype=float) / self.time) ** -self.exponent
+
+    def integral(self, t: np.ndarray) -> np.ndarray:
+        """Return int_0^t G [time]."""
+        b = self.exponent
+        return self.time / (1.0 - b) * (np.asarray(t, dtype=float) / self.time) ** (1.0 - b)
+
+    def complex_modulus(self, omega: float) -> complex:
+        """Return storage + i loss modulus over E, Gamma(1 - b) (i omega time)^b.
+
+        omega is the angular frequency [1/time].
+        """
+        return math.gamma(1.0 - self.exponent) * (1j * omega * self.time) ** self.exponent
+
+    def prony_series(self, shortest: float, longest: float) -> ShearRelaxation:
+        """Return a Prony series that is accurate to 1e-6 between the shortest and the longest time.
+
+        t^-b = int_0^inf s^(b-1) e^(-ts) ds/Gamma(b), integrated with equal steps of ln s.
+        """
+        b = self.exponent
+        step = math.log(10.0) / EXPONENTIALS_PER_DECADE
+        slowest_rate = 1e-9 ** (1.0 / b) / longest  # slower rates are worth less than 1e-9
+        log_slowest_rate = math.log(max(slowest_rate, 10.0**-EXTRA_DECADES * 1e-4 / longest))
+        rates = np.exp(np.arange(log_slowest_rate, math.log(10.0**EXTRA_DECADES / shortest), step))
+        weights = step * (rates * self.time) ** b / math.gamma(b)
+        long_term = (rates[0] * self.time * math.exp(-0.5 * step)) ** b / math.gamma(
+            1.0 + b
+        )  # all slower rates at once
+        return ShearRelaxation(
+            tuple(weights.tolist()), tuple((1.0 / rates).tolist()), float(long_term)
+        )
+
+    def force_relaxation(self, t: np.ndarray) -> ForceRelaxation:
+        """Return the function from elastic forces at increasing times t (n,) to relaxed ones."""
+        span = max(float(np.ptp(t)), 1e-300)
+        return self.prony_series(
+            SHORTEST_TIME_FRACTION * span / max(len(t) - 1, 1), span
+        ).force_relaxation(t)
+
+
+Modulus = ShearRelaxation | PowerLaw  # G(t) = E(t)/E of a linear viscoelastic material

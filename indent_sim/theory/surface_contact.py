@@ -1,0 +1,227 @@
+"""Frictionless contact on a surface compliance as a linear complementarity problem.
+
+    p >= 0,  g = o + M p >= 0,  p g = 0
+for pressures p and open gaps o at surface points; p > 0 in compression, g > 0 where open.
+Sources: Wriggers, Computational Contact Mechanics (2006), section 6.5; Hintermueller, Ito & Kunisch
+(2002), SIAM J. Optim. 13, 865, for the primal-dual active sets.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+
+from indent_sim.theory.hankel import axisymmetric_kernel
+from indent_sim.theory.layer import Layer
+
+POINTS_PER_RADIUS = 200  # Points in the largest contact radius of a layer.
+SURFACE_MARGIN = 1.25  # Radius of the surface over the largest expected contact radius.
+MAX_ACTIVE_SET_ITERATIONS = 60  # Active sets that are tried for a contact that is no disc.
+# Tensile pressure or overlap that is accepted, relative to the largest pressure or gap.
+CONTACT_TOLERANCE = 1e-12
+
+
+class CandidateSetTooSmall(ValueError):
+    """Error of a contact that covers all points of the surface."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "the contact covers all points of the surface: the tip comes deeper than its "
+            "history says"
+        )
+
+
+class SearchNotConverged(ArithmeticError):
+    """Error of a search that did not converge: its last state is no contact."""
+
+
+@dataclass(frozen=True)
+class RelaxingSurface:
+    """Compliance of a surface at points with weights, and the tip's heights above them.
+
+    Attributes
+    ----------
+    compliance
+        Symmetric positive definite matrix (n, n) between the weighted points.
+    heights, areas
+        Weighted heights of the tip and weights of the points (n,).
+    radii
+        Radii [L] of the points of an axisymmetric body in ascending order; empty for other bodies,
+        whose contact area is the sum of areas, or its width in plane strain.
+    edge_shift
+        Distance of the contact's edge beyond the zero of the edge pressures, over the point
+        distance.
+    has_only_discs
+        Whether the unknowns stand for pressure and gap of discs only.
+    max_radius
+        Radius [L] at which tip and points end, so that all points may touch.
+    """
+
+    compliance: np.ndarray
+    heights: np.ndarray
+    areas: np.ndarray
+    radii: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    edge_shift: float = 0.0
+    is_plane_strain: bool = False
+    has_only_discs: bool = False
+    max_radius: float | None = None
+
+    @property
+    def is_ordered(self) -> bool:
+        """Whether a contact consists of the first points."""
+        return len(self.radii) > 0
+
+    def contact_radius(self, p: np.ndarray) -> float:
+        """Return the contact radius [L] of pressures (n,) at unordered points.
+
+        In plane strain this is half the width.
+        """
+        area = float(self.areas[p > 0.0].sum())
+        return 0.5 * area if self.is_plane_strain else float(np.sqrt(area / np.pi))
+
+    def disc_radius(self, y: np.ndarray) -> float:
+        """Return the radius [L] of a disc at which the edge pressures y (n,) change their sign.
+
+        y are the edge pressures of punches that end at each point.
+        """
+        n = int(np.argmax(y <= 0.0))
+        if n == 0:
+            return 0.0 if y[0] <= 0.0 else self.max_radius or float(self.radii[-1])
+        distance = self.radii[n] - self.radii[n - 1]
+        return float(
+            self.radii[n - 1] + distance * (y[n - 1] / (y[n - 1] - y[n]) + self.edge_shift)
+        )
+
+
+def layer_surface(contact: Layer, a: float) -> RelaxingSurface:
+    """Return the surface of a layer for contacts up to the radius a [L].
+
+    In the variable of the layer's integral equation phi(x) >= 0 and delta - g(x) take the places of
+    pressure and gap: (pi/E*)(phi - (2/pi) ∫ K phi) = delta - g, and F = 2 pi ∫ phi. A contact that
+    is a disc ends at the same radius in both.
+    """
+    h = contact.h
+    n = round(POINTS_PER_RADIUS * SURFACE_MARGIN)
+    edge = contact.tip.punch_radius
+    max_radius = edge or min(SURFACE_MARGIN * a, contact.max_size() * h * (1 - 1e-6))
+    edges = np.linspace(0.0, max_radius, n + 1)
+    x = 0.5 * (edges[1:] + edges[:-1]) / h
+    width = max_radius / n
+    kernel = axisymmetric_kernel(max_radius / h, contact.scaled_stack, contact.wall)
+    B = kernel.basis(x)
+    K = B.T @ (kernel.weight[:, None] * B) / h  # [1/L]
+    areas = np.full(n, 2.0 * np.pi * width)
+    A = areas[:, None] * np.pi / contact.E_star * (np.eye(n) - 2.0 / np.pi * K * width)
+    return RelaxingSurface(
+        0.5 * (A + A.T),
+        areas * contact.tip.g(x * h),
+        areas,
+        x * h,
+        has_only_discs=True,
+        max_radius=edge,
+    )
+
+
+class SurfaceContactLCP:
+    """Contacts on one surface compliance M: p >= 0, o + M p >= 0, p (o + M p) = 0.
+
+    `contact_radius` [L] and `stiffness` [F/L], the force per depth of the active points, are those
+    of the last contact.
+    """
+
+    def __init__(self, surface: RelaxingSurface, M: np.ndarray):
+        self.surface = surface
+        self.compliance = M
+        if surface.is_ordered:
+            self.cholesky_factor = cholesky(M, lower=True)
+            self.unit_response = solve_triangular(self.cholesky_factor, surface.areas, lower=True)
+        self._is_active: np.ndarray = np.zeros(len(M), dtype=bool)
+        self.contact_radius = 0.0
+        self.stiffness = 0.0
+
+    def solve_pressures(self, open_gaps: np.ndarray) -> np.ndarray:
+        """Return the pressures for open gaps o (n,).
+
+        Raises
+        ------
+        CandidateSetTooSmall
+            If all points touch.
+        SearchNotConverged
+            If no contact was found.
+        """
+        p = self._solve_disc(open_gaps) if self.surface.is_ordered else None
+        if p is None and self.surface.has_only_discs:
+            raise SearchNotConverged(
+                "the contact is no disc, which this theory requires; use solver.method: condensed"
+            )
+        return self._solve_active_set(open_gaps) if p is None else p
+
+    def _solve_disc(self, open_gaps: np.ndarray) -> np.ndarray | None:
+        """Return the pressures of a contact on the first points; None if these are no solution.
+
+        The last of n pressures has the sign of y_n with L y = -o, L the Cholesky factor.
+        """
+        edge_pressures = solve_triangular(self.cholesky_factor, -open_gaps, lower=True)
+        outside_points = np.flatnonzero(edge_pressures <= 0.0)
+        if not len(outside_points) and not self.surface.max_radius:
+            raise CandidateSetTooSmall
+        n = int(outside_points[0]) if len(outside_points) else len(open_gaps)
+        p = np.zeros(len(open_gaps))
+        p[:n] = (
+            solve_triangular(
+                self.cholesky_factor[:n, :n], edge_pressures[:n], lower=True, trans="T"
+            )
+            if n
+            else 0.0
+        )
+        gap = open_gaps[n:] + self.compliance[n:, :n] @ p[:n]
+        self.contact_radius = self.surface.disc_radius(edge_pressures)
+        self.stiffness = float(self.unit_response[:n] @ self.unit_response[:n])
+        return (
+            p
+            if np.all(p >= 0.0) and np.all(gap >= -CONTACT_TOLERANCE * np.abs(open_gaps).max())
+            else None
+        )
+
+    def _solve_active_set(self, open_gaps: np.ndarray) -> np.ndarray:
+        """Return the pressures of any contact by primal-dual active sets, from the last one on."""
+        is_active = self._is_active if self._is_active.any() else open_gaps < 0.0
+        for _ in range(MAX_ACTIVE_SET_ITERATIONS):
+            p, gap = self._pressures_and_gaps(open_gaps, is_active)
+            if (
+                p.min() >= -CONTACT_TOLERANCE * p.max()
+                and gap.min() >= -CONTACT_TOLERANCE * np.abs(open_gaps).max()
+            ):
+                break
+            is_active = np.where(is_active, p, -gap) > 0.0
+        else:
+            raise SearchNotConverged(
+                f"the active set did not converge in {MAX_ACTIVE_SET_ITERATIONS} iterations"
+            )
+        if is_active.all():
+            raise CandidateSetTooSmall
+        self._is_active = is_active
+        p = np.maximum(p, 0.0)
+        active = np.flatnonzero(is_active)
+        self.contact_radius = self.surface.contact_radius(p)
+        self.stiffness = float(
+            self.surface.areas[active] @ self._solve_active(active, self.surface.areas)
+        )
+        return p
+
+    def _pressures_and_gaps(
+        self, open_gaps: np.ndarray, is_active: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the pressures of either sign that close the active gaps, and all gaps."""
+        active = np.flatnonzero(is_active)
+        p = np.zeros(len(open_gaps))
+        p[active] = self._solve_active(active, -open_gaps)
+        gap = open_gaps + self.compliance @ p
+        gap[active] = 0.0
+        return p, gap
+
+    def _solve_active(self, active: np.ndarray, right_side: np.ndarray) -> np.ndarray:
+        """Solve for the pressures of the active points."""
+        return np.linalg.solve(self.compliance[np.ix_(active, active)], right_side[active])
