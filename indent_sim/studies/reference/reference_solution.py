@@ -258,11 +258,10 @@ def theory_curve(case: Case) -> ReferenceCurve | None:
             MAX_DEPTHS,
         )
         depths = [float(depth) for depth in depths_around]
-    solutions = []
+    solutions: Sequence[Any] | None = []
     if depths:
-        if scene.plan.theory is None:
-            return None
-        solutions = scene.plan.theory.solutions_at_depths(depths)
+        theory = scene.plan.theory
+        solutions = theory.solutions_at_depths(depths) if theory else None
     if solutions is None:
         return None
     scales = scene.physics.scales
