@@ -1,1 +1,1 @@
-"""A scene and measured curves -> parameters with intervals."""
+"""Parameter estimation: a scene fitted to measured curves gives parameters with intervals."""

@@ -1,6 +1,4 @@
-"""Curve fit: one measured curve and one scene -> parameters with intervals, or the reason why there
-are none.
-"""
+"""Fit of a scene to one measured curve: parameters with intervals, or a reason for rejection."""
 
 from __future__ import annotations
 
@@ -67,37 +65,39 @@ from indent_sim.results.pictures.axes import scaled_axis
 from indent_sim.results.reader import Results
 from indent_sim.run.solvers.elastic_curve import half_space_modulus
 
-CONTACT_RISE_FRACTION = 0.02  # of the rise: where the contact begins at the latest
-NOISE_MEDIANS = (
-    4.0  # medians of the change between samples: by less a depth behind a spring is noise
-)
-HOLD_DEPTH_FRACTION = 0.01  # of the way: where a hold begins at the latest
-# of the depth, as which a diffusivity goes: another way; how often it is followed
+CONTACT_RISE_FRACTION = 0.02  # contact begins before this fraction of the rise of the force
+# Depths behind a spring that change by less than so many medians of the change between samples are
+# noise.
+NOISE_MEDIANS = 4.0
+HOLD_DEPTH_FRACTION = 0.01  # a hold begins at the latest this fraction of the range below the end
+# The load path is computed again if the contact point has moved by more than this fraction of the
+# depth; a diffusivity changes by the same fraction.
 SAME_PATH_TOLERANCE = 0.002
 MAX_PATH_ITERATIONS = 4
-SOLVED_DEPTH_FACTOR = 1.3  # times the width of the contact: what is solved
-MIN_DEPTH_FACTOR = 1.01  # times the width, where the body has no more
-DEPTH_GRADE_RATIO = 1.25  # ratio of the depths of tables, so that curves share them
-MIN_DEPTH_FRACTION = 0.05  # of the width of a contact on a soft spring
+SOLVED_DEPTH_FACTOR = 1.3  # the scene is solved to this multiple of the estimated largest depth
+MIN_DEPTH_FACTOR = 1.01  # smallest multiple, for a body that cannot be indented further
+DEPTH_GRADE_RATIO = 1.25  # solved depths are powers of this ratio, so that curves share solutions
+MIN_DEPTH_FRACTION = 0.05  # least depth on a soft spring, as a fraction of the measured range
 DEPTH_BLOCK_MEANS = 200
 HERTZ_POINTS = 200
-R_VARIATION = 0.05  # for the exponent of the force
-STEEP_BASELINE = 0.5  # of the rise, along the samples: more is hardly a baseline
+R_VARIATION = 0.05  # relative variation of R for the derivative d ln F / d ln R
+STEEP_BASELINE = 0.5  # a baseline that rises by more of the force is probably contact
 IN_CONTACT_HINT = (
-    "a curve that begins in contact has none, and its modulus is wrong; --no-slope, "
-    "--contact-point say what is known"
+    "if the curve begins in contact it has no baseline and the modulus is wrong; fix what is "
+    "known by --no-slope or --contact-point"
 )
-# of numbers in words
 MIN_DIGITS = 4
 MAX_DIGITS = 10
-INTERVAL_KEYS = ("value", "low", "high")  # of an interval in fit.json
+INTERVAL_KEYS = ("value", "low", "high")  # keys of an interval in fit.json
 ModelChoice = Literal["needed", "all"]
 
 
 @dataclass(frozen=True)
 class FitRequest:
-    """What a fit asks of every curve: scene, keys, part of the curve, what is known, which models
-    are tried.
+    """Settings of a fit that are the same for all curves.
+
+    config: the scene; varied_keys: keys of the parameters; origin: what is known of contact point
+    and baseline; models: whether alternative models are fitted only when needed, or always.
     """
 
     config: Config
@@ -109,9 +109,10 @@ class FitRequest:
 
 @dataclass(frozen=True)
 class PlottedCurve:
-    """What a picture and the curve's table show: depth, force off the baseline and the fit, each
-    (n,); `named`: the fits of other models by name; t: times from first touch on [s], where the
-    scene's force depends on them.
+    """Data of the picture and the table of a curve, each array of shape (n,).
+
+    delta: depth from first contact; force: force without baseline; alternative_fits: fits of other
+    models by name; t: times from first contact [s] if the force depends on time, else None.
     """
 
     delta: np.ndarray
@@ -123,30 +124,44 @@ class PlottedCurve:
 
 @dataclass(frozen=True)
 class CurveFit:
-    """What one curve came to: its entry of fit.json, and what is drawn of it."""
+    """Result for one curve: its entry of fit.json, and the data of its picture."""
 
     entry: dict[str, Any]
     plotted: PlottedCurve | None = None
 
     @property
     def name(self) -> str:
-        """The curve's name."""
+        """Name of the curve."""
         return str(self.entry["curve"])
 
     @property
     def is_done(self) -> bool:
-        """Whether the parameters are known."""
+        """True if the parameters were found."""
         return bool(self.entry["status"] == "done")
 
 
 def rejected_fit(name: str, reason: str, seconds: float = 0.0) -> CurveFit:
-    """A curve without parameters."""
+    """Return the result of a curve without parameters, with the reason."""
     return CurveFit({"curve": name, "status": "refused", "reason": reason, "seconds": seconds})
 
 
 def fit_curve(curve: MeasuredCurve, request: FitRequest, tables: ForwardModelCache) -> CurveFit:
-    """Fit one curve, in units of its own; ConfigError where the scene or a key is wrong whatever
-    the curve.
+    """Fit one measured curve.
+
+    Parameters
+    ----------
+    curve
+        The measured curve, in its own units.
+    request
+        The scene and the settings of the fit.
+    tables
+        Cache of forward models that curves share.
+
+    Raises
+    ------
+    ConfigError
+        The scene or a key is wrong for every curve. A curve that cannot be fitted is a result with
+        a reason instead.
     """
     start_time = time.process_time()
     try:
@@ -162,20 +177,20 @@ def fit_curve(curve: MeasuredCurve, request: FitRequest, tables: ForwardModelCac
     except NoCurve as error:
         return rejected_fit(curve.name, error.problem, time.process_time() - start_time)
     except NUMERICAL_ERRORS as error:
-        reason = (
-            f"not a curve: its numbers are beyond arithmetic ({' '.join(str(error).split())[:120]})"
-        )
+        error_text = " ".join(str(error).split())[:120]
+        reason = f"not a curve: its numbers overflow or are not numbers ({error_text})"
         return rejected_fit(curve.name, reason, time.process_time() - start_time)
 
 
 def convert_to_scene_units(curve: MeasuredCurve, config: Config) -> MeasuredCurve:
-    """The curve in the units of a scene."""
+    """Return the curve in the units of a scene."""
     return curve.convert_units(_scene_units(config))
 
 
 def cantilever_stiffness_si(config: Config) -> float | None:
-    """The stiffness of the scene's cantilever, for AFM files that lack it; None where it has none,
-    or no units.
+    """Return the cantilever stiffness of a scene in N/m, for AFM files that lack it.
+
+    None if the scene has no cantilever or no units.
     """
     cantilever = config.experiment.cantilever if config.experiment else None
     if cantilever is None or not (config.units.length and config.units.force):
@@ -197,7 +212,7 @@ def _fit_and_assess(
     config, samples, notes = _prepare_curve(curve, request)
     reject_without_signal(samples)
     if is_time_dependent(config) and samples.t is None:
-        raise NoCurve("no column of time, which a scene that relaxes or drains needs")
+        raise NoCurve("no column of time, which a viscoelastic or poroelastic scene needs")
     fit_function = _fit_along_path if needs_time_stepping(config) else _fit_load_curve
     estimate = fit_function(config, request, samples, tables)
     assessment = _assess_model(add_profile_intervals(estimate), config, request.models, tables)
@@ -210,7 +225,7 @@ def _fit_and_assess(
 def _fit_load_curve(
     config: Config, request: FitRequest, samples: Samples, tables: ForwardModelCache
 ) -> Estimate:
-    """The estimate of a scene, solved as deep as the curve turns out to be."""
+    """Fit an elastic scene; solve it deeper and fit again if the curve turns out to be deeper."""
     forward_model = _graded_forward_model(config, request.varied_keys, samples, tables)
     estimate = fit_model(forward_model, samples, request.origin)
     depth = _max_indentation(estimate)
@@ -226,15 +241,17 @@ def _fit_load_curve(
 def _fit_along_path(
     config: Config, request: FitRequest, samples: Samples, tables: ForwardModelCache
 ) -> Estimate:
-    """The estimate of a scene with a memory, run along the measured way from first touch on: that
-    of an elastic body first, and again where the fit has moved it.
+    """Fit a path-dependent scene along the load path that was measured.
+
+    The path begins at first contact, which an elastic fit estimates first. Path and fit are
+    repeated until the contact point no longer moves (fixed-point iteration, at most
+    `MAX_PATH_ITERATIONS`).
     """
     assert samples.t is not None
     compliance = config.experiment.compliance if config.experiment else 0.0
     force = samples.force - baseline_level(samples)
-    depth_noise = (
-        NOISE_MEDIANS * compliance * float(np.median(np.abs(np.diff(force))))
-    )  # of depths behind a spring
+    # Behind a spring the depths contain the noise of the force.
+    depth_noise = NOISE_MEDIANS * compliance * float(np.median(np.abs(np.diff(force))))
     depth = samples.x - compliance * force
     approach = samples.select(
         np.arange(len(samples))
@@ -252,7 +269,8 @@ def _fit_along_path(
         contact_point = estimate.contact_point
         if shift < SAME_PATH_TOLERANCE * path.max_depth and not depth_noise:
             break
-        if compliance:  # the spring gives by the force that was fitted, which has no noise
+        if compliance:
+            # The fitted force has no noise: it gives a smooth deflection of the spring.
             depth = samples.x - compliance * forward_model(
                 estimate.theta, samples.x - contact_point, samples.t
             )
@@ -264,8 +282,12 @@ def _fit_along_path(
 def _elastic_contact_point(
     config: Config, request: FitRequest, approach: Samples, tables: ForwardModelCache
 ) -> float:
-    """The contact point of an elastic body on the way in, of a free first modulus; Refused where
-    there is none.
+    """Return the contact point of an elastic fit of the approach whose first modulus is free.
+
+    Raises
+    ------
+    FitRejected
+        The curve has no contact.
     """
     if request.origin.contact_point is not None:
         return request.origin.contact_point
@@ -283,14 +305,14 @@ def _elastic_contact_point(
 
 
 def _elastic_config_with_spring(config: Config, depth: float) -> Config:
-    """The same scene of matter without a memory, behind the same spring, pressed to a depth."""
+    """Return the scene with elastic material and the same spring, pressed to a depth."""
     experiment = to_mapping(config).get("experiment")
     document = to_mapping(elastic_config(config, depth))
     return config_from_mapping(document | ({"experiment": experiment} if experiment else {}))
 
 
 def _prepare_curve(curve: MeasuredCurve, request: FitRequest) -> tuple[Config, Samples, list[str]]:
-    """The scene as this curve needs it, its samples, and what was assumed."""
+    """Return the scene as this curve needs it, the samples, and notes on the assumptions made."""
     config = request.config
     notes = []
     has_spring = config.experiment is not None and config.experiment.compliance > 0
@@ -303,7 +325,7 @@ def _prepare_curve(curve: MeasuredCurve, request: FitRequest) -> tuple[Config, S
         config = _remove_spring(config)
         notes.append("the curve has depths: the scene's spring is not used")
     if not has_spring and column == "z":
-        notes.append("no spring is known: the way of the base is taken for the depth")
+        notes.append("no spring is known: the displacement of the base is taken as the depth")
     t = None if curve.t is None else curve.t - curve.t[0]
     return config, Samples(curve.abscissa_values(column), curve.force, t), notes
 
@@ -319,8 +341,9 @@ def _remove_spring(config: Config) -> Config:
 def _graded_forward_model(
     config: Config, keys: tuple[str, ...], samples: Samples, tables: ForwardModelCache
 ) -> ForwardModel:
-    """The scene's forces to the depth that the curve may have, one that other curves are given too
-    where it exists.
+    """Return the forward model to a graded depth, which other curves can share.
+
+    If the scene does not exist at that depth, the model ends slightly below the curve's depth.
     """
     contact_depth = _max_contact_depth(samples, config)
     graded_depth = DEPTH_GRADE_RATIO ** math.ceil(
@@ -333,9 +356,10 @@ def _graded_forward_model(
 
 
 def _max_contact_depth(samples: Samples, config: Config) -> float:
-    """The depth of the part that lies above the baseline, at most [length]."""
+    """Return an upper bound of the depth [length], from the samples above the baseline."""
     block_means = samples.block_means(DEPTH_BLOCK_MEANS)
-    order = np.argsort(block_means.x, kind="stable")  # a retraction begins at its deepest
+    # Samples of a retraction begin at the deepest: sort them by depth.
+    order = np.argsort(block_means.x, kind="stable")
     x = block_means.x[order]
     force = block_means.force[order]
     baseline = baseline_level(block_means)
@@ -348,7 +372,7 @@ def _max_contact_depth(samples: Samples, config: Config) -> float:
 
 
 def _max_indentation(estimate: Estimate) -> float:
-    """The depth of the deepest sample behind the spring [length]."""
+    """Return the depth of the deepest sample, without the spring's deflection [length]."""
     return estimate.depth - estimate.model.forward_model.experiment.compliance * estimate.max_force
 
 
@@ -371,24 +395,25 @@ def _assess_model(
 
 
 def relative_calibration_error(config: Config, forward_model: ForwardModel) -> float:
-    """Relative uncertainty of a modulus by those of the cantilever's stiffness and the tip's
-    radius.
+    """Return the relative error of a modulus by uncertain cantilever stiffness and tip radius.
+
+    The stiffness enters with its own relative error, the radius with d ln F / d ln R times its
+    relative error; both are added in quadrature.
     """
     calibration = config.experiment.calibration if config.experiment else None
-    return (
-        math.hypot(
-            calibration.stiffness,
-            _radius_exponent(config, forward_model.max_depth) * calibration.R
-            if calibration.R
-            else 0.0,
-        )
-        if calibration
-        else 0.0
-    )
+    if not calibration:
+        return 0.0
+    radius_error = 0.0
+    if calibration.R:
+        radius_error = _radius_exponent(config, forward_model.max_depth) * calibration.R
+    return math.hypot(calibration.stiffness, radius_error)
 
 
 def _radius_exponent(config: Config, max_depth: float) -> float:
-    """The exponent of the tip's radius in the deepest force."""
+    """Return n = d ln F / d ln R at the largest depth, by a central difference.
+
+    A relative error of the tip radius R changes the modulus by n times itself.
+    """
     R = number_at(config, "indenter.R")
     depths = np.array([max_depth])
     factors = (1.0 - R_VARIATION, 1.0 + R_VARIATION)
@@ -410,7 +435,7 @@ def _report_entry(
     notes: tuple[str, ...],
     start_time: float,
 ) -> dict[str, Any]:
-    """The curve's entry of fit.json."""
+    """Return the curve's entry of fit.json."""
     estimate = assessment.estimate
     forward_model = assessment.estimate.model.forward_model
     parameters = forward_model.parameters
@@ -450,7 +475,7 @@ def _report_entry(
     entry |= {
         "window": _depth_range_rows(assessment),
         "models": [
-            _alternative_entry(parameter, parameters) for parameter in assessment.alternatives
+            _alternative_entry(alternative, parameters) for alternative in assessment.alternatives
         ],
     }
     entry |= {
@@ -469,7 +494,7 @@ def _report_entry(
 
 
 def _fixed_numbers(config: Config, forward_model: ForwardModel) -> dict[str, float]:
-    """Numbers of the scene on which a modulus leans, and which the fit did not touch."""
+    """Return the numbers of the scene that affect the modulus and were not fitted."""
     fixed_values = {}
     for key in (
         "material.E",
@@ -488,7 +513,7 @@ def _fixed_numbers(config: Config, forward_model: ForwardModel) -> dict[str, flo
 
 
 def _depth_range_rows(assessment: ModelAssessment) -> list[dict[str, float]]:
-    """Values and intervals of every window, the whole curve the last."""
+    """Return values and intervals of every depth range; the last one is the whole curve."""
     parameters = assessment.estimate.model.forward_model.parameters
 
     def row(
@@ -514,7 +539,7 @@ def _depth_range_rows(assessment: ModelAssessment) -> list[dict[str, float]]:
 def _alternative_entry(
     alternative: AlternativeModel, parameters: tuple[Any, ...]
 ) -> dict[str, Any]:
-    """Another model: what it adds, and the first varied key that it would give."""
+    """Return what an alternative model adds, and its value of the first varied key."""
     first_parameter = parameters[0] if parameters else None
     entry: dict[str, Any] = {
         "name": alternative.name,
@@ -533,8 +558,9 @@ def _alternative_entry(
 
 
 def _hertz_comparison(assessment: ModelAssessment, config: Config) -> dict[str, float] | None:
-    """The modulus of a half-space fit from the same contact point, and by how many per cent it is
-    off the scene's.
+    """Return the modulus of a half-space fit from the same contact point.
+
+    percent: its difference from the modulus of the scene in per cent.
     """
     estimate = assessment.estimate
     forward_model = assessment.estimate.model.forward_model
@@ -558,7 +584,7 @@ def _warnings(assessment: ModelAssessment) -> list[str]:
     estimate = assessment.estimate
     parameters = estimate.model.forward_model.parameters
     messages = [
-        f"{parameter.key} is at the end of its range"
+        f"{parameter.key} is at a bound of its range"
         for k, parameter in enumerate(parameters)
         if estimate.is_at_bound(k)
     ]
@@ -569,17 +595,24 @@ def _warnings(assessment: ModelAssessment) -> list[str]:
         )
     error = estimate.model.forward_model.relative_error
     sd = estimate.sd[: len(parameters)]
-    if len(sd) and error > 0.65 * float(np.min(sd[sd > 0], initial=np.inf)):  # a third of 1.96 sd
+    # 0.65 is a third of the half width 1.96 sd of a 95 % interval.
+    if len(sd) and error > 0.65 * float(np.min(sd[sd > 0], initial=np.inf)):
         messages.append(
-            f"the mesh is off by {100 * error:.2g} %, more than a third of the noise: a finer "
-            "mesh tells more"
+            f"the error of the mesh is {100 * error:.2g} %, more than a third of the half width "
+            "of the interval: use a finer mesh"
         )
     return messages
 
 
 def format_value(key: str, config: Config, value: float, interval: Interval | None = None) -> str:
-    """A value of a key with its unit, where the scene has units: of the size of an interval that it
-    stands beside, with the digits that tell its ends apart.
+    """Return a value of a key as text with its unit, if the scene has units.
+
+    Parameters
+    ----------
+    value
+        The value in units of the scene.
+    interval
+        Interval that the value belongs to: it sets the unit's prefix and the number of digits.
     """
     kind = quantity_kind(config, key)
     digits = _significant_digits(interval) if interval else MIN_DIGITS
@@ -592,7 +625,7 @@ def format_value(key: str, config: Config, value: float, interval: Interval | No
 
 
 def _significant_digits(interval: Interval) -> int:
-    """Two of the width of an interval, four at least."""
+    """Return the digits that show two digits of an interval's width, at least four."""
     width = (interval.high - interval.low) / max(abs(interval.high), abs(interval.low), 1e-300)
     return (
         min(max(MIN_DIGITS, 2 - math.floor(math.log10(width))), MAX_DIGITS)
@@ -602,33 +635,31 @@ def _significant_digits(interval: Interval) -> int:
 
 
 def quantity_kind(config: Config, key: str) -> str | None:
-    """Length, force or pressure, of a key of these dimensions."""
+    """Return "length", "force" or "pressure" for a key of this dimension, else None."""
     return dimension_of_key(key_path(key), to_mapping(config))
 
 
 def _summary(assessment: ModelAssessment, config: Config) -> str:
-    """The verdict in a few sentences."""
+    """Return the result of a fit in a few sentences."""
     sentences = [
         _parameter_sentence(assessment, k, config)
         for k in range(assessment.estimate.model.coordinate_count)
     ]
     if assessment.is_adequate:
-        return " ".join([*sentences, "Nothing in the curve stands against the scene."])
+        return " ".join([*sentences, "Nothing in the curve contradicts the scene."])
     better_names = ", ".join(model.name for model in assessment.better_models)
-    alternative = (
-        f"{better_names} would."
-        if better_names
-        else "no model known here does."
-        if assessment.alternatives
-        else ""
-    )
+    alternative = ""
+    if better_names:
+        alternative = f"{better_names} would."
+    elif assessment.alternatives:
+        alternative = "none of the alternative models does."
     return " ".join(
         [*sentences, f"The scene does not explain the curve; {alternative}".rstrip("; ")]
     )
 
 
 def one_line_summary(entry: Mapping[str, Any], config: Config) -> str:
-    """The intervals, and what stands against the scene, on one line."""
+    """Return the intervals of an entry, and what contradicts the scene, in one line."""
     intervals = [
         format_interval(key, config, Interval(*map(numbers.get, INTERVAL_KEYS)))
         for key, numbers in entry["parameters"].items()
@@ -638,7 +669,7 @@ def one_line_summary(entry: Mapping[str, Any], config: Config) -> str:
 
 
 def format_interval(key: str, config: Config, interval: Interval) -> str:
-    """A key's value and interval with their unit."""
+    """Return a key's value and its 95 % interval as text with units."""
     value, low, high = (
         format_value(key, config, number, interval)
         for number in (interval.value, interval.low, interval.high)
@@ -651,23 +682,22 @@ def _parameter_sentence(assessment: ModelAssessment, k: int, config: Config) -> 
     text = format_interval(parameter.key, config, assessment.stated_interval(k))
     half_width_percent = 196 * float(assessment.estimate.sd[k])
     noise_note = (
-        f"statistics alone would say ±{half_width_percent:.2g} %" if not parameter.is_linear else ""
+        f"noise alone would give ±{half_width_percent:.2g} %" if not parameter.is_linear else ""
     )
     if "window" in assessment.misfit_causes and assessment.depth_range_fits:
         shallow_value = format_value(
             parameter.key, config, parameter.value(float(assessment.depth_range_fits[0].theta[k]))
         )
+        depth_fraction = assessment.depth_range_fits[0].depth_fraction
         text += (
-            f": the fit moves with the window, from {shallow_value} at {assessment.depth_range_fits[0].depth_fraction:g} "
-            "of the depth"
+            f": the value changes with the depth range of the fit, from {shallow_value} at "
+            f"{depth_fraction:g} of the depth"
         )
     return f"{text}; {noise_note}." if noise_note and not assessment.is_adequate else f"{text}."
 
 
 def _plotted_curve(assessment: ModelAssessment) -> PlottedCurve:
-    """The curve off its baseline with the fits, over the depth behind the spring that the scene's
-    has.
-    """
+    """Return the curve without baseline and its fits, over the indentation depth."""
     estimate = assessment.estimate
     model = estimate.model
     baseline = estimate.model.baseline(estimate.p)
@@ -679,10 +709,10 @@ def _plotted_curve(assessment: ModelAssessment) -> PlottedCurve:
     )
     alternative_fits: dict[str, np.ndarray] = {}
     for alternative in assessment.better_models:
-        estimate_of_alternative = alternative.estimate
+        other_estimate = alternative.estimate
         alternative_fits[alternative.name] = (
-            estimate_of_alternative.model.contact_force(estimate_of_alternative.p)
-            + estimate_of_alternative.model.baseline(estimate_of_alternative.p)
+            other_estimate.model.contact_force(other_estimate.p)
+            + other_estimate.model.baseline(other_estimate.p)
             - baseline
         )
     t = model.samples.t
@@ -697,7 +727,7 @@ def _plotted_curve(assessment: ModelAssessment) -> PlottedCurve:
 
 
 def request_identity(request: FitRequest) -> Mapping[str, Any]:
-    """What tells one request from another, for the folder that goes on with it."""
+    """Return what distinguishes one request from another, to decide if a folder can be resumed."""
     record = {
         "scene": to_mapping(request.config),
         "vary": list(request.varied_keys),

@@ -1,6 +1,4 @@
-"""What a scene requires for one measured curve: its effects at the curve's depth, and other models
-fitted beside it.
-"""
+"""Model selection for one measured curve: effects at its depth, and alternative models."""
 
 from __future__ import annotations
 
@@ -32,11 +30,10 @@ NOT_EXCLUDED = "not excluded"
 
 @dataclass(frozen=True)
 class CurveRequirements:
-    """What the scene requires with the modulus and the depth of a curve.
+    """Requirements of a scene at the depth and with the modulus of a measured curve.
 
-    key: the modulus that was fitted; entry: the curve's, as in fit.json; models: those that were
-    fitted beside the scene's, with the modulus that each would give and whether it is needed or not
-    excluded.
+    key: key of the fitted modulus; entry: the curve's entry as in fit.json; models: alternative
+    models with the modulus that each gives, and whether it is needed or not excluded.
     """
 
     config: Config
@@ -47,31 +44,44 @@ class CurveRequirements:
 
     @property
     def modulus(self) -> Interval:
-        """The modulus that the curve gives, with its stated interval."""
+        """The modulus of the curve with its stated interval."""
         interval = self.entry["parameters"][self.key]
         return Interval(interval["value"], interval["low"], interval["high"])
 
     def as_json(self) -> dict[str, Any]:
-        """The requirements as one JSON object."""
+        """Return the requirements as one JSON object."""
         return self.requirements.as_json() | {"curve": self.entry, "models": self.models}
 
 
 def require_for_curve(
     config: Config, path: Path, within: float, reading: ReadOptions | None = None
 ) -> CurveRequirements:
-    """What a scene requires for a force within a relative tolerance, at the depth and with the
-    modulus of the first curve of a file.
+    """Return what a scene requires at the depth and with the modulus of a measured curve.
 
-    The modulus is the scene's first. NotConverged with the reason for a curve that tells nothing of
-    it; ConfigError for a scene without a modulus or that cannot be run; errors of the file as
-    `read_curves` raises them.
+    Parameters
+    ----------
+    config
+        The scene; its first modulus is fitted.
+    path
+        File of the curve; its first curve is used.
+    within
+        Relative tolerance of the force.
+    reading
+        Options for reading the file.
+
+    Raises
+    ------
+    NotConverged
+        The curve does not determine the modulus.
+    ConfigError
+        The scene has no modulus or cannot be run. `read_curves` has further errors.
     """
     reading = reading or ReadOptions()
     key = next(iter(pressure_keys(config)), None)
     if key is None:
         raise ConfigError(
             "material",
-            "has no modulus that a curve could tell",
+            "has no modulus that could be fitted to a curve",
             "give a material with one, such as E",
         )
     curve = read_curves(
@@ -94,9 +104,7 @@ def require_for_curve(
 def _approach_loading(
     config: Config, curve: MeasuredCurve, entry: dict[str, Any]
 ) -> dict[str, Any]:
-    """The path of the curve's approach: its depth, or in time the way from first touch on at an
-    even pace.
-    """
+    """Return the loading of the curve's approach: its depth, or a linear approach in time."""
     if not config.loading.prescribed_history:
         return {"delta": entry["depth"], "steps": config.loading.steps}
     has_spring = config.experiment is not None and config.experiment.compliance > 0

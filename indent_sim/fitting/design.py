@@ -1,9 +1,8 @@
-"""Design of a measurement: what a curve of a scene would tell of its parameters, before it is
-measured.
+"""Experimental design: the intervals that a measurement would give, before it is made.
 
-From the derivatives J that a fit uses, in white noise of deviation s: covariance s^2 (J'J)^-1 of
-the parameters, the contact point and the baseline; where an interval is wide, by profiles as in a
-fit.
+With the Jacobian J of the force with respect to parameters, contact point and baseline, and white
+noise of standard deviation s, their covariance is s^2 (J'J)^-1 (Seber & Wild 2003, ch. 5). Wide
+intervals are found by profile likelihood as in a fit.
 """
 
 from __future__ import annotations
@@ -51,29 +50,20 @@ from indent_sim.fitting.inference.profile_likelihood import add_profile_interval
 from indent_sim.process.errors import ConfigError, NotConverged
 from indent_sim.run.planned_run import PlannedRun
 
-BASELINE_DEPTHS = 1.0  # depths before contact that a designed curve has
-COMPARED_BASELINES = (
-    0.1,
-    0.2,
-    0.3,
-    0.5,
-    0.75,
-    1.0,
-    MAX_BASELINE_DEPTHS,
-)  # depths that are compared, the last what a fit uses at most
-BASELINE_TOLERANCE = 1.05  # times the deviation of the longest baseline
-MIN_APPROACH_FRACTION = 0.25  # of a history: the time that a baseline before a jump is given
+BASELINE_DEPTHS = 1.0  # length of the baseline of a designed curve, in indentation depths
+# Lengths of the baseline that are compared, in depths; a fit uses no more than the last.
+COMPARED_BASELINES = (0.1, 0.2, 0.3, 0.5, 0.75, 1.0, MAX_BASELINE_DEPTHS)
+# A baseline is sufficient if no standard deviation is larger than with the longest by this factor.
+BASELINE_TOLERANCE = 1.05
+# The baseline before a jump has the speed of an approach that takes this fraction of the history.
+MIN_APPROACH_FRACTION = 0.25
 RADIUS_KEYS = ("indenter.R", "indenter.radius")
-REPORTED_WIDTH_RATIO = (
-    2.0  # times a wider interval than with the others known, from which on it is said
-)
+REPORTED_WIDTH_RATIO = 2.0  # ratios of interval widths above this one are reported
 
 
 @dataclass(frozen=True)
 class DesignImprovement:
-    """A change of the scene and the intervals that it would give; none, and the reason, where it
-    cannot be.
-    """
+    """Change of the scene with the intervals that it would give, or why it is impossible."""
 
     change: dict[str, Any]
     parameters: dict[str, Interval]
@@ -82,12 +72,12 @@ class DesignImprovement:
 
 @dataclass(frozen=True)
 class Design:
-    """What a measurement would tell: intervals of 95 %, how much wider each is for the others,
-    changes that help, and the baseline [depths] beyond which a longer one narrows no interval by
-    a twentieth.
+    """What a measurement would tell about the parameters of a scene.
 
-    depth [length] and force [force] of the deepest sample, noise [force], samples of the whole
-    curve.
+    parameters: 95 % intervals; tied: ratio of each interval's width to its width with the other
+    parameters known; helps: changes of the experiment with their intervals; baseline: length in
+    depths beyond which no interval becomes narrower by more than 5 %; depth [length] and force
+    [force] of the deepest sample; noise [force]; points: samples of the whole curve.
     """
 
     config: Config
@@ -102,7 +92,7 @@ class Design:
     points: int
 
     def as_json(self) -> dict[str, Any]:
-        """The design as one JSON object."""
+        """Return the design as one JSON object."""
         report = {
             "scene": self.config.source.name,
             "vary": list(self.parameters),
@@ -115,11 +105,11 @@ class Design:
 
     @property
     def words(self) -> str:
-        """What is expected and what is tied, in sentences."""
+        """The expected intervals, and which parameters cannot be separated, in sentences."""
         if not self.identifiable:
             return (
-                f"Not identifiable: {' and '.join(self.parameters)} together, by no better than a "
-                "factor of 3."
+                f"Not identifiable: {' and '.join(self.parameters)} together are not known better "
+                "than to a factor of 3."
             )
         sentences = [
             f"{format_interval(key, self.config, interval)}."
@@ -129,7 +119,8 @@ class Design:
             (key, ratio) for key, ratio in self.tied.items() if ratio > REPORTED_WIDTH_RATIO
         ]
         sentences += [
-            f"With the others known {key} would be {ratio:.2g} times better known."
+            f"If the other parameters were known, the interval of {key} would be {ratio:.2g} times "
+            "narrower."
             for key, ratio in wide_ratios
         ]
         return " ".join(
@@ -139,8 +130,10 @@ class Design:
 
 @dataclass(frozen=True)
 class _PlannedMeasurement:
-    """A curve to be measured: depth, or way of the base, x [length] and times t [s] from first
-    touch on, straight between them, the deepest `depth` [length].
+    """Measurement to be made: displacement x [length] over time t [s] from first contact.
+
+    x is the depth, or the displacement of the base behind a spring, and piecewise linear in time;
+    depth [length]: the largest depth.
     """
 
     config: Config
@@ -150,7 +143,7 @@ class _PlannedMeasurement:
     t: np.ndarray
 
     def build_model(self, points: int, baseline: float) -> CurveModel:
-        """The curve at so many samples at equal times, after a baseline [depths]."""
+        """Return the model of a curve with equally spaced samples and a baseline [depths]."""
         deepest_index = int(np.argmax(self.x))
         speed = self.x[deepest_index] / max(
             self.t[deepest_index] - self.t[0], MIN_APPROACH_FRACTION * float(np.ptp(self.t))
@@ -178,7 +171,7 @@ class _PlannedMeasurement:
     def expected_estimate(
         self, points: int, noise: float, baseline: float = BASELINE_DEPTHS
     ) -> Estimate:
-        """The estimate of such a curve that shows the scene as it stands, in white noise [force]."""
+        """Return the estimate from a curve of the exact scene with white noise [force]."""
         model = self.build_model(points, baseline)
         p = self._initial_parameters
         model = replace(model, samples=replace(model.samples, force=model.contact_force(p)))
@@ -198,14 +191,29 @@ class _PlannedMeasurement:
 
 
 def design_measurement(config: Config, keys: Sequence[str], noise: float, points: int) -> Design:
-    """What a curve of so many points of a scene would tell of its keys; its last depth is the
-    deepest point.
+    """Return what a measurement of a scene would tell about some of its keys.
 
-    noise: the deviation of a sample over the largest force, which stays the same force where the
-    scene is changed. Half of the points are the baseline. ConfigError for a key or a scene that is
-    wrong, NotConverged for a scene that could not be solved.
+    Parameters
+    ----------
+    config
+        The scene; its deepest point ends the measurement.
+    keys
+        Keys of the parameters.
+    noise
+        Standard deviation of a sample relative to the largest force. The same absolute noise is
+        used where the scene is changed.
+    points
+        Number of samples; half of them are the baseline.
+
+    Raises
+    ------
+    ConfigError
+        A key or the scene is wrong.
+    NotConverged
+        The scene could not be solved.
     """
-    with np.errstate(all="ignore"):  # profiles try what overflows
+    # Profiles of the likelihood may overflow far from the optimum.
+    with np.errstate(all="ignore"):
         return _evaluate_design(config, keys, noise, points)
 
 
@@ -241,12 +249,12 @@ def _evaluate_design(config: Config, keys: Sequence[str], noise: float, points: 
 def _plan_measurement(
     config: Config, keys: tuple[str, ...], tables: ForwardModelCache
 ) -> _PlannedMeasurement:
-    """The scene's own path up to its deepest point, held as long as it holds there."""
+    """Return the measurement along the scene's own path, until it leaves its largest depth."""
     for key in keys:
         number_at(config, key)
     if config.loading.force_history:
         raise ConfigError(
-            "loading.force_history", "a design follows depths", "give loading.history"
+            "loading.force_history", "a design needs prescribed depths", "give loading.history"
         )
     depth = max(PlannedRun.resolve(config).depths)
     if not depth > 0:
@@ -274,33 +282,33 @@ def _plan_measurement(
 
 
 def _scene_path(config: Config) -> MeasuredPath | None:
-    """The scene's own way, where the force depends on it as a whole."""
+    """Return the load path of a scene that must be solved in time; None for other scenes."""
     history = config.loading.prescribed_history
     if not needs_time_stepping(config) or history is None:
         return None
     if config.experiment and config.experiment.compliance:
         raise ConfigError(
-            "experiment", "a design of matter with a memory follows the tip", "leave the spring out"
+            "experiment",
+            "the design for a time-dependent material prescribes the depth of the tip",
+            "leave the spring out",
         )
     t, delta = np.array(history.points_from_rest).T
     return simplify_path(t, delta)
 
 
 def _adequate_assessment(measurement: _PlannedMeasurement, estimate: Estimate) -> ModelAssessment:
-    """The verdict of a fit that the scene explains: intervals by noise, mesh and calibration."""
+    """Return the assessment of a fit that explains the curve."""
     forward_model = measurement.forward_model
-    half_widths_by_systematics = systematic_half_widths(
+    half_widths = systematic_half_widths(
         estimate,
         forward_model.relative_error,
         relative_calibration_error(measurement.config, forward_model),
     )
-    return ModelAssessment(
-        add_profile_intervals(estimate), [], 1.0, None, [], half_widths_by_systematics
-    )
+    return ModelAssessment(add_profile_intervals(estimate), [], 1.0, None, [], half_widths)
 
 
 def _stated_intervals(assessment: ModelAssessment) -> dict[str, Interval]:
-    """The intervals of the varied keys."""
+    """Return the stated intervals of the varied keys."""
     return {
         key: assessment.stated_interval(k)
         for k, key in enumerate(assessment.estimate.model.forward_model.varied_keys)
@@ -308,9 +316,7 @@ def _stated_intervals(assessment: ModelAssessment) -> dict[str, Interval]:
 
 
 def _possible_changes(config: Config, keys: Sequence[str]) -> Iterator[dict[str, Any]]:
-    """What an experimenter may change: the depth, the tip's radius, and a hold of a body that
-    relaxes.
-    """
+    """Yield changes of the experiment: twice the depth, half and twice the tip radius, a hold."""
     history = config.loading.history
     if history:
         yield {"loading.history": [[t, 2.0 * value] for t, value in history]}
@@ -377,9 +383,7 @@ def _evaluate_change(
 def _sufficient_baseline(
     measurement: _PlannedMeasurement, points: int, noise_force: float
 ) -> float:
-    """The shortest of the baselines that is as good as the longest, at the same distance of
-    samples.
-    """
+    """Return the shortest baseline that is as good as the longest, at the same sample distance."""
     points_per_depth = points / (1.0 + BASELINE_DEPTHS)
 
     def deviations(baseline: float) -> np.ndarray:

@@ -1,7 +1,6 @@
-"""The folder of a fit: measured curves one after another, their entries in fit.json, tables and
-pictures.
+"""Folder of a fit: all measured curves are fitted, with fit.json, tables and pictures.
 
-A call with the same folder goes on with the curves that lack an entry, or whose file has changed.
+A call with the same folder continues with the curves that have no entry or whose file has changed.
 """
 
 from __future__ import annotations
@@ -52,9 +51,7 @@ Entry = dict[str, Any]
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """How the files of curves are read: columns by title or number, and units where the files say
-    none.
-    """
+    """Options for reading curve files: columns by title or number, units if the files have none."""
 
     columns: tuple[str, ...] = ()
     units: Mapping[str, str] | None = None
@@ -62,7 +59,7 @@ class ReadOptions:
 
 @dataclass(frozen=True)
 class CurveFits:
-    """The fits of some curves: where they lie, and their entries in order of the curves."""
+    """Fits of several curves: their folder, and their entries in the order of the curves."""
 
     directory: Path
     request: FitRequest
@@ -70,24 +67,19 @@ class CurveFits:
 
     @property
     def exit_code(self) -> int:
-        """0 where any curve was fitted, else 5."""
-        return (
-            0
-            if any(entry["status"] == "done" for entry in self.entries)
-            else NotConverged.exit_code
-        )
+        """Exit code: 0 if any curve was fitted, else 5."""
+        is_any_done = any(entry["status"] == "done" for entry in self.entries)
+        return 0 if is_any_done else NotConverged.exit_code
 
     def as_json(self) -> Entry:
-        """What fit.json says of the curves."""
+        """Return scene, varied keys and entries as written to fit.json."""
         scene = str(self.request.config.source.name)
         return {"scene": scene, "vary": list(self.request.varied_keys), "curves": self.entries}
 
 
 @dataclass(frozen=True)
 class _FitTask:
-    """A curve to be fitted, where what is drawn of it goes, and what tells its file from a later
-    one.
-    """
+    """Curve to be fitted, with the paths of its output and the identity of its file."""
 
     curve: MeasuredCurve
     directory: Path
@@ -103,11 +95,36 @@ def fit_curves(
     jobs: int = 1,
     tell: ReportLine = lambda line: None,
 ) -> CurveFits:
-    """Fit a scene to every curve of files and folders, `jobs` at a time, into a folder of its own.
+    """Fit a scene to every curve of some files and folders.
 
-    Raises UsageError for a path that is not there, or a folder that holds something else or the fit
-    of another scene; ConfigError for a scene, a key or a column that is wrong; BackendError for AFM
-    files without their package. One broken curve is an entry with its reason.
+    Parameters
+    ----------
+    paths
+        Files of curves, or folders with such files.
+    request
+        The scene and the settings of the fit.
+    directory
+        Folder of the fit.
+    reading
+        Options for reading the files.
+    jobs
+        Number of curves that are fitted at the same time.
+    tell
+        Called with each line of progress.
+
+    Returns
+    -------
+    CurveFits
+        A curve that cannot be fitted is an entry with its reason.
+
+    Raises
+    ------
+    UsageError
+        A path does not exist, or the folder holds something else.
+    ConfigError
+        The scene, a key or a column is wrong.
+    BackendError
+        A package for AFM files is missing.
     """
     reading = reading or ReadOptions()
     files = [file for path in paths for file in curve_files(path)]
@@ -139,18 +156,18 @@ def fit_curves(
 
 
 class _Writer:
-    """The entries of a fit and its files, written now and then."""
+    """Writer of the entries of a fit and its files, every few seconds."""
 
     def __init__(self, directory: Path, request: FitRequest, earlier_entries: list[Entry]):
         self.directory = directory
         self.request = request
         self.earlier_entries = {str(entry["curve"]): entry for entry in earlier_entries}
         self.entries: list[Entry] = []
-        self._order: dict[str, int] = {}  # of the curves, in which processes do not end
+        self._order: dict[str, int] = {}  # order of the curves; processes end in another order
         self._write_time = 0.0
 
     def keep_earlier_entry(self, name: str, source: Entry) -> bool:
-        """Whether a curve has an entry of an earlier call, which stays."""
+        """Keep the entry of an earlier call for an unchanged file; return True if there is one."""
         self._order[name] = len(self._order)
         entry = self.earlier_entries.pop(name, None)
         if entry is None or entry.get("source") != source:
@@ -159,13 +176,13 @@ class _Writer:
         return True
 
     def add_entry(self, entry: Entry) -> None:
-        """One more curve; what has been found is on disk soon."""
+        """Add an entry, and write the files if the last writing is some seconds ago."""
         self.entries.append(entry)
         if time.monotonic() - self._write_time > SAVE_INTERVAL:
             self.write("running")
 
     def write(self, status: str) -> None:
-        """fit.json and fit.csv as they are known."""
+        """Write fit.json and fit.csv with the entries so far."""
         fits = CurveFits(self.directory, self.request, self.entries)
         code = fits.exit_code if status == "done" else None
         header = {"program": PROGRAM, "version": VERSION, "status": status, "exit_code": code}
@@ -184,7 +201,7 @@ class _Writer:
         self._write_time = time.monotonic()
 
     def finish(self) -> CurveFits:
-        """The whole fit, written, with the picture of many curves."""
+        """Write the finished fit, with the overview picture of several curves."""
         self.entries.sort(key=lambda entry: self._order[str(entry["curve"])])
         fits = CurveFits(self.directory, self.request, self.entries)
         self.write("done" if not fits.exit_code else "failed")
@@ -202,8 +219,12 @@ class _Writer:
 
 @contextmanager
 def _open_locked(directory: Path, request: FitRequest) -> Iterator[list[Entry]]:
-    """The folder, locked, and the entries of an earlier call of the same request; UsageError where
-    it is another's.
+    """Yield the entries of an earlier call of the same request, with the folder locked.
+
+    Raises
+    ------
+    UsageError
+        The folder belongs to something else.
     """
     result_files.refuse_foreign(directory, "fit", (FIT_PICTURE,))
     report = read_report(directory, FIT)
@@ -223,7 +244,7 @@ def _open_locked(directory: Path, request: FitRequest) -> Iterator[list[Entry]]:
         except BlockingIOError:
             raise UsageError(f"{directory} is in use by another fit") from None
         except OSError:
-            pass  # a file system without locks: go on without
+            pass  # this file system has no locks: continue without one
         yield list(report.get("curves", []))
     finally:
         os.close(lock)
@@ -232,7 +253,7 @@ def _open_locked(directory: Path, request: FitRequest) -> Iterator[list[Entry]]:
 
 
 def _remove_empty_folders(directory: Path, created_folders: Sequence[Path]) -> None:
-    """Delete the folder that this call made, and those above it, where nothing came of it."""
+    """Delete the folders that this call has made, if nothing was written into them."""
     with suppress(OSError):
         (directory / result_files.LOCK).unlink()
         for folder in (directory / CURVES_FOLDER, *created_folders):
@@ -240,7 +261,7 @@ def _remove_empty_folders(directory: Path, created_folders: Sequence[Path]) -> N
 
 
 def _json_roundtrip(record: Mapping[str, Any]) -> Any:
-    """As it comes back from a file."""
+    """Return a record as it is read back from a JSON file."""
     import json
 
     return json.loads(to_json(record))
@@ -249,9 +270,7 @@ def _json_roundtrip(record: Mapping[str, Any]) -> Any:
 def _read_curves(
     files: Sequence[Path], request: FitRequest, reading: ReadOptions, writer: _Writer
 ) -> Iterator[tuple[MeasuredCurve | CurveFit, Entry]]:
-    """The curves that have no entry yet, in order of the files; a file without any is its own
-    reason.
-    """
+    """Yield the curves that have no entry yet; a file without curves is a rejected curve."""
     used_names: set[str] = set()
     for file in files:
         curves: Sequence[MeasuredCurve | CurveFit]
@@ -282,7 +301,7 @@ def _rename_curve(curve: MeasuredCurve | CurveFit, name: str) -> MeasuredCurve |
 
 
 def _unique_name(name: str, file: Path, used_names: set[str]) -> str:
-    """A name that no other curve has."""
+    """Return a name that no other curve has."""
     names = chain([name, file.name], (f"{name}-{k}" for k in count(2)))
     unique_name = next(candidate for candidate in names if candidate not in used_names)
     used_names.add(unique_name)
@@ -290,7 +309,7 @@ def _unique_name(name: str, file: Path, used_names: set[str]) -> str:
 
 
 def _file_identity(file: Path) -> Entry:
-    """What tells a file from a later one of its name."""
+    """Return what distinguishes a file from a later file of the same name."""
     try:
         status = file.stat()
     except OSError:
@@ -307,38 +326,34 @@ def _make_task(
 ) -> Any:
     if isinstance(curve, CurveFit):
         return curve.entry | {"source": source}
-    picture = (
-        (directory / PICTURES / f"{curve.name}.png" if has_many_files else directory / FIT_PICTURE)
-        if is_plotted
-        else None
-    )
+    picture = None
+    if is_plotted and has_many_files:
+        picture = directory / PICTURES / f"{curve.name}.png"
+    elif is_plotted:
+        picture = directory / FIT_PICTURE
     return _FitTask(curve, directory, picture, source)
 
 
 def _run_tasks(tasks: Iterator[Any], request: FitRequest, jobs: int) -> Iterator[Entry]:
-    """The entries of all tasks in their order, those that were refused when they were read among
-    them.
-    """
+    """Yield the entries of all tasks; curves rejected while reading are entries already."""
     tables = ForwardModelCache()
 
-    def work(task: _FitTask) -> Entry:
+    def run_task(task: _FitTask) -> Entry:
         return _fit_and_write(task, request, tables)
 
     if jobs == 1:
         for task in tasks:
-            yield work(task) if isinstance(task, _FitTask) else task
+            yield run_task(task) if isinstance(task, _FitTask) else task
         return
-    yield from _run_in_processes(tasks, work, jobs)
+    yield from _run_in_processes(tasks, run_task, jobs)
 
 
 def _run_in_processes(
-    tasks: Iterator[Any], work: Callable[[_FitTask], Entry], jobs: int
+    tasks: Iterator[Any], run_task: Callable[[_FitTask], Entry], jobs: int
 ) -> Iterator[Entry]:
-    """The entries of tasks that are done so many at a time, each in a process of its own, as they
-    come.
-    """
+    """Yield the entries of tasks that run in parallel, each as soon as it has ended."""
     with ExitStack() as stack:
-        idle = [ForkedProcess(work, lambda: None, uses_mpi=True) for _ in range(jobs)]
+        idle = [ForkedProcess(run_task, lambda: None, uses_mpi=True) for _ in range(jobs)]
         for process in idle:
             stack.callback(process.stop)
         busy: dict[ForkedProcess, tuple[Callable[[], Any], _FitTask]] = {}
@@ -358,7 +373,7 @@ def _run_in_processes(
 
 
 def _ready_processes(busy: Mapping[ForkedProcess, Any]) -> list[ForkedProcess]:
-    """The processes that have an answer, at least one."""
+    """Return the processes that have ended their task, at least one."""
     answered = list(map(id, connection.wait(list(busy))))  # type: ignore[arg-type]
     return [process for process in busy if id(process) in answered]
 
@@ -373,7 +388,7 @@ def _collect_entry(answer: Callable[[], Entry], task: _FitTask) -> Entry:
 
 
 def _fit_and_write(task: _FitTask, request: FitRequest, tables: ForwardModelCache) -> Entry:
-    """Fit one curve, and write what is drawn of it."""
+    """Fit one curve, and write its table and picture."""
     fit = fit_curve(task.curve, request, tables)
     if fit.plotted is not None:
         table = task.directory / CURVES_FOLDER / f"{fit.name}.csv"

@@ -1,6 +1,4 @@
-"""Pictures of fits: one curve with its fit, residuals and windows; many curves with their intervals
-in order.
-"""
+"""Pictures of fits: one curve with fit, residuals and depth ranges, or many intervals."""
 
 from __future__ import annotations
 
@@ -19,15 +17,14 @@ from indent_sim.results.pictures.axes import Axis, picture_text, scaled_axis
 from indent_sim.results.pictures.figures import COLOURS, GREY, INK, Axes, Figure, PlotStyle
 from indent_sim.results.reader import Results
 
-# inches
-SIZE = (10.5, 5.2)
-INTERVALS_SIZE = (9.2, 4.8)
-SHOWN_BASELINE_DEPTHS = 1.0  # depths of the baseline that are shown
-RESIDUAL_MEANS = 40  # whose means are drawn over the residuals
-# where other models stand beside the windows, and beside one another
+SIZE = (10.5, 5.2)  # inches
+INTERVALS_SIZE = (9.2, 4.8)  # inches
+SHOWN_BASELINE_DEPTHS = 1.0  # shown length of the baseline, in indentation depths
+RESIDUAL_MEANS = 40  # number of block means that are drawn over the residuals
+# Position of the first alternative model beside the depth ranges, and distance of the next ones.
 ALTERNATIVES_POSITION = 1.06
 ALTERNATIVES_SPACING = 0.03
-LEGEND_MARGIN = 0.07  # of the height of a panel: for a line of names above the bars
+LEGEND_MARGIN = 0.07  # fraction of a panel's height that a line of the legend needs above the bars
 GREY_POINTS: PlotStyle = {"ls": "", "marker": ".", "ms": 3, "color": "#b0b0b0", "zorder": 1}
 FIT_STYLE: PlotStyle = {"color": COLOURS[0], "lw": 1.8, "zorder": 3}
 Entry = Mapping[str, Any]
@@ -35,8 +32,9 @@ Entry = Mapping[str, Any]
 
 @contextmanager
 def fit_figure(fit: CurveFit, config: Config) -> Iterator[Figure]:
-    """The figure of one curve: force with the fit, residuals in per cent of the largest force, and
-    the first varied key by the depth that is used.
+    """Yield the figure of one curve: force and fit, residuals, and the first key by depth range.
+
+    The residuals are in per cent of the largest force.
     """
     assert fit.plotted is not None
     with figures.new_figure(SIZE) as figure:
@@ -69,8 +67,9 @@ def draw_curve(fit: CurveFit, config: Config, path: Path) -> None:
 def draw_parameter_intervals(
     entries: Sequence[Entry], keys: Sequence[str], config: Config, path: Path
 ) -> None:
-    """Draw the first varied key of many curves with its intervals, in order of its size; hollow:
-    not explained.
+    """Draw the first varied key of many curves with its intervals, ordered by its value.
+
+    Markers of curves that the scene does not explain are hollow.
     """
     done_entries = [entry for entry in entries if entry["status"] == "done"]
     if not done_entries or not keys:
@@ -101,7 +100,7 @@ def draw_parameter_intervals(
             axes.errorbar(ranks, value, [value - low, high - value], label=name, **style, **face)
         axes.set(xlabel="curve, by size", xlim=(0.5, len(done_entries) + 0.5), ylabel=axis.label)
         axes.locator_params(axis="x", integer=True)
-        axes.margins(y=0.2)  # the legend's two lines
+        axes.margins(y=0.2)  # room for the two lines of the legend
         axes.legend(loc="upper left")
         rejected_count = len(entries) - len(done_entries)
         rejected_text = f", {rejected_count} refused" if rejected_count else ""
@@ -113,7 +112,7 @@ def draw_parameter_intervals(
 
 
 def _draw_forces(force_axes: Axes, residual_axes: Axes, fit: CurveFit, config: Config) -> None:
-    """Measured and fitted forces, and what is left."""
+    """Draw measured and fitted forces, and their residuals."""
     curve = fit.plotted
     make_axis = _axis_factory(config)
     assert curve is not None
@@ -123,7 +122,8 @@ def _draw_forces(force_axes: Axes, residual_axes: Axes, fit: CurveFit, config: C
     force = make_axis("force", curve.force[is_shown], "force F")
     x = delta(curve.delta[is_shown])
     x_label = delta.label
-    if curve.t is not None and _has_hold(curve.delta[is_shown]):  # a hold is no line straight down
+    # Over depth a hold would be a vertical line: draw it over time.
+    if curve.t is not None and _has_hold(curve.delta[is_shown]):
         x = curve.t[is_shown]
         x_label = "time t [s]"
     force_axes.plot(x, force(curve.force[is_shown]), label="measured", **GREY_POINTS)
@@ -152,14 +152,12 @@ def _draw_forces(force_axes: Axes, residual_axes: Axes, fit: CurveFit, config: C
 
 
 def _has_hold(delta: np.ndarray) -> bool:
-    """Whether a curve is held, or comes back."""
+    """Return True if a curve has a hold or a retraction."""
     return set(curve_parts(delta)) != {"approach"}
 
 
 def _draw_depth_ranges(axes: Axes, entry: Entry, key: str, axis: Axis, range_name: str) -> None:
-    """The key of each window, of so much depth or time, with its own interval over the stated one,
-    and named models.
-    """
+    """Draw the key from each depth (or time) range, the stated interval, and better models."""
     interval = entry["parameters"][key]
     windows = entry["window"]
     axes.axhspan(
@@ -193,7 +191,8 @@ def _draw_depth_ranges(axes: Axes, entry: Entry, key: str, axis: Axis, range_nam
                 color=COLOURS[k],
                 label=model["name"],
             )
-    if model_count:  # above all bars, each of which it might hide
+    if model_count:
+        # The legend stands above all bars, since it might hide any of them.
         low, high = axes.get_ylim()
         axes.set_ylim(low, high + LEGEND_MARGIN * (1 + model_count) * (high - low))
         axes.legend(loc="upper right")

@@ -1,6 +1,4 @@
-"""Report of a fit: what every curve says of the scene, its pictures and tables, as the page of a
-result.
-"""
+"""HTML report of a fit: sentences, numbers, pictures and tables of its curves."""
 
 from __future__ import annotations
 
@@ -26,17 +24,17 @@ from indent_sim.results.html_report import Picture, Table, render_page, thinned_
 from indent_sim.results.pictures import figures
 from indent_sim.results.result_files import FIT, PROGRAM, read_report
 
-MAX_PICTURES = 12  # of curves; more are told of in the table
+MAX_PICTURES = 12  # further curves are only in the table
 Entry = Mapping[str, Any]
-RESIDUAL_NOTE = "p: the probability of that by accident; a correlation is in samples."
+RESIDUAL_NOTE = "p: the probability of such residuals by chance; the correlation is in samples."
 MODELS_NOTE = (
-    "Each is fitted in place of the scene; p: the probability that it is as much "
-    "better by accident."
+    "Each model is fitted in place of the scene; p: the probability that it is better by as much "
+    "by chance."
 )
 
 
 def fit_page(folder: Path) -> str:
-    """The page of a fit's folder; UsageError when it holds none that can be read."""
+    """Return the HTML page of a fit's folder; UsageError if it has no readable fit."""
     record = read_report(folder, FIT)
     try:
         entries = record["curves"]
@@ -47,19 +45,19 @@ def fit_page(folder: Path) -> str:
         parts = _page_parts(folder, config, entries, done_entries, keys)
     except (KeyError, TypeError, ValueError, AttributeError, IndentSimError) as error:
         raise UsageError(
-            f"{folder} holds no fit that can be read: {type(error).__name__} {error}"
+            f"{folder} holds no readable fit: {type(error).__name__} {error}"
         ) from None
-    title = (
-        f"{record['scene']} fitted to "
-        f"{done_entries[0]['curve'] if len(entries) == 1 and done_entries else f'{len(entries)} curves'}"
-    )
+    curves_text = f"{len(entries)} curves"
+    if len(entries) == 1 and done_entries:
+        curves_text = done_entries[0]["curve"]
+    title = f"{record['scene']} fitted to {curves_text}"
     count_text = f"{len(done_entries)} of {len(entries)} curves fitted" if len(entries) > 1 else ""
-    words = [
+    subtitle_parts = [
         f"varied: {', '.join(keys)}",
         count_text,
         f"{PROGRAM} {record.get('version', VERSION)}",
     ]
-    subtitle = "  ·  ".join(filter(None, words))
+    subtitle = "  ·  ".join(filter(None, subtitle_parts))
     failure = "" if done_entries else "no curve was fitted"
     return render_page(
         title=title, subtitle=subtitle, failure=failure, scene=dump(document), **parts
@@ -73,7 +71,7 @@ def _page_parts(
     done_entries: Sequence[Entry],
     keys: Sequence[str],
 ) -> dict[str, Any]:
-    """What stands in the page: numbers, words, pictures, tables, warnings."""
+    """Return the contents of the page: numbers, sentences, pictures, tables, warnings."""
     only_entry = done_entries[0] if len(entries) == 1 and done_entries else None
     sentences = (
         [f"{entry['curve']}: {entry['words']}" for entry in done_entries[:MAX_PICTURES]]
@@ -102,7 +100,7 @@ def _page_parts(
 
 
 def _parameter_numbers(entry: Entry, keys: Sequence[str], config: Config) -> list[tuple[str, str]]:
-    """The parameters of the only curve, with their intervals."""
+    """Return the parameters of the only curve as text, with their intervals."""
     numbers = []
     for key in keys:
         interval = entry["parameters"][key]
@@ -125,7 +123,7 @@ def _overview(entries: Sequence[Entry], keys: Sequence[str], config: Config) -> 
 
 
 def _pictures(folder: Path, done_entries: Sequence[Entry], config: Config) -> Iterator[Picture]:
-    """A picture of every curve whose table is there."""
+    """Yield a picture of every curve whose table exists."""
     for entry in done_entries:
         try:
             curve = read_curve_table(
@@ -137,14 +135,14 @@ def _pictures(folder: Path, done_entries: Sequence[Entry], config: Config) -> It
             fit_picture.draw_curve, CurveFit(dict(entry), curve), config
         )
         caption = (
-            f"{printable(entry['curve'])}: the curve and the scene, what is left, and the "
+            f"{printable(entry['curve'])}: the curve and the scene, the residuals, and the "
             "fits to a part of the depth"
         )
         yield Picture(figures.svg_element(draw), caption, broad=True)
 
 
 def _single_curve_tables(entry: Entry) -> Iterator[Table]:
-    """Tables of the only curve: windows, other models, residuals."""
+    """Yield the tables of the only curve: depth ranges, alternative models, residuals."""
     windows = entry["window"]
     yield thinned_table(
         "Fits to a part of the depth",
@@ -162,11 +160,11 @@ def _single_curve_tables(entry: Entry) -> Iterator[Table]:
     residual_rows = [
         [name.replace("_", " "), value_text(value)] for name, value in entry["residual"].items()
     ]
-    yield Table("What the fit leaves", ["what", "value"], residual_rows, RESIDUAL_NOTE)
+    yield Table("Residuals of the fit", ["quantity", "value"], residual_rows, RESIDUAL_NOTE)
 
 
 def _model_cells(model: Entry) -> list[str]:
-    """The first varied key that a model gives, and what it adds."""
+    """Return the first varied key that an alternative model gives, and what it adds."""
     added_values = ", ".join(
         f"{key} = {value_text(value)}" for key, value in model["parameters"].items()
     )

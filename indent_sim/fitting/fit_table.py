@@ -1,6 +1,4 @@
-"""Tables of a fit: fit.csv, a row for each curve, and the curves themselves with what was fitted to
-them.
-"""
+"""Tables of a fit: fit.csv with a row per curve, and a table of each curve with its fits."""
 
 from __future__ import annotations
 
@@ -31,11 +29,10 @@ Entry = Mapping[str, Any]
 
 
 def table_of_fits(entries: Sequence[Entry], keys: Sequence[str]) -> str:
-    """fit.csv: status, reason and cause in words, each varied key with its interval, and what the
-    residuals leave.
+    """Return fit.csv: status, reason, cause, varied keys with intervals, and residuals.
 
-    drift_percent: the first key at half the depth over that at the whole, less one. What a curve
-    lacks is empty.
+    drift_percent is the difference of the first key at half the depth from its value at the whole
+    depth. Cells without a value are empty.
     """
     columns = (
         *FIRST_COLUMNS,
@@ -83,9 +80,7 @@ def _fit_row(entry: Entry, keys: Sequence[str]) -> dict[str, Any]:
 
 
 def modulus_drift(entry: Entry, keys: Sequence[str]) -> float | str:
-    """By how many per cent the first key is larger at half the depth; empty where there is no such
-    window.
-    """
+    """Return the difference of the first key at half the depth in per cent; "" if unknown."""
     windows = entry["window"]
     if not keys or windows[0]["upper"] != 0.5 or not windows[-1][keys[0]]:
         return ""
@@ -93,9 +88,10 @@ def modulus_drift(entry: Entry, keys: Sequence[str]) -> float | str:
 
 
 def table_of_curve(curve: PlottedCurve) -> str:
-    """curves/NAME.csv: depth from first touch, force without its baseline, the fit, what it leaves,
-    and in a column `fit_MODEL` each the fits of the models that are better; times `t` from first
-    touch on where the force depends on them.
+    """Return curves/NAME.csv: depth, force without baseline, fit and residual.
+
+    Further columns are `fit_MODEL` for each better alternative model, and the time `t` from first
+    contact if the force depends on time.
     """
     columns = [
         curve.delta,
@@ -117,7 +113,7 @@ def table_of_curve(curve: PlottedCurve) -> str:
 
 
 def read_curve_table(text: str) -> PlottedCurve:
-    """What `table_of_curve` wrote; ValueError for anything else."""
+    """Return the curve that `table_of_curve` has written; ValueError for any other text."""
     head, *rows = csv.reader(io.StringIO(text))
     if tuple(head[: len(PLOTTED_COLUMNS)]) != PLOTTED_COLUMNS or not rows:
         raise ValueError("not the table of a fitted curve")

@@ -1,4 +1,4 @@
-"""A fit in a notebook: one curve and one scene -> parameters and a figure."""
+"""Fit of one curve from Python, with its parameters and a figure."""
 
 from __future__ import annotations
 
@@ -27,8 +27,10 @@ Curve = str | Path | MeasuredCurve | tuple[Any, Any]
 
 @dataclass(frozen=True)
 class Fit:
-    """A scene fitted to a curve: parameters by key, each with value, low and high, and the verdict
-    in words.
+    """Scene fitted to a curve.
+
+    parameters: value, low and high by key; explained: True if the scene explains the curve; words:
+    the result in sentences; entry: the curve's entry as in fit.json.
     """
 
     parameters: dict[str, Interval]
@@ -39,7 +41,7 @@ class Fit:
     _config: Config = field(repr=False)
 
     def figure(self) -> Figure:
-        """Force, fit, residuals and windows."""
+        """Return the figure of the force, the fit, the residuals and the depth ranges."""
         from indent_sim.fitting import fit_picture
 
         with fit_picture.fit_figure(self._curve_fit, self._config) as figure:
@@ -57,19 +59,39 @@ def fit(
     contact_point: float | None = None,
     models: ModelChoice = "needed",
 ) -> Fit:
-    """Fit the keys `vary` of a scene to one measured curve, contact point and baseline unknown.
+    """Fit parameters of a scene to one measured curve with unknown contact point and baseline.
 
-    curve: a file, the first curve of which is taken, a `Measured`, or arrays (depth, force) in the
-    scene's units. NotConverged with the reason for a curve that tells nothing; ConfigError for a
-    key or scene that is wrong.
+    Parameters
+    ----------
+    curve
+        File, whose first curve is used, a `MeasuredCurve`, or arrays (depth, force) in the units of
+        the scene.
+    scene
+        The scene, or its document or file.
+    vary
+        Keys of the parameters.
+    segment
+        Part of the curve that is fitted.
+    columns, units
+        Columns of the file by title or number, and units if the file has none.
+    contact_point
+        Displacement at first contact, if it is known.
+    models
+        Fit alternative models only when needed, or all of them.
+
+    Raises
+    ------
+    NotConverged
+        The curve does not determine the parameters.
+    ConfigError
+        A key or the scene is wrong.
     """
-    config = (
-        scene
-        if isinstance(scene, Config)
-        else config_from_mapping(scene)
-        if isinstance(scene, Mapping)
-        else load(scene)
-    )
+    if isinstance(scene, Config):
+        config = scene
+    elif isinstance(scene, Mapping):
+        config = config_from_mapping(scene)
+    else:
+        config = load(scene)
     request = FitRequest(config, tuple(vary), segment, OriginOptions(contact_point), models)
     curve_fit = fit_curve(_read_curve(curve, columns, units), request, ForwardModelCache())
     if not curve_fit.is_done:
@@ -94,6 +116,6 @@ def _read_curve(
     if isinstance(curve, tuple):
         delta, force = (np.asarray(values, dtype=float) for values in curve)
         if delta.ndim != 1 or delta.shape != force.shape:
-            raise UsageError("a curve is two rows of numbers of one length")
+            raise UsageError("a curve needs two arrays of numbers of the same length")
         return MeasuredCurve("curve", force, delta, parts=curve_parts(delta))
     return read_curves(curve, columns or None, units)[0]

@@ -1,9 +1,8 @@
-"""One scene, varied: many runs, one table. A failed run stays a row.
+"""Parameter studies: many runs of one scene with varied keys, or of many scenes, in one table.
 
-    StudyFile --cases.asked_for--> Case, Case, ... --conduct--> result folders --study_table.rows-->
-    study.csv
+    StudyFile --resolve_cases--> Case, ... --run_study--> result folders --study_table--> study.csv
 
-`execute_study` walks the whole chain.
+`execute_study` does all of this. A run that fails is a row of the table.
 """
 
 from indent_sim.studies.run_study import Study, as_json, execute_study

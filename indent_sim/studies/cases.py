@@ -1,6 +1,4 @@
-"""Points of the grid -> Cases: every config checked and resolved, and its physics given a name,
-before any run.
-"""
+"""Cases of a study: the config of every point is checked and resolved before the first run."""
 
 from __future__ import annotations
 
@@ -23,20 +21,18 @@ from indent_sim.run.planned_run import PlannedRun
 from indent_sim.studies.parameter_points import ParameterPoint, Setting, StiffnessMultiple
 from indent_sim.studies.study_file import RunRequest, StudyFile
 
-METHOD_SECTIONS = (
-    "mesh",
-    "contact",
-    "solver",
-)  # sections that choose how a scene is solved, not which scene it is
-MAX_REPORTED_ERRORS = 20  # errors of one study
-METHOD_KEYS = ("accuracy", "material.formulation", "loading.steps")  # keys that do
+# These sections and keys choose how a problem is solved; all others belong to the problem itself.
+METHOD_SECTIONS = ("mesh", "contact", "solver")
+METHOD_KEYS = ("accuracy", "material.formulation", "loading.steps")
+MAX_REPORTED_ERRORS = 20  # more errors of one study would hide the first ones on the screen
 
 
 @dataclass(frozen=True)
 class Case:
-    """One run of a study: a row of its table. `id` names the physics: equal ids are one run.
+    """Case of a study: one run and one row of its table.
 
-    `name`, of its folder, says what varies before that.
+    index: place in the study, from 0; values: the varied keys; id: hash of the physics and the
+    method. Cases with the same id are run once.
     """
 
     index: int
@@ -46,14 +42,12 @@ class Case:
 
     @property
     def label(self) -> str:
-        """The varied keys in words."""
+        """The varied keys and their values as text."""
         return ", ".join(f"{key}={short_yaml(value)}" for key, value in self.values.items())
 
     @cached_property
     def table_values(self) -> dict[str, Any]:
-        """The varied keys as a table has them: a quantity with a unit as a number in the scene's
-        units.
-        """
+        """The varied keys as written to the table: quantities as numbers in the scene's units."""
         quantities = self.planned_run.config.source.quantities
         return {
             key: _convert_to_scene_units(value, key_path(key), quantities)
@@ -62,9 +56,7 @@ class Case:
 
     @cached_property
     def name(self) -> str:
-        """As in E=2_method=penalty-3f2a...: the varied keys, as far as a file name holds them, and
-        the id.
-        """
+        """Name of the run's folder, such as E=2_method=penalty-3f2a...: varied keys and id."""
         value_texts = {
             key: re.sub(r"[^A-Za-z0-9=.+-]+", "_", short_yaml(value))
             for key, value in self.values.items()
@@ -72,11 +64,15 @@ class Case:
         text = "_".join(
             f"{key.split('.')[-1]}={word.strip('_')}" for key, word in value_texts.items()
         )
-        return f"{text[:80].lstrip('.-')}-{self.id}"  # letters
+        # A file name may have 255 bytes; 80 letters of text leave enough room for the id.
+        return f"{text[:80].lstrip('.-')}-{self.id}"
 
     @property
     def problem_key(self) -> str:
-        """What is asked for, however it is solved: cases with equal problems have one answer."""
+        """Text that identifies the mechanical problem, whatever method and mesh solve it.
+
+        Cases with the same problem have the same exact solution and may be compared.
+        """
         names = (
             key
             for key in self.values
@@ -97,14 +93,12 @@ class Case:
 
     @property
     def last_depth(self) -> float:
-        """The last depth, to expect where forces are prescribed, in the user's units."""
+        """The last depth (predicted if forces are prescribed), in the user's units."""
         return self.planned_run.depths[-1]
 
 
 def _convert_to_scene_units(value: Any, path: KeyPath, quantities: Quantities) -> Any:
-    """A value of a document with every quantity in it as the number that it stands for in the
-    scene.
-    """
+    """Return a value of a document with its quantities as numbers in the scene's units."""
     if path in quantities:
         return quantities[path][1]
     if isinstance(value, Mapping):
@@ -122,9 +116,7 @@ def _convert_to_scene_units(value: Any, path: KeyPath, quantities: Quantities) -
 
 @dataclass(frozen=True)
 class RejectedCase:
-    """A point that the program refuses before anything is run, and why: a row of a study with a
-    tolerance.
-    """
+    """Point of a study that is not a valid scene, and the error; a row if there is a tolerance."""
 
     index: int
     point: ParameterPoint
@@ -134,9 +126,7 @@ class RejectedCase:
 
     @property
     def table_values(self) -> dict[str, Any]:
-        """The varied keys as a table has them: a quantity with a unit as a number in the scene's
-        units.
-        """
+        """The varied keys as written to the table: quantities as numbers in the scene's units."""
         return {
             key: _convert_to_scene_units(value, key_path(key), self.quantities)
             for key, value in self.values.items()
@@ -144,12 +134,12 @@ class RejectedCase:
 
     @property
     def values(self) -> dict[str, Any]:
-        """The varied keys."""
+        """The varied keys and their values."""
         return {key: value for key, value, _ in self.point}
 
     @property
     def located_error(self) -> ConfigError:
-        """The error, and of which run it is where the place that it names does not say."""
+        """The error; it names the run if its file and line do not identify the run."""
         labels_text = ", ".join(
             f"{key} {short_yaml(value)}" for key, value in (self.labels or self.values).items()
         )
@@ -164,17 +154,20 @@ class RejectedCase:
 
 
 def resolve_cases(study: StudyFile) -> tuple[list[Case], list[RejectedCase]]:
-    """The cases of a study, and with a tolerance those refused; without, ConfigError when any
-    cannot be run.
+    """Return the cases of a study and its rejected cases.
+
+    Raises
+    ------
+    ConfigError
+        A scene is invalid and the study has no tolerance.
     """
     cases, rejected_cases = validate_cases(study)
     if rejected_cases and study.tolerance is None:
         rejected_by_error: dict[str, list[RejectedCase]] = {}
         for rejected_case in rejected_cases:
             rejected_by_error.setdefault(str(rejected_case.error), []).append(rejected_case)
-        case_count = len(cases) + len(
-            rejected_cases
-        )  # what is wrong with every run is wrong with what they share
+        case_count = len(cases) + len(rejected_cases)
+        # An error of every run belongs to the base scene and needs no name of a run.
         errors = [
             same_error_cases[0].error
             if len(same_error_cases) == case_count
@@ -188,20 +181,18 @@ def resolve_cases(study: StudyFile) -> tuple[list[Case], list[RejectedCase]]:
 
 
 def _add_tolerance_hint(error: ConfigError, rejected_count: int, case_count: int) -> ConfigError:
-    """The last of the errors of a study, some of whose runs are possible: what lets it go on
-    without the others.
-    """
+    """Add to the last error that a tolerance lets a study run without its invalid scenes."""
     *other_errors, last_error = error.errors
     hint = (
-        f"{rejected_count} of {case_count} runs cannot be: with `tolerance` in the study they are "
-        "rows that failed"
+        f"{rejected_count} of {case_count} runs are invalid: with `tolerance` in the study they "
+        "are failed rows of its table"
     )
     remedy = f"{last_error.remedy}; {hint}" if last_error.remedy else hint
     return ConfigErrors.combine([*other_errors, replace(last_error, remedy=remedy)])
 
 
 def validate_cases(study: StudyFile) -> tuple[list[Case], list[RejectedCase]]:
-    """The cases of a study that can be run, and the points that cannot."""
+    """Return the cases of a study that can be run, and those that cannot."""
     build_case = _CaseBuilder(study.common_settings)
     cases: list[Case] = []
     rejected_cases: list[RejectedCase] = []
@@ -218,10 +209,10 @@ def validate_cases(study: StudyFile) -> tuple[list[Case], list[RejectedCase]]:
 
 
 class _CaseBuilder:
-    """Makes cases; remembers the unit of stiffness of each body and mesh."""
+    """Builder of cases that caches the unit of stiffness E*/h_contact of each body and mesh."""
 
-    def __init__(self, common: ParameterPoint):
-        self._common_settings = common
+    def __init__(self, common_settings: ParameterPoint):
+        self._common_settings = common_settings
         self._stiffness_units: dict[str, float] = {}
 
     def __call__(self, index: int, request: RunRequest) -> Case:
@@ -235,41 +226,37 @@ class _CaseBuilder:
         return Case(index, labels, planned_run, planned_run.identity)
 
     def quantities(self, request: RunRequest) -> Quantities:
-        """What the quantities of a point are in its scene's units; none where one is no quantity."""
+        """Return the quantities of a request in its scene's units; {} if one of them is invalid."""
         try:
             return quantities_of(request.base, (*self._common_settings, *request.point))
         except ConfigError:
             return {}
 
     def _resolve_multiple(self, value: object, request: RunRequest) -> object:
-        """A value at a point, a multiple of E*/h_contact in the user's units."""
-        return (
-            float(f"{value.factor * self._stiffness_unit(request):.15g}")
-            if isinstance(value, StiffnessMultiple)
-            else value
-        )
+        """Return a value; a multiple of E*/h_contact becomes a number in the user's units."""
+        if isinstance(value, StiffnessMultiple):
+            return float(f"{value.factor * self._stiffness_unit(request):.15g}")
+        return value
 
     def _config(self, request: RunRequest, point: ParameterPoint) -> Config:
         return config_with_settings(request.base, request.source, (*self._common_settings, *point))
 
     def _stiffness_unit(self, request: RunRequest) -> float:
-        """E*/h_contact of the scene at a point, in the user's units."""
+        """Return E*/h_contact of a requested scene in the user's units."""
         other_settings = tuple(
             setting for setting in request.point if setting[0].split(".")[0] != "contact"
         )
         name = inline_yaml([[key, value] for key, value, _ in other_settings])
         if name not in self._stiffness_units:
-            auto: Setting = ("contact", {"method": "auto"}, ("", None))
+            auto_contact: Setting = ("contact", {"method": "auto"}, ("", None))
             self._stiffness_units[name] = _plan_run(
-                self._config(request, (*other_settings, auto)), request.point
+                self._config(request, (*other_settings, auto_contact)), request.point
             ).stiffness_unit
         return self._stiffness_units[name]
 
 
 def _plan_run(config: Config, point: ParameterPoint) -> PlannedRun:
-    """The prospect of a point; an error about a section says which value varied there, and where
-    that stands.
-    """
+    """Return the planned run of a config; its errors name the varied value that caused them."""
     try:
         return PlannedRun.resolve(config)
     except ConfigError as error:
@@ -282,5 +269,5 @@ def _plan_run(config: Config, point: ParameterPoint) -> PlannedRun:
 
 
 def unique_cases(cases: Iterable[Case]) -> list[Case]:
-    """The cases that have to be run: the first of every id."""
+    """Return the cases to run: the first case of every id."""
     return list({case.id: case for case in reversed(list(cases))}.values())[::-1]

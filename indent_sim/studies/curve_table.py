@@ -1,4 +1,4 @@
-"""curves.csv: the curves of a study in long form, and the families of them that a picture shows."""
+"""Curves of a study: curves.csv with a row per run and step, and groups of curves to draw."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ CURVE_COLUMNS = ("step", "delta", "force", "a", "force_error")
 
 @dataclass(frozen=True)
 class RunCurve:
-    """The curve of a run and the values of the varied keys that made it."""
+    """Curve of a run with the values of its varied keys."""
 
     values: Row
     results: Results
@@ -32,19 +32,17 @@ class RunCurve:
 
 @dataclass(frozen=True)
 class CurveGroups:
-    """The curves of a study and the varied keys that tell them apart, those that decide others
-    first.
-    """
+    """Curves of a study and the varied keys that distinguish them."""
 
     curves: tuple[RunCurve, ...]
     keys: tuple[str, ...]
 
     def curve_names(self) -> list[str]:
-        """The name of each curve."""
+        """Return the name of each curve."""
         return self.value_names(self.keys)
 
     def value_names(self, keys: Sequence[str]) -> list[str]:
-        """These of the varied keys in words, curve by curve; of sections what differs between them."""
+        """Return the values of some keys as text for each curve; of sections the differences."""
         common_entries = {
             key: _common_entries([curve.values.get(key) for curve in self.curves]) for key in keys
         }
@@ -60,18 +58,16 @@ class CurveGroups:
         ]
 
     def short_key(self, key: str) -> str:
-        """The last part of a key's name, all of it where another key ends alike: contact.method and
-        solver.method.
+        """Return the last part of a key, or the whole key if the last part is ambiguous.
+
+        For example contact.method and solver.method.
         """
         last_part = key.split(".")[-1]
-        return (
-            last_part
-            if sum(other_key.split(".")[-1] == last_part for other_key in self.keys) < 2
-            else key
-        )
+        is_unique = sum(other_key.split(".")[-1] == last_part for other_key in self.keys) < 2
+        return last_part if is_unique else key
 
     def numeric_keys(self) -> tuple[str, ...]:
-        """The keys whose values are numbers, or quantities in one unit."""
+        """Return the keys whose values are numbers, or quantities in one unit."""
         return tuple(
             key
             for key in self.keys
@@ -79,11 +75,11 @@ class CurveGroups:
         )
 
     def key_numbers(self, key: str) -> list[float]:
-        """The values of a numeric key."""
+        """Return the value of a numeric key for each curve."""
         return [number_and_unit(curve.values[key])[0] for curve in self.curves]
 
     def key_unit(self, key: str) -> str:
-        """The unit of a numeric key's values; "" of plain numbers."""
+        """Return the unit of a numeric key; "" for plain numbers."""
         return self._key_units(key).pop() or ""
 
     def _key_units(self, key: str) -> set[str | None]:
@@ -91,15 +87,13 @@ class CurveGroups:
 
 
 def distinguishing_labels(values: Sequence[object]) -> list[str]:
-    """Values of a varied key in words; of sections what differs between them."""
-    common_entries = _common_entries(values)
-    return [_value_label("", value, common_entries).strip() for value in values]
+    """Return values of a varied key as text; of sections only the differences."""
+    shared_entries = _common_entries(values)
+    return [_value_label("", value, shared_entries).strip() for value in values]
 
 
 def _value_label(name: str, value: object, common_entries: Collection[str]) -> str:
-    """The value of a varied key behind its name; of a section the entries that are not alike, of
-    equal ones all.
-    """
+    """Return a key and its value as text; of a section the entries that are not common to all."""
     section = _parse_section(value)
     if section is None:
         return f"{name} {value if isinstance(value, str) else short_yaml(value)}"
@@ -113,7 +107,7 @@ def _value_label(name: str, value: object, common_entries: Collection[str]) -> s
 
 
 def _common_entries(values: Sequence[object]) -> list[str]:
-    """The entries that all of some sections have in common; none of values that are no sections."""
+    """Return the entries that some sections have in common; [] if one value is not a section."""
     sections = [_parse_section(value) for value in values if value is not None]
     if not sections or None in sections:
         return []
@@ -129,7 +123,7 @@ def _common_entries(values: Sequence[object]) -> list[str]:
 
 
 def _parse_section(value: object) -> Mapping[str, object] | None:
-    """A value that is a section, also read back as text; None of any other."""
+    """Return a value that is a section, or the YAML text of one; None for any other value."""
     if isinstance(value, str) and value.startswith("{"):
         with suppress(IndentSimError):
             value = parse(value)[0]
@@ -137,7 +131,7 @@ def _parse_section(value: object) -> Mapping[str, object] | None:
 
 
 def number_and_unit(value: object) -> tuple[float, str | None]:
-    """A value as a number and its unit, "" of a plain number; the unit of a word, nan, is None."""
+    """Return a value as a number and its unit: "" for plain numbers; (nan, None) for words."""
     if isinstance(value, StiffnessMultiple):
         return value.factor, STIFFNESS_UNIT
     if isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value):
@@ -149,9 +143,7 @@ def number_and_unit(value: object) -> tuple[float, str | None]:
 def rows(
     cases: Sequence[Case], keys: Sequence[str], results_by_id: Mapping[str, Results]
 ) -> list[Row]:
-    """One row per run and step: run, every varied key, then `CURVE_COLUMNS`; what is unknown is
-    None.
-    """
+    """Return the rows of curves.csv: run, varied keys, then `CURVE_COLUMNS`; None where unknown."""
     table_rows: list[Row] = []
     for case, results in (
         (case, results_by_id[case.id]) for case in cases if case.id in results_by_id
@@ -170,14 +162,14 @@ def rows(
 
 
 def write(curves: Sequence[Row]) -> str:
-    """The rows as CSV text, numbers to the last digit."""
+    """Return the rows as CSV text, with all digits of their numbers."""
     return study_table.write(curves) if curves else ",".join(["run", *CURVE_COLUMNS]) + "\n"
 
 
 def group_case_curves(
     cases: Sequence[Case], keys: Sequence[str], results_by_id: Mapping[str, Results]
 ) -> CurveGroups:
-    """The curves of all runs that came to their end."""
+    """Return the curves of all runs that have succeeded."""
     ended_cases = [
         case
         for case in cases
@@ -193,9 +185,7 @@ def group_case_curves(
 
 
 def group_folder_curves(folder: Path, runs: Sequence[Row], keys: Sequence[str]) -> CurveGroups:
-    """The same of the rows of a study's table, from those of its runs that are still in their
-    folder.
-    """
+    """Return the curves of a study's folder, for the rows of its table whose runs still exist."""
     rows_by_run = {row["run"]: row for row in runs if row["status"] == "done" and row["run"]}
     curves = []
     for name, row in rows_by_run.items():
@@ -215,8 +205,8 @@ def _make_groups(curves: Sequence[RunCurve], keys: Sequence[str]) -> CurveGroups
         )
     ]
 
-    def has_words_alone(key: str) -> bool:
-        """Whether a run would have no word without it: a section that others lack."""
+    def is_only_word(key: str) -> bool:
+        """Return True if some run has no other key with a text value."""
         other_word_keys = [other_key for other_key in independent if other_key in word_keys]
         return any(
             row.get(key) is not None
@@ -228,6 +218,6 @@ def _make_groups(curves: Sequence[RunCurve], keys: Sequence[str]) -> CurveGroups
         tuple(curves),
         (
             *independent,
-            *(key for key in word_keys if key not in independent and has_words_alone(key)),
+            *(key for key in word_keys if key not in independent and is_only_word(key)),
         ),
     )

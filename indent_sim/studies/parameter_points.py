@@ -1,4 +1,4 @@
-"""The values of `vary`: lists and ranges, crossed or zipped, as points of a grid."""
+"""Points of a parameter grid: the lists and ranges of `vary`, combined as a product or zipped."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ from indent_sim.process.errors import ConfigError
 RANGE_KEYS = ("from", "to", "count", "spacing", "unit")
 STIFFNESS_UNIT = "E*/h_contact"
 MOST_RUNS = 100_000  # runs of one study
-LARGEST_RANGE_END = 1e100  # end of a range, beyond all that a scene can hold
+LARGEST_RANGE_END = 1e100  # larger than any quantity of a scene; products of two do not overflow
 
 
 @dataclass(frozen=True)
 class StiffnessMultiple:
-    """A value in units of the scene's own E*/h_contact."""
+    """Contact stiffness as a multiple of the scene's own E*/h_contact."""
 
     factor: float
 
 
-Setting = tuple[str, Any, SourceLocation]  # dotted key, value, where that is written
+Setting = tuple[str, Any, SourceLocation]  # dotted key, value, file and line
 ParameterPoint = tuple[Setting, ...]
 
 
 @dataclass(frozen=True)
 class ParameterBlock:
-    """One grid: axes that are crossed; the keys of one axis go together, value by value."""
+    """Grid of parameter points: the product of its axes; the keys of one axis vary together."""
 
     axes: tuple[tuple[ParameterPoint, ...], ...]
 
     @property
     def size(self) -> int:
-        """How many points it has."""
+        """The number of points."""
         return math.prod(map(len, self.axes))
 
     @property
@@ -50,13 +50,21 @@ class ParameterBlock:
 
 
 def grid_points(block: ParameterBlock) -> Iterator[ParameterPoint]:
-    """The points of a grid; the last axis varies fastest."""
+    """Yield the points of a grid; the last axis varies fastest."""
     for combination in itertools.product(*block.axes):
         yield tuple(setting for part in combination for setting in part)
 
 
 def read_block(part: Mapping[str, Any], keys: KeyPath, source: Source) -> ParameterBlock:
-    """The grid of one section of `vary`; `zip: true` or `zip: [keys]` says which keys go together."""
+    """Read the grid of one section of `vary`.
+
+    Parameters
+    ----------
+    part
+        Keys and values; `zip: true` or `zip: [keys]` lets keys vary together.
+    keys, source
+        Place of the section in the document, and file and line of each key, for error messages.
+    """
     values = {
         key: _read_values(values_given, (*keys, key), key, source)
         for key, values_given in part.items()
@@ -75,12 +83,10 @@ def read_block(part: Mapping[str, Any], keys: KeyPath, source: Source) -> Parame
 def _zipped_keys(
     zip_given: Any, values: Mapping[str, Any], keys: KeyPath, source: Source
 ) -> list[str]:
-    """The keys that go together, in the order of the block."""
+    """Return the keys that vary together, in the order of the block."""
     if isinstance(zip_given, bool):
         zipped_keys = list(values) if zip_given else []
-    elif isinstance(zip_given, list) and all(
-        key in list(values) for key in zip_given
-    ):  # whatever they are
+    elif isinstance(zip_given, list) and all(key in list(values) for key in zip_given):
         zipped_keys = [key for key in values if key in zip_given]
     else:
         raise _config_error(
@@ -93,15 +99,13 @@ def _zipped_keys(
     if len(set(lengths.values())) > 1:
         counts_text = ", ".join(f"{key} has {count}" for key, count in lengths.items())
         raise _config_error(
-            keys, source, f"keys that go together need equally many values: {counts_text}"
+            keys, source, f"zipped keys need the same number of values: {counts_text}"
         )
     return zipped_keys
 
 
 def _read_values(values_given: Any, keys: KeyPath, key: str, source: Source) -> list[Setting]:
-    """The settings of one key: each item of a list, the numbers of a range, or a single word or
-    number.
-    """
+    """Return the settings of one key, which is given as a list, a range, or a single value."""
     if isinstance(values_given, dict) and "from" in values_given:
         return [
             (key, value, source.location(keys))
@@ -120,7 +124,7 @@ def _read_values(values_given: Any, keys: KeyPath, key: str, source: Source) -> 
 
 
 def _range_values(range_given: Mapping[str, Any], keys: KeyPath, source: Source) -> list[Any]:
-    """`count` numbers from one to another, equally far apart or by equal factors."""
+    """Return `count` numbers from `from` to `to`, with linear or logarithmic spacing."""
     if unknown := [key for key in range_given if key not in RANGE_KEYS]:
         raise _config_error(
             (*keys, unknown[0]), source, "unknown key", f"a range has {', '.join(RANGE_KEYS)}"

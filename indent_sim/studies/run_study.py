@@ -1,4 +1,4 @@
-"""The whole of a study: read and check it, do its runs, write its table and picture."""
+"""Execution of a study: check it, do its runs, and write its table and pictures."""
 
 from __future__ import annotations
 
@@ -26,15 +26,8 @@ from indent_sim.studies.study_folder import StudyFolder
 from indent_sim.studies.study_table import Row
 from indent_sim.studies.worker import ExitStatus, Job, LoadLibraries, Workers
 
-NOTEBOOK_COLUMNS = (
-    "status",
-    "force",
-    "a",
-    "p_max",
-    "force_error_vs",
-    "cpu_s",
-    "verdict",
-)  # columns that a notebook shows
+# A notebook shows these columns after the varied keys.
+NOTEBOOK_COLUMNS = ("status", "force", "a", "p_max", "force_error_vs", "cpu_s", "verdict")
 ReportLine = Callable[[str], None]
 
 
@@ -44,10 +37,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """A study that was carried out: where it lies, its table, and what to choose.
+    """Finished study: its folder, its table and the recommended settings.
 
-    rows: empty for a shard, whose part of the runs is all it does. scoreboard: of `cases` with
-    published values.
+    rows: the table, empty for a shard, which only does its part of the runs; scoreboard: one row
+    per case with a published value.
     """
 
     directory: Path
@@ -60,8 +53,9 @@ class Study:
 
     @property
     def recommendations(self) -> list[str]:
-        """For 5 %, 1 % and 0.1 % of the force, what to choose; with a tolerance the count of each
-        verdict.
+        """The recommended run for errors of 5 %, 1 % and 0.1 % of the force.
+
+        With a tolerance: the number of rows with each verdict.
         """
         if any(self.verdicts.values()):
             return [", ".join(f"{count} {name}" for name, count in self.verdicts.items())]
@@ -69,16 +63,16 @@ class Study:
 
     @property
     def verdicts(self) -> dict[str, int]:
-        """How many rows are right, flagged, refused and wrong; all 0 without a tolerance."""
+        """Number of rows that are right, flagged, refused and wrong; all 0 without a tolerance."""
         return study_table.verdict_counts(self.rows)
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Names of the columns of its table."""
+        """Names of the columns of the table."""
         return tuple(self.rows[0]) if self.rows else ()
 
     def __getitem__(self, column: str) -> np.ndarray:
-        """A column of its table: numbers, NaN where one is not known, or words."""
+        """Return a column of the table: numbers with NaN where unknown, or objects."""
         values = [row[column] for row in self.rows]
         is_number = all(isinstance(value, (int, float, type(None))) for value in values)
         return np.array(
@@ -96,7 +90,7 @@ class Study:
         return self._repr_table().html
 
     def _repr_table(self) -> ReprTable:
-        """What a notebook shows: the varied keys and what came of them."""
+        """Return the table that a notebook shows: the varied keys and the main results."""
         names = [
             name
             for name in (*self.keys, *NOTEBOOK_COLUMNS)
@@ -112,12 +106,12 @@ class Study:
         )
 
     def to_pandas(self) -> pandas.DataFrame:
-        """Its table as a DataFrame; BackendError without pandas."""
+        """Return the table as a DataFrame; BackendError without pandas."""
         return data_frame({name: self[name] for name in self.columns})
 
     @property
     def failures(self) -> list[Row]:
-        """The rows without an answer."""
+        """The rows whose run has not succeeded."""
         return [row for row in self.rows if row["status"] != "done"]
 
 
@@ -131,13 +125,36 @@ def execute_study(
     overwrite: bool = False,
     tell: ReportLine = lambda line: None,
 ) -> Study:
-    """Do the study of a file, or of mappings shaped like one. `shard` (i, n): do every n-th run
-    from the i-th on, and write no table.
+    """Run a study and write its table and pictures.
 
-    `jobs` runs are done at the same time, each in a process of its own. A run that fails is a row.
-    Finished runs that the study does not ask for are replaced with `overwrite` alone, and kept with
-    `resume`. Raises UsageError, ConfigError (before any run), BackendError; NotConverged when no
-    run at all gave a result.
+    Parameters
+    ----------
+    study_input
+        Path of a study file, or mappings of the same form.
+    output
+        Folder of the study [as the study file says].
+    resume
+        Keep finished runs and continue interrupted ones.
+    shard
+        (i, n): do every n-th run, starting with the i-th (from 1), and write no table.
+    jobs
+        Number of runs at the same time, each in its own process.
+    overwrite
+        Replace finished runs that are not part of this study.
+    tell
+        Called with each line of progress.
+
+    Returns
+    -------
+    Study
+        A run that fails is a row of its table.
+
+    Raises
+    ------
+    UsageError, ConfigError, BackendError
+        Before any run.
+    NotConverged
+        No run gave a result.
     """
     study = study_file.read(study_input)
     resolved_cases = cases, _ = case_list.resolve_cases(study)
@@ -152,7 +169,7 @@ def execute_study(
     available = machine_memory() / 1e6
     if jobs > 1 and sum(largest_memories) > available:
         need = f"{len(largest_memories)} runs at a time need about {sum(largest_memories):.3g} MB"
-        raise UsageError(f"{need}, this machine has {available:.3g}: fewer --jobs")
+        raise UsageError(f"{need}, this machine has {available:.3g} MB: use fewer --jobs")
     finished = Study(
         output or study.directory, study.title, study.keys, reference.name, [], reference.notes
     )
@@ -207,13 +224,12 @@ def execute_study(
 def _draw_pictures(
     study: Study, cases: Sequence[Case], results_by_id: Mapping[str, Results]
 ) -> None:
-    """Draw a study that has its table into its folder."""
+    """Draw the pictures of a finished study into its folder."""
     directory = study.directory
     keys = study.keys
     title = study.title
-    comparable_cases = (
-        [] if study.scoreboard else cases
-    )  # scenes with published values have no depths and forces to compare
+    # Scenes with published values differ in everything: their curves have no common axes.
+    comparable_cases = [] if study.scoreboard else cases
     curve_groups = curve_table.group_case_curves(comparable_cases, keys, results_by_id)
     study_picture.draw_cost(
         study.rows, keys, title, study.compared_with, directory / study_folder.STUDY_PICTURE
@@ -225,9 +241,7 @@ def _draw_pictures(
 
 
 def read_study(folder: Path) -> Study:
-    """The study of a folder, as it was carried out; UsageError when it holds none, or one without
-    its table.
-    """
+    """Read a finished study from its folder; UsageError if it has no readable study."""
     record = read_report(folder, study_folder.STUDY_RECORD)
     table = folder / study_folder.STUDY_TABLE
     scoreboard_rows: list[Row] = []
@@ -239,11 +253,9 @@ def read_study(folder: Path) -> Study:
             )
         keys = tuple(map(str, record["keys"]))
         if not rows or not {"status", "verdict", *keys} <= rows[0].keys():
-            raise ValueError("it lacks what a study has")
+            raise ValueError("its table has no rows or lacks columns")
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise UsageError(
-            f"{folder} holds no study that can be read: {error}", file=str(folder)
-        ) from None
+        raise UsageError(f"{folder} holds no readable study: {error}", file=str(folder)) from None
     return Study(
         folder,
         str(record.get("title")),
@@ -261,14 +273,14 @@ def _run_cases(
     load: LoadLibraries,
     tell: ReportLine,
 ) -> None:
-    """Do the runs, so many at once, those left out that have ended before."""
+    """Do the runs in parallel, without those that a resumed study has finished before."""
     pending_cases = {
         case.name: case
         for case in cases
         if not (folder.is_resumed and folder.is_finished(case.name))
     }
     if len(pending_cases) < len(cases):
-        tell(f"{len(cases) - len(pending_cases)} of {len(cases)} runs are there already")
+        tell(f"{len(cases) - len(pending_cases)} of {len(cases)} runs are finished already")
     start_time = time.monotonic()
     total_seconds = sum(map(_expected_seconds, pending_cases.values()))
     remaining_seconds = total_seconds
@@ -290,9 +302,8 @@ def _run_cases(
                 f"  about {duration_text(expected_time)} left" if count < len(pending_cases) else ""
             )
             outcome = _outcome_text(folder.ended_results(name), ending)
-            tell(
-                f"run {count}/{len(pending_cases)}  {pending_cases[name].label}  {outcome}{remaining_text}"
-            )
+            label = pending_cases[name].label
+            tell(f"run {count}/{len(pending_cases)}  {label}  {outcome}{remaining_text}")
     folder.delete_other_runs()
 
 
@@ -306,12 +317,12 @@ def _outcome_text(results: Results | None, ending: ExitStatus) -> str:
 
 
 def _expected_seconds(case: Case) -> float:
-    """The seconds that a run is expected to take, its companions among them."""
+    """Return the predicted CPU seconds of a run, with the runs for its error estimate."""
     return case.planned_run.study_seconds()
 
 
 def as_json(study: Study) -> Report:
-    """A study as one JSON object."""
+    """Return a study as one JSON object."""
     names = (
         "directory",
         "title",

@@ -1,6 +1,4 @@
-"""Pictures of a study of many runs: small multiples of curves, and columns of its table over the
-keys that vary.
-"""
+"""Small multiples of the curves of a study with many runs and several varied keys."""
 
 from __future__ import annotations
 
@@ -21,40 +19,33 @@ from indent_sim.results.reader import MEASURED, Results
 from indent_sim.studies.curve_table import CurveGroups
 from indent_sim.studies.study_table import representative_row
 
-PLOTTED_COLUMNS = (
-    "force",
-    "a",
-    "p_max",
-    "penetration",
-)  # of a run, that are drawn over the keys that vary
+PLOTTED_COLUMNS = ("force", "a", "p_max", "penetration")  # drawn over varied keys
 STIFFNESS_KEY = "contact.epsilon_n"
 MAX_COLOURS = len(figures.COLOURS)
-# small multiples side by side and below one another
 MAX_PANEL_COLUMNS = 6
 MAX_PANEL_ROWS = 4
 MAX_NUMBER_PANELS = 3  # panels over a varied number
-MAX_NAMED_GROUPS = 12  # lines that are named
-DASHES = ("-", (0, (4, 2)), (0, (1, 1.5)), (0, (5, 1.5, 1, 1.5)))  # of lines that share a colour
-LOG_NUMBER_RATIO = 20.0  # ratio of largest to smallest from which a varied number is logarithmic
-# The same of what many runs tell: of numbers over a decade and a half half of the curves would lie
-# on zero
+MAX_NAMED_GROUPS = 12  # more lines have no names
+DASHES = ("-", (0, (4, 2)), (0, (1, 1.5)), (0, (5, 1.5, 1, 1.5)))
+LOG_NUMBER_RATIO = 20.0  # the axis of a varied number is logarithmic beyond this ratio of its ends
+# Results of many runs are on a logarithmic axis beyond this ratio: on a linear one half of the
+# curves would lie on zero.
 LOG_RESULT_RATIO = 30.0
-MIN_MAP_VALUES = 3  # values of a key, from which on there is a map over two
-# ratio of the ends of a logarithmic axis from which on 1, 2 and 5 of a decade are enough numbers
+MIN_MAP_VALUES = 3  # a map needs so many values of each of its two keys
+# On a logarithmic axis with a larger ratio of its ends, ticks at 1, 2 and 5 of a decade are enough.
 FEW_TICKS_RATIO = 6.0
-MAP_LEVELS = 12  # steps of the colours of a map
-# inches: width and height of a small multiple, and of another panel
-MULTIPLE_SIZE = (2.0, 1.75)
-PANEL_SIZE = (4.2, 3.4)
-TITLE_HEIGHT = 0.7  # inches: of title and subtitle
+MAP_LEVELS = 12
+MULTIPLE_SIZE = (2.0, 1.75)  # width and height of a small multiple [inches]
+PANEL_SIZE = (4.2, 3.4)  # width and height of a panel over a number [inches]
+TITLE_HEIGHT = 0.7  # height of title and subtitle [inches]
 
 
 @dataclass(frozen=True)
 class KeyRoles:
-    """What each varied key does in small multiples: "" where no key does it.
+    """Varied keys by what shows their values in small multiples; "" if a role is not used.
 
-    colour: of the curves; across, down: panels side by side and below one another; dashes: of lines
-    of one colour.
+    colour: colour of the curves; across, down: columns and rows of panels; dashes: dash pattern of
+    lines of one colour.
     """
 
     colour: str
@@ -64,16 +55,16 @@ class KeyRoles:
 
     @property
     def visible_keys(self) -> tuple[str, ...]:
-        """The keys that can be read off."""
+        """The keys whose values can be read from the picture."""
         return tuple(filter(None, (self.colour, self.across, self.down, self.dashes)))
 
 
 def assign_roles(curve_groups: CurveGroups) -> KeyRoles:
-    """Give every key its role by how many values it has.
+    """Return the role of each varied key, by its number of values.
 
-    The number with the most values is the colour, for a bar tells any number of them apart. Of the
-    other keys the one with the most values goes across, and so on; a key with more values than
-    there are panels gets none while another one can have it.
+    The numeric key with the most values is the colour, since a colour bar shows any number of them.
+    Of the other keys the one with the most values goes across, the next one down, the next into
+    dashes. A key with too many values for a role is passed over if another one fits.
     """
     counts = {key: len(_value_names(curve_groups, key)) for key in curve_groups.keys}
     numeric = curve_groups.numeric_keys()
@@ -92,7 +83,7 @@ def assign_roles(curve_groups: CurveGroups) -> KeyRoles:
     ):
         candidates = [key for key in remaining_keys if counts[key] <= max_values]
         if not candidates and role == "across":
-            candidates = remaining_keys  # some of its values are shown
+            candidates = remaining_keys  # a part of its values is shown
         if candidates:
             keys_by_role[role] = candidates[0]
             remaining_keys.remove(candidates[0])
@@ -101,15 +92,15 @@ def assign_roles(curve_groups: CurveGroups) -> KeyRoles:
 
 @contextmanager
 def small_multiples_figure(curve_groups: CurveGroups, title: str) -> Iterator[Figure]:
-    """The figure of the curves of many runs of a study with two varied keys or more.
+    """Yield the figure of many runs of a study with two or more varied keys.
 
-    Above small multiples of force over depth, below what the force of a run is over every varied
+    Small multiples of force over depth are above; below are the force of each run over every varied
     number, and for two numbers a map over both.
     """
     key_roles = assign_roles(curve_groups)
     across, down = (
-        _evenly_spaced(_value_names(curve_groups, key), max_values)
-        for key, max_values in _facet_keys(key_roles)
+        _evenly_spaced(_value_names(curve_groups, key), max_count)
+        for key, max_count in _facet_keys(key_roles)
     )
     number_keys = curve_groups.numeric_keys()[:MAX_NUMBER_PANELS]
     is_map = len(curve_groups.keys) == 2 and is_grid(curve_groups, number_keys)
@@ -141,7 +132,7 @@ def small_multiples_figure(curve_groups: CurveGroups, title: str) -> Iterator[Fi
 
 
 def _subtitle(curve_groups: CurveGroups, key_roles: KeyRoles, across: Sequence[str]) -> str:
-    """How many runs there are, and what the picture does not tell of them."""
+    """Return the number of runs, and what the picture does not show of them."""
     parts = [f"{len(curve_groups.curves)} runs", "every force at its run's own depth"]
     value_count = len(_value_names(curve_groups, key_roles.across)) if key_roles.across else 0
     if value_count > len(across):
@@ -153,7 +144,7 @@ def _subtitle(curve_groups: CurveGroups, key_roles: KeyRoles, across: Sequence[s
         for key in curve_groups.keys
         if key not in key_roles.visible_keys
     ]:
-        parts.append(f"lines of one look differ in {', '.join(hidden_keys)}")
+        parts.append(f"lines of the same style differ in {', '.join(hidden_keys)}")
     return "  \N{MIDDLE DOT}  ".join(parts)
 
 
@@ -162,7 +153,7 @@ def _facet_keys(key_roles: KeyRoles) -> tuple[tuple[str, int], tuple[str, int]]:
 
 
 def _value_names(curve_groups: CurveGroups, key: str) -> list[str]:
-    """The values of a key in words, numbers in their order; one empty word of no key."""
+    """Return the values of a key as text, numbers in order; [""] for no key."""
     if not key:
         return [""]
     names = list(dict.fromkeys(curve_groups.value_names([key])))
@@ -173,7 +164,7 @@ def _value_names(curve_groups: CurveGroups, key: str) -> list[str]:
 
 
 def _evenly_spaced(values: Sequence[str], max_count: int) -> list[str]:
-    """So many of some values, spread over all of them."""
+    """Return at most `max_count` values, spread evenly over all of them."""
     if len(values) <= max_count:
         return list(values)
     return [values[i] for i in np.linspace(0, len(values) - 1, max_count).round().astype(int)]
@@ -187,9 +178,7 @@ def _draw_multiples(
     styles: Sequence[PlotStyle],
     bar: Any,
 ) -> Axes:
-    """Draw force over depth into a panel for every pair of values; returns the one that has the
-    names.
-    """
+    """Draw force over depth, one panel per pair of values; return the axes with the legend."""
     across, down = facets
     runs = [curve.results for curve in curve_groups.curves]
     depth = axis_of_column("delta", runs)
@@ -250,7 +239,7 @@ def _draw_curves(
 
 
 def _scale_axes(axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis) -> None:
-    """Axes from zero, or logarithmic ones where most curves would lie on zero."""
+    """Set linear axes, or logarithmic ones if most curves would lie on zero."""
     from matplotlib.ticker import NullLocator
 
     if value_ratio([run["force"].max() for run in runs]) < LOG_RESULT_RATIO:
@@ -269,9 +258,7 @@ def _scale_axes(axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis) -
 
 
 def styles_by_key(curve_groups: CurveGroups, key: str) -> tuple[list[PlotStyle], Any]:
-    """The colour of every curve by a varied key, and what a bar of colours is made of; None of
-    words.
-    """
+    """Return the style of every curve by a varied key, and the colour scale; None for words."""
     if key in curve_groups.numeric_keys():
         colours, bar = number_colours(curve_groups.key_numbers(key))
         return [{"color": colour, "ls": "-"} for colour in colours], bar
@@ -283,7 +270,7 @@ def styles_by_key(curve_groups: CurveGroups, key: str) -> tuple[list[PlotStyle],
 
 
 def number_colours(values: Sequence[float]) -> tuple[list[Colour], Any]:
-    """Colours of some numbers, and what a bar of colours is made of."""
+    """Return a colour for each number, and the colour scale for a colour bar."""
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize
@@ -293,41 +280,38 @@ def number_colours(values: Sequence[float]) -> tuple[list[Colour], Any]:
     norm = (LogNorm if low > 0 and high > LOG_NUMBER_RATIO * low else Normalize)(
         low, high if high > low else low + 1
     )
-    viridis = colormaps["viridis"]  # without its lightest yellow, which is lost on white
+    # The lightest tenth of viridis is yellow, which is hard to see on white, and is left out.
+    viridis = colormaps["viridis"]
     colour_map = LinearSegmentedColormap.from_list("shades", viridis(np.linspace(0.0, 0.9, 256)))
     colours = [tuple(colour) for colour in viridis(0.9 * np.asarray(norm(values))).tolist()]
     return colours, ScalarMappable(norm, colour_map)
 
 
 def key_label(curve_groups: CurveGroups, key: str) -> str:
-    """The name of a varied number with its unit."""
+    """Return the axis label of a varied number: its name with its unit."""
     unit = curve_groups.key_unit(key) or unit_label_of_key(key, curve_groups.curves[0].results)
     return Axis(picture_text(curve_groups.short_key(key)), unit=unit).label
 
 
 def value_ratio(values: Sequence[float] | np.ndarray) -> float:
-    """Ratio of the largest to the smallest of positive numbers; 1 where one is not."""
+    """Return the ratio of the largest to the smallest number; 1 if not all are positive."""
     return float(np.max(values) / np.min(values)) if np.min(values) > 0 else 1.0
 
 
 def representative_values(curve_groups: CurveGroups, column: str) -> tuple[list[float], str]:
-    """A column in the row that each run is told by, as it is shown, and its name with its unit."""
+    """Return a column in the representative row of each run, in shown units, and its axis label."""
     runs = [curve.results for curve in curve_groups.curves]
     column_axis = axis_of_column(column, runs)
     values = [float(column_axis(run[column][representative_row(run)])) for run in runs]
     has_histories = all("t" in run.table for run in runs)
     row_text = "at the largest force" if has_histories else "at the last depth"
-    force_text = "largest" if has_histories else "last"
-    return (
-        values,
-        f"{force_text} {column_axis.label}"
-        if column == "force"
-        else f"{column_axis.label}, {row_text}",
-    )
+    if column == "force":
+        return values, f"{'largest' if has_histories else 'last'} {column_axis.label}"
+    return values, f"{column_axis.label}, {row_text}"
 
 
 def group_indices(curve_groups: CurveGroups, key: str) -> dict[str, list[int]]:
-    """The places of the curves by their other varied keys, in words."""
+    """Return the indices of the curves, grouped by the values of all other varied keys as text."""
     groups: dict[str, list[int]] = {}
     for index, name in enumerate(
         curve_groups.value_names([other_key for other_key in curve_groups.keys if other_key != key])
@@ -344,8 +328,16 @@ def draw_over_number(
     label: str,
     styles: Sequence[PlotStyle],
 ) -> None:
-    """Draw what the runs tell over a varied number: a line for all runs that differ in this number
-    alone.
+    """Draw results over a varied number; runs that differ in it alone are joined by a line.
+
+    Parameters
+    ----------
+    key
+        The varied number.
+    values, label
+        Result of each curve, and its axis label.
+    styles
+        Style of each curve; its points have this colour.
     """
     numbers = curve_groups.key_numbers(key)
     for indices in group_indices(curve_groups, key).values():
@@ -363,14 +355,14 @@ def draw_over_number(
 
 
 def scale_number_axis(axes: Axes, numbers: Sequence[float]) -> None:
-    """A logarithmic axis of x for a varied number that spans decades."""
+    """Set a logarithmic x axis for a varied number that spans decades."""
     if value_ratio(numbers) > LOG_NUMBER_RATIO:
         axes.set_xscale("log")
         set_plain_log_ticks(axes.xaxis, value_ratio(numbers))
 
 
 def set_plain_log_ticks(matplotlib_axis: Any, ratio: float) -> None:
-    """Plain numbers on a logarithmic axis whose largest number is less than 100 times the smallest."""
+    """Set plain numbers on a logarithmic axis whose ends have a ratio below 100."""
     from matplotlib.ticker import LogLocator, NullFormatter, NullLocator, StrMethodFormatter
 
     if ratio < 100:
@@ -383,9 +375,7 @@ def set_plain_log_ticks(matplotlib_axis: Any, ratio: float) -> None:
 
 
 def is_grid(curve_groups: CurveGroups, keys: Sequence[str]) -> bool:
-    """Whether two numbers vary, every value of one with every value of the other, at least
-    FEW_VALUES of each.
-    """
+    """Return True if the runs fill a grid of two varied numbers, with enough values of each."""
     if len(keys) != 2 or tuple(keys) != curve_groups.keys:
         return False
     pairs = set(
@@ -398,7 +388,15 @@ def is_grid(curve_groups: CurveGroups, keys: Sequence[str]) -> bool:
 def draw_map(
     axes: Axes, curve_groups: CurveGroups, keys: Sequence[str], values: Sequence[float], label: str
 ) -> None:
-    """Draw what the runs tell as colours over two varied numbers, between the runs, which are dots."""
+    """Draw results as colours over two varied numbers; dots mark the runs.
+
+    Parameters
+    ----------
+    keys
+        The two varied numbers, across and up.
+    values, label
+        Result of each curve, and its label.
+    """
     from matplotlib.colors import LogNorm
     from matplotlib.ticker import LogLocator, MaxNLocator
 
@@ -441,15 +439,21 @@ def draw_map(
 
 @contextmanager
 def column_figure(curve_groups: CurveGroups, column: str, title: str) -> Iterator[Figure]:
-    """The figure of one of COLUMNS over what varies: the penetration over epsilon_n where that
-    varies.
+    """Yield the figure of one of `PLOTTED_COLUMNS` over the varied numbers.
 
-    Else over two numbers a map, over one or several a panel for each. UsageError where no number
-    varies, or no run has such a column.
+    Penetration is drawn over epsilon_n if that varies. Otherwise two numbers give a map, and one or
+    several numbers a panel each.
+
+    Raises
+    ------
+    UsageError
+        No number varies, or no run has this column.
     """
     numeric = curve_groups.numeric_keys()
     if not numeric:
-        raise UsageError(f"no number varies in this study: {column} can be drawn over none")
+        raise UsageError(
+            f"no number varies in this study: there is no axis over which to draw {column}"
+        )
     if not any(
         np.isfinite(curve.results.table.get(column, np.nan)).any() for curve in curve_groups.curves
     ):
@@ -477,7 +481,7 @@ def column_figure(curve_groups: CurveGroups, column: str, title: str) -> Iterato
                 min(values) > 0
                 and value_ratio(curve_groups.key_numbers(STIFFNESS_KEY)) > LOG_NUMBER_RATIO
             ):
-                panels[0].set_yscale("log")  # it falls with the stiffness
+                panels[0].set_yscale("log")  # penetration is inversely proportional to stiffness
         if panels[0].get_legend_handles_labels()[1]:
             figures.draw_figure_legend(figure, panels[0])
         figures.draw_title(figure, title, f"{len(curve_groups.curves)} runs")
@@ -491,9 +495,7 @@ def _draw_over_each(
     number_keys: Sequence[str],
     values_and_label: tuple[Sequence[float], str],
 ) -> None:
-    """Draw a column over each of some numbers, its lines named by the other keys while they are
-    few.
-    """
+    """Draw a column over each of some numbers; a few lines are named by the other keys."""
     other_keys = [key for key in curve_groups.keys if key not in number_keys]
     names = curve_groups.value_names(other_keys)
     group_names = list(dict.fromkeys(names))
@@ -519,9 +521,7 @@ def _draw_over_each(
 
 
 def _draw_pressure_over_stiffness(axes: Axes, curve_groups: CurveGroups) -> None:
-    """Draw by how much a penalty of stiffness epsilon_n yields under the largest pressure: p_max /
-    epsilon_n.
-    """
+    """Draw p_max / epsilon_n: the penetration of a penalty under the largest pressure."""
     runs = [curve.results for curve in curve_groups.curves]
     if any(run.report.get("method") != "penalty" for run in runs) or curve_groups.key_unit(
         STIFFNESS_KEY

@@ -1,6 +1,4 @@
-"""STUDY.yaml -> StudyFile: which scene, which keys are varied over which values, what the forces
-are compared with.
-"""
+"""Study files (YAML): base scene, varied keys with their values, reference of the forces."""
 
 from __future__ import annotations
 
@@ -36,11 +34,12 @@ from indent_sim.studies.reference.published import (
     read_published,
 )
 
-Document = dict[str, Any]  # as YAML says it
+Document = dict[str, Any]  # a YAML document as parsed
 STUDY_KEYS = ("title", "base", "set", "vary", "cases", "compare_to", "tolerance", "output")
-DEFAULT_NAME = "study"  # what stands for the file of a study that has none
+DEFAULT_NAME = "study"  # replaces the path of a study that is given as mappings
 CASE_KEYS = ("name", "scene", "set", "published", "exact")
-CASE_COLUMN = "case"  # column of the names of cases, where a study has them instead of varied keys
+CASE_COLUMN = "case"  # this column has the names of cases in a study without varied keys
+# These keys occur in a scene but not in a study.
 SCENE_KEYS = {
     "body",
     "material",
@@ -50,18 +49,20 @@ SCENE_KEYS = {
     "mesh",
     "solver",
     "accuracy",
-}  # of a scene alone
+}
+# Runs of a study write little output unless the study asks for more.
 QUIET_OUTPUT = {
     "fields": "none",
     "surface": "none",
     "plot": False,
-}  # what runs of a study write unless told otherwise
+}
 
 
 @dataclass(frozen=True)
 class NamedCase:
-    """A case of a study's `cases`: a scene of its own, and what is published of it; `place`: where
-    it stands.
+    """Case of a study's `cases`: a scene, and optionally a published and an exact value of it.
+
+    published_location: file and line of `published`, for error messages.
     """
 
     name: str
@@ -75,10 +76,10 @@ class NamedCase:
 
 @dataclass(frozen=True)
 class RunRequest:
-    """A run that a study asks for: the scene's document, where its keys stand, and the settings
-    that change it.
+    """Run that a study asks for: a scene document and the settings that change it.
 
-    named: what the table calls it; None where its settings do.
+    source: file and line of each key; labels: what identifies the run in the table, None if its
+    settings do.
     """
 
     base: Document
@@ -89,12 +90,13 @@ class RunRequest:
 
 @dataclass(frozen=True)
 class StudyFile:
-    """A study as its file says it; nothing of it is tried on the scene yet.
+    """Content of a study file, before any setting is applied to the scene.
 
-    base: the scene's document, and `source` where each of its keys stands; common: settings of
-    every run; compare_to: "theory", "finest", a force, or the path of a result; tolerance: of the
-    force, for a verdict on every row and with rows for what the program refuses to run (None: no
-    verdicts, and everything must be runnable).
+    base: document of the scene; source: file and line of each of its keys; common_settings:
+    settings of every run; compare_to: "theory", "finest", a force, or the path of a result;
+    tolerance: relative error of the force up to which a row is right. With a tolerance every row
+    has a verdict and invalid scenes are rows; without one (None) all scenes must be valid.
+    named_cases replace base and blocks.
     """
 
     path: Path
@@ -107,19 +109,17 @@ class StudyFile:
     compare_to_location: SourceLocation
     tolerance: float | None
     directory: Path
-    named_cases: tuple[NamedCase, ...] = ()  # instead of base and blocks
+    named_cases: tuple[NamedCase, ...] = ()
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """Every varied key once, in the order of the file."""
-        return (
-            (CASE_COLUMN,)
-            if self.named_cases
-            else tuple(dict.fromkeys(key for block in self.blocks for key in block.keys))
-        )
+        """The varied keys in the order of the file, each once."""
+        if self.named_cases:
+            return (CASE_COLUMN,)
+        return tuple(dict.fromkeys(key for block in self.blocks for key in block.keys))
 
     def run_requests(self) -> list[RunRequest]:
-        """The runs in the order of study.csv."""
+        """Return the runs in the order of study.csv."""
         grid = [RunRequest(self.base, self.source, point) for point in self.grid_points()]
         return grid + [
             RunRequest(
@@ -129,17 +129,25 @@ class StudyFile:
         ]
 
     def grid_points(self) -> list[ParameterPoint]:
-        """The grid in the order of study.csv: the last key of a block varies fastest, block after
-        block.
-        """
+        """Return the points of all blocks; within a block the last key varies fastest."""
         return [point for block in self.blocks for point in grid_points(block)]
 
 
 def read(study_input: Path | str | Mapping[str, Any]) -> StudyFile:
-    """The study of a file, or of mappings shaped like one, whose paths count from the working
-    directory.
+    """Read a study from a file, or from mappings of the same form.
 
-    UsageError when it cannot be read, ConfigError for anything wrong in it.
+    Parameters
+    ----------
+    study_input
+        Path of the study file, or the study as mappings; paths in mappings are relative to the
+        working directory.
+
+    Raises
+    ------
+    UsageError
+        The file cannot be read.
+    ConfigError
+        The study has an error; the message has file and line.
     """
     path = Path(DEFAULT_NAME) if isinstance(study_input, Mapping) else Path(study_input)
     document, source = (
@@ -192,7 +200,7 @@ def _unknown_key_error(key: str, source: Source) -> ConfigError:
 
 
 class _StudyReader:
-    """Reads the keys of one study document; its errors know their lines."""
+    """Reader of the keys of one study document; its errors have file and line."""
 
     def __init__(self, path: Path, document: Document, source: Source):
         self.path = path
@@ -204,15 +212,15 @@ class _StudyReader:
         return ConfigError(key_text(keys), problem, remedy, *self.location(keys))
 
     def read_base(self) -> tuple[Document, Source]:
-        """The scene's document and where its keys stand, in a file of its own or written out here."""
+        """Return the document of the base scene and the location of each of its keys."""
         return self.read_scene(self.document.get("base"), ("base",))
 
     def read_scene(self, raw_scene: Any, section_keys: KeyPath) -> tuple[Document, Source]:
-        """A scene given as the path of its file, or written out."""
+        """Return a scene that is given as a path or written out in the study."""
         if isinstance(raw_scene, str) and raw_scene:
             return self.read_scene_file(self.path.parent / raw_scene, section_keys)
         if not isinstance(raw_scene, dict):
-            problem = "missing" if raw_scene is None else "is no scene"
+            problem = "missing" if raw_scene is None else "is not a scene"
             raise self.config_error(
                 section_keys, problem, "give the path of a scene file, or the scene itself"
             )
@@ -225,12 +233,14 @@ class _StudyReader:
         return raw_scene, Source(self.source.name, inner_places)
 
     def read_scene_file(self, path: Path, section_keys: KeyPath) -> tuple[Document, Source]:
-        """The document of another file; of one that is no scene nothing is told, for studies come
-        from strangers.
+        """Return the document of a scene file.
+
+        If the file is not a scene, the error shows nothing of its content: a study may come from a
+        stranger and name any file of this machine.
         """
         no_scene = self.config_error(
             section_keys,
-            f"{path} is no scene file",
+            f"{path} is not a scene file",
             "give the path of a scene, or the scene itself",
         )
         try:
@@ -248,13 +258,13 @@ class _StudyReader:
         return document, source
 
     def read_named_cases(self) -> StudyFile:
-        """The study of `cases`, each a scene of its own."""
+        """Return a study of `cases`, each of which has its own scene."""
         for key in ("base", "vary", "compare_to", "tolerance"):
             if key in self.document:
                 raise self.config_error(
                     (key,),
-                    "does not go with cases",
-                    "a case has its scene, set, published and exact",
+                    "cannot be combined with cases",
+                    "each case has its own scene, set, published and exact",
                 )
         raw_cases = self.document["cases"]
         if not isinstance(raw_cases, list) or not raw_cases:
@@ -264,8 +274,8 @@ class _StudyReader:
         if len(raw_cases) > MOST_RUNS:
             raise self.config_error(("cases",), f"more than {MOST_RUNS} runs")
         named_cases = tuple(
-            self.read_named_case(given_case, ("cases", index))
-            for index, given_case in enumerate(raw_cases)
+            self.read_named_case(raw_case, ("cases", index))
+            for index, raw_case in enumerate(raw_cases)
         )
         self.check_names(named_cases)
         title = self.document.get("title", "") or self.path.stem
@@ -286,7 +296,7 @@ class _StudyReader:
         )
 
     def read_named_case(self, raw_case: Any, case_keys: KeyPath) -> NamedCase:
-        """One of the cases."""
+        """Return one of the cases."""
         if not isinstance(raw_case, dict):
             raise self.config_error(
                 case_keys, "must be a section of keys", f"it has {', '.join(CASE_KEYS)}"
@@ -301,7 +311,7 @@ class _StudyReader:
             )
         if not isinstance(name := raw_case.get("name"), str) or not name.strip():
             raise self.config_error(
-                (*case_keys, "name"), "must be a text", "what the table calls the case"
+                (*case_keys, "name"), "must be a text", "it identifies the case in the table"
             )
         base, source = self.read_scene(raw_case.get("scene"), (*case_keys, "scene"))
         point = (
@@ -332,7 +342,7 @@ class _StudyReader:
         )
 
     def read_settings(self, raw_settings: Any, section_keys: KeyPath) -> ParameterPoint:
-        """The settings of a case, which stand over those of all."""
+        """Return the settings of a case, which override the common settings."""
         if not isinstance(raw_settings, dict):
             raise self.config_error(section_keys, "must be a section of keys")
         for key in raw_settings:
@@ -342,14 +352,14 @@ class _StudyReader:
         )
 
     def check_names(self, named_cases: tuple[NamedCase, ...]) -> None:
-        """Names once, and those of cases that hold exact values known."""
+        """Raise ConfigError if a name is used twice or an exact value refers to an unknown case."""
         names = tuple(named_case.name for named_case in named_cases)
         for index, named_case in enumerate(named_cases):
             if named_case.name in names[:index]:
                 raise self.config_error(
                     ("cases", index, "name"),
-                    f"{named_case.name} is there twice",
-                    "give each its own",
+                    f"two cases have the name {named_case.name}",
+                    "give each case its own name",
                 )
             if named_case.exact and named_case.exact.case and named_case.exact.case not in names:
                 closest_name = closest_match(named_case.exact.case, names)
@@ -357,14 +367,12 @@ class _StudyReader:
                     f"did you mean '{closest_name}'?" if closest_name else "give the name of a case"
                 )
                 raise self.config_error(
-                    ("cases", index, "exact", "case"), "there is no such case", hint
+                    ("cases", index, "exact", "case"), "there is no case of this name", hint
                 )
         self.check_circular_references(named_cases)
 
     def check_circular_references(self, named_cases: tuple[NamedCase, ...]) -> None:
-        """ConfigError for a case whose exact value is its own, or comes back to it by way of
-        others.
-        """
+        """Raise ConfigError if the exact value of a case depends on the case itself."""
         exact = {
             named_case.name: named_case.exact.case
             for named_case in named_cases
@@ -375,22 +383,22 @@ class _StudyReader:
             while (next_name := exact.get(chain[-1])) and next_name not in chain:
                 chain.append(next_name)
             if next_name == named_case.name:
-                chain_text = " by ".join([*chain, named_case.name])
+                chain_text = " -> ".join([*chain, named_case.name])
                 problem = (
-                    f"is known by itself: {chain_text}" if len(chain) > 1 else "names its own case"
+                    f"circular reference: {chain_text}" if len(chain) > 1 else "names its own case"
                 )
-                remedy = "an exact value is that of a second method"
+                remedy = "an exact value must come from a second, independent method"
                 raise self.config_error(("cases", index, "exact", "case"), problem, remedy)
 
     def read_common_settings(self) -> ParameterPoint:
-        """The settings of every run: the study's quiet output, then `output`, then `set`."""
+        """Return the settings of every run: the default output, then `output`, then `set`."""
         output = self.read_section("output")
         output_location = self.location(("output",))
         quiet = {f"output.{key}": (value, output_location) for key, value in QUIET_OUTPUT.items()}
         output_settings = {
-            f"output.{k}": (v, self.location(("output", k)))
-            for k, v in output.items()
-            if k != "directory"
+            f"output.{key}": (value, self.location(("output", key)))
+            for key, value in output.items()
+            if key != "directory"
         }
         set_settings = {
             key: (value, self.location(("set", key)))
@@ -411,12 +419,12 @@ class _StudyReader:
         return value
 
     def read_blocks(self) -> tuple[ParameterBlock, ...]:
-        """The grids of `vary`: one, or a list of them that follow one another."""
+        """Return the grids of `vary`: one grid, or a list of grids that are run in sequence."""
         vary = self.document.get("vary")
         if not vary:
             raise self.config_error(
                 ("vary",),
-                "says nothing to vary",
+                "has no key to vary",
                 "give keys and values, e.g. material.nu: [0.2, 0.3]",
             )
         is_list = isinstance(vary, list)
@@ -438,27 +446,27 @@ class _StudyReader:
         return tuple(blocks)
 
     def check_overlaps(self, given_keys: list[str], keys: KeyPath) -> None:
-        """No section beside a key inside it, here or in `set`: one of the two would be lost."""
+        """Raise ConfigError if a section and a key inside it are both set: one would be lost."""
         written = {key: ("set", key) for key in self.read_section("set")} | {
             key: (*keys, key) for key in given_keys
         }
         for section_key in given_keys:
             for inner_key in [key for key in written if key.startswith(f"{section_key}.")]:
-                problem = f"contradicts {section_key}, which is given as a whole"
+                problem = f"contradicts {section_key}, which is set as a whole section"
                 raise self.config_error(written[inner_key], problem, "give one of the two")
 
     def check_key(self, keys: KeyPath, key: str) -> None:
         if not key or key != key_text(key_path(key)) or len(key_path(key)) > MAX_DEPTH:
-            raise self.config_error(keys, "is no key", "write it with dots, e.g. mesh.h_far")
+            raise self.config_error(keys, "is not a key", "write it with dots, e.g. mesh.h_far")
         if key.split(".")[0] in ("title", "units", "output"):
             raise self.config_error(
                 keys,
                 "does not change the physics",
-                f"a study has one {key.split('.')[0]} of its own",
+                f"set the study's own {key.split('.')[0]} at the top level of its file",
             )
 
     def read_compare_to(self) -> str | float | Path:
-        """What the forces are compared with ["finest"]."""
+        """Return what the forces are compared with ["finest"]."""
         compare_to = self.document.get("compare_to", "finest")
         if type(compare_to) in (int, float) and 0 < abs(compare_to) <= LARGEST_RANGE_END:
             return float(compare_to)
@@ -468,13 +476,15 @@ class _StudyReader:
             isinstance(compare_to, str)
             and compare_to
             and os.path.exists(self.path.parent / compare_to)
-        ):  # whatever the name
+        ):
             return self.path.parent / compare_to
         problem = f"is neither theory nor finest, nor a force, nor a result: {compare_to!r}"
-        raise self.config_error(("compare_to",), problem, "a path counts from the study's folder")
+        raise self.config_error(
+            ("compare_to",), problem, "a path is relative to the folder of the study file"
+        )
 
     def read_tolerance(self) -> float | None:
-        """The relative error of the force that is still right; None without."""
+        """Return the relative error of the force up to which a row is right; None if not given."""
         tolerance = self.document.get("tolerance")
         if tolerance is None:
             return None
@@ -489,7 +499,7 @@ class _StudyReader:
         return float(tolerance)
 
     def read_directory(self) -> Path:
-        """Where the study goes [results/<stem of the file>], relative to the working directory."""
+        """Return the study's folder [results/<stem of the file>] as a relative path."""
         directory = self.read_section("output").get("directory", f"results/{self.path.stem}")
         if not isinstance(directory, str) or not directory:
             raise self.config_error(("output", "directory"), "must be the path of a folder")

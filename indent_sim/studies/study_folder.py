@@ -1,9 +1,8 @@
-"""The folder of a study: study.json, one result folder per physics under runs/, and who may write
-it.
+"""Folder of a study: study.json, tables, pictures, and one result folder per physics in runs/.
 
-Any process may read back a finished run; several shards share the folder, anything else has it
-alone. study.json says that the folder is a study's; in it only result folders that this program
-made are ever deleted.
+Finished runs can be read by any process. A lock lets several shards share the folder, or one other
+process have it alone. The file study.json marks the folder as a study; only result folders that
+this program wrote are deleted in it.
 """
 
 from __future__ import annotations
@@ -45,7 +44,8 @@ STUDY_FILES = (
     RUNS,
 )
 LOCK = ".lock"
-WORKER_TIMEOUT = 5.0  # s to wait for the worker of a killed study to be gone
+WORKER_TIMEOUT = 5.0  # s to wait until the worker process of a killed study has ended
+# A run that ends by one of these signals was stopped from outside and is done again on resume.
 MACHINE_SIGNALS = (
     signal.SIGHUP,
     signal.SIGINT,
@@ -54,21 +54,33 @@ MACHINE_SIGNALS = (
     signal.SIGTERM,
     signal.SIGXCPU,
 )
-MACHINE_EXIT_CODES = {128 + number for number in MACHINE_SIGNALS}  # exit codes
-RESOURCE_FAILURES = (
-    "MemoryError",
-    "cannot write results",
-)  # how the reason of a run begins that ran out of memory or disk
+MACHINE_EXIT_CODES = {128 + number for number in MACHINE_SIGNALS}
+# The reason of a run that ran out of memory or disk space begins with one of these texts.
+RESOURCE_FAILURES = ("MemoryError", "cannot write results")
 
 
 class StudyFolder:
-    """Where a study lies; a context manager that holds its lock.
+    """Folder of a study; a context manager that holds its lock.
 
-    Without `resume` each run of an earlier call is replaced once its new one is done, and those
-    that are not asked for any more go at the end; finished ones among these are refused without
-    `overwrite`. names: of the runs that it is to have. Raises UsageError when the folder, or that
-    of one of them, is foreign, unwritable or in use, or when it holds finished runs that would be
-    lost.
+    Parameters
+    ----------
+    path
+        The folder.
+    resume
+        Keep all runs that are in the folder. Without it every run is replaced once its successor is
+        done, and runs that are not part of this study are deleted at the end.
+    shared
+        Share the folder with other shards of the same study, and resume.
+    overwrite
+        Let finished runs that are not part of this study be deleted.
+    names
+        Names of the runs of this study.
+
+    Raises
+    ------
+    UsageError
+        The folder, or that of a run, belongs to another program, is in use or not writable, or
+        finished runs would be lost.
     """
 
     def __init__(
@@ -87,10 +99,8 @@ class StudyFolder:
         self._is_resumed = resume or shared
         self._is_shared = shared
         self._lock_descriptor = -1
-        self._results_by_run: dict[str, Results | None] = {}  # runs, by their names
-        self._folder_names: dict[
-            str, str
-        ] = {}  # of the folders of runs, by the name of their physics
+        self._results_by_run: dict[str, Results | None] = {}
+        self._folder_names: dict[str, str] = {}  # folder name by hash of the physics
 
     def __enter__(self) -> StudyFolder:
         result_files.refuse_foreign(
@@ -100,10 +110,11 @@ class StudyFolder:
             self._runs_folder.exists() and not self._runs_folder.is_dir()
         ):
             raise UsageError(
-                f"{self._runs_folder} is a link, or no folder: the runs of a study stand in its own folder"
+                f"{self._runs_folder} is a link or not a folder: the runs of a study must be in "
+                "its own folder"
             )
         for run in self._runs_folder.iterdir() if self._runs_folder.exists() else ():
-            if run.name.rpartition("-")[2] in self._physics_names:  # this study writes there
+            if run.name.rpartition("-")[2] in self._physics_names:
                 result_files.refuse_foreign(run)
         if not (self._is_resumed or self._overwrite):
             self._reject_losing_runs()
@@ -126,21 +137,20 @@ class StudyFolder:
 
     @property
     def is_resumed(self) -> bool:
-        """Whether runs that have ended stay, and those cut off are gone on with."""
+        """True if finished runs are kept and interrupted runs continued."""
         return self._is_resumed
 
     def run_folder(self, name: str) -> Path:
-        """The result folder of a run: that of the same physics where there is one, whatever was
-        varied then.
-        """
+        """Return the result folder of a run: an existing one of the same physics, or a new one."""
         physics = name.rpartition("-")[2]
         if physics not in self._folder_names:
             self._folder_names[physics] = name
         return self._runs_folder / self._folder_names[physics]
 
     def is_finished(self, name: str) -> bool:
-        """Whether a run has ended and would end so again: the machine did not kill it, and gave it
-        memory and disk.
+        """True if a run has ended and would end in the same way again.
+
+        A run that was killed from outside, or ran out of memory or disk space, is not finished.
         """
         if (results_of_run := self._read_ended_run(name)) is None:
             return False
@@ -149,9 +159,9 @@ class StudyFolder:
         return code not in MACHINE_EXIT_CODES and not reason.startswith(RESOURCE_FAILURES)
 
     def ended_results(self, name: str) -> Results | None:
-        """The result of a run that has ended, well or not, under this version of the program; None
-        of any other, and where it cannot be read. To be asked for when it will not be done
-        again: it is read once.
+        """Return the result of a run that has succeeded or failed under this version, else None.
+
+        The result is read once and kept: call this only when the run will not be done again.
         """
         if name not in self._results_by_run:
             self._results_by_run[name] = self._read_ended_run(name)
@@ -160,12 +170,13 @@ class StudyFolder:
     def _read_ended_run(self, name: str) -> Results | None:
         report = read_report(self.run_folder(name))
         if report.get("status") in ("done", "failed") and report.get("version") == VERSION:
-            with suppress(UsageError):  # damaged since
+            # A damaged result counts as none.
+            with suppress(UsageError):
                 return read_run(self.run_folder(name))
         return None
 
     def record_failure(self, name: str, exit_code: int, reason: str) -> None:
-        """Write down a failure that left no report of its own, and no finished run of before."""
+        """Write run.json of a failed run that wrote none itself; keep that of a finished run."""
         report = read_report(self.run_folder(name))
         if report.get("status") == "done":
             return
@@ -177,20 +188,18 @@ class StudyFolder:
         write_atomically(self.run_folder(name) / REPORT, to_json(report | failure) + "\n")
 
     def delete_other_runs(self) -> None:
-        """Delete the results of runs that this study does not ask for, unless it is to keep what is
-        there.
-        """
+        """Delete the results of runs that are not part of this study, unless it is resumed."""
         for run in [] if self._is_resumed else self._other_runs():
             if result_files.is_own_folder(run):
                 result_files.delete_own_files(run)
 
     def _other_runs(self) -> list[Path]:
-        """What stands among the runs and is none that this study asks for."""
+        """Return the folders in runs/ that are not part of this study."""
         runs = sorted(self._runs_folder.iterdir()) if self._runs_folder.is_dir() else []
         return [run for run in runs if run.name.rpartition("-")[2] not in self._physics_names]
 
     def _reject_losing_runs(self) -> None:
-        """UsageError where finished runs of another study would go."""
+        """Raise UsageError if finished runs of another study would be deleted."""
         lost_runs = [
             run
             for run in self._other_runs()
@@ -202,7 +211,7 @@ class StudyFolder:
             " and others" if len(lost_runs) > MAX_DIFFERENCES else ""
         )
         count = "1 finished run" if len(lost_runs) == 1 else f"{len(lost_runs)} finished runs"
-        problem = f"{self.path} holds {count} that this study does not ask for: {run_names}"
+        problem = f"{self.path} holds {count} that this study does not include: {run_names}"
         output_hint = f"choose another --output, such as {free_folder_name(self.path)}"
         raise UsageError(
             problem,
@@ -211,11 +220,11 @@ class StudyFolder:
         )
 
     def write_file(self, name: str, content: str) -> None:
-        """Replace a file of the study at once."""
+        """Replace a file of the study atomically."""
         write_atomically(self.path / name, content)
 
     def write_record(self, **entries: Any) -> None:
-        """study.json: that this folder is a study, and what it says of itself."""
+        """Write study.json, which marks the folder as a study."""
         self.write_file(
             STUDY_RECORD, to_json({"program": PROGRAM, "version": VERSION, **entries}) + "\n"
         )
@@ -234,7 +243,7 @@ class StudyFolder:
                     raise UsageError(f"{self.path} is in use by another study") from None
                 time.sleep(0.05)
             except OSError:
-                return None  # a file system without locks: go on without
+                return None  # this file system has no locks: continue without one
 
     def _release(self) -> None:
         if self._lock_descriptor >= 0:
@@ -244,7 +253,7 @@ class StudyFolder:
 
 @contextmanager
 def open_study_folder(path: Path, **options: Any) -> Iterator[StudyFolder]:
-    """The folder of a study, locked; one that this call made and left empty is taken away again."""
+    """Yield the locked folder of a study; delete it afterwards if this call made it in vain."""
     existing_parent = next((parent for parent in (path, *path.parents) if parent.exists()), path)
     with StudyFolder(path, **options) as folder:
         try:

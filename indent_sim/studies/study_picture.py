@@ -1,9 +1,8 @@
-"""Pictures of a study: its curves in curves.png, and in study.png what accuracy costs.
+"""Pictures of a study's curves (curves.png).
 
-curves.png: force over depth of every run, and the last force, of histories the largest, over each
-varied number; of histories with a hold what is left of the force's fall over the time, and when
-half of it is over. study.png: force error against CPU seconds, and against the varied number if
-there is one.
+Force over depth of every run, and the last force (largest force of a time history) over each varied
+number. If all runs hold the tip still, the picture shows the fraction of the force's fall that
+remains over time, and the time at which half of it is over.
 """
 
 from __future__ import annotations
@@ -39,37 +38,35 @@ from indent_sim.studies.small_multiples import (
 )
 from indent_sim.studies.study_table import Row
 
-MAX_NAMED_POINTS = 8  # points of the front that are named
-LABEL_DISTANCE = (
-    0.03,
-    0.045,
-)  # of the panel's width or height: points that are nearer have no room for a number each
-# from how many groups on the picture grows, and by how much for each
+MAX_NAMED_POINTS = 8  # more numbered points of the Pareto front would not fit into the legend
+# Points nearer than these fractions of the panel's width and height have no room for two numbers.
+LABEL_DISTANCE = (0.03, 0.045)
+# With more groups than these, the picture grows by this height [inches] for each further group.
 GROUPS_AT_BASE_HEIGHT = 4
 HEIGHT_PER_GROUP = 0.2
-MAX_LEGEND_LETTERS = 48  # of a name
-POINT_LABEL_LETTERS = 44  # of a line of what a point of the front is, of which there are two
-LOG_COST_RATIO = 3.0  # from which ratio of largest to smallest an axis is logarithmic
+MAX_LEGEND_LETTERS = 48  # longer names in a legend are cut
+POINT_LABEL_LETTERS = 44  # letters of a line of the legend; each point of the front has two lines
+LOG_COST_RATIO = 3.0  # an axis is logarithmic if the ratio of its ends is larger
 ONE_PERCENT = 0.01
-CURVE_PANEL_SIZE = 4.4  # inches: width and height of the panels of curves.png
-BAR_WIDTH = 0.2  # inches: width of a bar of colours
-TWO_COLUMN_LETTERS = 24  # letters of names of which two stand side by side below a panel
-MAX_LEGEND_HEIGHT = (
-    1.4  # inches: of names below a panel that take room from it; more make the picture higher
-)
-MAX_NAMED_CURVES = 8  # beside the panels
-FORMULA_TOLERANCE = 1e-3  # relative, between points of a curve
-# inches of a line of the scoreboard; per cent where its axis turns logarithmic
-SCOREBOARD_LINE_HEIGHT = 0.27
-LINEAR_PERCENT = 0.1
+CURVE_PANEL_SIZE = 4.4  # width and height of the panels of curves.png [inches]
+BAR_WIDTH = 0.2  # width of a colour bar [inches]
+TWO_COLUMN_LETTERS = 24  # shorter names stand in two columns below a panel
+MAX_LEGEND_HEIGHT = 1.4  # a higher legend below a panel makes the picture higher [inches]
+MAX_NAMED_CURVES = 8  # more curves have colours by a key instead of a name each
+FORMULA_TOLERANCE = 1e-3  # relative; forces of one formula differ less between points of a curve
+SCOREBOARD_LINE_HEIGHT = 0.27  # inches
+LINEAR_PERCENT = 0.1  # the axis of the scoreboard is logarithmic beyond this difference [per cent]
 SCOREBOARD_MARK: PlotStyle = {"ls": "", "marker": "o", "ms": 6, "zorder": 3}
-LOG_FORCE_RATIO = 1000.0  # likewise depths and forces: on linear axes most curves would lie on zero
+LOG_FORCE_RATIO = 1000.0  # on linear axes most curves of such a range would lie on zero
 
 
 def draw_cost(
     rows: Sequence[Row], keys: Sequence[str], title: str, reference: str, path: Path
 ) -> None:
-    """Draw the picture of a study; without any error to show there is none."""
+    """Draw study.png: force error over CPU time, and over the varied number if there is one.
+
+    Without any error to show the picture is deleted.
+    """
     compared_rows = study_table.rows_with_error(rows)
     if not compared_rows:
         path.unlink(missing_ok=True)
@@ -104,9 +101,7 @@ def draw_cost(
 
 
 def draw_curves(curve_groups: CurveGroups, title: str, path: Path) -> None:
-    """Draw the curves of a study's runs, and their last forces over every varied number; without a
-    run nothing.
-    """
+    """Draw curves.png: the curves of a study; without any run the picture is deleted."""
     if not curve_groups.curves:
         path.unlink(missing_ok=True)
         return
@@ -116,8 +111,9 @@ def draw_curves(curve_groups: CurveGroups, title: str, path: Path) -> None:
 
 @contextmanager
 def curves_figure(curve_groups: CurveGroups, title: str) -> Iterator[Figure]:
-    """The figure of the curves of a study's runs, of which there is at least one; of many that
-    differ in several keys small multiples.
+    """Yield the figure of a study's curves, of which there is at least one.
+
+    Many runs that differ in several keys are drawn as small multiples.
     """
     holds = [first_hold(curve.results) for curve in curve_groups.curves]
     if (
@@ -128,7 +124,6 @@ def curves_figure(curve_groups: CurveGroups, title: str) -> Iterator[Figure]:
         with small_multiples.small_multiples_figure(curve_groups, title) as figure:
             yield figure
         return
-    # panels
     number_keys = curve_groups.numeric_keys()[:3]
     count = len(curve_groups.curves)
     is_coloured = len(number_keys) > 0 and (len(curve_groups.keys) == 1 or count > MAX_NAMED_CURVES)
@@ -175,7 +170,7 @@ def curves_figure(curve_groups: CurveGroups, title: str) -> Iterator[Figure]:
         axes: dict[str, Axes] = figure.subplot_mosaic(
             rows, width_ratios=widths, height_ratios=heights
         )
-        hold_subtitle = "what is left of the force's fall while the tip stands still"
+        hold_subtitle = "remaining fraction of the fall of the force while the tip is held"
         subtitle = hold_subtitle if _common_holds(holds) else "every force at its run's own depth"
         figures.draw_title(figure, title, f"{count} run{'s' * (count > 1)}  ·  {subtitle}")
         if is_coloured:
@@ -190,17 +185,17 @@ def curves_figure(curve_groups: CurveGroups, title: str) -> Iterator[Figure]:
                 figures.draw_legend_panel(axes[f"{key} groups"], axes[key], legend_columns)
         if not is_coloured:
             figures.draw_legend_panel(axes["names"], axes["curves"])
-            if (
-                inner_legend := axes["curves"].get_legend()
-            ) is not None:  # what it names is named beside, too
+            # The legend beside the panels has all names of the legend inside the first panel.
+            if (inner_legend := axes["curves"].get_legend()) is not None:
                 inner_legend.remove()
         yield figure
 
 
 def _all_line_styles(curve_groups: CurveGroups) -> tuple[list[PlotStyle], list[str]]:
-    """The look of every curve, and the name of the first with each look: of few curves their own,
-    of many those of what varies first; where that has too many values for colours all are grey
-    and have none.
+    """Return the style of every curve and its name in the legend, "" if the style is named before.
+
+    A few curves have a style each; of many the first varied key decides. If that has too many
+    values for colours, all curves are grey and have no name.
     """
     names = curve_groups.curve_names()
     styles = (
@@ -217,9 +212,10 @@ def _all_line_styles(curve_groups: CurveGroups) -> tuple[list[PlotStyle], list[s
 
 
 def _styles_by_keys(curve_groups: CurveGroups, keys: Sequence[str]) -> list[PlotStyle] | None:
-    """The look of every curve by these varied keys, a colour for each of their values, or of more
-    than there are colours a colour for each value of one key and dashes for those of the others;
-    None where that is not enough.
+    """Return the style of every curve by some varied keys; None if there are too many values.
+
+    Each combination of values has a colour, or each value of one key a colour and each combination
+    of the others a dash pattern.
     """
     for colour_keys, dash_keys in ((keys, ()), (keys[:1], keys[1:]), (keys[1:], keys[:1])):
         colours = curve_groups.value_names(colour_keys)
@@ -228,8 +224,8 @@ def _styles_by_keys(curve_groups: CurveGroups, keys: Sequence[str]) -> list[Plot
         dash_names = list(dict.fromkeys(dashes))
         if len(colour_names) <= MAX_COLOURS and len(dash_names) <= len(DASHES):
             style_indices = [
-                (colour_names.index(colour_index), dash_names.index(dash_index))
-                for colour_index, dash_index in zip(colours, dashes, strict=True)
+                (colour_names.index(colour_name), dash_names.index(dash_name))
+                for colour_name, dash_name in zip(colours, dashes, strict=True)
             ]
             return [
                 {
@@ -243,8 +239,9 @@ def _styles_by_keys(curve_groups: CurveGroups, keys: Sequence[str]) -> list[Plot
 
 
 def _group_styles(curve_groups: CurveGroups, key: str) -> list[PlotStyle] | None:
-    """The look of every curve in a panel over a varied number, where a few named lines differ in
-    the others; else None.
+    """Return the style of every curve in a panel over a varied number by its other keys.
+
+    None if the other keys do not make a few named lines.
     """
     other_keys = [other_key for other_key in curve_groups.keys if other_key != key]
     is_few = 1 < len(set(curve_groups.value_names(other_keys))) <= MAX_NAMED_GROUPS
@@ -252,12 +249,12 @@ def _group_styles(curve_groups: CurveGroups, key: str) -> list[PlotStyle] | None
 
 
 def draw_scoreboard(rows: Sequence[Row], title: str, path: Path) -> None:
-    """Draw how far published values, and ours with their error bars, are from the exact ones;
-    without any nothing.
+    """Draw how far published and computed values are from the exact ones.
 
-    The axis is linear to LEAST per cent on both sides of 0 and logarithmic beyond.
+    The axis is linear within `LINEAR_PERCENT` on both sides of 0 and logarithmic beyond. Without
+    any exact value the picture is deleted.
     """
-    known_rows = [row for row in rows if row["exact"] is not None][::-1]  # the first on top
+    known_rows = [row for row in rows if row["exact"] is not None][::-1]  # the first is on top
     if not known_rows:
         path.unlink(missing_ok=True)
         return
@@ -299,7 +296,7 @@ def draw_scoreboard(rows: Sequence[Row], title: str, path: Path) -> None:
 
 
 def _draw_scoreboard_line(axes: Axes, row_number: int, row: Row) -> None:
-    """One published value: what it claims as a bar, where it lies, and ours."""
+    """Draw one published value: the error it claims as a bar, its difference, and ours."""
     claimed_percent = 100 * (row["within"] or 0.0)
     is_first = row_number == 0
     band = {"color": "#d9d9d9", "height": 0.6, "zorder": 0}
@@ -335,13 +332,10 @@ def _draw_force_curves(
     names: Sequence[str],
     holds: Holds,
 ) -> None:
-    """Force over depth of every run; where all hold, what is left of the fall in the hold over the
-    time.
-    """
+    """Draw force over depth of every run; if all hold, the remaining fall of the force."""
     runs = [curve.results for curve in curve_groups.curves]
-    labels = [
-        picture_text(name, MAX_LEGEND_LETTERS) or "_" for name in names
-    ]  # what begins with _ is no name
+    # Matplotlib leaves labels that begin with "_" out of legends.
+    labels = [picture_text(name, MAX_LEGEND_LETTERS) or "_" for name in names]
     if common_holds := _common_holds(holds):
         for hold, style, name in zip(common_holds, styles, labels, strict=True):
             axes.plot(
@@ -355,7 +349,7 @@ def _draw_force_curves(
         axes.set(
             xscale="log",
             xlabel=f"time in the hold t{_time_unit(curve_groups)}",
-            ylabel="left of the fall of the force",
+            ylabel="remaining fraction of the fall of the force",
         )
         axes.axhline(0.5, color=figures.GREY, lw=0.6, ls=":", zorder=0)
         return
@@ -376,7 +370,7 @@ def _draw_force_curves(
             **FORMULA_STYLE,
             label=picture_text(f"{formula['name']}, half-space"),
         )
-        axes.legend(handles=[line], loc="upper left")  # where no force is
+        axes.legend(handles=[line], loc="upper left")  # the curves leave this corner free
     axes.set(xlabel=depth.label, ylabel=force.label)
     if value_ratio([run["delta"].max() for run in runs]) >= LOG_FORCE_RATIO:
         axes.set_xscale("log")
@@ -387,14 +381,12 @@ def _draw_force_curves(
 
 
 def _is_line(run: Results) -> bool:
-    """Whether a line goes through its rows: one alone has a mark, measured ones are points."""
+    """Return True if a run is drawn as a line: measured rows and a single row are points."""
     return len(run) > 1 and not run.report.get(MEASURED)
 
 
 def _common_formula(runs: Sequence[Results]) -> Report | None:
-    """The half-space formula beside all runs, where it is one and the same for them; of the run
-    that goes deepest.
-    """
+    """Return the half-space formula of the deepest run if all runs have the same one, else None."""
     formulas = [(run.report.get("theory") or {}).get("half_space") or {} for run in runs]
     if not all(
         formula.get("curve", {}).get("delta") and formula["curve"]["delta"][-1] > 0
@@ -415,7 +407,7 @@ def _common_formula(runs: Sequence[Results]) -> Report | None:
 
 
 def _time_unit(curve_groups: CurveGroups) -> str:
-    """The unit of times, of scenes that have units."""
+    """Return the unit of times as part of a label; "" for scenes without units."""
     return (
         " [s]"
         if any(
@@ -426,7 +418,8 @@ def _time_unit(curve_groups: CurveGroups) -> str:
 
 
 def _common_holds(holds: Holds) -> list[HoldRelaxation]:
-    """The holds where every run has one in which its force falls; none else."""
+    """Return the hold of every run, if each has one in which its force falls; else []."""
+    # The half time is NaN if the force does not fall.
     holds_with_fall = [hold for hold in holds if hold and hold.half_time == hold.half_time]
     return holds_with_fall if len(holds_with_fall) == len(holds) else []
 
@@ -434,9 +427,10 @@ def _common_holds(holds: Holds) -> list[HoldRelaxation]:
 def _draw_over_number(
     axes: Axes, curve_groups: CurveGroups, key: str, styles: Sequence[PlotStyle], holds: Holds
 ) -> None:
-    """The last force of every run, of histories the largest, over a varied number, or when half of
-    its fall in a hold is over; a line for each group of those that differ in it alone, with the
-    looks of the curves where it has no name.
+    """Draw the representative force of every run, or the half time of its hold, over a number.
+
+    Runs that differ in this number alone are joined by a line. The lines have styles of their own
+    if they are few and named, else their points have the colours of the curves.
     """
     force = axis_of_column("force", [curve.results for curve in curve_groups.curves])
     common_holds = _common_holds(holds)
@@ -453,18 +447,16 @@ def _draw_over_number(
             continue
         axes.plot(*x_y, lw=1.0, color=figures.GREY, zorder=1)
         axes.scatter(*x_y, s=14, color=[styles[index]["color"] for index in ordered], zorder=2)
-    in_time = all("t" in curve.results.table for curve in curve_groups.curves)
+    all_time_histories = all("t" in curve.results.table for curve in curve_groups.curves)
     if value_ratio(values) > (1.0 if common_holds else LOG_NUMBER_RATIO):
         axes.set_xscale("log")
         set_plain_log_ticks(axes.xaxis, value_ratio(values))
     if common_holds or value_ratio(y) >= LOG_FORCE_RATIO:
         axes.set_yscale("log")
-    axes.set(
-        xlabel=key_label(curve_groups, key),
-        ylabel=f"half of the fall is over at t{_time_unit(curve_groups)}"
-        if common_holds
-        else f"{'largest' if in_time else 'last'} {force.label}",
-    )
+    y_label = f"{'largest' if all_time_histories else 'last'} {force.label}"
+    if common_holds:
+        y_label = f"half of the fall is over at t{_time_unit(curve_groups)}"
+    axes.set(xlabel=key_label(curve_groups, key), ylabel=y_label)
 
 
 def _representative_force(run: Results) -> float:
@@ -483,12 +475,11 @@ def _draw_error_over_cost(axes: Axes, groups: dict[str, list[Row]]) -> None:
 
 
 def _draw_pareto_front(axes: Axes, front: Sequence[Row]) -> list[Row]:
-    """The Pareto front as a line, the points with room for it numbered; returns these."""
+    """Draw the Pareto front as a line, and number the points that have room; return these rows."""
     points = [(row["cpu_s"], _absolute_error(row)) for row in front]
     axes.plot(*zip(*points, strict=True), color=figures.INK, lw=1.2, zorder=2, label="Pareto front")
-    positions = axes.transLimits.transform(
-        axes.transScale.transform(points)
-    )  # in parts of the panel
+    # The positions are fractions of the panel's width and height.
+    positions = axes.transLimits.transform(axes.transScale.transform(points))
     spaced = _spaced_points(positions)
     named_indices = [
         spaced[i]
@@ -508,7 +499,7 @@ def _draw_pareto_front(axes: Axes, front: Sequence[Row]) -> list[Row]:
 
 
 def _spaced_points(positions: np.ndarray) -> list[int]:
-    """The points of a front that lie apart from one another, the last among them."""
+    """Return the indices of points of a front that lie apart from one another, with the last."""
     kept_indices = [len(positions) - 1]
     for i in reversed(range(len(positions) - 1)):
         if np.any(np.abs(positions[i] - positions[kept_indices[-1]]) >= LABEL_DISTANCE):
@@ -520,7 +511,8 @@ def _draw_error_over_number(axes: Axes, groups: dict[str, list[Row]], key: str) 
     for i, (name, rows) in enumerate(groups.items()):
         ordered = sorted((row for row in rows if row[key] is not None), key=lambda row: row[key])
         x = [row[key] for row in ordered]
-        style = "-" if len(set(x)) == len(x) else ""  # else several curves share the colour
+        # If a number occurs twice, several curves share the colour and a line would zigzag.
+        style = "-" if len(set(x)) == len(x) else ""
         axes.plot(
             x,
             [_absolute_error(row) for row in ordered],
@@ -543,7 +535,7 @@ def _draw_legend(
     front_size: int,
     value_labels: dict[str, dict[str, str]],
 ) -> None:
-    """What the colours and the numbers on the front stand for."""
+    """Draw the meaning of the colours, and of the numbers on the Pareto front."""
     axes.axis("off")
     handles, labels = cost_panel.get_legend_handles_labels()
     axes.legend(handles, labels, loc="upper left", fontsize=9, borderaxespad=0)
@@ -573,7 +565,7 @@ def _draw_legend(
 
 
 def _point_label(row: Row, value_labels: dict[str, dict[str, str]]) -> str:
-    """The telling keys of a row: words alone, numbers and lists of them with their key."""
+    """Return the varied values of a row as text; numbers and lists with their key."""
     value_texts = {
         key: labels[short_yaml(row[key])]
         for key, labels in value_labels.items()
@@ -588,7 +580,7 @@ def _point_label(row: Row, value_labels: dict[str, dict[str, str]]) -> str:
 
 
 def _value_labels(rows: Sequence[Row], key: str) -> dict[str, str]:
-    """The values of a key in words, by the values in full."""
+    """Return a short text for every value of a key, by the whole value as YAML."""
     values = [row[key] for row in rows]
     return dict(zip(map(short_yaml, values), distinguishing_labels(values), strict=True))
 
@@ -596,8 +588,9 @@ def _value_labels(rows: Sequence[Row], key: str) -> dict[str, str]:
 def _group_rows(
     rows: Sequence[Row], keys: Sequence[str], number_key: str | None
 ) -> dict[str, list[Row]]:
-    """The rows by what few colours can tell apart: the contact method, else a varied word, else a
-    number.
+    """Return the rows in groups that a few colours can distinguish.
+
+    The groups differ in the contact method, else in a varied word, else in a number.
     """
     other_keys = [key for key in keys if key != number_key]
     word_keys = [key for key in other_keys if not _is_numeric(rows, key)]
@@ -614,9 +607,7 @@ def _group_rows(
 
 
 def _is_numeric(rows: Sequence[Row], key: str) -> bool:
-    """Whether every known value of a varied key is a number: `friction: [0.1, stick]` has words
-    too.
-    """
+    """Return True if every value of a varied key is a number; `friction: [0.1, stick]` is not."""
     return all(_is_number(row[key]) for row in rows if row[key] is not None)
 
 
@@ -643,7 +634,7 @@ def _marker_style(i: int) -> PlotStyle:
 def _set_log_axes(
     axes: Axes, x_label: str, values: Sequence[float], log_ratio: float = LOG_COST_RATIO
 ) -> None:
-    """|error| on a logarithmic axis, and the other logarithmic where its numbers span enough."""
+    """Set a logarithmic error axis; the other axis is logarithmic if its range is large."""
     axes.set(yscale="log", xlabel=x_label, ylabel="|relative error of the force|")
     if min(values) > 0 and max(values) > log_ratio * min(values):
         axes.set_xscale("log")

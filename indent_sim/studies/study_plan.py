@@ -1,6 +1,4 @@
-"""What a study would do: its runs, what each costs, and what there would be to compare; nothing is
-run or written.
-"""
+"""Plan of a study: its runs, predicted costs and reference; nothing is run or written."""
 
 from __future__ import annotations
 
@@ -20,10 +18,10 @@ PREDICTED_COLUMNS = ("force", "delta", "dofs", "memory_MB", "seconds")
 
 @dataclass(frozen=True)
 class StudyPlan:
-    """The runs of a study before any is done: a row each, with what is expected of it.
+    """The runs of a study before any is done: one row each, with its predicted results and cost.
 
-    same: points that ask for the same physics as another and are no run of their own; refused:
-    those with an error.
+    same: number of points with the same physics as an earlier point, which are not run again;
+    refused: the errors of the points that are not valid scenes.
     """
 
     title: str
@@ -36,20 +34,29 @@ class StudyPlan:
 
     @property
     def seconds(self) -> float:
-        """Of the processor, of all runs, one after another, without loading libraries, which
-        happens once.
-        """
+        """Predicted CPU seconds of all runs together, without loading libraries."""
         return round(sum(row["seconds"] or 0.0 for row in self.rows), 1)
 
     def as_json(self) -> Row:
-        """The plan as one JSON object."""
+        """Return the plan as one JSON object."""
         names = ("title", "compared_with", "rows", "same", "refused", "seconds", "notes")
         return {name: getattr(self, name) for name in names}
 
 
 def plan_study(study_input: Path | str | Mapping[str, Any], error_bars: bool = False) -> StudyPlan:
-    """The plan of a study file, each run at its cost with error bars where asked for; errors as of
-    `execute_study` before its first run.
+    """Return the plan of a study without running anything.
+
+    Parameters
+    ----------
+    study_input
+        Path of a study file, or mappings of the same form.
+    error_bars
+        Include the cost of error estimates in the predicted cost of each run.
+
+    Raises
+    ------
+    UsageError, ConfigError
+        The same errors that `execute_study` raises before its first run.
     """
     study = study_file.read(study_input)
     cases, rejected_cases = case_list.resolve_cases(study)

@@ -1,4 +1,4 @@
-"""Report of a study: its table, its pictures and what it compares, as the page of a result."""
+"""HTML report of a study: its table, pictures and comparison with a reference."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ NUMBER_COLUMNS = ("force_error_vs", "cpu_s")
 
 
 def study_page(folder: Path) -> str:
-    """The page of a study's folder; UsageError when it holds none that can be read."""
+    """Return the HTML page of a study's folder; UsageError if it has no readable study."""
     record, rows = read_study_folder(folder)
     title = str(record.get("title") or folder.resolve().name)
     names = [
@@ -48,16 +48,18 @@ def study_page(folder: Path) -> str:
     warnings = {line for row in rows for line in (row.get("warnings") or "").split(" | ") if line}
     is_compared = any(row["force_error_vs"] is not None for row in rows)
     reference_text = f"; forces compared with {record.get('compare_to')}" if is_compared else ""
-    subtitle = f"Study of {', '.join(record['keys'])}: {done_count} of {len(rows)} runs done{reference_text}"
+    keys_text = ", ".join(record["keys"])
+    subtitle = f"Study of {keys_text}: {done_count} of {len(rows)} runs done{reference_text}"
     tables = [
         thinned_table(
             "Runs", shown_columns, [[row[name] for name in shown_columns] for row in rows]
         )
     ]
     board_rows = _read_scoreboard(folder)
+    # Scenes with published values differ in everything: their curves have no common axes.
     curve_groups = curve_table.group_folder_curves(
         folder / RUNS, [] if board_rows else rows, record["keys"]
-    )  # as in the study's folder
+    )
     pictures = _pictures(curve_groups, record, rows, title)
     if board_rows:
         scoreboard_rows = [
@@ -68,7 +70,7 @@ def study_page(folder: Path) -> str:
             0,
             thinned_table("Published values", [*SCOREBOARD_CELLS, "who is wrong"], scoreboard_rows),
         )
-        caption = "Published values and ours, as they differ from the exact ones"
+        caption = "Differences of published and computed values from the exact values"
         pictures.insert(
             0,
             Picture(
@@ -83,7 +85,7 @@ def study_page(folder: Path) -> str:
 
 
 def read_study_folder(folder: Path) -> tuple[Report, list[Row]]:
-    """study.json and the rows of study.csv; UsageError when they are missing or damaged."""
+    """Return study.json and the rows of study.csv; UsageError if one is missing or damaged."""
     try:
         record = read_report(folder, STUDY_RECORD)
         table_rows = list(
@@ -92,40 +94,34 @@ def read_study_folder(folder: Path) -> tuple[Report, list[Row]]:
             )
         )
         if not record or any(None in row for row in table_rows):
-            raise ValueError("not what this program writes")
+            raise ValueError("this program did not write it")
         keys = record.get("keys")
         if not isinstance(keys, list) or not all(
             name in row for row in table_rows for name in (*REQUIRED_COLUMNS, *keys)
         ):
-            raise ValueError("it lacks what a study has")
+            raise ValueError("its table lacks columns")
         rows = [
             {name: _parse_cell(name, text, keys) for name, text in row.items()}
             for row in table_rows
         ]
     except (OSError, ValueError, RecursionError) as error:
-        raise UsageError(f"{folder} holds no study that can be read: {error}") from None
+        raise UsageError(f"{folder} holds no readable study: {error}") from None
     return record, rows
 
 
 def _read_scoreboard(folder: Path) -> list[Row]:
-    """The rows of verification.csv; none where there is no such file, UsageError where it is
-    damaged.
-    """
+    """Return the rows of verification.csv, none without that file; UsageError if it is damaged."""
     path = folder / SCOREBOARD
     if not path.exists():
         return []
     try:
         return scoreboard.read(read_regular_file(path).decode("utf-8"))
     except (OSError, ValueError, KeyError) as error:
-        raise UsageError(
-            f"{path} is no scoreboard that can be read: {error}", file=str(path)
-        ) from None
+        raise UsageError(f"{path} is not a readable scoreboard: {error}", file=str(path)) from None
 
 
 def _parse_cell(name: str, text: str, keys: Sequence[str]) -> str | float | None:
-    """A cell of study.csv as it was written: None, a word, or a number; ValueError where it must be
-    one.
-    """
+    """Return a cell of study.csv as None, a text or a number; ValueError if it must be a number."""
     if not text or name not in (*NUMBER_COLUMNS, *keys):
         return text or None
     try:
@@ -139,11 +135,11 @@ def _parse_cell(name: str, text: str, keys: Sequence[str]) -> str | float | None
 def _pictures(
     curve_groups: curve_table.CurveGroups, record: Report, rows: Sequence[Row], title: str
 ) -> list[Picture]:
-    """The curves of all runs that are there, and what accuracy costs where forces are compared."""
+    """Return the pictures of the curves, and of error over cost if forces are compared."""
     pictures = []
     if curve_groups.curves:
         caption = (
-            "Force over depth, and the last force, of histories the largest, over each "
+            "Force over depth, and the last force (largest force of a time history) over each "
             "varied number"
         )
         pictures.append(
@@ -157,5 +153,7 @@ def _pictures(
         draw_cost = partial(
             study_picture.draw_cost, rows, record["keys"], title, str(record.get("compare_to"))
         )
-        pictures.append(Picture(figures.svg_element(draw_cost), "What accuracy costs", broad=True))
+        pictures.append(
+            Picture(figures.svg_element(draw_cost), "Force error over CPU time", broad=True)
+        )
     return pictures

@@ -1,6 +1,4 @@
-"""The table of a study: one row per case, what it costs, how far it is off, and which of them to
-choose.
-"""
+"""Table of a study: one row per case with its results, errors and costs."""
 
 from __future__ import annotations
 
@@ -39,7 +37,7 @@ OUTCOME_COLUMNS = (
     "p_max",
     "penetration",
 )
-REFERENCE_COLUMN = "reference"  # column of what a row is compared with
+REFERENCE_COLUMN = "reference"  # this column says what a row is compared with
 ERROR_COLUMNS = ("force_error_vs", "force_error_worst", "a_error_vs", "p_error_vs")
 EFFORT_COLUMNS = ("method", "stiffness", "dofs", "newton_iterations", "substeps")
 STATED_COLUMNS = ("stated_error", "warnings", "verdict")
@@ -51,26 +49,22 @@ STUDY_COLUMNS = (
     *COST_COLUMNS,
     *STATED_COLUMNS,
 )
-FORCE_TOLERANCE = (
-    1e-6  # relative: rows of a history with one force, but for what the solver leaves of it
-)
-SMALLER_ERROR_RATIO = (
-    0.999  # an error less than this fraction of another is smaller, not the same but for rounding
-)
+FORCE_TOLERANCE = 1e-6  # relative: forces of two rows are equal but for the solver's tolerance
+SMALLER_ERROR_RATIO = 0.999  # an error below this fraction of another one is truly smaller
 MESH_SIZE_KEYS = ("h_contact", "h_axis", "h_edge", "h_corner", "h_film", "h_far", "grading")
 MESH_KEYS = ("mesh", *(f"mesh.{name}" for name in MESH_SIZE_KEYS), "accuracy")
 TARGET_ERRORS = (0.05, 0.01, 0.001)
-REFERENCE_VERDICT = "reference"  # the finest run, which the others are compared with
-VERDICT_MEANINGS = {"right": "the force is within the tolerance"}
-VERDICT_MEANINGS |= {"flagged": "it is not, and the run itself states an error at least as large"}
-VERDICT_MEANINGS |= {"refused": "no force: a clear error before or during the run"}
-VERDICT_MEANINGS |= {"wrong": "a wrong force without a word, or a crash"}
+REFERENCE_VERDICT = "reference"  # verdict of the finest run, with which others are compared
+VERDICT_MEANINGS = {
+    "right": "the force is within the tolerance",
+    "flagged": "it is not, and the run itself states an error at least as large",
+    "refused": "no force: a clear error before or during the run",
+    "wrong": "a wrong force without a warning, or a crash",
+}
 VERDICTS = tuple(VERDICT_MEANINGS)
-REJECTION_EXIT_CODES = range(
-    3, 7
-)  # exit codes that come with a reason: config, mesh, not converged, audit
+REJECTION_EXIT_CODES = range(3, 7)  # config, mesh, not converged, audit: all give a reason
 Row = dict[str, Any]  # values by column
-ResolvedCases = tuple[Sequence[Case], Sequence[RejectedCase]]  # as `cases.asked_for` gives them
+ResolvedCases = tuple[Sequence[Case], Sequence[RejectedCase]]  # returned by `resolve_cases`
 
 
 def rows(
@@ -80,14 +74,26 @@ def rows(
     reference: ReferenceSolution,
     folder_names: Mapping[str, str],
 ) -> list[Row]:
-    """One row per case or refusal, in order: index, run, every varied key, `STUDY_COLUMNS`; what is
-    unknown is None.
+    """Return the table: one row per case or rejected case, in the order of the study.
 
-    done: the results (table and run.json) of every run that has ended, by id; a case without any is
-    "pending". names: of the runs' folders, by id. With a tolerance of the force every row has a
-    verdict.
+    Parameters
+    ----------
+    study, resolved_cases
+        The study, and its cases and rejected cases.
+    results_by_id
+        Results of every run that has ended, by the id of its case; other cases are "pending".
+    reference
+        The reference solution of the study; its finest runs are chosen here.
+    folder_names
+        Name of each run's folder, by the id of its case.
+
+    Returns
+    -------
+    list of dict
+        Columns index, run, the varied keys, `STUDY_COLUMNS`; None where unknown. With a tolerance
+        of the force every row has a verdict.
     """
-    (cases, rejected_cases) = resolved_cases
+    cases, rejected_cases = resolved_cases
     keys = study.keys
     reference.choose_finest_cases(
         cases,
@@ -121,7 +127,7 @@ def rows(
 
 
 def write(table: Sequence[Row]) -> str:
-    """The table as CSV text, numbers to the last digit."""
+    """Return the table as CSV text, with all digits of its numbers."""
     text = io.StringIO()
     writer = csv.DictWriter(text, fieldnames=list(table[0]), lineterminator="\n")
     writer.writeheader()
@@ -130,8 +136,10 @@ def write(table: Sequence[Row]) -> str:
 
 
 def representative_row(results: Results) -> int:
-    """Index of the row that a run is told by: the last one; of a history that of the largest force,
-    the first of several alike, and of one that pulls all the way that of the largest depth.
+    """Return the index of the row that represents a run in the table.
+
+    It is the last row of a depth path. For a time history it is the first row with the largest
+    force, or the deepest row if the force is tensile throughout.
     """
     if "t" not in results.table:
         return -1
@@ -145,7 +153,7 @@ def representative_row(results: Results) -> int:
 
 
 def read(text: str) -> list[Row]:
-    """A table back from its CSV text: numbers, words, and None where a cell is empty."""
+    """Return a table from its CSV text: numbers, texts, and None for empty cells."""
     return [
         {name: _parse_cell(value) for name, value in row.items()}
         for row in csv.DictReader(io.StringIO(text))
@@ -160,9 +168,7 @@ def _parse_cell(cell: str) -> Any:
 
 
 def independent_keys(table: Sequence[Row], keys: Sequence[str]) -> list[str]:
-    """The keys that vary, without those that another one decides: of keys that go together the
-    first.
-    """
+    """Return the keys that vary independently: of keys that vary together only the first."""
     kept_keys: list[str] = []
     for key in keys:
         values = {
@@ -200,18 +206,17 @@ def _case_row(
     row |= {
         "newton_iterations": int(results["newton_iterations"].sum()) if len(results) else None
     } | _cost_cells(report)
-    if row["status"] != "done":  # numbers of a lesser depth are no answer
+    # A failed run stopped at a smaller depth: its numbers do not answer the question.
+    if row["status"] != "done":
         return row
     numbers = ("force", "a", "p_max", "penetration")
     row_index = representative_row(results)
     row |= {name: _finite_or_none(results[name][row_index]) for name in numbers} | _stated_cells(
         results, row_index
     )
-    return row | (
-        _error_cells(results, reference_curve) | {REFERENCE_COLUMN: reference_name}
-        if reference_curve
-        else {}
-    )
+    if reference_curve is None:
+        return row
+    return row | _error_cells(results, reference_curve) | {REFERENCE_COLUMN: reference_name}
 
 
 def _rejected_row(rejected_case: RejectedCase, keys: Sequence[str]) -> Row:
@@ -227,10 +232,9 @@ def _rejected_row(rejected_case: RejectedCase, keys: Sequence[str]) -> Row:
 
 
 def _cost_cells(report: Report) -> Row:
-    """CPU seconds per stage and in sum, without loading libraries, and the memory of the run and of
-    its process.
-    """
-    is_complete = not report.get("resumed_after")  # else nobody knows the seconds before
+    """Return CPU seconds per stage and in total, without loading libraries, and the memory."""
+    # The seconds of a resumed run do not include those before its interruption.
+    is_complete = not report.get("resumed_after")
     cpu_timings, wall_timings = (
         report.get(name, {}) if is_complete else {} for name in ("cpu_timings", "timings")
     )
@@ -255,9 +259,7 @@ def _sum_stages(timings: Mapping[str, float]) -> float | None:
 
 
 def _stated_cells(results: Results, row_index: int) -> Row:
-    """What a run says itself of its error in the row that it is told by: a part of the force, and
-    its warnings.
-    """
+    """Return the relative error that a run itself states for its force, and its warnings."""
     expected_error = results.report.get("plan", {}).get("prediction", {}).get("force_error", 0.0)
     error_bar = results.table["force_error"][row_index] if "force_error" in results.table else 0.0
     estimated_error = abs(
@@ -270,22 +272,20 @@ def _stated_cells(results: Results, row_index: int) -> Row:
 
 
 def _error_cells(results: Results, reference_curve: ReferenceCurve) -> Row:
-    """Relative errors at the last depth, signed, and the largest of the force at any depth."""
+    """Return the signed relative errors at the last depth, and the largest force error."""
     reference_forces = [reference_curve.interpolate(delta)[0] for delta in results["delta"]]
     with np.errstate(divide="ignore", invalid="ignore"):
         relative_errors = np.abs(results["force"] / np.array(reference_forces) - 1)
     force, a, p_max = reference_curve.interpolate(results["delta"][-1])
     finite_errors = relative_errors[np.isfinite(relative_errors)]
-    # a force that should be 0: a part of it
     last_force = results["force"][-1]
     largest = float(np.abs(results["force"]).max())
-    error = (
-        _relative_error(last_force, force)
-        if force
-        else float(last_force / largest)
-        if largest
-        else 0.0
-    )
+    # If the reference force is 0, the error is relative to the largest force of the run.
+    error: float | None = 0.0
+    if force:
+        error = _relative_error(last_force, force)
+    elif largest:
+        error = float(last_force / largest)
     worst = float(finite_errors.max()) if len(finite_errors) else None
     radius_and_pressure_errors = (
         _relative_error(results["a"][-1], a),
@@ -295,7 +295,7 @@ def _error_cells(results: Results, reference_curve: ReferenceCurve) -> Row:
 
 
 def _finite_or_none(value: float) -> float | None:
-    """A number of the table; None for one that there is none of."""
+    """Return a number, or None if it is not finite."""
     return float(value) if math.isfinite(value) else None
 
 
@@ -318,13 +318,13 @@ def _format_cell(value: object) -> str:
 
 
 def rows_with_error(table: Iterable[Row]) -> list[Row]:
-    """The rows that have an error other than zero, and a cost; identical runs once."""
+    """Return the rows with a nonzero error and a cost; identical runs once."""
     rows_by_run = {row["run"]: row for row in table if row["force_error_vs"] and row["cpu_s"]}
     return list(rows_by_run.values())
 
 
 def pareto_front(table: Iterable[Row]) -> list[Row]:
-    """The rows that no other beats in both CPU seconds and force error, the quickest first."""
+    """Return the rows that no other row beats in both CPU time and force error, by CPU time."""
     front: list[Row] = []
     for row in sorted(
         rows_with_error(table), key=lambda row: (row["cpu_s"], abs(row["force_error_vs"]))
@@ -337,15 +337,15 @@ def pareto_front(table: Iterable[Row]) -> list[Row]:
 
 
 def recommended_run(table: Sequence[Row], keys: Sequence[str], target: float) -> Row | None:
-    """The cheapest run within the target, if every finer mesh with the same settings is within it
-    too.
+    """Return the cheapest run whose force error is within the target.
 
-    A coarse mesh may hit the force by luck; what a finer one misses was luck.
+    All finer meshes with the same settings must be within the target, too: a coarse mesh may have
+    the right force by chance.
     """
     compared_rows = [row for row in table if row["force_error_vs"]]
     other_keys = [key for key in keys if key not in MESH_KEYS]
 
-    def is_within(row: Row) -> bool:
+    def is_reliable(row: Row) -> bool:
         same_settings = (
             other_row
             for other_row in compared_rows
@@ -358,12 +358,12 @@ def recommended_run(table: Sequence[Row], keys: Sequence[str], target: float) ->
         )
 
     return min(
-        filter(is_within, rows_with_error(table)), key=lambda row: row["cpu_s"], default=None
+        filter(is_reliable, rows_with_error(table)), key=lambda row: row["cpu_s"], default=None
     )
 
 
 def recommendations(table: Sequence[Row], keys: Sequence[str]) -> list[str]:
-    """For 5 %, 1 % and 0.1 % of the force: the run to choose, in words."""
+    """Return one line for errors of 5 %, 1 % and 0.1 % of the force: the recommended run."""
     if not rows_with_error(table):
         return []
     lines = []
@@ -371,17 +371,25 @@ def recommendations(table: Sequence[Row], keys: Sequence[str]) -> list[str]:
         choice = "none of these"
         row = recommended_run(table, keys, target)
         if row:
-            words = ", ".join(
+            settings = ", ".join(
                 f"{key}={short_yaml(row[key])}" for key in keys if row[key] is not None
             )
-            choice = f"{words}: {row['cpu_s']:.2g} s, {row['force_error_vs']:+.2%}"
+            choice = f"{settings}: {row['cpu_s']:.2g} s, {row['force_error_vs']:+.2%}"
         lines.append(f"for {100 * target:g} %: {choice}")
     return lines
 
 
 def row_verdict(row: Row, tolerance: float, references: Collection[str] = ()) -> str | None:
-    """One of VERDICTS, or REFERENCE for these runs; None for a row that is pending or compared with
-    nothing.
+    """Return a verdict, or `REFERENCE_VERDICT` for a reference run.
+
+    None for a row that is pending or has no reference.
+
+    Parameters
+    ----------
+    tolerance
+        Relative error of the force up to which a row is right.
+    references
+        Ids of the runs that others are compared with.
     """
     if row["status"] == "failed":
         return "refused" if row["exit_code"] in REJECTION_EXIT_CODES else "wrong"
@@ -396,15 +404,18 @@ def row_verdict(row: Row, tolerance: float, references: Collection[str] = ()) ->
 
 
 def verdict_counts(table: Sequence[Row]) -> dict[str, int]:
-    """How many rows have each of VERDICTS."""
+    """Return the number of rows with each of `VERDICTS`."""
     return {name: sum(row["verdict"] == name for row in table) for name in VERDICTS}
 
 
 def impossible_scene_count(table: Sequence[Row]) -> int:
-    """How many rows were refused as scenes that cannot be, before anything was run; a contact
-    method's own limit is none of them.
+    """Return the number of rows that were refusal_reasons because their scene is impossible.
+
+    Refusals by a limit of the contact method are not counted.
     """
-    refused = [
+    refusal_reasons = [
         row["reason"] for row in table if row["verdict"] == "refused" and row["exit_code"] == 3
     ]
-    return sum("contact." not in reason.partition(": ")[2].partition(": ")[0] for reason in refused)
+    return sum(
+        "contact." not in reason.partition(": ")[2].partition(": ")[0] for reason in refusal_reasons
+    )

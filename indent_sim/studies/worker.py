@@ -1,8 +1,7 @@
-"""One process that does the runs of a study, one after another; when it dies, only the run it was
-at is lost.
+"""Worker processes that do the runs of a study.
 
-It is forked before any MPI is up, so a run there is a run of its own; where it died another is
-forked for the next.
+A process is forked before MPI is initialised, so that each run is independent of this process. If
+it crashes, only its current run is lost and a new process is forked for the next run.
 """
 
 from __future__ import annotations
@@ -22,23 +21,21 @@ from indent_sim.process.forked_process import ForkedProcess, ProcessCrash
 from indent_sim.run import pipeline
 from indent_sim.run.planned_run import PlannedRun
 
-# What mpirun and srun tell their processes: a worker is none of theirs, and they need not know when
-# it is ended
+# Environment variables by which mpirun and srun address their processes. A worker must not register
+# with the launcher, which would abort the whole job when the worker is stopped.
 OPEN_MPI_VARIABLES = tuple(
     f"OMPI_{part}" for part in ("COMM_", "UNIVERSE_", "MCA_orte_", "MCA_ess")
 )
 LAUNCHER_VARIABLES = ("SLURM_", "PMI_", "PMIX_", "PRTE_MCA_ess", *OPEN_MPI_VARIABLES)
 
 ExitStatus = tuple[int, str]  # exit code and reason
-LoadLibraries = Callable[[], object]  # loads libraries
+LoadLibraries = Callable[[], object]
 JobName = TypeVar("JobName", bound=Hashable)
 
 
 @dataclass(frozen=True)
 class Job:
-    """A run to do: what is run, the folder that it runs into, and whether it goes on from what is
-    there.
-    """
+    """Run to do, with its result folder; `resume` continues an interrupted run."""
 
     planned_run: PlannedRun
     directory: Path
@@ -49,8 +46,9 @@ Jobs = Mapping[JobName, Job]  # by their names
 
 
 class Worker(ExitStack, Generic[JobName]):
-    """Does jobs in a process of its own, which knows them from this one and calls `load` first, by
-    default for what solves meshes; a context manager.
+    """Process that does jobs one after another; a context manager.
+
+    It inherits `jobs` by forking, and first calls `load` to import the solver's libraries.
     """
 
     def __init__(self, jobs: Jobs[JobName], load: LoadLibraries = pipeline.warm_up) -> None:
@@ -63,16 +61,21 @@ class Worker(ExitStack, Generic[JobName]):
         self._job_count = 0
 
     def begin_job(self, name: JobName) -> None:
-        """Begin a job; `end` waits for it."""
-        if self._job_count % 100 == 0:  # PETSc and the compiled forms keep half a MB of each run
+        """Begin a job; `wait_for_job` returns its exit status."""
+        # A new process for every 100 jobs bounds the memory that PETSc and compiled forms keep:
+        # about half a MB of each run.
+        if self._job_count % 100 == 0:
             self._process.stop()
         self._job_count += 1
         self._wait_for_answer = self._process.begin_call(name)
 
     def wait_for_job(self) -> ExitStatus:
-        """How the job that was begun ended: exit code and reason.
+        """Wait for the job that was begun, and return its exit code and reason.
 
-        UsageError and BackendError are raised.
+        Raises
+        ------
+        UsageError, BackendError
+            The environment is at fault, so that the next job would fail in the same way.
         """
         try:
             return self._wait_for_answer()
@@ -80,24 +83,24 @@ class Worker(ExitStack, Generic[JobName]):
             return crash.exit_code, f"the process of the run {crash}"
 
     def fileno(self) -> int:
-        """What can be read once the run has ended."""
+        """Return a file descriptor that becomes readable when the job has ended."""
         return self._process.fileno()
 
 
 def _prepare_process(load: LoadLibraries) -> None:
-    """Forget the launcher, and load the libraries."""
+    """Remove the launcher's environment variables, and load the libraries."""
     for name in [name for name in os.environ if name.startswith(LAUNCHER_VARIABLES)]:
         del os.environ[name]
     load()
-    gc.freeze()  # libraries stay: every run ends with a search for what it left behind
+    # The garbage collector runs after every job and need not search the loaded libraries.
+    gc.freeze()
 
 
 def _run_job(job: Job) -> ExitStatus:
-    """Do a run, or what an earlier call left of it to do; what cannot be gone on with is begun
-    anew.
+    """Do a run, or the rest of an interrupted one; what cannot be resumed is started again.
 
-    A finished run is of the same physics, as the name of its folder says; where it was written with
-    other words, or with other output, it is replaced all the same.
+    The folder's name contains the hash of the physics, so that a finished run in it solves the same
+    scene. If it was written with another config text or other output, it is replaced.
     """
     config = job.planned_run.config
     scene = job.planned_run.scene
@@ -108,7 +111,8 @@ def _run_job(job: Job) -> ExitStatus:
                 pipeline.simulate(config, scene=scene, directory=directory, resume=job.resume)
                 return 0, ""
         pipeline.simulate(config, scene=scene, directory=directory, overwrite=True)
-    except (UsageError, BackendError):  # no fault of the run: the next one would end the same way
+    except (UsageError, BackendError):
+        # The environment is at fault, not this run: the next run would end in the same way.
         raise
     except IndentSimError as error:
         return error.exit_code, str(error)
@@ -125,9 +129,7 @@ class Workers(ExitStack, Generic[JobName]):
         self._workers = [self.enter_context(Worker(jobs, load)) for _ in range(count)]
 
     def run_jobs(self, names: Iterable[JobName]) -> Iterator[tuple[JobName, ExitStatus]]:
-        """Do jobs, as many at a time as there are workers; each with its ending as soon as that is
-        known.
-        """
+        """Do jobs in parallel, one per worker, and yield the exit status of each when it ends."""
         pending = iter(names)
         busy = dict[Worker[JobName], JobName]()
         idle = list(self._workers)

@@ -783,7 +783,7 @@ class TestAnotherScene:
         done = indent_sim("study", "study.yaml", "--output", "all")
         assert done.exit_code == 2 and content_of(theory_run) == before
         assert (
-            "1 finished run that this study does not ask for: E=2" in done.stderr
+            "1 finished run that this study does not include: E=2" in done.stderr
             and "all-2" in done.stderr
         )
         assert indent_sim("study", "study.yaml", "--output", "all", "--resume").exit_code == 0

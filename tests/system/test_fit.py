@@ -87,7 +87,7 @@ def test_a_folder_of_curves_in_two_processes(command, tmp_path):
 
 
 @pytest.mark.parametrize("words, code, said", [
-    (("--vary", "material.Q"), 3, "material.Q: is no number of the scene"),
+    (("--vary", "material.Q"), 3, "material.Q: is not a number of the scene"),
     (("--columns", "x,force"), 3, "there is no column 'x'"), (("--columns", "a"), 3, "names 1 columns"),
     (("--units", "mass=kg"), 2, "--units mass"), (("--segment", "back"), 2, "'back' is not one of"),
     (("--scene", "nothing.yaml"), 2, "cannot read the config"), (("--set", "material.E=-1"), 3, "material.E"),
@@ -304,7 +304,7 @@ def test_a_damaged_fit_has_no_report(command, tmp_path, damage):
     record = json.loads(path.read_text())
     path.write_text(json.dumps(record | damage if damage else {"program": record["program"]}))
     done = command("report", "out")
-    assert done.exit_code == 2 and "out holds no fit that can be read" in done.output, done.output
+    assert done.exit_code == 2 and "out holds no readable fit" in done.output, done.output
 
 
 def test_the_figure_of_a_notebook(command, tmp_path):

@@ -180,7 +180,11 @@ def study_of(scene: str, reference: str) -> None:
         else None
     )
     if scene in HISTORIES or reference == "study":
-        said = "holds a study" if scene not in HISTORIES else "a history passes one several times"
+        said = (
+            "holds a study"
+            if scene not in HISTORIES
+            else "a time history passes a depth several times"
+        )
         assert done.exit_code == 3 and said in done.stderr, done.output
     elif off is None:
         assert done.exit_code == 3 and "has no depth" in done.stderr, done.output

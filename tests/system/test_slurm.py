@@ -161,7 +161,9 @@ def test_the_worked_example_of_the_page(call: Call, tmp_path: Path) -> None:
     assert "3 shards" in told
     assert [end["code"] for end in ends(tmp_path)] == [143, 0] * 3 + [0]
     assert {end["options"]["time"] for end in ends(tmp_path)} == {"00:10:00"}
-    assert "6 of 6 runs are there already" in sorted(tmp_path.glob("slurm-*.out"))[-1].read_text()
+    assert (
+        "6 of 6 runs are finished already" in sorted(tmp_path.glob("slurm-*.out"))[-1].read_text()
+    )
     found = tmp_path / "results" / "tips"
     assert [read(folder).report["status"] for folder in (found / "runs").iterdir()] == ["done"] * 6
     call("indent-sim", "study", "tips.yaml", "--output", "whole")

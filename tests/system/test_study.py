@@ -227,7 +227,7 @@ class TestIdentity:
 
 MALFORMED = [
     ("vary: {mesh.h_far: [0.4]}\n", None, "base", "give the path"),
-    ("base: scene.yaml\n", None, "vary", "says nothing to vary"),
+    ("base: scene.yaml\n", None, "vary", "has no key to vary"),
     (
         "base: scene.yaml\nvary:\n  mesh.h_contct: [0.1]\n",
         3,
@@ -286,12 +286,12 @@ MALFORMED = [
         "must be",
     ),
     ("base: scene.yaml\nvary: {mesh.h_far: [0.4]\n", None, "", "not YAML"),
-    ("base: scene.yaml\nvary: {'': [1]}\n", 2, "vary", "is no key"),
+    ("base: scene.yaml\nvary: {'': [1]}\n", 2, "vary", "is not a key"),
     (
         "base: scene.yaml\nset: {mesh..h_far: 0.4}\nvary: {mesh.h_far: [0.4]}\n",
         2,
         "set.mesh..h_far",
-        "is no key",
+        "is not a key",
     ),
     (
         "base: scene.yaml\nvary:\n  mesh.h_far: [0.4]\n  mesh: [{h_far: 1}]\n",
@@ -560,10 +560,10 @@ class TestRuns:
         }
         told: list[str] = []
         studies.execute_study(path, output=out, resume=True, tell=told.append)
-        assert told == ["6 of 6 runs are there already"]
+        assert told == ["6 of 6 runs are finished already"]
         path.write_text(METHODS.replace(", 0.04]", "]"))
         with pytest.raises(
-            UsageError, match=r"2 finished runs that this study does not ask for.*--overwrite"
+            UsageError, match=r"2 finished runs that this study does not include.*--overwrite"
         ):
             studies.execute_study(path, output=out)
         assert len(list((out / "runs").iterdir())) == 6
@@ -706,7 +706,7 @@ class TestRuns:
         told: list[str] = []
         studies.execute_study(path, output=tmp_path / "parts", resume=True, tell=told.append)
         studies.execute_study(path, output=tmp_path / "whole")
-        assert told == ["6 of 6 runs are there already"]
+        assert told == ["6 of 6 runs are finished already"]
         assert rows_of(tmp_path / "parts") == rows_of(tmp_path / "whole")
 
     @pytest.mark.parametrize(
@@ -979,7 +979,7 @@ cases:
         first = studies.execute_study(path, output=tmp_path / "out")
         told: list[str] = []
         again = studies.execute_study(path, output=tmp_path / "out", resume=True, tell=told.append)
-        assert told == ["2 of 2 runs are there already"] and again.scoreboard == first.scoreboard
+        assert told == ["2 of 2 runs are finished already"] and again.scoreboard == first.scoreboard
 
     def test_a_study_of_cases_is_no_scene(self, written):
         done = CliRunner().invoke(commands.program, ["run", str(written(self.CASES))])

@@ -1,1 +1,1 @@
-"""A scene as a function of depth, time and the values of its parameters."""
+"""Forward model: the force of a scene over depth and time for any values of its parameters."""

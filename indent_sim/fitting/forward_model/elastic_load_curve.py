@@ -1,8 +1,9 @@
-"""Elastic tables: force over depth of a scene at any values of its parameters, each solved once on
-a lattice.
+"""Elastic load curve of a scene, interpolated over depth and over the parameters of the scene.
 
-A table is the polynomial g of F = delta^p exp g(sqrt(delta/deepest)), a smooth function of depth
-and parameters; between the nodes of a lattice its coefficients are interpolated.
+    F = delta^p exp g(s),   s = sqrt(delta/max_depth)
+
+g is a polynomial and a smooth function of the parameters: its coefficients are solved at the nodes
+of a grid and interpolated between them.
 """
 
 from __future__ import annotations
@@ -28,19 +29,20 @@ from indent_sim.process.errors import ConfigError, NotConverged
 from indent_sim.run.planned_run import PlannedRun
 from indent_sim.run.solvers.elastic_curve import ElasticForces, elastic_forces, flat_punches
 
-# depths at which a scene is solved, and of the polynomial through them: 5e-11 by theory
+# Depths at which a scene is solved, and the degree of the polynomial through them. The relative
+# error of theory's force is 5e-11.
 SOLVED_DEPTHS = 20
 DEGREE = 12
-MIN_DEPTH_ROOT = 0.02  # of sqrt(delta/deepest): a power law below
-# a contact of 5 % of the depth has few elements; degree of what a mesh adds to theory
+MIN_DEPTH_ROOT = 0.02  # lower end of s; the force is a power law of the depth below
+# The contact at less than 5 % of the depth (the square of this s) has too few elements of a mesh.
 MIN_MESH_ROOT = 0.2236
-MESH_DEGREE = 5
-GRID_NODES = 6  # of the lattice around a value: 2e-6 of the force at steps of 0.2
-EXPONENT_STEP = 0.5  # exponents of depth are multiples of it, up to SAME_EXPONENT, or as they are
+MESH_DEGREE = 5  # degree of the polynomial for the ratio of a mesh's force to that of theory
+GRID_NODES = 6  # nodes around a value; the error is 2e-6 of the force with steps of 0.2
+# An exponent of the depth is rounded to a multiple of the step if it is nearer than the tolerance.
+EXPONENT_STEP = 0.5
 EXPONENT_TOLERANCE = 0.02
-# of the polynomials through flat punches
-RADIUS_DEGREE = 12
-MIN_RADIUS_FRACTION = 0.02
+RADIUS_DEGREE = 12  # degree of the polynomials through flat punches
+MIN_RADIUS_FRACTION = 0.02  # smallest radius of the punches relative to the largest
 NODE_ANGLES = np.pi * (np.arange(SOLVED_DEPTHS) + 0.5) / SOLVED_DEPTHS
 DEPTH_ROOTS = 0.5 * (1 + MIN_DEPTH_ROOT) - 0.5 * (1 - MIN_DEPTH_ROOT) * np.cos(NODE_ANGLES)
 ROOT_DOMAIN = (MIN_DEPTH_ROOT, 1.0)
@@ -48,12 +50,12 @@ ROOT_DOMAIN = (MIN_DEPTH_ROOT, 1.0)
 
 @dataclass(frozen=True)
 class ElasticLoadCurve:
-    """The elastic curve of one scene: F = delta^power exp g(s), s = sqrt(delta/deepest), in the
-    scene's units.
+    """Elastic load curve of one scene: F = delta^exponent exp g(s), s = sqrt(delta/max_depth).
 
-    coefficients (13,) of Chebyshev's polynomials of s; punches (4, 13) of ln delta_1, ln F_1, ln K,
-    ln K' over ln a up to the radius `widest`, where adhesion asks for them; error: relative
-    half-width of the force's error bar; radius [length]: of the contact at the deepest.
+    coefficients (13,): Chebyshev coefficients of g(s); punch_coefficients (4, 13): of ln delta_1,
+    ln F_1, ln K, ln K' over ln a up to max_radius [length], for adhesive tips; relative_error:
+    relative half width of the error bar of the force; contact_radius [length]: at max_depth. All in
+    units of the scene.
     """
 
     max_depth: float
@@ -65,8 +67,9 @@ class ElasticLoadCurve:
     contact_radius: float = 0.0
 
     def force(self, delta: np.ndarray) -> np.ndarray:
-        """The force [force] at depths [length] (n,), 0 out of contact; beyond the deepest it goes
-        on as a power.
+        """Return the force [force] at depths (n,) [length], 0 out of contact.
+
+        Beyond max_depth the curve continues as a power law.
         """
         positive_depth = np.maximum(delta, 1e-300)
         s = np.clip(np.sqrt(positive_depth / self.max_depth), *ROOT_DOMAIN)
@@ -75,14 +78,15 @@ class ElasticLoadCurve:
 
 
 def _map_to_unit_interval(s: np.ndarray) -> np.ndarray:
-    """s on the interval of Chebyshev's polynomials."""
+    """Return s mapped to the interval [-1, 1] of Chebyshev polynomials."""
     return (2.0 * s - (ROOT_DOMAIN[0] + ROOT_DOMAIN[1])) / (ROOT_DOMAIN[1] - ROOT_DOMAIN[0])
 
 
 class ElasticLoadCurveGrid:
-    """The tables of a scene over its shape parameters.
+    """Elastic load curves of a scene as a function of its shape parameters.
 
-    wants_punches: for an adhering tip. ConfigError where the scene as it stands cannot exist.
+    wants_punches: include flat punches, which an adhesive tip needs. Raises ConfigError if the
+    unchanged scene is not valid.
     """
 
     def __init__(
@@ -104,7 +108,13 @@ class ElasticLoadCurveGrid:
         )
 
     def load_curve(self, theta: Sequence[float]) -> ElasticLoadCurve:
-        """The table at coordinates of the shape parameters; NoTable where the scene has none."""
+        """Return the load curve at coordinates of the shape parameters.
+
+        Raises
+        ------
+        ForwardModelUnavailable
+            The scene has no solution there.
+        """
         if not self._grid.shape_parameters:
             return self.scene_curve
         values = self._grid.interpolate(theta)
@@ -124,7 +134,7 @@ class ElasticLoadCurveGrid:
 
 
 def _pack_coefficients(load_curve: ElasticLoadCurve) -> np.ndarray:
-    """The numbers of a table that depend on its parameters."""
+    """Return the numbers of a load curve that depend on parameters, as one array."""
     punch_values = (
         []
         if load_curve.punch_coefficients is None
@@ -134,12 +144,16 @@ def _pack_coefficients(load_curve: ElasticLoadCurve) -> np.ndarray:
 
 
 def plan_elastic_run(config: Config, max_depth: float) -> PlannedRun:
-    """The scene without its experiment, of matter that is drained and does not relax, pressed to a
-    depth, by a load path to the depths of a table; ConfigError where it cannot exist.
+    """Return the planned run of the scene without experiment, with drained elastic material.
+
+    The load path goes through the depths of a load curve if the solver does not accept any depth.
+    Raises ConfigError if the scene is not valid.
     """
     if config.contact.adhesion:
         raise ConfigError(
-            "contact.adhesion", "a fit takes adhesion without range", "give experiment.adhesion"
+            "contact.adhesion",
+            "a fit needs adhesion in the JKR limit, without range",
+            "give experiment.adhesion",
         )
     document = _elastic_document(config)
     planned_run = PlannedRun.resolve(
@@ -155,9 +169,7 @@ def plan_elastic_run(config: Config, max_depth: float) -> PlannedRun:
 
 
 def _elastic_document(config: Config) -> dict[str, Any]:
-    """The sections of a scene without its experiment, of matter that does not relax and has no
-    fluid.
-    """
+    """Return the document of a scene without experiment, relaxation and flow."""
     document = to_mapping(config)
     document.pop("experiment", None)
     document.pop("drainage", None)
@@ -171,19 +183,30 @@ def _elastic_document(config: Config) -> dict[str, Any]:
 
 
 def elastic_config(config: Config, max_depth: float) -> Config:
-    """The scene without its experiment, of matter that is drained and does not relax, pressed to a
-    depth.
-    """
+    """Return the scene without experiment, with drained elastic material, pressed to a depth."""
     return config_from_mapping(_elastic_document(config) | {"loading": {"delta": float(max_depth)}})
 
 
 def solve_load_curve(
     config: Config, max_depth: float, wants_punches: bool = False, exponent: float | None = None
 ) -> ElasticLoadCurve:
-    """The table of a scene by its own solver: theory, a condensed body, or a load path.
+    """Solve the load curve of a scene by theory, static condensation, or a load path.
 
-    power: of the depth, where it is known. NoTable where there is no solution, ConfigError where
-    there is no scene.
+    Parameters
+    ----------
+    max_depth
+        The largest depth [length].
+    wants_punches
+        Solve flat punches, too, which an adhesive tip needs.
+    exponent
+        Exponent of the depth; None to find it from the shallowest points.
+
+    Raises
+    ------
+    ForwardModelUnavailable
+        The scene has no solution.
+    ConfigError
+        The scene is not valid.
     """
     planned_run = plan_elastic_run(config, max_depth)
     try:
@@ -218,7 +241,10 @@ def _curve_from_theory(
 def _curve_from_mesh(
     elastic_forces: ElasticForces, max_depth: float, exponent: float | None
 ) -> ElasticLoadCurve:
-    """The same where a mesh is solved: what it adds to theory is smoothed, and its error bar kept."""
+    """Return the load curve of a mesh: its ratio to theory is smoothed by a polynomial.
+
+    The scatter around the polynomial is a part of the relative error.
+    """
     depths = max_depth * DEPTH_ROOTS**2
     forces = elastic_forces.forces
     theory_forces = elastic_forces.theory_forces
@@ -268,16 +294,14 @@ def _curve_from_mesh(
 
 
 def _depth_exponent(depths: np.ndarray, forces: np.ndarray) -> float:
-    """The exponent of depth at the shallowest points, a multiple of one half where it is nearly
-    one.
-    """
+    """Return the exponent of the depth at the shallowest points, rounded to a half if near one."""
     slope = float(np.log(forces[1] / forces[0]) / np.log(depths[1] / depths[0]))
     nearest_half = EXPONENT_STEP * round(slope / EXPONENT_STEP)
     return nearest_half if abs(slope - nearest_half) < EXPONENT_TOLERANCE else slope
 
 
 def _punch_coefficients(planned_run: PlannedRun, max_depth: float) -> tuple[np.ndarray, float]:
-    """ln delta_1, F_1, K, K' over ln a, in the scene's units, and the widest radius."""
+    """Return the coefficients of ln delta_1, ln F_1, ln K, ln K' over ln a, and the largest a."""
     radius_fractions, columns, max_radius = flat_punches(
         planned_run, max_depth, MIN_RADIUS_FRACTION
     )

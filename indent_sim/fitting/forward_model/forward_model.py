@@ -1,10 +1,10 @@
-"""Forces: a scene as a function of depth and of its parameters, with what its experiment adds.
+"""Forward model: the force of a scene and its experiment at any values of their parameters.
 
-    F(x, t; theta),   x the depth delta, or with a spring the way z = delta + compliance F of its
-    base
+    F(x, t; theta),   x the depth delta, or behind a spring the displacement of its base,
+                      z = delta + compliance F
 
-Signs as everywhere: x > 0 in, F > 0 pushing; 0 before first touch. Units of the scene, times in
-seconds.
+Signs: x > 0 into the body, F > 0 compressive; F = 0 before first contact. Units are those of the
+scene, times are in seconds.
 """
 
 from __future__ import annotations
@@ -44,39 +44,57 @@ from indent_sim.fitting.forward_model.parameters import (
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.history_on_curve import relaxation_modulus
 
-SPRING_TABLE_SAMPLES = 1500  # of the table of depths behind a spring
-JKR_BRANCH_SAMPLES = 600  # of the branch of a tip that adheres
-# of depths behind a spring in a body that relaxes, relative to the depth
+SPRING_TABLE_SAMPLES = 1500  # samples of the load curve from which the spring is eliminated
+JKR_BRANCH_SAMPLES = 600  # samples of the stable branch of an adhesive tip
+# Newton's method for the depth behind a spring, with its tolerance relative to the largest depth.
 MAX_SPRING_ITERATIONS = 60
 DEPTH_TOLERANCE = 1e-9
-MIN_RELATIVE_DEPTH = 1e-9  # of the depth, from where on a free power of it goes on as a number
+MIN_RELATIVE_DEPTH = 1e-9  # a free power of the depth is constant below this, also if it diverges
 MAX_CACHED_MODELS = 100
-# Contact radii that a height may have: a thicker body is a half-space, a thinner one is solved for
-# long
+# Bounds of a height in contact radii: a thicker body behaves as a half-space, a thinner one takes
+# too long to solve.
 MIN_HEIGHT_RADII = 0.2
 MAX_HEIGHT_RADII = 20.0
-# What relaxation makes, at some times, of the elastic forces there
+# From some times to the function that turns elastic forces at these times into relaxed forces.
 RelaxationOperator = Callable[[np.ndarray], Callable[[np.ndarray], np.ndarray]]
 
 
 @dataclass(frozen=True)
 class ExperimentSettings:
-    """The experiment at some values of the parameters: work of adhesion, compliance, relaxation."""
+    """The experiment at given parameter values.
+
+    scale: factor of the force; shape_coordinates: coordinates of the shape parameters;
+    extra_exponent: exponent of an additional power of the depth.
+    """
 
     scale: float
     shape_coordinates: tuple[float, ...]
     adhesion_work: float
     compliance: float
     relaxation: RelaxationOperator | None
-    extra_exponent: float = 0.0  # of the depth, beside the scene's own
+    extra_exponent: float = 0.0
 
 
 class ForwardModel:
-    """The force of a scene at depths, or ways of the base, for any values of its varied keys.
+    """Force of a scene for any values of its varied keys.
 
-    config: the scene; keys: what varies; deepest [length]: of the table; way: of the tip, for
-    matter that drains or relaxes in shear. ConfigError for a scene that cannot exist, NoTable for
-    one without a solution.
+    Parameters
+    ----------
+    config
+        The scene with its experiment.
+    varied_keys
+        Keys of the parameters.
+    max_depth
+        Depth to which load curves are solved [length].
+    measured_path
+        Load path of the tip, for poroelastic scenes and stress relaxation in shear only.
+
+    Raises
+    ------
+    ConfigError
+        The scene is not valid.
+    ForwardModelUnavailable
+        The scene has no solution.
     """
 
     def __init__(
@@ -117,7 +135,7 @@ class ForwardModel:
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """The least and largest coordinates."""
+        """The lower and upper bounds of the coordinates."""
         low, high = (
             zip(*(parameter.bounds for parameter in self.parameters), strict=True)
             if self.parameters
@@ -127,29 +145,29 @@ class ForwardModel:
 
     @property
     def scale_index(self) -> int | None:
-        """Which parameter multiplies the force, if one does."""
+        """Index of the parameter that multiplies the force; None if there is none."""
         return next(
             (k for k, parameter in enumerate(self.parameters) if parameter.role == "scale"), None
         )
 
     @property
     def is_time_dependent(self) -> bool:
-        """Whether the force depends on time."""
+        """True if the force depends on time."""
         return self.path_forces is not None or relaxation_of(self.config) is not None
 
     @property
     def effects(self) -> set[str]:
-        """What it has that another model may add: adhesion, relaxation."""
+        """The effects of this model that an alternative model might add: adhesion, relaxation."""
         has_effect = {"adhesion": self.has_adhesion, "relaxation": self.is_time_dependent}
         return {name for name, is_present in has_effect.items() if is_present}
 
     @property
     def relative_error(self) -> float:
-        """Relative error bar of the force, from its mesh."""
+        """Relative discretisation error of the force."""
         return self.elastic_curves.scene_curve.relative_error
 
     def __call__(self, theta: np.ndarray, x: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
-        """Forces [force] at ways x [length] (n,) and times t (n,), in order of time."""
+        """Return the forces (n,) at displacements x (n,) and times t (n,) in increasing order."""
         settings = self._experiment_settings(theta)
         if self.is_time_dependent and t is None:
             raise ValueError("a scene that relaxes needs times")
@@ -168,7 +186,7 @@ class ForwardModel:
         return np.where(x > 0, np.interp(x, depths + settings.compliance * force, force), 0.0)
 
     def force_without_spring(self, theta: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-        """The forces over the depth, without spring and relaxation: where a fit begins."""
+        """Return the force over depth without spring and relaxation, for an initial guess."""
         settings = self._experiment_settings(theta)
         path_forces = self.path_forces
         if path_forces is not None:
@@ -186,7 +204,7 @@ class ForwardModel:
     def _elastic_force(
         self, load_curve: ElasticLoadCurve, settings: ExperimentSettings, delta: np.ndarray
     ) -> np.ndarray:
-        """The elastic force at depths: the scene's, times another power of the depth."""
+        """Return the elastic force at depths, with the additional power of the depth."""
         force = settings.scale * load_curve.force(delta)
         return (
             force
@@ -202,7 +220,7 @@ class ForwardModel:
         x: np.ndarray,
         t: np.ndarray,
     ) -> np.ndarray:
-        """The force of a body with a memory."""
+        """Return the force of a path-dependent body."""
         if not (x > 0).any():
             return np.zeros(len(x))
         exponent = path_forces.exponent + settings.extra_exponent
@@ -215,15 +233,17 @@ class ForwardModel:
         if not settings.compliance:
             return force_factor * positive_x**exponent  # type: ignore[no-any-return]
 
-        def pushed(delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        def force_and_stiffness(delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             force = force_factor * np.maximum(delta, 0.0) ** exponent
             return force, exponent * force / np.maximum(delta, MIN_RELATIVE_DEPTH * self.max_depth)
 
-        return self._solve_spring_balance(positive_x, settings.compliance, pushed)
+        return self._solve_spring_balance(positive_x, settings.compliance, force_and_stiffness)
 
     def time_step_error(self, theta: np.ndarray, x: np.ndarray, t: np.ndarray | None) -> np.ndarray:
-        """What the force of a body with a memory lacks of one solved by itself, in shorter steps
-        (n,); else nothing.
+        """Return the error (n,) of a path-dependent force by time steps and interpolation.
+
+        It is the difference of a run at these parameters with half the step; zeros for other
+        bodies.
         """
         path_forces = self.path_forces
         settings = self._experiment_settings(theta)
@@ -279,8 +299,9 @@ class ForwardModel:
         )
 
     def add_free_exponent(self, pivot_depth: float) -> ForwardModel:
-        """The same scene whose force rises with a free power of the depth beside its own, as under
-        another tip; at the depth `pivot_depth` [length] the force is the scene's.
+        """Return the model with the force multiplied by a free power of delta/pivot_depth.
+
+        It stands for a tip of another shape; at pivot_depth [length] the force is the scene's.
         """
         model = copy.copy(self)
         model.parameters = (
@@ -294,8 +315,11 @@ class ForwardModel:
     def _adhesive_force(
         self, load_curve: ElasticLoadCurve, settings: ExperimentSettings, x: np.ndarray
     ) -> np.ndarray:
-        """JKR's stable branch by the contact radius, from first touch at x = 0 until the tip comes
-        off.
+        """Return the force of the stable JKR branch, from first contact (x = 0) until pull-off.
+
+        The branch has the contact radius a as parameter: delta = delta_1 - q and F = F_1 - K q with
+        q^2 = 4 pi a w / K', where delta_1 and F_1 hold without adhesion, K(a) is the stiffness of a
+        flat punch, K' its derivative and w the work of adhesion (Johnson 1985, sec. 5.5).
         """
         assert load_curve.punch_coefficients is not None
         log_min_radius = math.log(MIN_RADIUS_FRACTION)
@@ -332,18 +356,18 @@ class ForwardModel:
         x: np.ndarray,
         relaxation: Callable[[np.ndarray], np.ndarray],
     ) -> np.ndarray:
-        """The force of a relaxing body."""
+        """Return the force of a relaxing body, behind a spring if there is one."""
         h = 1e-6 * self.max_depth
         if not settings.compliance:
             return relaxation(self._elastic_force(load_curve, settings, x))
 
-        def pushed(delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        def force_and_stiffness(delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             elastic = self._elastic_force(load_curve, settings, delta)
             return relaxation(elastic), (
                 self._elastic_force(load_curve, settings, delta + h) - elastic
             ) / h
 
-        return self._solve_spring_balance(x, settings.compliance, pushed)
+        return self._solve_spring_balance(x, settings.compliance, force_and_stiffness)
 
     def _solve_spring_balance(
         self,
@@ -351,9 +375,9 @@ class ForwardModel:
         compliance: float,
         force_and_stiffness: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
     ) -> np.ndarray:
-        """Forces at ways of a base (n,) behind a spring, by rounds of Newton's kind.
+        """Return the forces at displacements x (n,) of a base behind a spring, by Newton's method.
 
-        pushed: force and stiffness at depths, every time by itself.
+        force_and_stiffness: force and its derivative at depths, where every time is independent.
         """
         delta = x.copy()
         for _ in range(MAX_SPRING_ITERATIONS):
@@ -371,17 +395,17 @@ def _build_path_forces(
     measured_path: MeasuredPath | None,
     load_curve: ElasticLoadCurve,
 ) -> MeasuredPathForces:
-    """The table along a way, with the exponent of the elastic force at its deepest."""
+    """Return the force factors along a path, with the exponent of the elastic force at its end."""
     if config.experiment and config.experiment.adhesion:
         raise ConfigError(
             "experiment.adhesion",
-            "a fit does not follow a tip that adheres in time",
+            "a fit cannot combine adhesion with a time-dependent material",
             "leave it out",
         )
     if measured_path is None:
         raise ConfigError(
             "loading",
-            "matter that drains, or relaxes in shear, needs a way in time",
+            "a poroelastic material, or one that relaxes in shear, needs a load path in time",
             "give a history",
         )
     lower_force, upper_force = load_curve.force(np.array([0.95, 1.05]) * measured_path.max_depth)
@@ -394,7 +418,7 @@ def _build_path_forces(
 
 
 def _bound_height(parameter: Parameter, contact_radius: float) -> Parameter:
-    """A height between those that are worth solving, for a contact of this radius [length]."""
+    """Return a height with bounds in contact radii [length]; other parameters unchanged."""
     if parameter.key.rpartition(".")[2] not in ("height", "thickness"):
         return parameter
     thinnest = MIN_HEIGHT_RADII * contact_radius
@@ -406,9 +430,7 @@ def _bound_height(parameter: Parameter, contact_radius: float) -> Parameter:
 def relaxation_of(
     config: Config, values: Mapping[str, float] | None = None
 ) -> RelaxationOperator | None:
-    """The relaxation of a scene, with other numbers at some of its keys; None where it does not
-    relax.
-    """
+    """Return the relaxation of a scene, with other numbers at some keys; None if it has none."""
     law = next((law.relaxation for _, law in config.materials() if law.relaxation), None)
     if law is None:
         return None
@@ -421,27 +443,26 @@ def relaxation_of(
         return relaxation_modulus(
             replace(law, power_law=replace(power_law, **changed))
         ).force_relaxation
-    indexed_terms = enumerate(law.prony or ())
     terms = tuple(
         tuple(numbers.get(("prony", k, i), value) for i, value in enumerate(term))
-        for k, term in indexed_terms
+        for k, term in enumerate(law.prony or ())
     )
     return relaxation_modulus(replace(law, prony=terms)).force_relaxation
 
 
 def is_time_dependent(config: Config) -> bool:
-    """Whether the force of a scene depends on time."""
+    """Return True if the force of a scene depends on time."""
     return needs_time_stepping(config) or relaxation_of(config) is not None
 
 
 def _relaxation_subkey(key: str) -> tuple[str | int, ...]:
-    """What of a key lies inside the relaxation of a material, which is the same in all of them."""
+    """Return the part of a key inside the relaxation, which all materials share."""
     path = key_path(key)
     return tuple(path[path.index("relaxation") + 1 :])
 
 
 class ForwardModelCache:
-    """The forces of scenes to some depths, made once for all curves that share them."""
+    """Cache of forward models, which curves of similar depth share."""
 
     def __init__(self) -> None:
         self._models: dict[
@@ -455,8 +476,14 @@ class ForwardModelCache:
         max_depth: float,
         measured_path: MeasuredPath | None = None,
     ) -> ForwardModel:
-        """The forces of a scene; NoTable where it does not exist at this depth, ConfigError where
-        at none.
+        """Return the forward model of a scene.
+
+        Raises
+        ------
+        ForwardModelUnavailable
+            The scene has no solution at this depth.
+        ConfigError
+            The scene is not valid at any depth.
         """
         cache_key = to_yaml(config), keys, max_depth, measured_path
         if cache_key not in self._models:
@@ -474,14 +501,15 @@ def _build_forward_model(
     try:
         return ForwardModel(config, keys, max_depth, measured_path)
     except ConfigError as error:
-        plan_elastic_run(config, _scene_depth(config))  # wrong whatever the depth
+        # A scene that is not valid at its own depth either is an error of the scene.
+        plan_elastic_run(config, _scene_depth(config))
         raise ForwardModelUnavailable(
-            f"deeper than the scene is made for, {max_depth:.4g}: {error.problem}"
+            f"the scene is not valid at a depth of {max_depth:.4g}: {error.problem}"
         ) from error
 
 
 def _scene_depth(config: Config) -> float:
-    """A depth at which the scene itself must exist."""
+    """Return a depth at which the scene itself must be valid."""
     loading = config.loading
     return loading.delta or max(loading.deltas or (0.0,)) or 1e-3 * _characteristic_length(config)
 

@@ -1,12 +1,11 @@
-"""History table: the force of a body that drains, or whose shear relaxes, along the way of one
-measured curve.
+"""Force of a path-dependent body (poroelastic, relaxing in shear) along a measured load path.
 
     F(x, t) = scale G(t) x^p,   G = F_run/delta_run^p
 
-The scene is run along the way of the tip as it was measured, at the nodes of a lattice of its
-parameters; x is the depth and t the time from first touch on, p the exponent of the elastic force
-at the deepest. Where a fit moves first touch by little, depth enters by the power alone; where by
-more, the way is another, and so is the table.
+The scene is run along the measured path of the tip at the nodes of a parameter grid; x is the
+depth, t the time from first contact, and p the exponent of the elastic force at the largest depth.
+A fit that moves the contact point slightly changes x alone; a larger change needs a new path and
+new runs.
 """
 
 from __future__ import annotations
@@ -30,29 +29,28 @@ from indent_sim.process.errors import ConfigError
 from indent_sim.run.pipeline import states
 from indent_sim.run.planned_run import PlannedRun
 
-CORNER_TOLERANCE = 0.003  # of the deepest: by as much a measured way may miss its corners
-MIN_DEPTH_FRACTION = (
-    0.05  # of the deepest: contacts of few elements, whose G is taken from deeper ones
-)
-# times in every piece of a way, from so much of its length on
+CORNER_TOLERANCE = 0.003  # deviation of the path from its samples, relative to the largest depth
+# Shallower contacts have too few elements, so that G is taken from the first deeper one; the
+# fraction is relative to the largest depth.
+MIN_DEPTH_FRACTION = 0.05
+# Times in each segment of a path, and the first of them as a fraction of its duration.
 TIMES_PER_SEGMENT = 40
 FIRST_TIME_FRACTION = 1e-4
-STEP_REFINEMENT = 2  # times shorter steps, by which those of a table are judged
-# of the lattice: 3e-4 of the force of a draining layer
+STEP_REFINEMENT = 2  # the time step error is estimated with steps shorter by this factor
+# Nodes and steps of the parameter grid; the interpolation error is 3e-4 of the force of a
+# poroelastic layer.
 HISTORY_GRID_NODES = 4
 HISTORY_LOG_STEP = 0.4
 HISTORY_LINEAR_STEP = 0.05
-MAX_DRAINED_NU = 0.45  # of a body that drains, whose diffusivity loses its sense at 0.5
+MAX_DRAINED_NU = 0.45  # upper bound: the diffusivity of a poroelastic body is undefined at 0.5
 
 
 def needs_time_stepping(config: Config) -> bool:
-    """Whether the force depends on the way in time so that it has to be run along it; ConfigError
-    for a gel.
-    """
+    """Return True if the scene must be run along its path in time; ConfigError for a gel."""
     for key, law in config.materials():
         if law.model == "gel":
             raise ConfigError(
-                f"{key}.model", "a fit does not follow a gel that swells", "fit a body that drains"
+                f"{key}.model", "a swelling gel cannot be fitted", "fit a poroelastic material"
             )
     return any(
         law.flow or (law.relaxation and law.relaxation.of != "all") for _, law in config.materials()
@@ -61,9 +59,7 @@ def needs_time_stepping(config: Config) -> bool:
 
 @dataclass(frozen=True)
 class MeasuredPath:
-    """The way of the tip from first touch on: corners (t [s], delta [length]), straight between
-    them.
-    """
+    """Path of the tip from first contact: corners (t [s], delta [length]), linear in between."""
 
     corners: tuple[tuple[float, float], ...]
 
@@ -74,9 +70,7 @@ class MeasuredPath:
 
     @property
     def times(self) -> np.ndarray:
-        """Times (n,) at which a smooth force is known well by its values: graded after every
-        corner.
-        """
+        """Times (n,) at which a force is sampled: geometrically graded after each corner."""
         t = np.unique([t for t, _ in self.corners])
         fractions = np.geomspace(FIRST_TIME_FRACTION, 1.0, TIMES_PER_SEGMENT)
         return np.unique(
@@ -87,22 +81,35 @@ class MeasuredPath:
 
 
 def simplify_path(t: np.ndarray, delta: np.ndarray, tolerance: float = 0.0) -> MeasuredPath:
-    """The way through samples at times (n,) and depths (n,), of which those before first touch are
-    < 0.
+    """Return the load path through samples at times t (n,) and depths delta (n,).
 
-    Its corners are those of Douglas and Peucker that miss no sample by 0.3 % of the deepest, or by
-    `tolerance` [length]. NoTable without depth.
+    The corners are found by the algorithm of Douglas and Peucker (1973).
+
+    Parameters
+    ----------
+    delta
+        Depths, < 0 before first contact.
+    tolerance
+        The path deviates from a sample by at most this [length], or by `CORNER_TOLERANCE` of the
+        largest depth if that is larger.
+
+    Raises
+    ------
+    ForwardModelUnavailable
+        No sample is in contact.
     """
     first_index = int(np.argmax(delta > 0))
     if not delta[first_index] > 0 or first_index == len(t) - 1:
-        raise ForwardModelUnavailable("the curve has no way in contact")
+        raise ForwardModelUnavailable("no part of the curve is in contact")
     t = t[first_index:] - first_contact_time(t, delta)
     delta = np.maximum(delta[first_index:], 0.0)
-    start_corners = [
-        (0.0, 0.0),
-        *([(0.0, float(delta[0]))] if t[0] <= 0 else []),
-    ]  # held from its first sample on: a jump
-    t, delta = (t, delta) if t[0] <= 0 else (np.append(0.0, t), np.append(0.0, delta))
+    start_corners = [(0.0, 0.0)]
+    if t[0] <= 0:
+        # The curve is in contact from its first sample: the depth jumps there.
+        start_corners.append((0.0, float(delta[0])))
+    else:
+        t = np.append(0.0, t)
+        delta = np.append(0.0, delta)
     kept_indices = {0, len(t) - 1}
     open_segments = [(0, len(t) - 1)]
     while open_segments:
@@ -117,21 +124,20 @@ def simplify_path(t: np.ndarray, delta: np.ndarray, tolerance: float = 0.0) -> M
 
 
 def first_contact_time(t: np.ndarray, delta: np.ndarray) -> float:
-    """The time of first touch: between the samples at which the depth becomes > 0; of the first
-    where it is.
-    """
+    """Return the time of first contact, interpolated between the samples around it."""
     first_index = int(np.argmax(delta > 0))
     if first_index == 0:
         return float(t[0])
-    (t_0, t_1) = t[first_index - 1 : first_index + 1]
-    (below, above) = delta[first_index - 1 : first_index + 1]
+    t_0, t_1 = t[first_index - 1 : first_index + 1]
+    below, above = delta[first_index - 1 : first_index + 1]
     return float(t_0 + (t_1 - t_0) * -below / (above - below))
 
 
 class MeasuredPathForces:
-    """G(t) of a scene along a way, over its shape parameters.
+    """Force factor G(t) of a scene along a path, as a function of its shape parameters.
 
-    power: the exponent p of the depth. NoTable where the scene has no solution along the way.
+    exponent: exponent p of the depth. Raises ForwardModelUnavailable if the scene has no solution
+    along the path.
     """
 
     def __init__(
@@ -156,8 +162,9 @@ class MeasuredPathForces:
         )
 
     def force_factor(self, theta: Sequence[float], t: np.ndarray) -> np.ndarray:
-        """G [force/length^p] at times (n,) after first touch, at coordinates of the shape
-        parameters.
+        """Return G [force/length^p] at times (n,) after first contact.
+
+        theta: coordinates of the shape parameters.
         """
         times = self.path.times
         return _interpolate_monotonically(
@@ -165,8 +172,10 @@ class MeasuredPathForces:
         )
 
     def time_step_error(self, scene: Config, theta: Sequence[float], t: np.ndarray) -> np.ndarray:
-        """What G lacks of a run of the scene, which has these coordinates, in steps of half the
-        length.
+        """Return the difference of G (n,) between a run with half the time step and the table.
+
+        It estimates the error of time discretisation and interpolation; theta are the coordinates
+        of the scene.
         """
         times = self.path.times
         difference = _force_factors(
@@ -176,7 +185,7 @@ class MeasuredPathForces:
 
     @property
     def peak_force_factor(self) -> float:
-        """G of the scene as it stands where the way is first at its deepest."""
+        """Factor G of the unchanged scene when the path first reaches its largest depth."""
         t = next(
             t
             for t, delta in self.path.corners
@@ -186,7 +195,7 @@ class MeasuredPathForces:
 
 
 def _coarsen_grid_step(parameter: Parameter) -> Parameter:
-    """A parameter on the lattice of runs."""
+    """Return a parameter with the larger grid step of time-dependent runs."""
     if not parameter.is_linear:
         return replace(parameter, grid_step=HISTORY_LOG_STEP)
     return replace(
@@ -197,7 +206,7 @@ def _coarsen_grid_step(parameter: Parameter) -> Parameter:
 def _force_factors(
     config: Config, path: MeasuredPath, exponent: float, step_refinement: int = 1
 ) -> np.ndarray:
-    """G at the way's times, of a run in steps that are so many times shorter."""
+    """Return G at the times of the path, from a run with shorter steps by a factor."""
     document: dict[str, Any] = to_mapping(config)
     document.pop("experiment", None)
     document["loading"] = {"history": [list(corner) for corner in path.corners]}
@@ -211,11 +220,12 @@ def _force_factors(
         raise ForwardModelUnavailable(str(error)) from error
     if not rows or not rows[-1].converged:
         raise ForwardModelUnavailable(
-            f"the measured way was not followed: {rows[-1].reason if rows else 'no row'}"
+            f"the run along the measured path failed: {rows[-1].reason if rows else 'no row'}"
         )
     t, delta, force = np.array([(row.t, row.delta, row.force) for row in rows], dtype=float).T
     is_used = delta > MIN_DEPTH_FRACTION * path.max_depth
-    is_used[:-1] &= np.diff(t) > 0  # of a jump the row after it
+    # At a jump two rows have the same time; only the second one is used.
+    is_used[:-1] &= np.diff(t) > 0
     times = path.times
     return _interpolate_monotonically(
         t[is_used],
@@ -225,9 +235,8 @@ def _force_factors(
 
 
 def _interpolate_monotonically(t: np.ndarray, values: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Between points by cubics without overshoot."""
-    from scipy.interpolate import (
-        PchipInterpolator,
-    )  # a tenth of a second to import, which other fits need not spend
+    """Return values at points by piecewise cubic interpolation without overshoot (PCHIP)."""
+    # This import takes 0.1 s, which elastic fits need not spend.
+    from scipy.interpolate import PchipInterpolator
 
     return PchipInterpolator(t, values)(points)  # type: ignore[no-any-return]

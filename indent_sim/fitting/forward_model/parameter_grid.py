@@ -1,7 +1,7 @@
-"""Lattice: numbers of a scene between values of its parameters, solved where they are asked for and
-kept.
+"""Grid of parameters: arrays that depend on a scene are solved at nodes and interpolated.
 
-Between its nodes they are interpolated by polynomials, of degree five through six nodes.
+Nodes are solved when they are first needed, and kept. Lagrange polynomials interpolate between them
+along every parameter.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from indent_sim.config.schema import Config
 from indent_sim.fitting.forward_model.parameters import Parameter, replace_numbers
 from indent_sim.process.errors import IndentSimError
 
-# What numpy and theory raise where numbers come to nothing
+# NumPy and the theories raise these errors for parameters without a solution.
 NUMERICAL_ERRORS = (ArithmeticError, ValueError, np.linalg.LinAlgError)
 
 
 class ForwardModelUnavailable(Exception):
-    """A scene that has no solution at these parameters; the message says why."""
+    """Scene without a solution at these parameters; the message gives the reason."""
 
 
 class ParameterGrid:
-    """What `solve` makes of a scene, an array (m,), over parameters that it varies.
+    """Array (m,) that `solve` computes from a scene, as a function of parameters of the scene.
 
-    first: that of the scene as it stands; nodes: along every parameter, between which polynomials
-    run.
+    scene_values: the array of the unchanged scene; node_count: nodes of the interpolation along
+    each parameter.
     """
 
     def __init__(
@@ -47,7 +47,13 @@ class ParameterGrid:
         self._node_values: dict[tuple[int, ...], np.ndarray | None] = {}
 
     def interpolate(self, theta: Sequence[float]) -> np.ndarray:
-        """The array at coordinates of the parameters; NoTable where the scene has none."""
+        """Return the array at coordinates of the parameters.
+
+        Raises
+        ------
+        ForwardModelUnavailable
+            The scene has no solution there.
+        """
         if not self.shape_parameters:
             return self.scene_values
         axis_nodes = [self._interpolation_nodes(axis, value) for axis, value in enumerate(theta)]
@@ -62,7 +68,7 @@ class ParameterGrid:
         return total
 
     def _interpolation_nodes(self, axis: int, value: float) -> tuple[list[int], list[float]]:
-        """Nodes around a value along one axis, those that exist, and Lagrange's weights."""
+        """Return the solvable nodes around a value along one axis, and their Lagrange weights."""
         parameter = self.shape_parameters[axis]
         count = self._node_count
         low, high = parameter.bounds
@@ -77,9 +83,8 @@ class ParameterGrid:
         first_node = min(
             max(math.floor(position) - count // 2 + 1, lowest_node), highest_node - count + 1
         )
-        for shift in sorted(
-            range(-count, count + 1), key=abs
-        ):  # beside what does not exist, all on one side
+        # Beside values without a solution, the nodes are shifted to one side.
+        for shift in sorted(range(-count, count + 1), key=abs):
             nodes = list(range(first_node + shift, first_node + shift + count))
             if nodes[0] >= lowest_node and nodes[-1] <= highest_node and self._has_solutions(nodes):
                 break
@@ -91,8 +96,9 @@ class ParameterGrid:
         return nodes, weights
 
     def _has_solutions(self, nodes: Sequence[int]) -> bool:
-        """Whether all nodes along the only parameter exist; of several it is found when they are
-        solved.
+        """Return True if all nodes along the only parameter have a solution.
+
+        With several parameters this is found only when the nodes are solved.
         """
         return len(self.shape_parameters) > 1 or all(
             self._values_at_node((k,)) is not None for k in nodes

@@ -1,6 +1,4 @@
-"""Parameters of a fit: keys of the scene that vary, what each of them does to the curve, and within
-which bounds.
-"""
+"""Parameters of a fit: varied keys of the scene, their effect on the force, and their bounds."""
 
 from __future__ import annotations
 
@@ -16,33 +14,26 @@ from indent_sim.config.strict_yaml import key_path
 from indent_sim.process.errors import ConfigError
 
 Role = Literal["scale", "shape", "work", "relaxation", "spring", "power"]
-# of the depth beside the scene's own, no key of it; its range
+# An alternative model multiplies the force by a free power of the depth: its name and range.
 FREE_EXPONENT_KEY = "exponent"
 EXPONENT_BOUNDS = (-1.0, 1.0)
-MEASURABLE_SECTIONS = (
-    "body",
-    "material",
-    "indenter",
-    "contact",
-    "experiment",
-)  # sections of what a curve may tell
+MEASURABLE_SECTIONS = ("body", "material", "indenter", "contact", "experiment")
 ADHESION_WORK_KEY = "experiment.adhesion.work"
 SPRING_KEYS = ("experiment.cantilever.stiffness", "experiment.frame.compliance")
 MAX_NU = 0.5
 MAX_FRACTION = 0.999
-MIN_HEIGHT_DEPTHS = 1.15  # depths: a thinner body is pressed through
-# of the lattice on which scenes are solved
-LOG_STEP = 0.2
-LINEAR_STEP = 0.02
+MIN_HEIGHT_DEPTHS = 1.15  # lower bound of a height in depths: the tip must not reach the base
+LOG_STEP = 0.2  # grid step of the logarithm of a positive parameter
+LINEAR_STEP = 0.02  # grid step of a Poisson's ratio
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One key that varies: theta = ln value of a positive number, the value itself of a Poisson
-    ratio.
+    """Varied key with the coordinate theta of the fit.
 
-    role: scale multiplies the force; shape asks for another solution; the others are the
-    experiment's. step: of the lattice of solutions, in theta.
+    theta is the logarithm of a positive number, or the value itself of a Poisson's ratio
+    (is_linear). role: "scale" multiplies the force, "shape" needs another solution of the scene,
+    the others belong to the experiment. grid_step: distance of solved scenes in theta.
     """
 
     key: str
@@ -54,16 +45,16 @@ class Parameter:
     grid_step: float = LOG_STEP
 
     def theta(self, value: float) -> float:
-        """The coordinate of a value in which the fit works."""
+        """Return the coordinate of a value."""
         return value if self.is_linear else math.log(value)
 
     def value(self, theta: float) -> float:
-        """The value of a coordinate."""
+        """Return the value at a coordinate."""
         return theta if self.is_linear else math.exp(min(max(theta, -700.0), 700.0))
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """The coordinates between which the value may lie."""
+        """The lower and upper bound of the coordinate."""
         limits = (self.low, self.high)
         return limits if self.is_linear else tuple(map(_log_or_infinity, limits))  # type: ignore[return-value]
 
@@ -73,10 +64,17 @@ def _log_or_infinity(value: float) -> float:
 
 
 def parameters_of(config: Config, keys: Sequence[str], max_depth: float) -> tuple[Parameter, ...]:
-    """The parameters of some keys; ConfigError for one that is no number of the scene, or that is
-    named twice.
+    """Return the parameters of some keys.
 
-    deepest: the largest depth [length] of the fit, of which a body must have more.
+    Parameters
+    ----------
+    max_depth
+        Largest depth of the fit [length]; bodies must be thicker.
+
+    Raises
+    ------
+    ConfigError
+        A key is not a number of the scene, or is given twice.
     """
     for key in keys:
         if list(keys).count(key) > 1:
@@ -117,13 +115,11 @@ def _make_parameter(config: Config, key: str, max_depth: float) -> Parameter:
 
 
 def number_at(config: Config, key: str) -> float:
-    """The number at a key of the scene; ConfigError where there is none, or none that a curve tells
-    of.
-    """
+    """Return the number at a key; ConfigError if a curve cannot tell it."""
     if str(next(iter(key_path(key)), "")) not in MEASURABLE_SECTIONS:
         raise ConfigError(
             key,
-            "is nothing that a curve tells of",
+            "cannot be found from a measured curve",
             f"--vary names a key of {', '.join(MEASURABLE_SECTIONS)}",
         )
     section: Any = to_mapping(config)
@@ -132,14 +128,18 @@ def number_at(config: Config, key: str) -> float:
             section = section[part]
         except (KeyError, IndexError, TypeError):
             raise ConfigError(
-                key, "is no number of the scene", f"--vary names one; --set {key}=... adds it"
+                key,
+                "is not a number of the scene",
+                f"--vary needs a number of the scene; add it by --set {key}=...",
             ) from None
     if isinstance(section, bool) or not isinstance(section, int | float):
-        raise ConfigError(key, f"is {section!r}, no number", "--vary names a number of the scene")
+        raise ConfigError(
+            key, f"is {section!r}, not a number", "--vary needs a number of the scene"
+        )
     return float(section)
 
 
 def replace_numbers(config: Config, values: Mapping[str, Any]) -> Config:
-    """The scene with other values at some keys; ConfigError where there is no such scene."""
+    """Return the scene with other values at some keys; ConfigError if it is not a valid scene."""
     settings = [(key, value, ("--vary", None)) for key, value in values.items()]
     return config_with_settings(to_mapping(config), config.source, settings)

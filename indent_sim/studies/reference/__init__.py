@@ -1,1 +1,1 @@
-"""What the runs of a study are held to: theory, a finer run, a value that somebody published."""
+"""References of a study: theory, its finest run, a result, or published values."""

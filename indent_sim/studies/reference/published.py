@@ -1,6 +1,4 @@
-"""Published values: what a source states of a scene, what it claims of that, and how the exact
-value is known.
-"""
+"""Published values: what a source states about a scene, and how the exact value is known."""
 
 from __future__ import annotations
 
@@ -17,7 +15,7 @@ from indent_sim.results.reader import RESULT_COLUMNS
 CLAIMS = ("exact", "fit", "elements")
 PULL_OFF = "pull_off"
 QUANTITIES = (*RESULT_COLUMNS, PULL_OFF)
-ROW_KEYS = ("delta", "t", "step")  # what a row is named by
+ROW_KEYS = ("delta", "t", "step")  # one of these columns identifies the row of a value
 PUBLISHED_KEYS = ("quantity", "at", "value", "claims", "within", "source")
 REQUIRED_KEYS = ("quantity", "value", "claims", "source")
 EXACT_KEYS = ("value", "case", "by")
@@ -25,11 +23,11 @@ EXACT_KEYS = ("value", "case", "by")
 
 @dataclass(frozen=True)
 class PublishedValue:
-    """A value [user's units] that a source states of a row of a scene.
+    """Published value of one row of a scene, in the user's units.
 
-    at: what names the row, (delta | t | step, number), None for the last; claims: what the source
-    says that it is, and within: how far off the exact value, relative, it may be by its own
-    account; None where the source says nothing of that, and its value is not judged.
+    row_key: column (delta, t or step) and number of the row, None for the last row; claimed_kind:
+    what the source says the value is; claimed_error: relative error that the source itself allows,
+    None if it does not say: then the value is compared but not judged.
     """
 
     quantity: str
@@ -42,8 +40,9 @@ class PublishedValue:
 
 @dataclass(frozen=True)
 class ExactValue:
-    """How the exact value is known where theory does not: a number, or the run of another case;
-    `by` in words.
+    """Exact value where no theory gives it: a number, or the case whose run computes it.
+
+    method: the second method in words.
     """
 
     method: str
@@ -52,16 +51,16 @@ class ExactValue:
 
 
 def read_published(raw_section: Any, keys: KeyPath) -> PublishedValue:
-    """The section `published` of a case; ConfigError, without its place, for anything wrong in it."""
+    """Return the section `published` of a case; its ConfigError has no file and line."""
     section = _check_section(raw_section, keys, PUBLISHED_KEYS, REQUIRED_KEYS)
     quantity = section["quantity"]
     claims = section["claims"]
     if quantity not in QUANTITIES:
         closest_name = closest_match(str(quantity), QUANTITIES)
         problem = (
-            f"is no number of a result, did you mean '{closest_name}'?"
+            f"is not a column of a result, did you mean '{closest_name}'?"
             if closest_name
-            else "is no number of a result"
+            else "is not a column of a result"
         )
         raise _config_error(
             (*keys, "quantity"), problem, f"force, a, p_max, {PULL_OFF}, E_hertz or another column"
@@ -70,17 +69,17 @@ def read_published(raw_section: Any, keys: KeyPath) -> PublishedValue:
         raise _config_error(
             (*keys, "claims"),
             "is none of exact, fit, elements",
-            "what the source says that its value is",
+            "say what kind of value the source gives",
         )
     claimed_error = (
         _read_number(section, "within", keys) if section.get("within") is not None else None
     )
     if claimed_error is not None and not 0 < claimed_error < 1:
         raise _config_error(
-            (*keys, "within"), "must be between 0 and 1", "0.01: the source claims 1 %"
+            (*keys, "within"), "must be between 0 and 1", "0.01 if the source claims 1 %"
         )
     if not _read_number(section, "value", keys):
-        raise _config_error((*keys, "value"), "must not be 0", "differences are parts of it")
+        raise _config_error((*keys, "value"), "must not be 0", "differences are relative to it")
     source = _read_text(section, "source", keys)
     return PublishedValue(
         quantity,
@@ -93,17 +92,17 @@ def read_published(raw_section: Any, keys: KeyPath) -> PublishedValue:
 
 
 def read_exact(raw_section: Any, keys: KeyPath) -> ExactValue:
-    """The section `exact` of a case; ConfigError, without its place, for anything wrong in it."""
+    """Return the section `exact` of a case; its ConfigError has no file and line."""
     section = _check_section(raw_section, keys, EXACT_KEYS, ("by",))
     if ("value" in section) == ("case" in section):
         raise _config_error(
             keys,
             "must have one of value and case",
-            "a number, or the name of a case that is run beside",
+            "give a number, or the name of a case of this study",
         )
     value = _read_number(section, "value", keys) if "value" in section else None
     if value == 0:
-        raise _config_error((*keys, "value"), "must not be 0", "differences are parts of it")
+        raise _config_error((*keys, "value"), "must not be 0", "differences are relative to it")
     return ExactValue(
         _read_text(section, "by", keys),
         value,

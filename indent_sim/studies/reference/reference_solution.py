@@ -1,4 +1,4 @@
-"""References of a study: theory, its finest run, a number, or another result."""
+"""Reference solution of a study: theory, its finest run, a force, or another result."""
 
 from __future__ import annotations
 
@@ -20,25 +20,24 @@ from indent_sim.studies.cases import Case
 from indent_sim.studies.study_file import StudyFile
 
 DEPTH_TOLERANCE = 1e-9  # relative
-MAX_DEPTHS = 200  # at which theory is asked
-DEPTH_FACTOR = 1.3  # times an expected depth the one found may be
-PEAK_RADII = 200  # at which theory's pressure is looked at for its peak
+MAX_DEPTHS = 200  # theory is evaluated at no more depths than these
+DEPTH_FACTOR = 1.3  # the depth of a prescribed force differs from its prediction by less than this
+PEAK_RADII = 200  # the pressure of theory is sampled at so many radii to find its peak
 NO_COMPARISON_NOTE = (
-    "every run asks a question of its own and is compared with no other; curves.csv "
-    "and curves.png have the curves"
+    "every run solves another problem, so that no run is compared with another; curves.csv and "
+    "curves.png have the curves"
 )
-APPROACH_NOTE = "of the history that is compared with, the rows of its approach count"
+APPROACH_NOTE = "the reference is a time history: runs are compared with the rows of its approach"
 NAN = math.nan
 
 
 @dataclass(frozen=True)
 class ReferenceCurve:
-    """Force, contact radius and peak pressure at given depths, in the user's units; NaN where
-    unknown.
+    """Force, contact radius and peak pressure over depth, in the user's units; NaN if unknown.
 
-    `between`: the depths asked for are found, not prescribed, and lie near those known rather than
-    on them. `measured`: they are those of a measured curve, between any two of which it is
-    straight.
+    is_interpolated: the run is force controlled. Its depths result from the solution and differ
+    slightly from those of the reference, so that power laws interpolate between the points.
+    is_measured: the points are a measured curve, which is interpolated linearly.
     """
 
     delta: np.ndarray
@@ -49,9 +48,7 @@ class ReferenceCurve:
     is_measured: bool = field(default=False, kw_only=True)
 
     def interpolate(self, delta: float) -> tuple[float, float, float]:
-        """(force, a, p_max) at a depth, if need be by power laws between those known; NaN when it
-        is not known.
-        """
+        """Return (force, a, p_max) at a depth, interpolated by power laws if allowed, else NaN."""
         columns = self.force, self.a, self.p_max
         if self.is_measured:
             return tuple(
@@ -68,9 +65,7 @@ class ReferenceCurve:
 
 
 def _interpolate_power_law(x: float, known_x: np.ndarray, values: np.ndarray) -> float:
-    """The value at x of the power law through the two nearest of the known points; NaN where there
-    are no two.
-    """
+    """Return the value at x of the power law through the two nearest positive points, or NaN."""
     nearest = [i for i in np.argsort(np.abs(known_x - x)) if known_x[i] > 0 and values[i] > 0]
     second_index = next(
         (
@@ -89,25 +84,25 @@ def _interpolate_power_law(x: float, known_x: np.ndarray, values: np.ndarray) ->
 
 
 class ReferenceSolution:
-    """The answer that belongs to each case; `name` says what it is, `notes` what to know about it."""
+    """Reference of each case of a study.
+
+    name: the reference in words; notes: what a reader of the comparison should know.
+    """
 
     def __init__(self, study: StudyFile, cases: Sequence[Case]):
         self.notes: tuple[str, ...] = ()
-        # cases ask a question each
         self._compare_to = study.compare_to
         self._has_named_cases = bool(study.named_cases)
         self._curves: dict[str, ReferenceCurve] = {}
         self._file_curve: ReferenceCurve | None = None
-        self._finest_cases: dict[
-            str, Case
-        ] = {}  # the run that answers each problem, where runs are compared with such
+        self._finest_cases: dict[str, Case] = {}  # finest run by problem
         location = study.compare_to_location
         if self._compare_to != "finest" and any(
             case.planned_run.scene.is_time_dependent for case in cases
         ):
             raise _config_error(
                 location,
-                "rows are compared by depth, and a history passes one several times",
+                "rows are compared by depth, but a time history passes a depth several times",
                 "leave it out",
             )
         if self._compare_to == "theory":
@@ -116,7 +111,7 @@ class ReferenceSolution:
             if any(case.planned_run.has_prescribed_forces for case in cases):
                 raise _config_error(
                     location,
-                    "forces are prescribed, and depths found",
+                    "one force is no reference for runs with prescribed forces",
                     "give theory, finest or a result",
                 )
         elif not isinstance(self._compare_to, str):
@@ -142,14 +137,15 @@ class ReferenceSolution:
                 )
             ]
             if uncovered_cases:
+                first_case = uncovered_cases[0]
                 raise _config_error(
                     location,
-                    f"has no depth {uncovered_cases[0].last_depth:g}, the last of {uncovered_cases[0].label}",
+                    f"has no depth {first_case.last_depth:g}, the last of {first_case.label}",
                 )
 
     @property
     def name(self) -> str:
-        """What is compared with, in words."""
+        """The reference in words."""
         if isinstance(self._compare_to, float):
             return f"{self._compare_to:g}"
         if len(self._finest_cases) == 1:
@@ -158,44 +154,44 @@ class ReferenceSolution:
 
     @property
     def reference_ids(self) -> set[str]:
-        """The runs, by id, that others are compared with."""
+        """Ids of the runs that others are compared with."""
         return {case.id for case in self._finest_cases.values()}
 
     def reference_name(self, case: Case) -> str | None:
-        """What a case is compared with: the id of a run, theory, a force or the name of a result;
-        None for nothing.
+        """Return the reference of a case: id of a run, "theory", a force, or the name of a result.
+
+        None if the case is compared with nothing.
         """
         if self._compare_to == "finest":
-            return (
-                self._finest_cases[case.problem_key].id
-                if case.problem_key in self._finest_cases
-                else None
-            )
+            finest_case = self._finest_cases.get(case.problem_key)
+            return finest_case.id if finest_case else None
         return self.name if self.reference_curve(case) else None
 
     def choose_finest_cases(
         self, cases: Sequence[Case], results_by_id: Mapping[str, Results]
     ) -> None:
-        """Where the finest run is the reference: choose it, for every problem the study asks about.
+        """Choose the finest run of every problem as its reference, if the study compares with it.
 
-        It has the most unknowns, and among such the least penetration: what a penalty lets sink in
-        is no answer.
+        The finest run has the most unknowns, and among equal meshes the smallest penetration, which
+        is an error of the penalty method.
         """
         if self._compare_to != "finest":
             return
         cases_by_problem: dict[str, list[Case]] = {}
-        comparable = (
+        comparable_cases = (
             case
             for case in cases
             if case.id in results_by_id and not case.planned_run.scene.is_time_dependent
-        )  # by depth
-        for case in sorted(comparable, key=lambda case: _resolution_order(case, results_by_id)):
-            cases_by_problem.setdefault(case.problem_key, []).append(case)  # the finest comes last
-        # none is its own answer
+        )
+        for case in sorted(
+            comparable_cases, key=lambda case: _resolution_order(case, results_by_id)
+        ):
+            cases_by_problem.setdefault(case.problem_key, []).append(case)
+        # Each list ends with its finest case. A single run has no reference.
         self._finest_cases = {
             problem: candidates[-1]
             for problem, candidates in cases_by_problem.items()
-            if len({finest_case.id for finest_case in candidates}) > 1
+            if len({case.id for case in candidates}) > 1
         }
         self._curves = {
             problem: result_curve(results_by_id[finest_case.id])
@@ -212,7 +208,7 @@ class ReferenceSolution:
             )
 
     def reference_curve(self, case: Case) -> ReferenceCurve | None:
-        """What the case is compared with; None when there is nothing."""
+        """Return the reference of a case; None if there is none."""
         if isinstance(self._compare_to, float):
             return ReferenceCurve(
                 *(np.array([value]) for value in (case.last_depth, self._compare_to, NAN, NAN))
@@ -242,17 +238,19 @@ class ReferenceSolution:
 
 
 def _adapt_to_case(case: Case, curve: ReferenceCurve) -> ReferenceCurve:
-    """The answer as a case needs it, whose depths may be found, not prescribed."""
+    """Return the reference curve of a case; it is interpolated if forces are prescribed."""
     return dataclasses.replace(curve, is_interpolated=case.planned_run.has_prescribed_forces)
 
 
 def theory_curve(case: Case) -> ReferenceCurve | None:
-    """Layer theory at the depths of a case, of very many at some, and around those to expect; None
-    without theory.
+    """Return theory at the depths of a case; None if no theory applies.
+
+    At most `MAX_DEPTHS` depths are evaluated. If forces are prescribed, the depths cover a range
+    around the predicted ones.
     """
     scene = case.planned_run.scene
     depths = [delta for delta in scene.physics.deltas if delta > 0]
-    depths = depths[:: -max(1, len(depths) // MAX_DEPTHS)][::-1]  # the last among them
+    depths = depths[:: -max(1, len(depths) // MAX_DEPTHS)][::-1]  # includes the last depth
     if case.planned_run.has_prescribed_forces and depths:
         depths_around = np.geomspace(
             min(depths) / DEPTH_FACTOR,
@@ -260,12 +258,11 @@ def theory_curve(case: Case) -> ReferenceCurve | None:
             MAX_DEPTHS,
         )
         depths = [float(depth) for depth in depths_around]
-    curve = (
-        (scene.plan.theory.solutions_at_depths(depths) if scene.plan.theory else None)
-        if depths
-        else []
-    )
-    if curve is None:
+    solutions: Sequence[Any] | None = []
+    if depths:
+        theory = scene.plan.theory
+        solutions = theory.solutions_at_depths(depths) if theory else None
+    if solutions is None:
         return None
     scales = scene.physics.scales
     L = scales.length
@@ -273,14 +270,21 @@ def theory_curve(case: Case) -> ReferenceCurve | None:
     P = scales.pressure
     F = scales.force
     open_depths = sorted({delta for delta in scene.physics.deltas if delta <= 0})
-    rows = [(s.delta * D, s.force * F, s.a * L, _peak_pressure(s) * P) for s in curve]
-    rows += [(delta * D, 0.0, 0.0, 0.0) for delta in open_depths]  # out of contact: nothing
+    rows = [
+        (solution.delta * D, solution.force * F, solution.a * L, _peak_pressure(solution) * P)
+        for solution in solutions
+    ]
+    rows += [(delta * D, 0.0, 0.0, 0.0) for delta in open_depths]
     return ReferenceCurve(*np.array(rows).T)
 
 
 def _read_result(path: Path, cases: Sequence[Case]) -> Results:
-    """A result or a measured curve, which is taken in the units of the cases; UsageError for a
-    result in others.
+    """Return a result, or a measured curve converted to the units of the cases.
+
+    Raises
+    ------
+    UsageError
+        The result is in other units.
     """
     results = reader.read(path)
     if not cases:
@@ -297,8 +301,9 @@ def _read_result(path: Path, cases: Sequence[Case]) -> Results:
 
 
 def result_curve(results: Results) -> ReferenceCurve:
-    """The table of a result, by depth, of a history its approach; of a measured curve the same in
-    order of depth.
+    """Return the reference curve of a result: its table, or the approach of a time history.
+
+    The approach of a measured curve is sorted by depth.
     """
     unknown = np.full(len(results), NAN)
     if "t" in results.table and not results.report.get(reader.MEASURED):
@@ -317,7 +322,7 @@ def result_curve(results: Results) -> ReferenceCurve:
 
 
 def _peak_pressure(solution: Any) -> float:
-    """The largest pressure; NaN where it is infinite (a sharp edge or apex)."""
+    """Return the largest pressure; NaN where it is infinite (a sharp edge or apex)."""
     radii = solution.a * np.linspace(0, 1, PEAK_RADII + 1)
     with np.errstate(all="ignore"):
         p = np.asarray(solution.pressure(radii), dtype=float)
@@ -326,9 +331,7 @@ def _peak_pressure(solution: Any) -> float:
 
 
 def _resolution_order(case: Case, results_by_id: Mapping[str, Results]) -> tuple[Any, ...]:
-    """Sorts cases from coarse to fine, and among equal meshes those into which the tip sinks least
-    last.
-    """
+    """Return a sort key from coarse to fine; among equal meshes the least penetration is last."""
     scene = case.planned_run.scene
     results = results_by_id[case.id]
     dofs = results.report.get("dofs", 0) if scene.is_meshed else math.inf
@@ -336,13 +339,13 @@ def _resolution_order(case: Case, results_by_id: Mapping[str, Results]) -> tuple
 
 
 def _last_penetration(results: Results) -> float:
-    """How far the tip sinks in at the last row [length]; 0 where nobody knows."""
+    """Return the penetration in the last row [length]; 0 if unknown."""
     column = results.table.get("penetration", np.zeros(1))
     return float(np.nan_to_num(column[-1])) if len(column) else 0.0
 
 
 def _penetration_text(results: Results) -> str:
-    """The same in words."""
+    """Return the penetration of the last row as text."""
     return f", penetration {_last_penetration(results):.2g} at its last row"
 
 

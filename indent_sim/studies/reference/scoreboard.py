@@ -1,8 +1,7 @@
-"""Scoreboard: published values beside exact ones and ours, and which of them is wrong by how much.
+"""Scoreboard of published values: published, exact and computed values, and which are wrong.
 
-A row per case with a published value. The exact value is that of a second method: the theory of the
-very body where the run is one of finite elements, the run of another case, or a number with its
-derivation.
+A row per case with a published value. The exact value comes from a second method: the theory of the
+same body for a finite-element run, the run of another case, or a number with its derivation.
 """
 
 from __future__ import annotations
@@ -22,21 +21,19 @@ from indent_sim.studies.cases import Case
 from indent_sim.studies.reference.published import PULL_OFF, PublishedValue
 from indent_sim.studies.study_file import CASE_COLUMN, NamedCase
 
-ROW_TOLERANCE = 1e-9  # relative
+ROW_TOLERANCE = 1e-9  # relative difference of equal depths or times
 JUDGEMENT_COLUMNS = ("within", "ours_difference", "wrong")
 SCOREBOARD_COLUMNS = (
-    *(
-        "case",
-        "quantity",
-        "published",
-        "exact",
-        "exact_by",
-        "ours",
-        "our_error",
-        "difference",
-        "claims",
-        "source",
-    ),
+    "case",
+    "quantity",
+    "published",
+    "exact",
+    "exact_by",
+    "ours",
+    "our_error",
+    "difference",
+    "claims",
+    "source",
     *JUDGEMENT_COLUMNS,
 )
 NOBODY = "nobody"
@@ -44,15 +41,16 @@ PUBLISHED = "published"
 OURS = "ours"
 BOTH = "both"
 UNKNOWN = "unknown"
-TEXT_COLUMNS = ("case", "quantity", "exact_by", "claims", "source", "wrong")  # columns of text
-ROUNDING = 1e-9  # relative, of a number that is exact
+TEXT_COLUMNS = ("case", "quantity", "exact_by", "claims", "source", "wrong")
+ROUNDING = 1e-9  # relative rounding error of an exact value
 Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class VerifiedValue:
-    """A number [user's units], half the width of its error bar (None: not known) and how it was
-    found.
+    """Number in the user's units with its error estimate.
+
+    error: half width of the error bar, None if unknown; method: how the number was found.
     """
 
     number: float
@@ -61,7 +59,7 @@ class VerifiedValue:
 
 
 def check_published_rows(named_cases: Sequence[NamedCase], cases: Sequence[Case]) -> None:
-    """ConfigError, with its place, for a published value of a row that the scene does not have."""
+    """Raise ConfigError if a published value belongs to a row that the scene does not have."""
     cases_by_name = {case.values.get(CASE_COLUMN): case for case in cases}
     for named_case in named_cases:
         case = cases_by_name.get(named_case.name)
@@ -94,9 +92,10 @@ def check_published_rows(named_cases: Sequence[NamedCase], cases: Sequence[Case]
 def rows(
     named_cases: Sequence[NamedCase], cases: Sequence[Case], results_by_id: Mapping[str, Results]
 ) -> list[Row]:
-    """The scoreboard, a row for every case with a published value, in the order of the file; what
-    is unknown is None. difference and ours_difference are in per cent of the exact value;
-    `wrong` is nobody, published, ours, both or unknown.
+    """Return the scoreboard: one row per case with a published value, in the order of the file.
+
+    difference and ours_difference are in per cent of the exact value; `wrong` is nobody, published,
+    ours, both or unknown. Unknown cells are None.
     """
     case_results = {
         str(case.values.get(CASE_COLUMN)): (case, results_by_id.get(case.id)) for case in cases
@@ -109,23 +108,24 @@ def rows(
 
 
 def read_row(row: Mapping[str, str]) -> Row:
-    """A row as `rows` gave it, from the cells of verification.csv; KeyError or ValueError where it
-    is none.
-    """
+    """Return a row from the cells of verification.csv; KeyError or ValueError if it is invalid."""
     cells = {name: row[name] for name in SCOREBOARD_COLUMNS}
-    return {
-        name: (text if name in TEXT_COLUMNS else float(text)) if text else None
-        for name, text in cells.items()
-    }
+    return {name: _parse_cell(name, text) for name, text in cells.items()}
+
+
+def _parse_cell(name: str, text: str) -> str | float | None:
+    if not text:
+        return None
+    return text if name in TEXT_COLUMNS else float(text)
 
 
 def read(text: str) -> list[Row]:
-    """The scoreboard back from verification.csv; KeyError or ValueError where it is none."""
+    """Return the scoreboard from verification.csv; KeyError or ValueError if it is invalid."""
     return [read_row(row) for row in csv.DictReader(io.StringIO(text))]
 
 
 def verdict_text(row: Row) -> str:
-    """Who is wrong and by how much, of the exact value."""
+    """Return who is wrong and by how much, in per cent of the exact value."""
     if row["wrong"] == UNKNOWN:
         return "no exact value known" if row["ours"] is not None else "the run failed"
     parts = []
@@ -156,7 +156,7 @@ def _scoreboard_row(
     computed = _computed_value(published, *case_results.get(named_case.name, (None, None)))
     exact = _exact_value(named_case, case_results)
     if exact is not None and exact.number == 0:
-        exact = None  # of which no difference could be a part
+        exact = None  # no relative difference from 0
     row = (
         dict.fromkeys(SCOREBOARD_COLUMNS)
         | source_cells
@@ -174,7 +174,7 @@ def _scoreboard_row(
 def _wrong_side(
     published: PublishedValue, exact: VerifiedValue | None, computed: VerifiedValue | None
 ) -> str:
-    """Who is off by more than is claimed: the source beyond `within`, we beyond our error bar."""
+    """Return who is wrong: the source beyond the error it claims, we beyond our error bar."""
     if exact is None:
         return UNKNOWN
     exact_uncertainty = (exact.error or 0.0) + ROUNDING * abs(exact.number)
@@ -195,7 +195,7 @@ def _wrong_side(
 def _exact_value(
     named_case: NamedCase, case_results: Mapping[str, tuple[Case, Results | None]]
 ) -> VerifiedValue | None:
-    """The exact value of a case by its second method; None where there is none, or its run failed."""
+    """Return the exact value of a case by its second method; None if unknown or its run failed."""
     published = named_case.published
     exact = named_case.exact
     assert published is not None
@@ -210,7 +210,7 @@ def _exact_value(
 def _computed_value(
     published: PublishedValue, case: Case | None, results: Results | None
 ) -> VerifiedValue | None:
-    """What a run says of the quantity; None where it has no such row, or it is empty there."""
+    """Return the computed value of a published quantity; None without such a row or number."""
     if case is None or results is None or results.report.get("status") != "done":
         return None
     if published.quantity == PULL_OFF:
@@ -231,7 +231,7 @@ def _computed_value(
 
 
 def _row_index(published: PublishedValue, results: Results) -> int | None:
-    """The row that a value was published of; at a jump, of two rows of one time, the later."""
+    """Return the row of a published value; at a jump in time the second of its two rows."""
     if published.row_key is None:
         return len(results) - 1
     name, row_value = published.row_key
@@ -242,10 +242,10 @@ def _row_index(published: PublishedValue, results: Results) -> int | None:
 
 
 def _pull_off(results: Results) -> VerifiedValue | None:
-    """The pull-off force under force control, < 0.
+    """Return the pull-off force under force control, < 0.
 
-    Of the limit without range; else the one between the rows, or where none was searched for that
-    of the row that pulls most.
+    In the JKR limit it is that of the elastic curve. With a cohesive law it is the one found
+    between rows, or the force of the row with the largest tension.
     """
     experiment, adhesion = (results.report.get(name) or {} for name in ("experiment", "adhesion"))
     jkr_pull_off = ((experiment.get("adhesion") or {}).get(PULL_OFF) or {}).get("force_control")
@@ -262,8 +262,12 @@ def _pull_off(results: Results) -> VerifiedValue | None:
 
 
 def _pull_off_error(force: float, step: int | None, results: Results) -> float | None:
-    """What elements cost: as large a part of the force as of the row that pulls most; without range
-    as the widest of the elastic curve that it is found from. None without bars."""
+    """Return the discretisation error of a pull-off force; None without error estimates.
+
+    With a cohesive law it is the relative force error of the row with the largest tension (step),
+    in the JKR limit (step None) the largest relative force error of the elastic curve, times the
+    force.
+    """
     if "force_error" not in results.table or not len(results):
         return None
     forces = np.abs(results["force"])
@@ -282,9 +286,7 @@ def _pull_off_error(force: float, step: int | None, results: Results) -> float |
 def _theory_value(
     published: PublishedValue, case: Case | None, results: Results | None
 ) -> VerifiedValue | None:
-    """What the theory of the very body says of a row that elements found; None where it is not
-    exact for it.
-    """
+    """Return the exact theory of the same body for a row of a finite-element run, else None."""
     if (
         case is None
         or results is None
@@ -324,7 +326,7 @@ def _theory_value(
 def _reported_theory_value(
     published: PublishedValue, results: Results, row: int | None
 ) -> VerifiedValue | None:
-    """The theory that stands beside a run in its report, where that is exact for its friction too."""
+    """Return the theory value of the run's report, if that theory is exact for the scene."""
     theory = results.report.get("theory") or {}
     if row is None or not theory.get("exact") or not theory.get(published.quantity):
         return None

@@ -112,7 +112,7 @@ def test_another_scene_or_a_foreign_folder_is_refused(curves, tmp_path):
     assert [path.name for path in (tmp_path / "mine").iterdir()] == ["thesis.txt"]
     with pytest.raises(UsageError, match="there is no file"):
         fitted([tmp_path / "nothing.csv"], tmp_path / "new")
-    with pytest.raises(ConfigError, match="is no number of the scene"):
+    with pytest.raises(ConfigError, match="is not a number of the scene"):
         fitted([curves / "c0.csv"], tmp_path / "new", replace(REQUEST, varied_keys=("material.Q",)))
     with pytest.raises(ConfigError, match="there is no column 'x'"):
         fitted([curves / "c0.csv"], tmp_path / "other", reading=ReadOptions(("x", "force")))
@@ -134,7 +134,7 @@ def test_a_curve_deeper_than_the_body_is_its_reason(tmp_path):
     )
     fits = fitted([write(tmp_path / "c.csv")], tmp_path / "fit", replace(REQUEST, config=body))
     assert fits.exit_code == 5 and fits.entries[0]["reason"].startswith(
-        "deeper than the scene is made for"
+        "the scene is not valid at a depth of"
     )
 
 

@@ -191,7 +191,7 @@ def test_what_scales_the_force_and_what_a_fit_does_not_follow():
     """A permeability has a pressure in its unit: with it E is no factor of the force."""
     assert pressure_keys(porous()) == [E]
     assert pressure_keys(porous(flow={"permeability": 0.1})) == [E, "material.flow.permeability"]
-    with pytest.raises(ConfigError, match="needs a way in time"):
+    with pytest.raises(ConfigError, match="needs a load path in time"):
         ForwardModel(porous(), [E], DEPTH)
     gel = {"model": "gel", "G": 1.0, "n_omega": 1e-3, "chi": 0.2}
     with pytest.raises(ConfigError, match="does not follow a gel"):

@@ -105,8 +105,8 @@ def test_roles_and_numbers_of_keys():
     ]
     assert pressure_keys(scene()) == ["material.E"] and len(pressure_keys(config)) == 2
     assert number_at(config, "body.layers[1].material.E") == 5.0
-    for key, problem in [("material.Q", "is no number of the scene"), ("body.shape", "is 'layer', no number"),
-                         ("body.layers[7].thickness", "is no number of the scene")]:  # fmt: skip
+    for key, problem in [("material.Q", "is not a number of the scene"), ("body.shape", "is 'layer', not a number"),
+                         ("body.layers[7].thickness", "is not a number of the scene")]:  # fmt: skip
         with pytest.raises(ConfigError, match=problem):
             parameters_of(config, [key], DEEPEST)
     with pytest.raises(ConfigError, match="twice"):

@@ -69,7 +69,7 @@ def test_a_history_is_compared_with_nothing_by_depth(tmp_path: Path) -> None:
     study = tmp_path / "study.yaml"
     study.write_text(f"{SCENE}  loading: [{{history: [[0, 0], [1, 0.01]]}}]\ncompare_to: theory\n")
     read = study_file.read(study)
-    with pytest.raises(ConfigError, match="passes one several times"):
+    with pytest.raises(ConfigError, match="passes a depth several times"):
         ReferenceSolution(read, cases.resolve_cases(read)[0])
 
 
@@ -142,7 +142,8 @@ def test_one_impossible_combination_is_told_with_the_word_tolerance(tmp_path: Pa
     study = tmp_path / "study.yaml"
     study.write_text(MIXED)
     with pytest.raises(
-        ConfigError, match=r"1 of 3 runs cannot be: with `tolerance` in the study they are rows"
+        ConfigError,
+        match=r"1 of 3 runs are invalid: with `tolerance` in the study they are failed rows",
     ):
         cases.resolve_cases(study_file.read(study))
     study.write_text(MIXED.replace("5 um, 10000 nm, ", ""))  # none can be

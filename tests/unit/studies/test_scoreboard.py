@@ -168,9 +168,13 @@ def test_rows_are_read_back_as_they_were(tmp_path: Path) -> None:
         (
             PUBLISHED,
             "    exact: {case: Hart, by: x}\n",
-            r":10: cases\[0\].exact.case: there is no such case",
+            r":10: cases\[0\].exact.case: there is no case of this name",
         ),
-        (PUBLISHED, f"  - name: Hertz\n{SCENE}", r":10: cases\[1\].name: Hertz is there twice"),
+        (
+            PUBLISHED,
+            f"  - name: Hertz\n{SCENE}",
+            r":10: cases\[1\].name: two cases have the name Hertz",
+        ),
         (
             PUBLISHED,
             "    exact: {value: 0, by: x}\n",
@@ -184,9 +188,9 @@ def test_rows_are_read_back_as_they_were(tmp_path: Path) -> None:
         (
             PUBLISHED,
             CIRCLE,
-            r":10: cases\[0\].exact.case: is known by itself: Hertz by B by C by Hertz",
+            r":10: cases\[0\].exact.case: circular reference: Hertz -> B -> C -> Hertz",
         ),
-        (PUBLISHED, "base: hertz.yaml\n", r":10: base: does not go with cases"),
+        (PUBLISHED, "base: hertz.yaml\n", r":10: base: cannot be combined with cases"),
         (PUBLISHED, "    sett: {}\n", r":10: cases\[0\].sett: unknown key, did you mean 'set'"),
     ],
 )
