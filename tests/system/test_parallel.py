@@ -770,14 +770,14 @@ ROWS = """
 import sys
 import numpy as np
 from mpi4py import MPI
-from indent_sim.mesh import rows
+from indent_sim.mesh.distributed_rows import fetch_rows, scatter_rows
 comm, chance = MPI.COMM_WORLD, np.random.default_rng(MPI.COMM_WORLD.rank)
 for count in (0, 1, 2, 7, 1000):
     whole = np.arange(3 * count, dtype=np.int32).reshape(count, 3)
-    mine = rows.scatter(comm, whole if comm.rank == 0 else None)
+    mine = scatter_rows(comm, whole if comm.rank == 0 else None)
     assert np.array_equal(np.concatenate(comm.allgather(mine)), whole)
     wanted = chance.integers(0, count, 50 * comm.rank) if count else np.empty(0, dtype=np.int64)
-    assert np.array_equal(rows.fetch(comm, mine, wanted), whole[wanted])
+    assert np.array_equal(fetch_rows(comm, mine, wanted), whole[wanted])
 """
 
 
