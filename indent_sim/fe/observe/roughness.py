@@ -134,7 +134,8 @@ def roughness(
         Whose creases are left out.
     """
     rings = RINGS[pressure.shape[1]]
-    is_inner = _without_holes(touches.all(axis=1), distance, patches.members, HOLE[pressure.shape[1]])
+    is_closed = np.asarray(touches.all(axis=1))
+    is_inner = _without_holes(is_closed, distance, patches.members, HOLE[pressure.shape[1]])
     is_inner &= ~_is_creased(distance, tip)
     told = np.zeros(len(patches.members), dtype=bool)
     for _ in range(rings):
