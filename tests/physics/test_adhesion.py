@@ -17,6 +17,8 @@ from indent_sim.fe import solver
 from indent_sim.model.contact import Adhesion
 from indent_sim.model.state import State
 from indent_sim.run.chain import states
+from indent_sim.run.companions.companion import Companion, beside
+from indent_sim.run.companions.error_bars import ErrorBars
 from indent_sim.scene.scene import resolve
 from indent_sim.studies.study_file import read as read_study
 from indent_sim.theory.surface.adhesion import LAMBDA_PER_TABOR, maugis_pull_off
@@ -83,6 +85,26 @@ def test_the_force_is_that_of_rings_on_a_half_space() -> None:
     expected = on_rings(Adhesion(WORK, reach(1.0)), [d * DEPTH for d in depths])
     found = [state.force / (pi * WORK) for state in attracted(1.0, *depths)]
     assert found == pytest.approx(expected, rel=2e-3)
+
+
+def test_a_bar_does_not_vanish_where_push_and_pull_are_equal() -> None:
+    """The error of a force is that of two parts, of which one pulls about as much as JKR's rim: the bar
+    holds it where their sum is nearly zero, and is no wider than 0.2 % of the pull.
+
+    Rings are right to 1e-4 of pi work R here (200 and 400 of them), the bar is 7e-4; of the force
+    itself, 0.01 of pi work R, the floor alone would be a hundredth of that.
+    """
+    depth = 0.957 * DEPTH
+    adhesion = {"work": WORK, "range": reach(1.0)}
+    base = scene(THICK, contact={"adhesion": adhesion}, loading={"deltas": [depth]})
+    ratio, coarser_scene = beside(base)
+    companion = Companion(ratio, solve(coarser_scene), coarser_scene)
+    row = ErrorBars(base, companion, None, None).judged(solve(base)[0])
+    (exact,) = on_rings(Adhesion(WORK, reach(1.0)), [depth], rings=400)
+    unit = pi * WORK
+    assert row.force_error is not None
+    assert abs(row.force / unit) < 0.02
+    assert abs(row.force / unit - exact) < row.force_error / unit < 2e-3
 
 
 def largest_pull(depths: list[float], forces: list[float]) -> float:
