@@ -36,12 +36,7 @@ AUDIT_TOLERANCE = 1e-8  # contact integral against the supports' reactions, rela
 # 1e-14 of the largest reactions (fe/solve/newton.py), which over 1e4 nodes adds up to 1e-12 of them at most
 AUDIT_FLOOR = 1e-4
 
-# What Newton takes for the reactions of a body with fluid, over E height^2 of a gel, over E a^2 of a body that only
-# drains: a residual of 1e-12 of it will do (fe/solve/newton.py). A gel's base and sides hold its whole swelling, which
-# the force of a tip at rest is a thousandth of: the residuals of all nodes together were 1.7 times the norm in one of
-# 17 gels drawn at random, and may be the root of their number times it.
-DRAINING_SCALE = 100.0
-SWELLING_SCALE = 1000.0
+SWELLING_SCALE = 100.0  # of E height^2, or of E a^2 of a body that only drains, what Newton takes for its reactions
 # Of a^2 delta: less fluid than this that moves is none, as in the first moment of a step. AUDIT_TOLERANCE of it is
 # 1e-10 of what the tip displaces, as Newton leaves 1e-10 of the reactions; a snap of a porous rubber leaves 2e-11
 DISPLACED = 1e-2
@@ -293,11 +288,15 @@ class Simulation:
         pull = attraction.work * a if attraction else 0.0  # about; the force may be less, where as much pushes
         swollen = 0.0  # what supports hold of a body with fluid, with or without a tip
         if physics.permeable:
-            contact_size = a / physics.scales.length
-            factor = SWELLING_SCALE if physics.swells else DRAINING_SCALE * contact_size**2
-            swollen = factor * physics.scales.force
+            swollen = (
+                SWELLING_SCALE * physics.scales.force * (1.0 if physics.swells else (a / physics.scales.length) ** 2)
+            )
         largest = max(swollen, self._rows.largest_force, abs(state.force))
         size = max(abs(state.force), abs(state.reaction), AUDIT_FLOOR * largest, pull)
+        if physics.swells:
+            # The supports of a gel hold its swelling, whose nodal reactions cancel in the sum and
+            # may exceed the contact force many times. Newton's residual is relative to their norm.
+            size = max(size, self._walk.equilibrium.reaction_norm * physics.scales.force)
         difference = abs(state.force - state.reaction) / size if size > 0 else 0.0
         stray = state.stray_reaction / size if size > 0 else 0.0
         self._worst_audit = max(self._worst_audit, difference, stray)

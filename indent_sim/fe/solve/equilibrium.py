@@ -271,6 +271,14 @@ class BodyEquilibrium:
         points = self.observed.trace.node_points()
         return self.touch.pressure.multiplier_at(points), measure.gap(self.observed, points)
 
+    @property
+    def reaction_norm(self) -> float:
+        """Euclidean norm of the nodal support reactions at the present equilibrium [force].
+
+        It is that of the whole body: the norm of the modelled part times the number of its copies.
+        """
+        return self.scene.physics.part.copies * self.newton.reaction_norm
+
     def numbers(self) -> dict[str, Any]:
         """Force, contact, energy and reactions of the present equilibrium."""
         energy = nan if self.scene.physics.relaxing else self.problem.energy()  # what relaxes has stored none

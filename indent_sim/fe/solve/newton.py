@@ -66,6 +66,11 @@ class Newton:
         """Iterations of the linear solver so far; None where systems are factored."""
         return self._iterative.iterations if self._iterative else None
 
+    @property
+    def reaction_norm(self) -> float:
+        """Euclidean norm of the nodal support reactions at the last residual [force]."""
+        return self._reaction
+
     def _create(self, *, symmetric: bool) -> PETSc.SNES:
         """SNES with the environment's options; what the scene says, and when it has converged, is not theirs."""
         self._has_tangent = False

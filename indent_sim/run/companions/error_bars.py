@@ -6,12 +6,13 @@ where two meshes alone are known, since nothing then tests whether the error fal
 (which elements touch changes from step to step, and the difference passes through zero): so no bar is narrower than a
 floor, a share of the error that so many elements in a contact radius have cost in general.
 
-    force    max(SAFETY |F_q - F|/(q^RATE - 1), FLOOR CONSTANT n^-RATE (|F| + SAFETY F_a), edge) + corners
+    force    max(SAFETY |F_q - F|/(q^RATE - 1), FLOOR CONSTANT n^-RATE F', edge F') + corners F',
+             F' = |F| + SAFETY F_a
     a        RADIUS times the element in which the contact ends
     p_max    max(SAFETY |p_q - p|/(q^PRESSURE_RATE - 1), PEAK n^-PRESSURE_RATE p)
 
 with n elements in the contact radius of the row (for p_max beneath a punch's rounded edge in its
-part on the arc), and the pull F_a of an adhesion (see `ErrorBars._adhesive_force`). The rule has
+part on the arc), and the adhesive force F_a (see `ErrorBars._jkr_adhesive_force`). The rule has
 eight numbers: the ratio q of the meshes, SAFETY, RATE, FLOOR, RADIUS, PRESSURE_RATE, PEAK, and that
 of an edge, of a sharp punch in three dimensions or of a contact that ends where the tip's slope
 jumps (`doubts.EDGE`). CONSTANT is that by which `accuracy` chooses its meshes. To this come the
@@ -231,8 +232,12 @@ class ErrorBars:
         }
 
     def _discretisation(self, state: State) -> float:
-        """What the mesh costs the force."""
-        force = abs(state.force) + SAFETY * self._adhesive_force(state)
+        """What the mesh costs the force.
+
+        Errors that are known relative to a force are relative to its compressive and its adhesive
+        part, which counts SAFETY times: its rim moves from element to element.
+        """
+        force = abs(state.force) + SAFETY * self._jkr_adhesive_force(state)
         dim = self._physics.part.dim
         said = grid_convergence(self._off(state.step), self.companion.ratio, RATE)
         least = FLOOR * CONSTANT[dim] * fading(self._elements(state)) * force
@@ -240,17 +245,20 @@ class ErrorBars:
         crease = self._at_a_crease(state) * force
         return float(np.max([said, least, edge, crease])) + self._sizes.corner_error * force  # NaN where one is
 
-    def _adhesive_force(self, state: State) -> float:
-        """Force by which adhesion pulls the tip at the present contact radius [force], >= 0.
+    def _jkr_adhesive_force(self, state: State) -> float:
+        """Adhesive part of the contact force in the limit of JKR [force], >= 0; 0 without adhesion.
 
-        A flat contact of radius a whose rim is about to peel (JKR; K_I^2/(2 E*) = w) carries (8 pi w E* a^3)^(1/2), in
-        plane strain (2 pi w E* a)^(1/2) per length; an attraction with a range pulls less. The force of a row is the
-        difference between what presses and this pull: where it passes zero, the error of the two does not. It counts
-        SAFETY times, since the rim goes from element to element under it, which a smooth contact does not: with it 29
-        of 31 rows of 16 random scenes are inside their bars, without it 27 (scripts/make_error_bar_table).
+        A flat contact of radius a whose edge has the energy release rate K_I^2/(2 E*) = w carries
+        the tensile force (8 pi w E* a^3)^(1/2), in plane strain (2 pi w E* a)^(1/2) per length. An
+        adhesion with a finite range has a smaller one. The contact force is the difference between
+        a compressive part and this one; where it passes zero, the errors of the two parts do not.
+
+        Johnson, Kendall, Roberts, Proc. R. Soc. A 324, 301 (1971); Maugis, J. Colloid Interface
+        Sci. 150, 243 (1992). Coverage with and without it: scripts/make_error_bar_table --only
+        adhesion.
         """
-        adhesion = self._physics.contact.adhesion and self._scales.unscaled(self._physics.contact).adhesion
-        if not adhesion:
+        adhesion = self._scales.unscaled(self._physics.contact).adhesion
+        if adhesion is None:
             return 0.0
         modulus = self._physics.material.E_star * self._scales.pressure
         if self._scales.dim == 2:
