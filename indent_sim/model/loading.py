@@ -196,6 +196,17 @@ class History:
         return min(after - before for (before, _), (after, _) in pairwise(self.points) if after > before)
 
     @property
+    def earliest_row(self) -> float:
+        """Shortest time that passes between the beginning of a piece and a row in it [time].
+
+        Infinite where no `times` of rows are given: every step is a row then.
+        """
+        moments = [
+            t - start for start, end in pairwise([t for t, _ in self.from_rest]) for t in self.times if start < t <= end
+        ]
+        return min(moments, default=inf)
+
+    @property
     def comes_back(self) -> bool:
         """Whether a value rises again after it fell: more than one cycle."""
         steps = [after - before for (_, before), (_, after) in pairwise(self.points)]
