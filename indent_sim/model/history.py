@@ -75,6 +75,20 @@ class History:
         return min(end - start for (start, _), (end, _) in pairwise(self.points) if end > start)
 
     @property
+    def earliest_row(self) -> float:
+        """Shortest time between the beginning of a segment and a row in it [time].
+
+        It is infinite if no `times` of rows are given: every step is a row then.
+        """
+        moments = [
+            t - start
+            for start, end in pairwise([t for t, _ in self.points_from_rest])
+            for t in self.times
+            if start < t <= end
+        ]
+        return min(moments, default=inf)
+
+    @property
     def has_reloading(self) -> bool:
         """True if the value rises again after it fell."""
         steps = [next_value - value for (_, value), (_, next_value) in pairwise(self.points)]

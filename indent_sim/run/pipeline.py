@@ -481,7 +481,7 @@ def states(
     fe = backend() if scene.is_meshed else None
     domain = scene.physics.domain
     mesh = fe and fe.distribute(run_on_root(comm, mesher, scene), domain, comm)
-    solver: Any = fe.walk(scene, mesh) if fe else SemiAnalyticSolver(scene, comm)
+    solver: Any = fe.create_load_stepper(scene, mesh) if fe else SemiAnalyticSolver(scene, comm)
     derived = DerivedQuantities(scene, solver.equilibrium if fe else None, optional_output)
     if scene.history_on_curve:
         solver = HereditaryIntegralSolver(scene, solver)
@@ -564,7 +564,7 @@ class CondensedBody:
             )
         equilibrium = self.equilibrium.reuse_body(scene)
         derived = DerivedQuantities(scene, equilibrium)
-        solver = backend().Walk(equilibrium)
+        solver = backend().LoadStepper(equilibrium)
         states = solver.states(scene.physics.path, lambda step: False)
         return [
             derived.complete_state(state).to_user_units(scene.physics.scales) for state in states
@@ -589,7 +589,7 @@ def condense(scene: Scene, comm: Comm = None) -> CondensedBody:
     while _released_meshes:
         fe.release(_released_meshes.pop())
     mesh = fe.distribute(run_on_root(comm, scene.grid), scene.physics.domain, comm)
-    body = CondensedBody(scene, fe.equilibrium(scene, mesh))
+    body = CondensedBody(scene, fe.create_equilibrium(scene, mesh))
     # On several ranks the garbage collectors do not drop the body at the same time.
     if comm.size == 1:
         weakref.finalize(body, _released_meshes.append, mesh).atexit = False

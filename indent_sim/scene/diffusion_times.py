@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from indent_sim.mesh.sizes import Sizes
 from indent_sim.scene.problem_definition import ProblemDefinition, largest_diffusivity
 from indent_sim.scene.problem_setup import ProblemSetup
 
@@ -55,3 +56,14 @@ class DiffusionTimes:
             min(FIRST_STEP_FRACTION * self.contact, shortest),
             self.element / ELEMENT_DRAINAGE_FACTOR,
         )
+
+
+def draining_size(physics: ProblemDefinition, sizes: Sizes) -> float:
+    """Element size at the faces through which fluid leaves [length].
+
+    It is that at the contact, or, if fluid leaves a column through a face far from the tip, that of
+    the film beside this face: these elements have to drain in the first time step.
+    """
+    if physics.is_porous_column and sizes.h_film is not None:
+        return min(sizes.h_contact, sizes.h_film)
+    return sizes.h_contact

@@ -25,7 +25,7 @@ from indent_sim.model.tips import (
 )
 from indent_sim.scene.boundary_films import unresolved_film
 from indent_sim.scene.characteristic_strain import characteristic_strain
-from indent_sim.scene.diffusion_times import DiffusionTimes
+from indent_sim.scene.diffusion_times import DiffusionTimes, draining_size
 from indent_sim.scene.expected_error import (
     FORCE_DEPTH_EXPONENT,
     NEGLIGIBLE_ERROR,
@@ -136,7 +136,7 @@ def fluid_warnings(
     if not physics.permeable_regions or setup.history is None:
         return
     drainage = physics.drainage
-    durations = DiffusionTimes.compute(setup, physics, sizes.h_contact)
+    durations = DiffusionTimes.compute(setup, physics, draining_size(physics, sizes))
     if {drainage.surface, drainage.tip, drainage.base} == {"sealed"} and not physics.drained_walls:
         yield ModelWarning(
             "sealed", "every surface is sealed: no fluid leaves the body, it only flows inside"

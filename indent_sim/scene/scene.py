@@ -30,6 +30,7 @@ from indent_sim.scene.cost import (
     candidate_count,
 )
 from indent_sim.scene.cost import predict_cost as cost_of
+from indent_sim.scene.diffusion_times import draining_size
 from indent_sim.scene.history_path import problem_along_history
 from indent_sim.scene.model_warnings import (
     ModelWarning,
@@ -376,7 +377,7 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
     )
     solver, linear, cost = _choose_solver(config, setup, physics, sizes)
     if is_in_time := choices.is_followed_on_body(config, setup, solver):
-        physics = problem_along_history(setup, physics, sizes.h_contact)
+        physics = problem_along_history(setup, physics, draining_size(physics, sizes))
         solver, linear, cost = _choose_solver(config, setup, physics, sizes)
     if cost.memory > machine_memory():
         work = physics.solver_work(str(solver.value), str(linear.value))
@@ -422,7 +423,9 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
         linear,
         *time_choices,
     )
-    time = time_prediction(setup, physics, sizes.h_contact, _history_reason(time_choices))
+    time = time_prediction(
+        setup, physics, draining_size(physics, sizes), _history_reason(time_choices)
+    )
     prediction = _predict(setup, warnings, cost, time)
     no_slip = no_slip_effect(setup, physics, str(linear.value))
     friction = friction_correction(setup, physics, config.contact.friction)

@@ -18,6 +18,8 @@ from indent_sim.config.scene_file import load
 from indent_sim.fe import solver
 from indent_sim.model.adhesion import Adhesion
 from indent_sim.model.state import State
+from indent_sim.run.error_estimation.coarser_run import CoarserRun, coarser_scene
+from indent_sim.run.error_estimation.error_bars import ErrorBars
 from indent_sim.run.pipeline import states
 from indent_sim.scene.scene import resolve
 from indent_sim.studies.study_file import read as read_study
@@ -93,6 +95,26 @@ def test_the_force_is_that_of_rings_on_a_half_space() -> None:
     expected = on_rings(Adhesion(WORK, reach(1.0)), [d * DEPTH for d in depths])
     found = [state.force / (pi * WORK) for state in attracted(1.0, *depths)]
     assert found == pytest.approx(expected, rel=2e-3)
+
+
+def test_the_error_bar_holds_where_the_force_passes_zero() -> None:
+    """The force is a compressive part less the adhesive force, and its error is that of both.
+
+    Where they cancel, the error bar still contains the independent solution by rings, and is below
+    0.2 % of pi work R, a third of the adhesive force. 200 and 400 rings differ by 1e-4 of it, a
+    seventh of the bar.
+    """
+    depth = 0.957 * DEPTH
+    adhesion = {"work": WORK, "range": reach(1.0)}
+    base = scene(THICK, contact={"adhesion": adhesion}, loading={"deltas": [depth]})
+    ratio, coarse_scene = coarser_scene(base)
+    coarse = CoarserRun(ratio, solve(coarse_scene), coarse_scene)
+    row = ErrorBars(base, coarse, None, None).add_error_estimate(solve(base)[0])
+    (exact,) = on_rings(Adhesion(WORK, reach(1.0)), [depth], rings=400)
+    unit = pi * WORK
+    assert row.force_error is not None
+    assert abs(row.force / unit) < 0.02
+    assert abs(row.force / unit - exact) < row.force_error / unit < 2e-3
 
 
 def largest_pull(depths: list[float], forces: list[float]) -> float:

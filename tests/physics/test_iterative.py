@@ -251,7 +251,7 @@ def test_a_stiff_base_takes_no_more_iterations() -> None:
 def test_every_iteration_is_counted() -> None:
     """Those of the stiffness in the row that has it."""
     base = on("iterative", {})
-    walk = backend().walk(base, meshed(base))
+    walk = backend().create_load_stepper(base, meshed(base))
     readings = DerivedQuantities(base, walk.equilibrium)
     states = [
         readings.complete_state(state)
@@ -268,7 +268,7 @@ def test_a_worn_preconditioner_is_built_anew_before_a_step_fails(monkeypatch: An
 
     base = on("iterative", {})
     walk, worn, apply, renew = (
-        backend().walk(base, meshed(base)),
+        backend().create_load_stepper(base, meshed(base)),
         [False],
         Multigrid.apply,
         Multigrid.rebuild,

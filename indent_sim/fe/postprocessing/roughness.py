@@ -155,7 +155,7 @@ def roughness(
     """
     rings = RIM_RINGS[pressure.shape[1]]
     is_inner = _fill_holes(
-        touches.all(axis=1), distance, patches.members, LARGEST_HOLE[pressure.shape[1]]
+        np.asarray(touches.all(axis=1)), distance, patches.members, LARGEST_HOLE[pressure.shape[1]]
     )
     is_inner &= ~_crosses_discontinuity(distance, tip)
     is_assessed = np.zeros(len(patches.members), dtype=bool)

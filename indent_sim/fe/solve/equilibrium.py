@@ -378,6 +378,14 @@ class BodyEquilibrium:
             self.observed_body, points
         )
 
+    @property
+    def reaction_norm(self) -> float:
+        """Euclidean norm of the nodal support reactions at the present equilibrium [force].
+
+        It is that of the whole body: the norm of the modelled part times the number of its copies.
+        """
+        return self.scene.physics.domain.symmetry_factor * self.newton.reaction_norm
+
     def state_values(self) -> dict[str, Any]:
         """Return force, contact, energy and reactions of the present equilibrium."""
         # A relaxing material dissipates, so that no stored energy belongs to its state

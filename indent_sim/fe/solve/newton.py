@@ -68,6 +68,11 @@ class Newton:
         """Number of Krylov iterations so far; None with a direct solver."""
         return self._iterative.iterations if self._iterative else None
 
+    @property
+    def reaction_norm(self) -> float:
+        """Euclidean norm of the nodal support reactions at the last residual [force]."""
+        return self._reaction
+
     def _create_snes(self, *, symmetric: bool) -> PETSc.SNES:
         """Create the SNES solver with the options of PETSC_OPTIONS.
 

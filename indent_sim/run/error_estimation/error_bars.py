@@ -7,13 +7,15 @@ the assumed order. Two meshes may agree by accident (which elements touch change
 and the difference passes through zero). Therefore every bar has a lower bound: a fraction of the
 error that a mesh of this resolution has in general.
 
-    force    max(SAFETY_FACTOR |F_q - F|/(q^p - 1), MIN_ERROR_FRACTION C n^-p |F|, edge) + corners
-             with C = ERROR_CONSTANT and p = ORDER_OF_CONVERGENCE
+    force    max(SAFETY_FACTOR |F_q - F|/(q^p - 1), MIN_ERROR_FRACTION C n^-p F', edge F')
+             + corners F', with F' = |F| + SAFETY_FACTOR F_a, C = ERROR_CONSTANT and
+             p = ORDER_OF_CONVERGENCE
     a        RADIUS_ERROR times the element in which the contact ends
     p_max    max(SAFETY_FACTOR |p_q - p|/(q^2 - 1), PEAK_ERROR n^-2 p), 2 = PRESSURE_ORDER
 
 n is the number of elements in the contact radius of the row (for p_max beneath a punch's rounded
-edge in the part on the arc). The rule has eight numbers: the refinement ratio q, SAFETY_FACTOR,
+edge in the part on the arc), F_a the adhesive force (see `ErrorBars._jkr_adhesive_force`). The
+rule has eight numbers: the refinement ratio q, SAFETY_FACTOR,
 ORDER_OF_CONVERGENCE, MIN_ERROR_FRACTION, RADIUS_ERROR, PRESSURE_ORDER, PEAK_ERROR, and EDGE_ERROR
 of `model_warnings` for the edge of a sharp punch in three dimensions or a contact that ends where
 the tip's slope jumps. ERROR_CONSTANT is the one by which `accuracy` chooses its meshes. Errors that
@@ -30,7 +32,7 @@ Engineering (Hermosa, 1998).
 from __future__ import annotations
 
 from dataclasses import replace
-from math import inf, nan
+from math import inf, nan, pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -169,8 +171,12 @@ class ErrorBars:
         }
 
     def _discretisation_error(self, state: State) -> float:
-        """Error of the force by the mesh [force]."""
-        force = abs(state.force)
+        """Error of the force by the mesh [force].
+
+        Errors that are known relative to a force are relative to its compressive and its adhesive
+        part, which counts SAFETY_FACTOR times: its rim moves from element to element.
+        """
+        force = abs(state.force) + SAFETY_FACTOR * self._jkr_adhesive_force(state)
         dim = self._physics.domain.dim
         estimate = grid_convergence_index(
             self._force_difference(state.step), self.coarser_run.ratio, ORDER_OF_CONVERGENCE
@@ -188,6 +194,26 @@ class ErrorBars:
             float(np.max([estimate, min_error, edge, discontinuity_error]))
             + self._sizes.corner_error * force
         )
+
+    def _jkr_adhesive_force(self, state: State) -> float:
+        """Adhesive part of the contact force in the limit of JKR [force], >= 0; 0 without adhesion.
+
+        A flat contact of radius a whose edge has the energy release rate K_I^2/(2 E*) = w carries
+        the tensile force (8 pi w E* a^3)^(1/2), in plane strain (2 pi w E* a)^(1/2) per length. An
+        adhesion with a finite range has a smaller one. The contact force is the difference between
+        a compressive part and this one; where it passes zero, the errors of the two parts do not.
+
+        Johnson, Kendall, Roberts, Proc. R. Soc. A 324, 301 (1971); Maugis, J. Colloid Interface
+        Sci. 150, 243 (1992). Coverage with and without it: scripts/make_error_bar_table --only
+        adhesion.
+        """
+        adhesion = self._scales.to_user_units(self._physics.contact).adhesion
+        if adhesion is None:
+            return 0.0
+        modulus = self._physics.material.E_star * self._scales.pressure
+        if self._scales.dim == 2:
+            return sqrt(2 * pi * adhesion.work * modulus * state.a)
+        return sqrt(8 * pi * adhesion.work * modulus * state.a**3)
 
     def _slope_discontinuity_error(self, state: State) -> float:
         """Relative error of a contact that ends within an element of the tip's slope discontinuity.
