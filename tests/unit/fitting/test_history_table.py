@@ -194,5 +194,5 @@ def test_what_scales_the_force_and_what_a_fit_does_not_follow():
     with pytest.raises(ConfigError, match="needs a load path in time"):
         ForwardModel(porous(), [E], DEPTH)
     gel = {"model": "gel", "G": 1.0, "n_omega": 1e-3, "chi": 0.2}
-    with pytest.raises(ConfigError, match="does not follow a gel"):
+    with pytest.raises(ConfigError, match="a swelling gel cannot be fitted"):
         ForwardModel(scene(material=gel), ["material.G"], DEPTH)
