@@ -1,5 +1,6 @@
-"""Doubts of model, contact law and mesh: a warning and the relative error of the force that it
-stands for.
+"""Model warnings: reasons to distrust a scene's model, contact law or mesh, before it is solved.
+
+Each warning has the relative error of the force that it stands for, as far as that is known.
 """
 
 from __future__ import annotations
@@ -44,39 +45,52 @@ from indent_sim.theory.solution import SOLUTION_ERRORS
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
 
-UNDERRESOLVED_ERROR = 0.02  # of the force: a contact in less than two elements
-MAX_STIFFNESS_MULTIPLE = 1e3  # E*/h of a penalty: beyond it the pressures oscillate
-STIFFNESS_ROUNDING = 1e-9  # of a stiffness that was chosen to be just this large
-# characteristic strain up to which forces of small strain are good to some per cent: a/R = 0.25
+# A shallow contact is worth a warning from this expected error of its force on: about that of two
+# elements in the contact radius.
+UNDERRESOLVED_ERROR = 0.02
+# Largest penalty stiffness, in units of E*/h_contact; beyond it the contact pressures oscillate.
+MAX_STIFFNESS_MULTIPLE = 1e3
+# Characteristic strain up to which forces at small strain are good to some per cent: a/R = 0.25.
 MAX_SMALL_STRAIN = 0.05
-EQUILIBRIA_DIFFERENCE = (
-    0.002  # of the force: between the equilibria of one mesh with active_set, over 1, 3 and 6 steps
-)
-MAX_DEPTH_RATIO = 100.0  # depth over the radius of a tip's end: a needle, or a mistake
-# of the pull-off force: by so much Maugis' may differ where the JKR limit is said to be right
-JKR_TOLERANCE = 0.01
-# nu of a drained gel, and of the force what it costs without a pressure
+# Relative difference of the forces of several equilibria on one mesh, with active_set and a path of
+# 1, 3 and 6 steps.
+EQUILIBRIA_DIFFERENCE = 0.002
+# Elements without an unknown pressure are too stiff for a drained gel with a larger Poisson ratio,
+# by LOCKING_ERROR of the force at 0.4999.
 DRAINED_LOCKING_NU = 0.495
 LOCKING_ERROR = 0.01
-SUDDEN_BATH_RATIO = (
-    10.0  # times what it takes to come: then a gel has risen by 2.6 % less than after a sudden one
-)
-MIN_SEALED_ELEMENTS = 10.0  # in the contact, under a tip that seals
-NEGLIGIBLE_FRICTION_LOSS = (
-    0.05  # of what friction adds to the force: a smaller share is not worth a warning
-)
-# friction up to which the edge slips: steps of a tenth of the path need no second pass (0.01 %,
-# measured)
+# Rows earlier than this many ramp times of the bath get a warning: at this time a gel has risen by
+# 2.6 % less than after a sudden change.
+SUDDEN_BATH_RATIO = 10.0
+# Elements in the radius of a contact that a tip seals, with which the unknown end of the sealed
+# area costs 2 % of the force that relaxes.
+MIN_SEALED_ELEMENTS = 10.0
+# Coefficient of friction up to which the edge of the contact slips: ten steps along the path then
+# change the force by 0.01 %, and no second solution is needed.
 MAX_SLIPPING_FRICTION = 0.3
-VERIFIED_CONTRAST = 1001.0  # of moduli, up to which random stacks were held to theory
+# Ratio of moduli up to which stacks of random layers were compared with theory: 1000, and a margin
+# for rounding.
+VERIFIED_CONTRAST = 1001.0
+# Relative error of the force by the membrane that holds the surface of a drop in its plane, at
+# most.
+SURFACE_MEMBRANE_ERROR = 5e-4
+# Elastocapillary length over contact radius beyond which p_max is off by more than its error
+# estimate; it is off by 5 % at 200.
+TENSION_PRESSURE_LIMIT = 30.0
 
 
 @dataclass(frozen=True)
 class ModelWarning:
-    """A reason not to trust the force, in words, and the relative error of the last row's force
-    that it stands for.
+    """A reason to distrust the force of a scene.
 
-    words: empty where the error is too small to be worth any. force_error: 0 where it is not known.
+    Attributes
+    ----------
+    key : str
+        Short name of the cause.
+    message : str
+        The warning; empty where the error is too small to mention.
+    force_error : float
+        Relative error of the last row's force that the warning stands for; 0 where it is unknown.
     """
 
     key: str
@@ -84,20 +98,29 @@ class ModelWarning:
     force_error: float = 0.0
 
 
-SURFACE_MEMBRANE_ERROR = (
-    5e-4  # of the force, what a membrane that holds the surface of a drop in its plane adds at most
-)
-TENSION_PRESSURE_LIMIT = (
-    30.0  # contact radii, gamma/E* from which p_max is off by more than its bar, by 5 % at 200
-)
 NO_CONTACT = ModelWarning("no_contact", "the tip never reaches the body: every depth is <= 0")
 
 
 def scene_warnings(
     setup: ProblemSetup, law: ContactLaw, gap: str, sizes: Sizes
 ) -> tuple[ModelWarning, ...]:
-    """All that speaks against the model, the contact method and the mesh of a scene at its deepest
-    contact.
+    """Warnings about the model, the contact law and the mesh of a scene at its deepest contact.
+
+    Parameters
+    ----------
+    setup : ProblemSetup
+        The problem setup.
+    law : ContactLaw
+        The contact law, with its stiffnesses.
+    gap : str
+        The key `contact.gap`, "reference" or "current".
+    sizes : Sizes
+        The element sizes.
+
+    Returns
+    -------
+    tuple of ModelWarning
+        The warnings, some of which have an error and no message.
     """
     if setup.max_depth <= 0:
         return () if setup.attraction else (NO_CONTACT,)
@@ -118,7 +141,7 @@ def scene_warnings(
 
 
 def theory_warnings(setup: ProblemSetup, gap: str = "reference") -> tuple[ModelWarning, ...]:
-    """All that speaks against the model, whatever solves it."""
+    """Warnings about the model itself, whichever solver is used."""
     if setup.max_depth <= 0:
         return tuple(_attraction_warnings(setup)) if setup.attraction else (NO_CONTACT,)
     return (
@@ -132,11 +155,11 @@ def theory_warnings(setup: ProblemSetup, gap: str = "reference") -> tuple[ModelW
 def fluid_warnings(
     setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes
 ) -> Iterator[ModelWarning]:
-    """All that speaks against how fluid leaves the body, and how that is resolved."""
+    """Warnings about the drainage of the fluid and its resolution in space and time."""
     if not physics.permeable_regions or setup.history is None:
         return
     drainage = physics.drainage
-    durations = DiffusionTimes.compute(setup, physics, draining_size(physics, sizes))
+    diffusion_times = DiffusionTimes.compute(setup, physics, draining_size(physics, sizes))
     if {drainage.surface, drainage.tip, drainage.base} == {"sealed"} and not physics.drained_walls:
         yield ModelWarning(
             "sealed", "every surface is sealed: no fluid leaves the body, it only flows inside"
@@ -147,13 +170,16 @@ def fluid_warnings(
         and drainage.tip == "sealed"
         and elements < 0.99 * MIN_SEALED_ELEMENTS
     ):
-        problem = f"the tip seals {elements:.2g} elements, and where that ends is known to one"
+        problem = (
+            f"the sealed contact has {elements:.2g} elements in its radius, and its edge is known "
+            "to within one element"
+        )
         remedy = (
-            f"from {MIN_SEALED_ELEMENTS:g} on that is 2 % of what relaxes; use a smaller "
-            "mesh.h_contact"
+            f"with {MIN_SEALED_ELEMENTS:g} elements the error is 2 % of the force that relaxes; "
+            "use a smaller mesh.h_contact"
         )
         yield ModelWarning("sealing", f"{problem}: {remedy}")
-    stiffest = max(
+    largest_nu = max(
         (
             region.material.constants.nu
             for region in physics.permeable_regions
@@ -161,16 +187,17 @@ def fluid_warnings(
         ),
         default=0.0,
     )
-    if stiffest > DRAINED_LOCKING_NU:
+    if largest_nu > DRAINED_LOCKING_NU:
         problem = (
-            f"nu = {stiffest:g} of the drained gel: elements without a pressure of its network"
+            f"the drained gel has nu = {largest_nu:g}: elements without an unknown network pressure"
         )
         yield ModelWarning("locking", f"{problem} are 1 % too stiff at 0.4999", LOCKING_ERROR)
-    if setup.is_half_space and setup.history.duration > durations.wall:
+    if setup.is_half_space and setup.history.duration > diffusion_times.wall:
         yield ModelWarning(
-            "diffusion", "fluid feels the walls of the finite body that stands for the half-space"
+            "diffusion",
+            "diffusion reaches the walls of the finite body that replaces the half-space",
         )
-    begin = setup.history.points[0][0]
+    start_time = setup.history.points[0][0]
     if (
         setup.max_depth > 0
         and not physics.is_swelling
@@ -178,12 +205,12 @@ def fluid_warnings(
     ):
         element_text = (
             f"elements of {film.h * physics.scales.length:.2g} at the drained {film.face} are "
-            "thicker than what"
+            "thicker than the layer that has drained by then"
         )
-        force_text = f"the force is up to {error_text(film.max_error)} low"
+        force_text = f"the force is up to {error_text(film.max_error)} too low"
         message = (
-            f"rows up to t = {physics.path.times[film.last_row]:.3g}: {element_text} has "
-            f"drained there by then, and {force_text}"
+            f"rows up to t = {physics.path.times[film.last_row]:.3g}: {element_text}, and "
+            f"{force_text}"
         )
         yield ModelWarning(
             "early",
@@ -193,57 +220,62 @@ def fluid_warnings(
     if physics.creasing_message:
         yield ModelWarning(
             "creases",
-            f"{physics.creasing_message}: rows may be lost, and those that are found are of a "
+            f"{physics.creasing_message}: some equilibria may not be found, and the others have a "
             "smooth surface",
         )
     if drainage.bath_ramp != "auto" and not physics.is_swelling:
         yield ModelWarning(
             "bath_ramp",
-            "drainage.bath_ramp has no effect: the bath is that in which the body is at rest",
+            "drainage.bath_ramp has no effect: the body starts in equilibrium with this bath",
         )
     ramp = physics.bath_ramp
     if early_times := [
-        t - begin for t in physics.path.times if 0 < t - begin < SUDDEN_BATH_RATIO * ramp
+        t - start_time for t in physics.path.times if 0 < t - start_time < SUDDEN_BATH_RATIO * ramp
     ]:
         deficit_text = " to ".join(
             dict.fromkeys(
                 error_text(_swelling_deficit(ramp, t)) for t in (max(early_times), min(early_times))
             )
         )
-        rows = f"rows up to t = {begin + max(early_times):.3g}: the bath comes within {ramp:.3g}"
+        rows_text = (
+            f"rows up to t = {start_time + max(early_times):.3g}: the bath changes over a time of "
+            f"{ramp:.3g}"
+        )
         yield ModelWarning(
             "bath",
-            f"{rows}, and of a sudden one the gel would have risen more there, by {deficit_text}; "
-            "use a smaller drainage.bath_ramp",
+            f"{rows_text}, and after a sudden change the gel would have risen more by then, by "
+            f"{deficit_text}; use a smaller drainage.bath_ramp",
         )
 
 
 def _swelling_deficit(ramp: float, t: float) -> float:
-    """How much less a gel has risen at t, relative, when its bath came evenly within `ramp`: the
-    rise goes with the root of the time, 2/3 (t^3/2 - (t - ramp)^3/2)/ramp in place of t^1/2.
+    """Return by how much less a gel has risen at time t than after a sudden change of its bath.
+
+    The deficit is relative. The rise grows as t^(1/2) after a sudden change, and is
+    2/3 (t^(3/2) - (t - ramp)^(3/2))/ramp if the bath changes linearly over the time `ramp`.
     """
     return 1.0 - 2.0 / 3.0 * (t**1.5 - max(t - ramp, 0.0) ** 1.5) / (ramp * t**0.5)
 
 
 def material_warnings(config: Config, setup: ProblemSetup) -> tuple[ModelWarning, ...]:
-    """That the section `material` is of no use."""
+    """A warning if the section `material` has no effect."""
     message = unused_material_message(config, setup.physics.domain)
     return (ModelWarning("material", message),) if message else ()
 
 
 def pull_warnings(setup: ProblemSetup) -> tuple[ModelWarning, ...]:
-    """What theory's contact has that none has that is pushed alone."""
+    """A warning if the contact of the reference theory has tension, which no mesh allows."""
     if not (setup.theory and setup.theory.tension_fraction):
         return ()
     message = (
-        f"{setup.theory.reason}; pushed alone, the body has a smaller one and feels less: "
-        "only a mesh knows how much"
+        f"{setup.theory.reason}; a contact without tension is smaller, and so is its force: only a "
+        "finite-element solution tells by how much"
     )
     return (ModelWarning("pull", message, setup.theory.tension_fraction),)
 
 
 def _model_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
-    """Where the scene needs more than was asked for."""
+    """Warnings about kinematics, tip, material and body that do not suit the depth."""
     physics = setup.physics
     body = physics.body
     material = physics.material
@@ -261,12 +293,12 @@ def _model_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
         )
     if isinstance(tip, Paraboloid) and delta > 0.1 * tip.R:
         message = (
-            "depth beyond R/10: a sphere of this R would feel at least 1 % less than the paraboloid"
+            "the depth is more than R/10: the force of a sphere of this R would be at least 1 % "
+            "lower than that of the paraboloid"
         )
         yield ModelWarning("paraboloid", message)
-    if (
-        physics.small_strain and delta > 0.1 * body.height and not physics.is_compressed
-    ):  # or it is said twice
+    # Compression of the whole height is already reported by its strain.
+    if physics.small_strain and delta > 0.1 * body.height and not physics.is_compressed:
         depth_text = f"depth is {delta / body.height:.0%} of the thickness"
         yield ModelWarning("small_strain", f"{depth_text}: small strain is no longer a good model")
     if a > 0.8 * body.lateral_extent(physics.center) and not physics.is_compressed:
@@ -287,16 +319,19 @@ def _model_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
         and half_space_force_pair
         and abs(1 - half_space_force_pair[1] / solution.force) >= 0.01
     ):
-        thickness_text = "for a contact this large the body is not thick enough"
-        cause = "the body is layered" if len(setup.layers) > 1 else thickness_text
-        cause = "its surface is under tension" if physics.surface_tension else cause
+        cause = "the body is not thick enough for a contact this large"
+        if len(setup.layers) > 1:
+            cause = "the body is layered"
+        if physics.surface_tension:
+            cause = "its surface is under tension"
         yield ModelWarning(
-            "half_space", f"{half_space_force_pair[0]}, half-space, does not apply: {cause}"
+            "half_space",
+            f"{half_space_force_pair[0]}, half-space, does not apply: {cause}",
         )
 
 
 def _tip_end_warnings(setup: ProblemSetup, gap: str) -> Iterator[ModelWarning]:
-    """That a tip ends inside the contact, and what the model makes of it."""
+    """A warning if the tip's profile ends inside the contact, with what the model makes of it."""
     tip = setup.physics.indenter
     delta = setup.max_depth
     end_radius = max_radius(setup.physics.indenter)
@@ -304,27 +339,28 @@ def _tip_end_warnings(setup: ProblemSetup, gap: str) -> Iterator[ModelWarning]:
         setup.a >= end_radius or (isinstance(tip, Sphere) and delta > end_radius)
     ):
         return
-    message = "deeper than the profile is high: the body may slip around its end"
+    message = "the depth exceeds the height of the tip's profile: the body may slip around its end"
     if gap == "reference":
         message = (
-            "deeper than the tip has a shape: where it ends the contact ends like under a punch"
+            "the contact reaches the end of the tip's profile, and ends there as under a flat punch"
         )
     elif isinstance(tip, Sphere):
         message = (
-            f"deeper than the ball's radius: it is whole but for a stem within {STEM_HALF_ANGLE:g} "
-            "degrees of its top"
+            "the depth exceeds the ball's radius: it is modelled as whole except for a stem within "
+            f"{STEM_HALF_ANGLE:g} degrees of its top"
         )
     yield ModelWarning("tip_end", message)
-    if delta > MAX_DEPTH_RATIO * end_radius:
+    # Beyond 100 radii the tip is a needle, or a unit is wrong.
+    if delta > 100.0 * end_radius:
         message = (
-            f"the depth is {delta / end_radius:.3g} times the radius at which the tip ends: are "
-            "both in one unit?"
+            f"the depth is {delta / end_radius:.3g} times the radius at which the tip ends: do "
+            "both have the same unit?"
         )
         yield ModelWarning("units", message)
 
 
 def _attraction_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
-    """That an attraction is felt where the body ends."""
+    """A warning if the attraction reaches beyond the edge of the body."""
     rim = setup.physics.body.lateral_extent(setup.physics.center)
     if (
         setup.attraction is None
@@ -335,14 +371,20 @@ def _attraction_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
     if (
         gap_ratio := float(setup.relative_tip.height(rim, 0.0)) / setup.attraction.range
     ) < ATTRACTION_CUTOFF:
-        gap_text = f"the body ends where the tip's gap is {gap_ratio:.2g} ranges of the attraction"
+        gap_text = (
+            f"the body ends where its gap to the tip is {gap_ratio:.2g} ranges of the attraction"
+        )
         yield ModelWarning(
-            "adhesion_rim", f"adhesion: {gap_text}: what a wider one would feel there is left out"
+            "adhesion_rim", f"adhesion: {gap_text}: the attraction beyond its edge is left out"
         )
 
 
 def _adhesion_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
-    """Warn of a range of attraction too long for JKR, by Maugis-Dugdale on a half-space."""
+    """A warning if the range of the attraction is too long for the JKR limit.
+
+    The measure is the pull-off force by Maugis-Dugdale on a half-space, which may differ from the
+    JKR limit by 1 %.
+    """
     limit = setup.jkr_limit
     if (
         limit is None
@@ -350,7 +392,7 @@ def _adhesion_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
         or not isinstance(setup.relative_tip, Paraboloid | Sphere | Hyperboloid)
     ):
         return
-    from indent_sim.theory.maugis import (  # with scipy's searches
+    from indent_sim.theory.maugis import (  # Loads scipy, which no other scene needs.
         maugis_lambda,
         maugis_pull_off,
         tabor_number,
@@ -358,43 +400,47 @@ def _adhesion_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
 
     parameters = limit.work, limit.range, setup.relative_tip.R, setup.physics.material.E_star
     pull_off_factor = maugis_pull_off(maugis_lambda(*parameters))
-    if abs(pull_off_factor / -1.5 - 1) > JKR_TOLERANCE:
-        range_ = f"at a Tabor number of {tabor_number(*parameters):.3g} its range is not short"
-        pull_off_text = (
-            f"on a half-space it holds with {-pull_off_factor:.4g} pi work R (Maugis-Dugdale), in "
-            "the JKR limit with 1.5"
+    if abs(pull_off_factor / -1.5 - 1) > 0.01:
+        range_text = (
+            f"at a Tabor number of {tabor_number(*parameters):.3g} the range of the attraction is "
+            "not short"
         )
-        yield ModelWarning("adhesion", f"adhesion: {range_}: {pull_off_text}")
+        pull_off_text = (
+            f"on a half-space the pull-off force is {-pull_off_factor:.4g} pi work R "
+            "(Maugis-Dugdale), and 1.5 pi work R in the JKR limit"
+        )
+        yield ModelWarning("adhesion", f"adhesion: {range_text}: {pull_off_text}")
 
 
 def _contact_law_warnings(
     setup: ProblemSetup, law: ContactLaw, gap: str, sizes: Sizes
 ) -> Iterator[ModelWarning]:
-    """What the contact method, and a stiffness given in the config, do to the answer."""
+    """Warnings about the errors of the contact law and of a stiffness given in the config."""
     material = setup.physics.material
     theory = setup.theory
-    # nodal pressures on a deformed surface
+    # Nodal pressures on a deformed surface have several equilibria.
     if gap == "current" and law.multiplier == "nodal":
         several_text = (
-            "several sets of nodes may be in equilibrium, which one is found depends on the steps"
+            "several sets of contact nodes may be in equilibrium, the steps decide which is found"
         )
         message = (
             f"{law.method} with gap: current: {several_text}, and their forces differ by "
             f"{error_text(EQUILIBRIA_DIFFERENCE)}"
         )
         yield ModelWarning("several_equilibria", message, EQUILIBRIA_DIFFERENCE)
-    stiffest = (1 + STIFFNESS_ROUNDING) * MAX_STIFFNESS_MULTIPLE * material.E_star / sizes.h_contact
-    if isinstance(law, Penalty | Nitsche) and law.stiffness > stiffest:
+    # The rounding allows for a stiffness that the program chose to be just this large.
+    max_stiffness = (1 + 1e-9) * MAX_STIFFNESS_MULTIPLE * material.E_star / sizes.h_contact
+    if isinstance(law, Penalty | Nitsche) and law.stiffness > max_stiffness:
         yield ModelWarning(
-            "stiffness", "a stiffness beyond 1000 E*/h_contact: the pressures oscillate"
+            "stiffness", "a stiffness of more than 1000 E*/h_contact: the pressures oscillate"
         )
     if isinstance(law, Penalty):
         force_loss, last_row_loss = _deepest_and_last_error(
             setup, lambda delta, a: penalty_force_loss(law, material, theory, delta, a)
         )
         message = (
-            f"penalty: the tip sinks into the body, the force is up to {100 * force_loss:.2g} % "
-            "too low at this epsilon_n"
+            "penalty: the tip penetrates the body, and the force is up to "
+            f"{100 * force_loss:.2g} % too low at this epsilon_n"
         )
         yield ModelWarning(
             "penalty", message if force_loss >= NEGLIGIBLE_ERROR else "", last_row_loss
@@ -404,8 +450,10 @@ def _contact_law_warnings(
 def _friction_warnings(
     setup: ProblemSetup, law: ContactLaw, sizes: Sizes
 ) -> Iterator[ModelWarning]:
-    """What epsilon_t does to what friction adds to the force, which nothing knows before it is
-    solved.
+    """A warning about the effect of epsilon_t on what friction adds to the force.
+
+    The friction force itself is unknown before the scene is solved; a share of it of 5 % is worth a
+    warning.
     """
     if law.is_conservative:
         return
@@ -418,7 +466,7 @@ def _friction_warnings(
             f"about {force_fraction:.0%} of what friction adds to the force is lost at this "
             "epsilon_t"
         )
-        message = f"penalty: the surface gives way by t/epsilon_t: {loss_text}"
+        message = f"penalty: a sticking surface slips by tau/epsilon_t: {loss_text}"
     else:
         force_fraction = (
             abs(stick_force_change(multiple, elements))
@@ -426,37 +474,37 @@ def _friction_warnings(
             else 0.0
         )
         change = (
-            f"{force_fraction:.0%} {'more' if multiple > 1 else 'less'} to the force than at 1, "
-            "the most accurate"
+            f"{force_fraction:.0%} {'more' if multiple > 1 else 'less'} to the force than with 1 "
+            "E*/h_contact, the most accurate stiffness"
         )
         message = (
             f"epsilon_t is {multiple:.2g} E*/h_contact: on these elements friction adds about "
             f"{change}"
         )
-    if force_fraction >= NEGLIGIBLE_FRICTION_LOSS:
+    if force_fraction >= 0.05:
         yield ModelWarning("friction", message)
 
 
 def _mesh_warnings(setup: ProblemSetup, sizes: Sizes) -> Iterator[ModelWarning]:
-    """What coarse elements will do to the results."""
+    """Warnings about coarse elements at the contact and at corners, and about p_max."""
     if (tension_ratio := setup.elastocapillary_length / setup.a) > TENSION_PRESSURE_LIMIT:
-        step = f"gamma/E* is {tension_ratio:.2g} contact radii: the pressure ends with a step"
+        step_text = f"gamma/E* is {tension_ratio:.2g} contact radii: the pressure ends with a step"
         yield ModelWarning(
-            "p_max", f"{step}, where p_max of a mesh is up to 5 % too large; the force is not"
+            "p_max", f"{step_text}, where p_max of a mesh is up to 5 % too large; the force is not"
         )
     if setup.physics.is_drop:
         yield ModelWarning("drop", "", SURFACE_MEMBRANE_ERROR)
     moduli = [region.material.constants.E for region in setup.physics.domain.regions]
     if max(moduli) > VERIFIED_CONTRAST * min(moduli):
         message = (
-            f"moduli {max(moduli) / min(moduli):.0e} times apart: sizes are known to suit up "
-            "to 1000 times"
+            f"the largest modulus is {max(moduli) / min(moduli):.0e} times the smallest: the "
+            "element sizes are verified up to 1000 times"
         )
-        yield ModelWarning("contrast", f"{message}; ask for an accuracy, and compare")
+        yield ModelWarning("contrast", f"{message}; set an accuracy, and compare")
     if sizes.corner_error >= NEGLIGIBLE_ERROR:
         bound_text = f"the force may be too high by up to {error_text(sizes.corner_error)}"
         remedy = "use smaller sizes everywhere, or leave them to the program"
-        message = f"coarse elements at corners that the contact feels: {bound_text}; {remedy}"
+        message = f"coarse elements at corners close to the contact: {bound_text}; {remedy}"
         yield ModelWarning("corners", message, sizes.corner_error)
     nu = setup.physics.largest_nu
     a = setup.a
@@ -502,14 +550,15 @@ def _mesh_warnings(setup: ProblemSetup, sizes: Sizes) -> Iterator[ModelWarning]:
         yield ModelWarning("elements", message, last_row_error)
 
 
-def refinement_advice(sizes: Sizes, smaller: str) -> str:
-    """How to get smaller elements; those of a mesh from a file can only be halved."""
-    return smaller if sizes.refinements is None else "refine it: mesh.refinements"
+def refinement_advice(sizes: Sizes, advice: str) -> str:
+    """Advice on smaller elements: `advice`, or refinement of a mesh that comes from a file."""
+    return advice if sizes.refinements is None else "increase mesh.refinements"
 
 
 def _facet_warnings(setup: ProblemSetup, sizes: Sizes) -> Iterator[ModelWarning]:
-    """That flat facets from a file stand for a curved surface, inside which they are: the tip is
-    less deep.
+    """A warning about flat facets of an imported mesh that may approximate a curved surface.
+
+    They lie inside that surface, so that the depth is too small.
     """
     physics = setup.physics
     if not isinstance(physics.domain, ImportedDomain):
@@ -521,15 +570,17 @@ def _facet_warnings(setup: ProblemSetup, sizes: Sizes) -> Iterator[ModelWarning]
             "of the force"
         )
         yield ModelWarning(
-            "facets", f"flat facets under the tip: if they stand for a curved surface {sag_text}"
+            "facets",
+            f"flat facets under the tip: if they approximate a curved surface, {sag_text}",
         )
 
 
 def _deepest_and_last_error(
     setup: ProblemSetup, error: Callable[[float, float], float]
 ) -> tuple[float, float]:
-    """A relative error(depth, contact radius) at the deepest contact and at the last row, where
-    there is contact.
+    """Return error(depth, contact radius) at the deepest contact and at the last row.
+
+    It is 0 at the last row if there is no contact.
     """
     last_depth = setup.physics.deltas[-1]
     errors = {
@@ -541,8 +592,9 @@ def _deepest_and_last_error(
 
 
 def _expected_radius(setup: ProblemSetup, delta: float) -> float:
-    """The contact radius [length] to expect at a depth: of a tip that adheres JKR's, infinite where
-    nobody knows it.
+    """Return the expected contact radius at a depth [length].
+
+    For an adhesive tip it is that of the JKR limit, and infinite without a theory for it.
     """
     if setup.attraction is None:
         return setup.expected_radius(delta)

@@ -316,7 +316,7 @@ def test_a_tip_deep_beyond_its_end_is_a_punch(tip: dict[str, Any]) -> None:
     scene = resolve(config_from_mapping(deep))
     assert force(scene) == pytest.approx(2 * E_STAR * 1e-6 * 0.01, rel=3e-3)
     if tip["shape"] != "flat_punch":
-        assert "one unit" in " ".join(scene.plan.warnings)
+        assert "the same unit" in " ".join(scene.plan.warnings)
     with pytest.raises(ConfigError, match="unit of length"):
         resolve(config_from_mapping(deep | {"contact": {"method": "auto", "gap": "current"}}))
 

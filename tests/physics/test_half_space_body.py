@@ -99,7 +99,7 @@ def test_a_tip_in_contact_to_its_end() -> None:
     """
     base = over({"shape": "profile", "points": [[0, 0], [0.1, 0.01]]}, 0.05)
     assert base.physics.body.height * base.physics.scales.length > 100 * 0.1
-    assert any("deeper than the tip has a shape" in warning for warning in base.plan.warnings)
+    assert any("reaches the end of the tip's profile" in warning for warning in base.plan.warnings)
 
 
 def test_three_dimensions_on_request() -> None:

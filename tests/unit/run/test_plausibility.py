@@ -376,7 +376,6 @@ def test_rows_while_a_bath_comes_are_said() -> None:
     base = scene(**DRAINING | SWELLING)
     (said,) = (doubt.message for doubt in base.plan.model_warnings if doubt.key == "bath")
     last = max(t for t in base.physics.path.times if t < SUDDEN_BATH_RATIO * base.physics.bath_ramp)
-    assert said.startswith(
-        f"rows up to t = {last:.3g}: the bath comes within {base.physics.bath_ramp:.3g}"
-    )
+    ramp = base.physics.bath_ramp
+    assert said.startswith(f"rows up to t = {last:.3g}: the bath changes over a time of {ramp:.3g}")
     assert not any(doubt.key == "bath" for doubt in scene(**DRAINING).plan.model_warnings)
