@@ -1,6 +1,4 @@
-"""Expected results: contact radius and force, what slip and adhesion make of them, whether the
-pressure has a peak.
-"""
+"""Predictions by theory before a scene is solved: contact radius, force and pull-off force."""
 
 from __future__ import annotations
 
@@ -15,9 +13,12 @@ from indent_sim.theory.solution import SOLUTION_ERRORS
 
 
 def prediction_of(setup: ProblemSetup) -> dict[str, float]:
-    """Expected contact radius, and force (or depth, if forces are prescribed) by layer theory and
-    by the formulas for the half-space and for films, or of a tip that adheres by JKR, in the
-    user's units.
+    """Return the predictions of the reference theory and of closed formulas in the user's units.
+
+    The keys are the contact radius `a`, the elastocapillary length of a body with surface tension,
+    and the force at the largest depth (`delta` at the largest force, if forces are prescribed) by
+    theory and, with a suffix, by the formulas for half-spaces and films; for an adhesive tip it is
+    that of the JKR limit alone. What no theory knows is left out.
     """
     physics = setup.physics
     delta = setup.max_depth
@@ -36,9 +37,8 @@ def prediction_of(setup: ProblemSetup) -> dict[str, float]:
         else ("delta", scales.depth)
     )
     values: dict[str, float | None] = {}
-    if (
-        setup.surface_rise
-    ):  # no elastic body at that depth has the force of a gel that rises against its tip
+    if setup.surface_rise:
+        # No elastic body at that depth has the force of a gel that swells against its tip.
         return {"a": setup.a * scales.length}
     if setup.attraction:
         with suppress(*SOLUTION_ERRORS):
@@ -49,10 +49,12 @@ def prediction_of(setup: ProblemSetup) -> dict[str, float]:
     else:
         half_space_formula = None
         solution = setup.solution(delta) if delta > 0 else None
-        if not physics.is_time_dependent:  # else `InTime` says it
-            values[quantity] = (
-                delta if largest is not None else solution.force if solution else None
-            )
+        # The value of a time-dependent body is a part of `TimePrediction`.
+        if not physics.is_time_dependent:
+            if largest is not None:
+                values[quantity] = delta
+            else:
+                values[quantity] = solution.force if solution else None
         if scales.dim == 3:
             half_space_formula = (
                 half_space_force(tip, delta, E_star)
@@ -66,24 +68,30 @@ def prediction_of(setup: ProblemSetup) -> dict[str, float]:
                 for name in theory.formulas
             }
     converted = {name: value * unit for name, value in values.items() if value is not None}
-    elastocapillary_length = setup.elastocapillary_length
-    return (
-        {"a": setup.a * scales.length}
-        | (
-            {"elastocapillary_length": elastocapillary_length * scales.length}
-            if elastocapillary_length
-            else {}
-        )
-        | converted
-    )
+    prediction = {"a": setup.a * scales.length}
+    if elastocapillary_length := setup.elastocapillary_length:
+        prediction["elastocapillary_length"] = elastocapillary_length * scales.length
+    return prediction | converted
 
 
 @dataclass(frozen=True)
 class ExpectedAdhesion:
-    """What is known of a tip that adheres before it does: the cohesive zone beside its contact
-    [length], the elements in it, a round tip's Tabor number and Maugis' lambda, and the largest
-    pull [force], None where nobody knows it: without range (JKR) on a linear body like this one,
-    and by Maugis-Dugdale on a half-space, if that is alike.
+    """Quantities of an adhesive contact that are known before the scene is solved.
+
+    Attributes
+    ----------
+    cohesive_zone : float
+        Width of the cohesive zone outside the contact [length].
+    elements : float
+        Elements in that width.
+    tabor : float or None
+        Tabor number of a round tip.
+    maugis_lambda : float or None
+        Maugis' parameter lambda of a round tip.
+    jkr_pull_off : float or None
+        Pull-off force in the JKR limit on this body at small strain [force]; None without a theory.
+    maugis_pull_off : float or None
+        Pull-off force by Maugis-Dugdale on a half-space [force]; None for other bodies.
     """
 
     cohesive_zone: float
@@ -95,7 +103,7 @@ class ExpectedAdhesion:
 
     @property
     def description(self) -> str:
-        """The same as the reason of a choice."""
+        """The quantities with their meanings, as the reason of a choice."""
         numbers = ((symbol.meaning, getattr(self, symbol.name)) for symbol in ADHESION_SYMBOLS)
         return "; ".join(
             f"{meaning} {number:.4g}" for meaning, number in numbers if number is not None

@@ -1,4 +1,4 @@
-"""Time prediction: diffusion times, relaxation times and elastic limits of a scene with history."""
+"""Prediction of diffusion times, relaxation times and elastic limits of a scene with a history."""
 
 from __future__ import annotations
 
@@ -19,25 +19,42 @@ from indent_sim.scene.problem_definition import ProblemDefinition, largest_diffu
 from indent_sim.scene.problem_setup import ProblemSetup
 from indent_sim.theory.poroelasticity import paraboloid_fraction_remaining
 
-NEAR_LIMIT_PERCENT = 2.0  # per cent from an elastic limit: up to this a body is said to be one
-
-# contact radii in a height, up to which what is left of a paraboloid's force is that of the table
+# Difference from an elastic limit up to which a body counts as being at this limit [%].
+NEAR_LIMIT_PERCENT = 2.0
+# Contact radius over height up to which the tabled decay of the force on a half-space is used.
 MAX_RADIUS_RATIO = 0.6
-
-RAMP_POINTS = 1000  # of the integral over a ramp
+# Number of points of the midpoint rule for the integral over a ramp.
+RAMP_POINTS = 1000
 
 
 @dataclass(frozen=True)
 class TimePrediction:
-    """What is known of a scene that is followed in time before it is, in the user's units.
+    """Quantities of a time-dependent scene that are known before it is solved, in the user's units.
 
-    way: curve | steps, by which method and why. D [length^2/time]: of the fluid, None without.
-    times [time]: what it needs through the contact (a^2/D), the body (H^2/D) and an element
-    (h_contact^2/D), the longest `relaxation`, the `way_in` to the largest value, and the whole
-    `history`. stages: equilibria of a run that cuts no step. limits: the largest force, or the
-    depth of the largest force prescribed, `undrained` and `drained`, and where something relaxes
-    `unrelaxed` and `relaxed`; None where theory does not know it. about: the force between them
-    that is expected. words: the cheapest elastic model of the scene, if there is one.
+    Attributes
+    ----------
+    way : str
+        "steps" for time steps, or "curve" for an evaluation on the elastic load curve.
+    method : str
+        Method of the time integration.
+    why : str
+        Reason for `way`.
+    D : float or None
+        Largest diffusivity [length^2/time]; None without a fluid.
+    times : dict of str to float
+        Durations [time]: diffusion through the contact (`contact`, a^2/D), the body (`height`,
+        H^2/D) and an element (`element`, h_contact^2/D), the longest relaxation time
+        (`relaxation`), the loading to the largest value (`way_in`) and the whole history
+        (`history`).
+    stages : int or None
+        Number of equilibria of a run without cutbacks; None on the elastic load curve.
+    limits : dict of str to float or None
+        Largest force, or depth of the largest prescribed force, of the elastic limits: `undrained`
+        and `drained`, `unrelaxed` and `relaxed`; None without a theory.
+    about : float or None
+        Expected value between these limits.
+    words : str
+        The nearest elastic limits in words; empty if there are none.
     """
 
     way: str
@@ -52,11 +69,11 @@ class TimePrediction:
 
     @property
     def report(self) -> dict[str, Any]:
-        """As run.json has it."""
+        """The entries for run.json."""
         return {name: value for name, value in vars(self).items() if name != "about"}
 
     def prediction(self, quantity: str) -> dict[str, float]:
-        """Its limits as predictions of what is asked for, force or delta."""
+        """Expected value and elastic limits as predictions of a quantity, "force" or "delta"."""
         limit_values = {
             f"{quantity}_{name}": value for name, value in self.limits.items() if value is not None
         }
@@ -66,8 +83,18 @@ class TimePrediction:
 def time_prediction(
     setup: ProblemSetup, physics: ProblemDefinition, h_contact: float | None, why: str
 ) -> TimePrediction | None:
-    """What is known of the scene in time; None where no time passes. h_contact [length] of a mesh;
-    why: of its way.
+    """Return the time prediction of a scene; None without a history.
+
+    Parameters
+    ----------
+    setup : ProblemSetup
+        The problem setup.
+    physics : ProblemDefinition
+        The problem along its history, with its time steps if it has any.
+    h_contact : float or None
+        Element size at the contact [length]; None without a mesh.
+    why : str
+        Reason for time steps, or for the evaluation on the elastic load curve.
     """
     history = setup.history
     if history is None:
@@ -86,9 +113,9 @@ def time_prediction(
     if relaxations := _relaxation_times(setup, physics):
         times["relaxation"] = max(relaxations)
     transitions = [
-        candidate
-        for find in (_drainage_transition, _relaxation_transition)
-        if (candidate := find(setup, physics))
+        transition
+        for find_transition in (_drainage_transition, _relaxation_transition)
+        if (transition := find_transition(setup, physics))
     ]
     limits = {
         name: value
@@ -114,7 +141,10 @@ def time_prediction(
 
 
 def _equilibrium_count(physics: ProblemDefinition) -> int:
-    """Equilibria of a path in time: two of each step in which fluid flows, one of a jump."""
+    """Return the number of equilibria on a path in time.
+
+    A step in which fluid flows has two stages, an instantaneous increment one.
+    """
     t = 0.0
     count = 0
     for step in range(1, len(physics.path.values) + 1):
@@ -125,31 +155,37 @@ def _equilibrium_count(physics: ProblemDefinition) -> int:
 
 
 def _time_method(setup: ProblemSetup, physics: ProblemDefinition) -> str:
-    """By what a scene goes from one row of its history to the next."""
+    """Return the name of the method that leads from one row of the history to the next."""
     if not physics.path.times:
-        return (
-            "time steps"
-            if setup.uses_time_stepping
-            else "quadrature"
-            if setup.relaxation
-            else "equilibria"
-        )
+        if setup.uses_time_stepping:
+            return "time steps"
+        return "quadrature" if setup.relaxation else "equilibria"
     if physics.permeable_regions:
         return "SDIRK2"
     return "exponentials" if physics.relaxing_regions else "equilibria"
 
 
 def _relaxation_times(setup: ProblemSetup, physics: ProblemDefinition) -> list[float]:
-    """The times of all terms that relax."""
+    """Return the relaxation times of all Prony series [time]."""
     laws = [setup.relaxation, *(region.material.relaxation for region in physics.relaxing_regions)]
     return [time for law in laws if law for _, time in law.prony or ()]
 
 
 @dataclass(frozen=True)
 class _LimitTransition:
-    """What a body passes from one elastic limit to another: their names with the law of each, its
-    slowest time by name, what is left of the difference at the end of the way in, and at the end
-    of the history; None where nobody knows.
+    """Transition of a body from its first elastic limit to its last one.
+
+    Attributes
+    ----------
+    first_limit, last_limit
+        Name of the limit, and the elastic law in it as a function of the material.
+    slowest_time
+        Key of the slowest time in `TimePrediction.times`, and its name in words.
+    remaining_fraction, final_fraction
+        Remaining fraction of the difference of the two limits at the end of loading, and at the end
+        of the history; None if unknown.
+    force_ratio
+        First force divided by the last one, at the same depth.
     """
 
     first_limit: tuple[str, Callable[[Material], Material]]
@@ -157,44 +193,42 @@ class _LimitTransition:
     slowest_time: tuple[str, str]
     remaining_fraction: float | None
     final_fraction: float | None
-    force_ratio: float  # of the first force to the last one, at a depth
+    force_ratio: float
 
     def limits(self, setup: ProblemSetup) -> dict[str, float | None]:
-        """The force at the deepest point, or the depth of the largest force [user's units], of
-        both.
-        """
+        """Largest force, or depth of the largest prescribed force [user's units], by limit."""
         return {name: _limit_value(setup, law) for name, law in (self.first_limit, self.last_limit)}
 
     def expected_force(self, setup: ProblemSetup) -> float | None:
-        """The force to expect at the end of the way in [user's units]."""
+        """Return the expected force at the end of loading [user's units]; None if unknown."""
         first, last = self.limits(setup).values()
         if None in (first, last, self.remaining_fraction) or setup.physics.path.control == "force":
             return None
         return last + self.remaining_fraction * (first - last)  # type: ignore[operator]
 
     def description(self, times: Mapping[str, float]) -> str:
-        """The cheapest elastic model, at the end of the way in and of the history."""
+        """Return the nearest elastic limit at the end of loading and of the history in words."""
         (name, time_text) = self.slowest_time
         t = times["way_in"]
         time_ratio_text = f", {t / times[name]:.2g} of {time_text}" if times.get(name) else ""
         limit_text = self._nearest_limit_text(self.remaining_fraction)
-        text = f"the way in takes {t:.3g}{time_ratio_text}: {limit_text}"
+        text = f"loading takes {t:.3g}{time_ratio_text}: {limit_text}"
         if self.final_fraction is not None and self.final_fraction != self.remaining_fraction:
             text += f"; at the end of the history {self._nearest_limit_text(self.final_fraction)}"
         return text
 
     def _nearest_limit_text(self, remaining_fraction: float | None) -> str:
+        """Return the elastic limit that is near in words, or how far both are."""
         if remaining_fraction is None:
-            return "`require` solves which elastic body that is near"
+            return "`require` computes which elastic limit is near"
         percent_below = 100 * (1 - 1 / self.force_ratio) * (1 - remaining_fraction)
         percent_above = 100 * (self.force_ratio - 1) * remaining_fraction
         if min(percent_below, percent_above) > NEAR_LIMIT_PERCENT:
             limits_text = (
-                f"{_percent_text(percent_below)} below the {self.first_limit[0]} force, "
-                f"{_percent_text(percent_above)} above the "
-                f"{self.last_limit[0]}"
+                f"about {_percent_text(percent_below)} below the {self.first_limit[0]} force and "
+                f"{_percent_text(percent_above)} above the {self.last_limit[0]} force"
             )
-            return f"neither, about {limits_text}"
+            return f"neither limit, {limits_text}"
         name, percent = (
             (self.first_limit[0], percent_below)
             if percent_below < percent_above
@@ -204,17 +238,22 @@ class _LimitTransition:
 
 
 def _percent_text(change: float) -> str:
+    """Return a change in per cent with two digits, or without decimals above 99."""
     return f"{change:.2g} %" if change < 99.5 else f"{change:.0f} %"
 
 
 def _drainage_transition(
     setup: ProblemSetup, physics: ProblemDefinition
 ) -> _LimitTransition | None:
-    """Transition from undrained to drained, by `paraboloid_fraction_remaining`."""
+    """Return the transition from undrained to drained; None without a fluid that drains.
+
+    The decay of the difference is that of a paraboloid on a half-space with a drained surface
+    (`paraboloid_fraction_remaining`), and unknown for other tips, bodies and drainage.
+    """
     if not physics.permeable_regions or setup.surface_rise:
         return None
     assert setup.history is not None
-    touched_material = physics.material
+    material = physics.material
     tip = physics.drainage.tip
     power = profile_exponent(physics.indenter)
     is_single_solid = len(physics.domain.regions) == 1 and physics.scales.dim == 3
@@ -239,22 +278,24 @@ def _drainage_transition(
                 diffusion_rate * setup.history.hold_duration, tip, "step"
             ),
         )
-    undrained_material = undrained_law(touched_material)
+    undrained_material = undrained_law(material)
     laws = ("undrained", undrained_law), ("drained", lambda material: replace(material, flow=None))
     return _LimitTransition(
         *laws,
         ("contact", "a^2/D"),
         remaining_fraction,
         final_fraction,
-        undrained_material.E_star / touched_material.E_star,
+        undrained_material.E_star / material.E_star,
     )
 
 
 def _relaxation_transition(
     setup: ProblemSetup, physics: ProblemDefinition
 ) -> _LimitTransition | None:
-    """From unrelaxed to relaxed, by what is left under a tip whose force grows as depth^1.5 in an
-    incompressible half-space.
+    """Return the transition from unrelaxed to relaxed; None without relaxation.
+
+    The force grows as depth^1.5, as that of a paraboloid on an incompressible half-space, while the
+    depth grows linearly to its largest value.
     """
     law = setup.relaxation or next(
         (region.material.relaxation for region in physics.relaxing_regions), None
@@ -275,33 +316,39 @@ def _relaxation_transition(
             term_fraction * exp(-history.hold_duration / time)
             for term_fraction, (_, time) in zip(term_fractions, terms, strict=True)
         )
-    touched_material = physics.material
+    material = physics.material
     relaxed_material = partial(relaxed_law, left=least_modulus)
     ratio = (
         1 / least_modulus
         if setup.relaxation
-        else touched_material.E_star / relaxed_material(touched_material).E_star
+        else material.E_star / relaxed_material(material).E_star
     )
     laws = ("unrelaxed", lambda material: material), ("relaxed", relaxed_material)
     return _LimitTransition(
-        *laws, ("relaxation", "the longest relaxation"), remaining_fraction, final_fraction, ratio
+        *laws,
+        ("relaxation", "the longest relaxation time"),
+        remaining_fraction,
+        final_fraction,
+        ratio,
     )
 
 
 def _ramp_fraction(x: float) -> float:
-    """int_0^1 exp(-x (1 - s)) d(s^1.5): what a term leaves of the force at the end of a ramp of x
-    times its time.
+    """Return int_0^1 exp(-x (1 - s)) d(s^1.5) for a ramp that lasts x relaxation times.
+
+    It is the fraction of a Prony term's force that remains at the end of the ramp.
     """
     s = (np.arange(RAMP_POINTS) + 0.5) / RAMP_POINTS
     return float(np.exp(-x * (1 - s)) @ np.diff(np.linspace(0, 1, RAMP_POINTS + 1) ** 1.5))
 
 
-def _limit_value(setup: ProblemSetup, change: Callable[[Material], Material]) -> float | None:
-    """The force at the deepest point, or the depth of the largest force, of a body whose laws are
-    changed so.
+def _limit_value(setup: ProblemSetup, law: Callable[[Material], Material]) -> float | None:
+    """Return the largest force, or the depth of the largest prescribed force, in an elastic limit.
+
+    It is in the user's units, and None without a theory; `law` gives the elastic law of a material.
     """
     assert setup.history is not None
-    theory = setup.theory_for_materials(change)
+    theory = setup.theory_for_materials(law)
     scales = setup.physics.scales
     if theory is None or setup.history.largest_value <= 0:
         return None

@@ -90,7 +90,7 @@ def test_a_hold_drains() -> None:
     found = of(history=[[0, DEPTH], [1e3 * contact, DEPTH]])
     assert found.times["way_in"] == 0
     assert (
-        "the way in takes 0" in found.words
+        "loading takes 0" in found.words
         and "at the end of the history drained, within" in found.words
     )
     back = of(history=[[0, 0], [contact, DEPTH], [1e3 * contact, 0]])
@@ -111,7 +111,7 @@ def test_times_of_a_body_that_relaxes() -> None:
     found = of(law)
     assert found.method == "exponentials" and found.times["relaxation"] == 1.0 and found.D is None
     assert found.limits["relaxed"] == pytest.approx(0.5 * found.limits["unrelaxed"])
-    assert "0.5 of the longest relaxation: neither" in found.words
+    assert "0.5 of the longest relaxation time: neither" in found.words
     assert "unrelaxed, within" in of(law, [[0, 0], [1e-4, DEPTH]]).words
     assert (
         "; at the end of the history relaxed, within"
