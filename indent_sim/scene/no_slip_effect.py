@@ -1,4 +1,4 @@
-"""Effect of no slip and of friction on the force, known before the scene is solved."""
+"""Effect of no slip and of friction on the force, as known before the scene is solved."""
 
 from __future__ import annotations
 
@@ -16,37 +16,40 @@ from indent_sim.scene.problem_setup import ProblemSetup
 from indent_sim.theory import no_slip
 from indent_sim.theory.no_slip import FrictionCorrection
 
+# Exponent n of the profile f = B r^n of a tip; infinite for a flat punch.
 PROFILE_EXPONENTS: dict[type, float] = {
     Paraboloid: 2.0,
     Sphere: 2.0,
     Cone: 1.0,
     FlatPunch: inf,
-}  # of the tip's profile
-
-MIN_WALL_DISTANCE = (
-    2.0  # thicknesses, or contact radii, to the side walls of a layer that feels them little
-)
-
-NEGLIGIBLE_PERCENT = 1.0  # per cent that stick changes: less is not worth a sentence
-
-# edge elements in the rim that would pull, at most: Newton goes round in a circle from 5 on,
-# measured
+}
+# Distance of the side walls, in thicknesses of the layer and contact radii, from which on they
+# hardly change the force.
+MIN_WALL_DISTANCE = 2.0
+# Change of the force by no slip below which it is not mentioned [%].
+NEGLIGIBLE_PERCENT = 1.0
+# Largest element size at the edge, in widths of the tensile rim, at which the elements resolve the
+# rim. Newton's method was found to cycle with sizes up to 5 of them.
 MAX_RIM_ELEMENTS = 6.0
-
-STICK_FRICTION = (
-    5.0  # the friction that stands for stick then: 0.05 % of the force less, measured at nu = 0
-)
-
-# Poisson's ratio from which on the facets of a solid, which cross the edge, do not see it: at 0.1
-# they do
+# Coefficient of friction that replaces stick then. The force is 0.05 % lower, measured at nu = 0.
+STICK_FRICTION = 5.0
+# Poisson's ratio from which on tetrahedra, whose facets cross the edge, do not resolve the rim; at
+# nu = 0.1 they do.
 MIN_SAFE_NU = 0.3
 
 
 @dataclass(frozen=True)
 class NoSlipEffect:
-    """What pure stick instead of no friction would change the deepest force by [per cent]: between
-    low and high, and the number itself where it is known; None where only the like at small
-    strain is known to tell. source says from what.
+    """Change of the force at the largest depth by no slip instead of no friction.
+
+    Attributes
+    ----------
+    percent : float or None
+        The change [%], where it is known exactly.
+    low, high : float or None
+        Range of the change [%]; None if only its counterpart at small strain is known.
+    source : str
+        Origin of these numbers, in words.
     """
 
     percent: float | None
@@ -56,7 +59,7 @@ class NoSlipEffect:
 
     @property
     def is_noticeable(self) -> bool:
-        """Whether it may be worth a sentence."""
+        """True if the change may be worth a sentence."""
         return (
             self.low is None
             or self.high is None
@@ -65,37 +68,41 @@ class NoSlipEffect:
 
     @property
     def remark(self) -> str:
-        """The sentence where it may be worth one."""
+        """The sentence if the change is noticeable, otherwise an empty text."""
         return self.sentence if self.is_noticeable else ""
 
     @property
     def sentence(self) -> str:
-        """The same as a sentence."""
+        """The change in words."""
         if self.low is None or self.high is None:
-            return (
-                f"pure stick instead of no friction may change this force noticeably: {self.source}"
-            )
+            return f"no slip instead of no friction may change this force noticeably: {self.source}"
         low = f"{self.low:+z.1f}"
         high = f"{self.high:+z.1f}"
-        between = f"between {low} and {high}" if low != high else low
-        change = f"{between} % ({self.source})"
+        range_text = f"between {low} and {high}" if low != high else low
+        change = f"{range_text} % ({self.source})"
         if self.percent is not None:
-            change = (
-                f"{self.percent:+z.1f} % ({f'{between}; ' if low != high else ''}{self.source})"
-            )
+            details = f"{range_text}; {self.source}" if low != high else self.source
+            change = f"{self.percent:+z.1f} % ({details})"
         return f"pure stick instead of no friction would change this force by {change}"
 
 
 def no_slip_effect(
     setup: ProblemSetup, physics: ProblemDefinition, linear: str = "direct"
 ) -> NoSlipEffect | None:
-    """What no slip would change at the deepest contact: exactly on a half-space, a range of the map
-    of bonded layers elsewhere; None where neither knows the scene, or where nothing slips
-    without friction as it is.
+    """Return the effect of no slip at the largest depth; None if it is unknown or if nothing slips.
 
-    At finite strain, or with the gap at the deformed point, there is no number, and only a sentence
-    where the like of it at small strain tells. physics, linear: the scene's own, and how error bars
-    would solve its linear systems.
+    It is exact on a half-space, and a range from the map of bonded layers (`theory.no_slip`) on
+    other bodies. At finite strain, or with the gap at the deformed point, there is no number, and
+    an effect only if its counterpart at small strain is noticeable.
+
+    Parameters
+    ----------
+    setup : ProblemSetup
+        The problem setup.
+    physics : ProblemDefinition
+        The problem with all its choices.
+    linear : str
+        Linear solver of the runs for error bars, "direct" or "iterative".
     """
     effect = (
         None if physics.is_path_dependent or setup.max_depth <= 0 else _small_strain_effect(setup)
@@ -103,14 +110,14 @@ def no_slip_effect(
     if effect is None or physics.is_linear:
         return effect
     is_solvable = not physics.domain.pins and linear != "iterative"
-    source = (
-        "it could at small strain, and here the change may be "
-        f"larger{'; --error-bars solves it' * is_solvable}"
-    )
+    source = "it would at small strain, and the change may be larger here"
+    if is_solvable:
+        source += "; --error-bars computes it"
     return NoSlipEffect(None, None, None, source) if effect.is_noticeable else None
 
 
 def _small_strain_effect(setup: ProblemSetup) -> NoSlipEffect | None:
+    """Return the effect of no slip at small strain; None if theory does not know it."""
     physics = setup.physics
     a = setup.a
     domain = physics.domain
@@ -125,16 +132,15 @@ def _small_strain_effect(setup: ProblemSetup) -> NoSlipEffect | None:
     ):
         return None
     nu = physics.material.constants.nu
-    rim = physics.body.lateral_extent(physics.center)
+    lateral_extent = physics.body.lateral_extent(physics.center)
     if setup.is_half_space:
         percent = 100 * (no_slip.force_ratio(nu, power) - 1)
-        return NoSlipEffect(
-            percent,
-            percent,
-            percent,
-            f"half-space, exact{' for the paraboloid' * isinstance(tip, Sphere)}",
-        )
-    if domain.supports.get("base") != "fixed" or rim < MIN_WALL_DISTANCE * max(domain.height, a):
+        source = "half-space, exact"
+        if isinstance(tip, Sphere):
+            source += " for the paraboloid"
+        return NoSlipEffect(percent, percent, percent, source)
+    min_extent = MIN_WALL_DISTANCE * max(domain.height, a)
+    if domain.supports.get("base") != "fixed" or lateral_extent < min_extent:
         return None
     ratios = no_slip.layer_force_range(nu, a / domain.height, power)
     if ratios is None:
@@ -144,12 +150,14 @@ def _small_strain_effect(setup: ProblemSetup) -> NoSlipEffect | None:
 
 
 def _is_homogeneous_isotropic(domain: ModelDomain) -> bool:
+    """True if the body is one region of an isotropic material."""
     return len(domain.regions) == 1 and domain.regions[0].material.is_isotropic
 
 
 def profile_exponent(tip: Indenter) -> float | None:
-    """n of a profile f = B r^n, infinite for a punch; None for a tip that has another, or a rounded
-    apex or edge.
+    """Return the exponent n of the tip's profile f = B r^n, infinite for a punch.
+
+    It is None for any other profile, and for a rounded apex or edge.
     """
     is_sharp = not any(getattr(tip, name, 0.0) > 0 for name in ("tip_radius", "edge_radius"))
     return PROFILE_EXPONENTS.get(type(tip)) if is_sharp else None
@@ -158,9 +166,19 @@ def profile_exponent(tip: Indenter) -> float | None:
 def friction_correction(
     setup: ProblemSetup, physics: ProblemDefinition, friction: Friction
 ) -> FrictionCorrection | None:
-    """What friction makes of the deepest contact of a half-space; None where that is not known: for
-    other tips, other matter, a path that turns back on its way there, or more friction than the
-    theory bears.
+    """Return the factors of Coulomb friction on the deepest contact with a half-space.
+
+    They are unknown (None) for other tips, other bodies, a path that unloads before its largest
+    depth, or a coefficient of friction beyond the range of the theory.
+
+    Parameters
+    ----------
+    setup : ProblemSetup
+        The problem setup.
+    physics : ProblemDefinition
+        The problem with its load path.
+    friction : float or "stick"
+        The coefficient of friction.
     """
     values = physics.path.values
     power = profile_exponent(setup.physics.indenter)
@@ -168,14 +186,13 @@ def friction_correction(
         setup.is_half_space and physics.is_linear and setup.max_depth > 0 and physics.has_friction
     ):
         return None
-    turns_back = any(
+    has_unloading = any(
         later < earlier for earlier, later in pairwise(values[: values.index(max(values)) + 1])
     )
-    if power is None or not _is_homogeneous_isotropic(physics.domain) or turns_back:
+    if power is None or not _is_homogeneous_isotropic(physics.domain) or has_unloading:
         return None
-    from indent_sim.theory import (
-        friction as coulomb_friction,
-    )  # with scipy's functions, which no other scene needs
+    # The module loads scipy, which no other scene needs.
+    from indent_sim.theory import friction as coulomb_friction
 
     with suppress(ValueError):
         return coulomb_friction.friction_correction(physics.material.constants.nu, friction, power)
@@ -183,7 +200,7 @@ def friction_correction(
 
 
 def friction_sentence(physics: ProblemDefinition, correction: FrictionCorrection) -> str:
-    """The same as a sentence."""
+    """Return the friction correction in words."""
     cause = "no slip"
     stick_text = ""
     if correction.sticks < 1.0:
@@ -196,11 +213,23 @@ def friction_sentence(physics: ProblemDefinition, correction: FrictionCorrection
 
 
 def tensile_rim_width(tip: Indenter, nu: float, sizes: Sizes, dim: int) -> float:
-    """Width d = 2 a exp(-pi^2/ln(3 - 4 nu)) of the rim under a sharp edge in which a stuck surface
-    would pull [length].
+    """Return the width of the rim under a sharp edge in which a sticking surface would pull.
 
-    2e-4 a at nu = 0, 1e-7 a at 0.3; 0 where the elements do not see it. Those that do have no
-    equilibrium that both sticks without a bound and pushes. dim: of the mesh.
+    The oscillating singularity of the bonded punch of radius a makes it tensile within
+    d = 2 a exp(-pi^2/ln(3 - 4 nu)) [length] of the edge: 2e-4 a at nu = 0, 1e-7 a at nu = 0.3. A
+    contact that can only push has no equilibrium with stick on elements that resolve the rim. The
+    width is 0 if they do not.
+
+    Parameters
+    ----------
+    tip : Indenter
+        The tip.
+    nu : float
+        Poisson's ratio under the tip.
+    sizes : Sizes
+        The element sizes.
+    dim : int
+        Dimension of the mesh, 2 or 3.
     """
     if (
         getattr(tip, "edge_radius", 1.0) > 0
@@ -209,5 +238,6 @@ def tensile_rim_width(tip: Indenter, nu: float, sizes: Sizes, dim: int) -> float
         or nu >= 0.5
     ):
         return 0.0
-    rim = 2 * sizes.punch_edge * exp(-(pi**2) / log(3 - 4 * nu))
-    return rim if sizes.h_edge <= MAX_RIM_ELEMENTS * rim or (dim == 3 and nu < MIN_SAFE_NU) else 0.0
+    rim_width = 2 * sizes.punch_edge * exp(-(pi**2) / log(3 - 4 * nu))
+    is_resolved = sizes.h_edge <= MAX_RIM_ELEMENTS * rim_width or (dim == 3 and nu < MIN_SAFE_NU)
+    return rim_width if is_resolved else 0.0
