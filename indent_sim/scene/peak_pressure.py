@@ -1,4 +1,4 @@
-"""Peak pressure: whether a contact has one, and whether a mesh can resolve it."""
+"""Peak pressure: reasons why a contact has none, or why no mesh can resolve it."""
 
 from __future__ import annotations
 
@@ -9,31 +9,41 @@ from indent_sim.model.spherical_bodies import SphericalBody
 from indent_sim.model.tips import Indenter
 from indent_sim.scene.problem_definition import ProblemDefinition
 
-EXTENT_TOLERANCE = 1e-9  # of a length
+# Relative tolerance for the radius of an edge at the rim of the body.
+EXTENT_TOLERANCE = 1e-9
 
 
 def infinite_pressure_reason(tip: Indenter, a: float) -> str:
-    """Why the pressure of a contact of radius a [length] has no largest value; empty where it has
-    one.
+    """Return why the pressure of a contact of radius a [length] is unbounded; empty if it is not.
+
+    It is unbounded at a slope discontinuity of the tip that is not rounded.
     """
-    where = next((r for r, width in tip.slope_discontinuities() if width == 0 and r <= a), None)
-    return (
-        ""
-        if where is None
-        else f"the pressure at the tip's sharp {'edge' if where else 'apex'} is infinite"
-    )
+    r_sharp = next((r for r, width in tip.slope_discontinuities() if width == 0 and r <= a), None)
+    if r_sharp is None:
+        return ""
+    return f"the pressure at the tip's sharp {'edge' if r_sharp else 'apex'} is infinite"
 
 
 def missing_peak_reason(physics: ProblemDefinition, sizes: Sizes, a: float) -> str:
-    """Why no mesh knows the largest pressure of a contact of radius a [length]; empty where one
-    does.
+    """Return why a mesh cannot resolve the largest pressure of a contact; empty if it can.
 
-    Under a sharp apex, corner or edge it is infinite, and what a mesh finds grows as its elements
-    shrink, as it does while they are larger than the arc that rounds one.
+    Under a sharp apex, corner or edge the pressure is infinite, and its largest value on a mesh
+    grows as the elements shrink. The same holds for a rounded one while the elements are larger
+    than the arc.
+
+    Parameters
+    ----------
+    physics : ProblemDefinition
+        The problem.
+    sizes : Sizes
+        The element sizes.
+    a : float
+        Contact radius [length].
     """
     body = physics.body
     tip = physics.indenter
-    for r, width in tip.slope_discontinuities() if a > 0 else []:
+    discontinuities = tip.slope_discontinuities() if a > 0 else []
+    for r, width in discontinuities:
         element_size = float(sizes.size_at(np.array(r), np.array(0.0)))
         is_touched = r <= a + element_size or (
             tip.height(r, 0.0) <= 0 and not isinstance(body, SphericalBody)
@@ -46,6 +56,6 @@ def missing_peak_reason(physics: ProblemDefinition, sizes: Sizes, a: float) -> s
             where = "apex" if r == 0 else "edge"
             kind = f"sharp {where}" if width == 0 else f"{where} (rounded by less than an element)"
             return (
-                f"the pressure at the tip's {kind} is the mesh's own: it grows as elements shrink"
+                f"the pressure at the tip's {kind} depends on the mesh: it grows as elements shrink"
             )
     return ""
