@@ -27,11 +27,11 @@ from indent_sim.scene.cost import (
     THEORY_SECONDS,
     Cost,
     SolverWork,
-    candidate_count,
 )
 from indent_sim.scene.cost import predict_cost as cost_of
 from indent_sim.scene.diffusion_times import draining_size
 from indent_sim.scene.history_path import problem_along_history
+from indent_sim.scene.mesh_counts import candidate_count
 from indent_sim.scene.model_warnings import (
     ModelWarning,
     fluid_warnings,

@@ -25,7 +25,7 @@ from indent_sim.run.error_estimation.predicted_cost import (
 )
 from indent_sim.run.error_estimation.predicted_cost import predict_total_cost
 from indent_sim.run.pipeline import states
-from indent_sim.scene.cost import _mesh_counts as counts
+from indent_sim.scene.mesh_counts import mesh_counts as counts
 from indent_sim.scene.scene import resolve
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -13,7 +13,8 @@ from indent_sim.model.contact import AugmentedLagrangian, Friction, SlipReferenc
 from indent_sim.model.load_path import LoadPath
 from indent_sim.process.usage import machine_memory
 from indent_sim.run.error_estimation.coarser_run import CoarserRun, States
-from indent_sim.scene.cost import MAX_CANDIDATES, SolverWork, candidate_count, predict_cost
+from indent_sim.scene.cost import MAX_CANDIDATES, SolverWork, predict_cost
+from indent_sim.scene.mesh_counts import candidate_count
 from indent_sim.scene.no_slip_effect import STICK_FRICTION, NoSlipEffect, tensile_rim_width
 from indent_sim.scene.scene import Scene
 
