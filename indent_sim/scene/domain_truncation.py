@@ -1,10 +1,9 @@
-"""Truncation of bodies without end: the finite body that stands for one, and the error of the
-force.
+"""Truncation of unbounded bodies to finite ones, with a bound of the error of the force.
 
-For a half-space, a body of width and height n a is too stiff by about 1/n (a: contact radius); for
-a layer, the error of a wall fades with its distance in heights. Layer theory knows both exactly for
-a cylinder between frictionless walls. Sizes that grow with the distance make n in the thousands
-cheap.
+For a half-space, a finite body of width and height n a (a: contact radius) is too stiff by about
+1/n. For a layer, the error of a wall decays with its distance in heights of the layer. Layer theory
+gives both exactly for a cylinder between frictionless walls. Elements that grow with the distance
+allow an n of thousands at little cost.
 """
 
 from __future__ import annotations
@@ -28,21 +27,38 @@ from indent_sim.theory.half_space import estimate_depth
 from indent_sim.theory.layer import Layer as LayerContact
 from indent_sim.theory.solution import MAX_SLENDERNESS, Solution
 
-FORCE_ACCURACY = 1e-3  # wanted of the force
-TRUNCATION_ERROR_SHARE = 0.3  # of it that the truncation may take; the rest is the mesh's
+# Relative error of the force that is allowed in total, and the share of it for the truncation; the
+# rest is for the mesh.
+FORCE_ACCURACY = 1e-3
+TRUNCATION_ERROR_SHARE = 0.3
 ROLLER_SIDES = BoxSides("roller", "roller", "roller", "roller")
-# heights from a layer's contact to the first wall that is tried, and times to the next
+# The first wall that is tried is FIRST_WALL_DISTANCE WALL_DISTANCE_FACTOR heights of the layer from
+# the contact, every further one WALL_DISTANCE_FACTOR times as far.
 FIRST_WALL_DISTANCE = 2.0
 WALL_DISTANCE_FACTOR = 1.5
-MIN_STATED_ERROR = 1e-6  # of the force: an error of truncation that is less is stated as this
-# times theory's error is stated: the mesh leaves noise of 1e-4, and nu < 0 is not in theory
+# Smallest relative error of the force that is stated for a layer.
+MIN_STATED_ERROR = 1e-6
+# Factor of safety for the error by theory: forces on meshes scatter by 1e-4, and a law with
+# nu = 0.3 replaces those with nu < 0.
 TRUNCATION_SAFETY = 1.5
 
 
 @dataclass(frozen=True)
 class Truncation:
-    """The finite body, its size in contact radii, and a bound of the relative error of the force (>
-    0, too stiff).
+    """Finite body in place of an unbounded one.
+
+    Attributes
+    ----------
+    body : Cylinder or Box
+        The finite body.
+    layers : tuple of Layer
+        Its layers from the top.
+    represents : str
+        Name of the unbounded body.
+    ratio : float
+        Half of its width in contact radii.
+    error : float
+        Bound of the relative error of the force, > 0: the finite body is too stiff.
     """
 
     body: Cylinder | Box
@@ -55,9 +71,11 @@ class Truncation:
     def why(self) -> str:
         """The reason in words."""
         size = "wide and high" if self.represents == "half-space" else "wide"
-        basis = f"{TRUNCATION_SAFETY:g} times layer theory's error"
-        stiff = f"too stiff by at most {100 * self.error:.2g} % of the force ({basis})"
-        return f"stands for the {self.represents}: {self.ratio:.3g} contact radii {size}, {stiff}"
+        basis = f"{TRUNCATION_SAFETY:g} times the error by layer theory"
+        error_text = f"too stiff by at most {100 * self.error:.2g} % of the force ({basis})"
+        return (
+            f"replaces the {self.represents}: {self.ratio:.3g} contact radii {size}, {error_text}"
+        )
 
 
 def truncate(
@@ -67,23 +85,50 @@ def truncate(
     delta: float,
     width_factor: float = 1.0,
 ) -> Truncation:
-    """Return the smallest finite body that stands for a half-space or an infinitely wide layer.
+    """Return the smallest finite body that can replace a half-space or an infinitely wide layer.
 
-    Its force at the depth differs from that of the body without end by SHARE ACCURACY at most.
+    Its force at the depth differs by at most TRUNCATION_ERROR_SHARE FORCE_ACCURACY.
 
     Parameters
     ----------
-    body, tip
-        The body without end, and what is pressed in.
-    states
+    body : UnboundedBody
+        The half-space or layer.
+    tip : Indenter
+        The tip.
+    states : sequence of sequence of Layer
         The layers of the body from the top, in each of the elastic states between which it changes
-        with time; the first are those that the finite body gets. It is large enough for all states.
-    delta
+        with time. The finite body has the layers of the first state, and is large enough for all.
+    delta : float
         The depth [length].
-    wider
-        Times as wide, and a half-space as high, for what theory without a surface tension does not
-        know.
+    width_factor : float
+        Factor of the width, and of the height of a half-space, for effects that theory does not
+        include, as surface tension.
+
+    Returns
+    -------
+    Truncation
+        The finite body with the bound of its error.
     """
+    search = _truncate_half_space if isinstance(body, HalfSpace) else _truncate_layer
+    truncations = [search(body, tip, layers, delta) for layers in states]  # type: ignore[arg-type]
+    largest = max(truncations, key=lambda truncation: _width(truncation.body))
+    first_state_layers = [
+        replace(layer, material=first_layer.material)
+        for layer, first_layer in zip(largest.layers, states[0], strict=True)
+    ]
+    largest = replace(largest, layers=tuple(first_state_layers))
+    truncation = _scale_width(largest, largest.layers, float(f"{width_factor:.6g}"))
+    # Inclusions move with the tip's axis to the center of the finite body.
+    shift = (*truncation.body.center, 0.0)
+    centers = [
+        tuple(x + s for x, s in zip(inclusion.center, shift, strict=True))
+        for inclusion in body.inclusions or ()
+    ]
+    shifted_inclusions = tuple(
+        replace(inclusion, center=center)
+        for inclusion, center in zip(body.inclusions or (), centers, strict=True)
+    )
+    return replace(truncation, body=replace(truncation.body, inclusions=shifted_inclusions or None))
     search = _truncate_half_space if isinstance(body, HalfSpace) else _truncate_layer
     truncations = [search(body, tip, layers, delta) for layers in states]  # type: ignore[arg-type]
     largest = max(truncations, key=lambda item: _width(item.body))
@@ -106,22 +151,22 @@ def truncate(
 
 
 def _width(body: Cylinder | Box) -> float:
-    """The width of a finite body [length]."""
+    """Return the width of a finite body [length]."""
     return 2 * body.radius if isinstance(body, Cylinder) else body.size[0]
 
 
-def _scale_width(truncation: Truncation, layers: Sequence[Layer], times: float) -> Truncation:
-    """Return a truncation with a wider body; that for a half-space is also higher by the factor."""
+def _scale_width(truncation: Truncation, layers: Sequence[Layer], factor: float) -> Truncation:
+    """Return a truncation with a wider body, which is also higher in place of a half-space."""
     body = truncation.body
-    ratio = times * truncation.ratio
-    if times == 1.0:
+    ratio = factor * truncation.ratio
+    if factor == 1.0:
         return truncation
     is_deep = truncation.represents == "half-space"
-    height = body.height * (times if is_deep else 1.0)
+    height = body.height * (factor if is_deep else 1.0)
     if isinstance(body, Cylinder):
-        scaled_body: Cylinder | Box = replace(body, radius=times * body.radius, height=height)
+        scaled_body: Cylinder | Box = replace(body, radius=factor * body.radius, height=height)
     else:
-        scaled_body = replace(body, size=(times * body.size[0], times * body.size[1], height))
+        scaled_body = replace(body, size=(factor * body.size[0], factor * body.size[1], height))
     return replace(
         truncation,
         body=scaled_body,
@@ -131,7 +176,7 @@ def _scale_width(truncation: Truncation, layers: Sequence[Layer], times: float) 
 
 
 def _inclusion_extent(body: UnboundedBody) -> float:
-    """How far from the tip's axis and the surface inclusions reach [length]."""
+    """Return the largest distance of inclusions from the point of first contact [length]."""
     return max(
         (inclusion.farthest_distance((0.0, 0.0, 0.0)) for inclusion in body.inclusions or ()),
         default=0.0,
@@ -141,8 +186,9 @@ def _inclusion_extent(body: UnboundedBody) -> float:
 def _truncate_layer(
     body: InfiniteLayer, tip: Indenter, layers: Sequence[Layer], delta: float
 ) -> Truncation:
-    """A wall where theory with and without it differ by no more than is allowed, or beside its
-    widest contact.
+    """Return the truncation of a layer, whose wall changes the force by no more than is allowed.
+
+    Where theory cannot reach the depth, a flat punch as wide as the contact replaces the tip.
     """
     tip_shape = theory_tip_shape(tip)
     depth = abs(delta) or body.height
@@ -167,7 +213,7 @@ def _truncate_layer(
             LayerContact.from_stack(contact.tip, stack, deepest.a + wall_distance), depth
         )
         error = abs(walled_contact.force / deepest.force - 1) if walled_contact else inf
-    # a stiff plane carries it farther
+    # In a body that is stiff in its plane the disturbance decays over a longer distance.
     wall_distance *= max(
         1.0, *(layer.material.decay_rates[1] for layer in layers if layer.material)
     )
@@ -182,47 +228,50 @@ def _truncate_layer(
 def _truncate_half_space(
     body: HalfSpace, tip: Indenter, layers: Sequence[Layer], delta: float
 ) -> Truncation:
+    """Return the truncation of a half-space with the error that is allowed."""
     tip_shape = theory_tip_shape(tip)
     depth = abs(delta) or 1.0
-    modelled = [replace(layer, material=_nonnegative_nu_law(layer.material)) for layer in layers]
-    # what theory does not know, or ends in, is no wider in contact than a punch of its radius
+    theory_layers = [
+        replace(layer, material=_nonnegative_nu_law(layer.material)) for layer in layers
+    ]
+    # Where theory does not know the tip, or cannot reach the depth, a flat punch as wide as the
+    # contact replaces the tip, at last on the substrate alone, if films are far too thin.
     punch = profiles.flat_punch(tip.radius_at(depth))
     models = [
-        *([(tip_shape, modelled)] if tip_shape else []),
-        (punch, modelled),
-        (punch, modelled[-1:]),
-    ]  # films far too thin
-    for shape, modelled in models:
-        stack = stack_of(modelled, None, tip.radius_at(depth))
+        *([(tip_shape, theory_layers)] if tip_shape else []),
+        (punch, theory_layers),
+        (punch, theory_layers[-1:]),
+    ]
+    for shape, theory_layers in models:
+        stack = stack_of(theory_layers, None, tip.radius_at(depth))
         if stack and (deepest := _contact_at_depth(LayerContact.from_stack(shape, stack), depth)):
             break
     assert deepest is not None
     upper_thickness = sum(layer.thickness or 0.0 for layer in layers[:-1])
     target = TRUNCATION_ERROR_SHARE * FORCE_ACCURACY
     ratio = max(100.0, 10 * max(upper_thickness, _inclusion_extent(body)) / deepest.a)
-    # how much deeper than below isotropic layers the base is felt
+    # The strain decays more slowly with the depth than in isotropic layers by this factor.
     decay_factor = max(
         1.0, *(1 / layer.material.decay_rates[0] for layer in layers if layer.material)
     )
 
     def error_of(size: float) -> float:
-        """F(cylinder)/F(half-space) - 1."""
-        stack = stack_of(_finite_layers(modelled, size), "fixed")
+        """Return F(cylinder)/F(half-space) - 1 for a cylinder of this radius and height."""
+        stack = stack_of(_finite_layers(theory_layers, size), "fixed")
         assert stack is not None
-        return decay_factor * (
-            LayerContact.from_stack(shape, stack, size)
-            .solutions_at_depths([deepest.delta])[0]
-            .force
-            / deepest.force
-            - 1
-        )
+        contact = LayerContact.from_stack(shape, stack, size)
+        force = contact.solutions_at_depths([deepest.delta])[0].force
+        return decay_factor * (force / deepest.force - 1)
 
     while (error := error_of(ratio * deepest.a)) > target:
-        ratio *= 1.01 * error / target  # the error falls a little faster than 1/ratio
-    ratio = float(f"{ratio:.6g}")  # so that the numbers are the same in all units
+        # The error falls a little faster than 1/ratio.
+        ratio *= 1.01 * error / target
+    # A rounded ratio gives the same numbers in all units.
+    ratio = float(f"{ratio:.6g}")
     size = ratio * deepest.a
     finite_body: Cylinder | Box = Cylinder(size, size, base="fixed", sides="roller")
-    if not tip.is_axisymmetric:  # the cylinder of theory fits into this box, which is softer
+    if not tip.is_axisymmetric:
+        # The cylinder of theory fits into this box, which is softer.
         finite_body = Box((2 * size, 2 * size, size), base="fixed", sides=ROLLER_SIDES)
     return Truncation(
         finite_body, _finite_layers(layers, size), "half-space", ratio, TRUNCATION_SAFETY * error
@@ -230,8 +279,21 @@ def _truncate_half_space(
 
 
 def expected_depth(tip: Indenter, layers: Sequence[Layer], force: float) -> float:
-    """The depth at which a half-space pushes back with a force [pressure length^2], 0 for one that
-    does not push; about that for an unknown tip.
+    """Return the depth at which a half-space bears a force.
+
+    Parameters
+    ----------
+    tip : Indenter
+        The tip.
+    layers : sequence of Layer
+        The layers of the half-space from the top.
+    force : float
+        The force [pressure length^2].
+
+    Returns
+    -------
+    float
+        The depth [length], an estimate if there is no theory for the tip; 0 for a force <= 0.
     """
     if force <= 0:
         return 0.0
@@ -243,19 +305,23 @@ def expected_depth(tip: Indenter, layers: Sequence[Layer], force: float) -> floa
 
 
 def _nonnegative_nu_law(material: Material | None) -> Material:
-    """nu = 0.3 stands for nu < 0, where the error is between 0.9 and 1.01 times as large."""
+    """Return a linear elastic law with nu = 0.3 in place of nu < 0.
+
+    The error of a wall with nu < 0 is between 0.9 and 1.01 times as large as with nu = 0.3.
+    """
     assert material is not None
     E, nu = material.constants
     return LinearElastic(E=E, nu=nu if nu >= 0 else 0.3)
 
 
 def _finite_layers(layers: Sequence[Layer], size: float) -> tuple[Layer, ...]:
+    """Return the layers of a half-space with a substrate that ends at the depth `size` [length]."""
     upper_thickness = sum(layer.thickness or 0.0 for layer in layers[:-1])
     return (*layers[:-1], replace(layers[-1], thickness=size - upper_thickness))
 
 
 def _contact_at_depth(contact: LayerContact, delta: float) -> Solution | None:
-    """The contact at a depth; None where theory ends."""
+    """Return the contact at a depth [length]; None beyond the range of the theory."""
     with contextlib.suppress(ValueError):
         return contact.solutions_at_depths([delta])[0]
     return None
