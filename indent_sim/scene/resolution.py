@@ -1,9 +1,11 @@
-"""Element sizes from the accuracy asked for, how they scale, and the error to expect of them.
+"""Mesh resolution for a requested accuracy, its scaling, and the error to expect.
 
-One number rules the discretisation: the elements n in the contact radius of every step. All else
-follows it, so that no part dominates the error: sizes grow with the distance from the axis as the
-contact edge passes there, the far size falls as 1/n, their growth outside the contact as n^-EASING,
-and towards a punch's edge the elements shrink as n^-RATE. The force then converges as n^-RATE.
+One number determines the discretisation: the elements n in the contact radius of every step. All
+element sizes follow from it so that no part of the mesh dominates the error. Inside the largest
+contact they are proportional to the distance from the axis, since the contact edge passes there.
+The far size falls as 1/n, the grading outside the contact as n^-GRADING_EXPONENT, and the size at a
+punch's edge as n^-ORDER_OF_CONVERGENCE. The error of the force then falls as
+n^-ORDER_OF_CONVERGENCE.
 """
 
 from __future__ import annotations
@@ -15,51 +17,56 @@ from indent_sim.mesh.sizes import Sizes
 from indent_sim.scene.corner_singularities import SINGULARITY_RATE
 
 PRESETS = {"fast": 0.05, "balanced": 0.01, "accurate": 0.001}
-# The error bar of the force is about CONSTANT n^-RATE at the worst step (by dim), as
-# `python -m pytest -m verify tests/physics/test_accuracy.py -s` prints it for every scene
+# The error estimate of the force is about ERROR_CONSTANT n^-ORDER_OF_CONVERGENCE at the worst step,
+# by dimension: `python -m pytest -m verify tests/physics/test_accuracy.py -s` prints it for every
+# scene.
 ERROR_CONSTANT = {2: 0.65, 3: 0.33}
 ORDER_OF_CONVERGENCE = 2.5
-SATURATION_ELEMENTS = 2.0  # with fewer elements than this the error grows no more as n^-RATE
-MIN_ELEMENTS = {
-    2: 5.0,
-    3: 4.6,
-}  # elements in the contact radius, by dim: meshes much coarser say nothing
+# With fewer elements in the contact radius the error no longer follows that power.
+SATURATION_ELEMENTS = 2.0
+# Least elements in the contact radius, by dimension; much coarser meshes have no meaning.
+MIN_ELEMENTS = {2: 5.0, 3: 4.6}
 MAX_ELEMENTS = 1000.0
-GRADING_FACTOR = {2: 1.0, 3: 0.6}  # grading times n^EASING, by dim
-GRADING_EXPONENT = ORDER_OF_CONVERGENCE / 4  # growth^4 is its error of the energy
-# In a column that drains no contact lets the pressure of the fluid fade with the depth. That
-# pressure is linear in an element, so that grading costs COLUMN_GROWTH grading^2 of the force, of
-# which an accuracy allows GROWTH_SHARE of its target. Measured on "Biot, confined ramp" of
-# configs/studies/verification/published.yaml (height 1, radius 0.1, at t = 0.1 height^2/D): 7.4e-4
-# with a grading of 0.2 and 4.2e-4 with 0.167, 1.2e-5 with elements of 0.01 everywhere
+# Grading times n^GRADING_EXPONENT, by dimension.
+GRADING_FACTOR = {2: 1.0, 3: 0.6}
+# The relative error of the strain energy on graded elements is proportional to grading^4.
+GRADING_EXPONENT = ORDER_OF_CONVERGENCE / 4
+# In a draining column the pressure of the fluid extends over all of the height and does not decay
+# below a contact. It is linear in an element, so that the relative error of the force is
+# COLUMN_GRADING_ERROR grading^2, which may be GRADING_ERROR_SHARE of the expected error. Measured
+# on "Biot, confined ramp" of configs/studies/verification/published.yaml (height 1, radius 0.1, at
+# t = 0.1 height^2/D): 7.4e-4 with a grading of 0.2, 4.2e-4 with 0.167, and 1.2e-5 with elements of
+# 0.01 everywhere.
 COLUMN_GRADING_EXPONENT = ORDER_OF_CONVERGENCE / 2
 COLUMN_GRADING_ERROR = 0.02
 GRADING_ERROR_SHARE = 0.5
 MAX_GRADING = 0.5
-FAR_SIZE_FACTOR = {2: 2.0, 3: 1.25}  # h_far n over the larger of height and width, by dim
-# times as many elements where a layer that hardly compresses is squeezed: its force scatters more
+# h_far n divided by the larger of height and width, by dimension.
+FAR_SIZE_FACTOR = {2: 2.0, 3: 1.25}
+# Factor of the elements in the contact radius on a confined layer that is nearly incompressible,
+# whose force scatters more from mesh to mesh.
 CONFINED_LAYER_FACTOR = 1.6
-THIN_LAYER_FACTOR = 4.0  # at most this many thicknesses over n
-# h_edge n^RATE over the punch's radius, by dim; in three dimensions so that the edge alone
-# (`doubts.EDGE` of it) costs no more than CONSTANT n^-RATE: with 3.0 the first mesh missed its
-# target, and the second took longer than this one
+# Largest element size at the contact in thicknesses of the layer divided by n.
+THIN_LAYER_FACTOR = 4.0
+# h_edge n^ORDER_OF_CONVERGENCE divided by the punch's radius, by dimension. In three dimensions it
+# is so small that the error by the edge (`expected_error.EDGE_ERROR` times h_edge over the radius)
+# alone is within ERROR_CONSTANT n^-ORDER_OF_CONVERGENCE: with 3.0 the first mesh missed its target,
+# and the second one took longer than the first one with 1.2.
 EDGE_SIZE_FACTOR = {2: 0.3, 3: 1.2}
-MIN_RESOLVED_RADIUS = {
-    2: 0.01,
-    3: 0.2,
-}  # contact radius that still gets n elements, of the largest one, by dim
-# of the size at a drained face, with which what its film costs falls once the film is resolved
+# Smallest contact radius with n elements, relative to the largest one, by dimension.
+MIN_RESOLVED_RADIUS = {2: 0.01, 3: 0.2}
+# Exponent of the element size at a drained face in the error by its boundary layer, once that is
+# resolved.
 FILM_ERROR_ORDER = 2.0
-# per cent of force for a per cent of depth that a penalty of mean pressure / epsilon_n takes
+# d ln F/d ln delta of a paraboloid: a penalty takes the mean pressure/epsilon_n from the depth.
 PENALTY_ERROR_FACTOR = 1.5
-ENFORCEMENT_ERROR_SHARE = (
-    0.2  # share of the error that a penalty may take where its stiffness is left to the program
-)
+# Share of the error that a penalty may take where its stiffness is left to the program.
+ENFORCEMENT_ERROR_SHARE = 0.2
 
 
 @dataclass(frozen=True)
 class FixedSizes:
-    """Sizes [length] and grading that the config or an accuracy settles; None: left to `sizing`."""
+    """Element sizes [length] and grading that the config or an accuracy gives; None: left open."""
 
     h_contact: float | None = None
     h_axis: float | None = None
@@ -72,11 +79,27 @@ class FixedSizes:
 
 @dataclass(frozen=True)
 class MeshResolution:
-    """Elements n in every contact radius from `smallest` to `largest` [length], chosen for a
-    relative target.
+    """Elements in the contact radius that a relative error of the force asks for.
 
-    compliance [pressure/length]: a penalty's relative error is compliance / epsilon_n at the worst
-    step.
+    Attributes
+    ----------
+    target : float
+        The relative error.
+    n : float
+        Elements in every contact radius from `smallest_radius` to `largest_radius`.
+    smallest_radius, largest_radius : float
+        Contact radii of the steps [length].
+    penalty_error_coefficient : float
+        Relative error of the force by a penalty at the worst step, times its epsilon_n
+        [pressure/length].
+    dim : int
+        Dimension of the mesh.
+    stiffness_given : bool
+        Whether the config gives the penalty stiffness, whose error no mesh can reduce.
+    refinements : int
+        Uniform refinements of an imported mesh, which has no other sizes.
+    is_draining_column : bool
+        Whether fluid flows in a body whose top the tip covers.
     """
 
     target: float
@@ -85,33 +108,31 @@ class MeshResolution:
     largest_radius: float
     penalty_error_coefficient: float
     dim: int
-    stiffness_given: bool = (
-        False  # the user's penalty stiffness, whose error no mesh can make smaller
-    )
-    refinements: int = 0  # of a mesh from a file, which knows no sizes between
-    is_draining_column: bool = False  # whether fluid flows in a body whose top the tip covers
+    stiffness_given: bool = False
+    refinements: int = 0
+    is_draining_column: bool = False
 
     @property
     def error(self) -> float:
-        """The relative error bar to expect of the mesh."""
+        """Expected relative error estimate of the mesh."""
         return float(ERROR_CONSTANT[self.dim] * self.n**-ORDER_OF_CONVERGENCE)
 
     @property
     def penalty_stiffness(self) -> float:
-        """The epsilon_n [pressure/length] of a penalty that takes its share of the error."""
+        """Stiffness epsilon_n [pressure/length] of a penalty that takes its share of the error."""
         return self.penalty_error_coefficient / (
             ENFORCEMENT_ERROR_SHARE * min(self.error, self.target)
         )
 
     def why(self, length: float) -> str:
-        """The reason in words; `length`: the scene's unit in the user's."""
+        """Return the reason in words; `length` is the unit of length in the user's units."""
         radii = " to ".join(
             f"{radius * length:.3g}"
             for radius in sorted({self.smallest_radius, self.largest_radius})
         )
         elements_text = (
             f"{self.n:.3g} elements in the contact radius of every step ({radii}), by the "
-            "measured trade"
+            "measured relation of elements and error"
         )
         return f"{elements_text}; the error is estimated, and the mesh refined until it is met"
 
@@ -120,28 +141,42 @@ class MeshResolution:
         height: float,
         width: float,
         edge: float | None,
-        round_radius: float | None,
+        curvature_radius: float | None,
         edge_refinement: float,
     ) -> FixedSizes:
-        """The sizes for a body of this height and width [length] with an edge, or a curved wall, of
-        that radius.
+        """Return the element sizes for a body.
+
+        Parameters
+        ----------
+        height, width : float
+            Height and largest width of the body [length].
+        edge : float or None
+            Radius of a punch's sharp edge [length].
+        curvature_radius : float or None
+            Radius of a curved wall or top [length].
+        edge_refinement : float
+            Sensitivity of the force to the radius of the punch (`Sizes.edge_refinement_factor`).
+
+        Returns
+        -------
+        FixedSizes
+            The sizes; those of corners and boundary layers are left open.
         """
         n = self.n
         h_contact = min(self.largest_radius / n, height * min(1.0, THIN_LAYER_FACTOR / n))
-        h_axis = min(self.smallest_radius / n, h_contact) if edge is None else None
-        h_edge = (
-            min(
+        h_axis = h_edge = None
+        if edge is None:
+            h_axis = min(self.smallest_radius / n, h_contact)
+        else:
+            h_edge = min(
                 edge * EDGE_SIZE_FACTOR[self.dim] * n**-ORDER_OF_CONVERGENCE / edge_refinement,
                 h_contact,
             )
-            if edge is not None
-            else None
-        )
         h_far = max(
             h_contact,
             min(
                 FAR_SIZE_FACTOR[self.dim] / n * max(height, width),
-                (round_radius or float("inf")) / n,
+                (curvature_radius or float("inf")) / n,
             ),
         )
         grading = min(MAX_GRADING, GRADING_FACTOR[self.dim] * n**-GRADING_EXPONENT)
@@ -153,33 +188,42 @@ class MeshResolution:
 
 
 def target_error(accuracy: float | str | None) -> float | None:
-    """The relative error that a preset stands for."""
+    """Return the relative error of an accuracy, which may be the name of a preset."""
     return PRESETS[accuracy] if isinstance(accuracy, str) else accuracy
 
 
 def error_decay(n: float) -> float:
-    """How the error falls with the elements in the contact radius, up to a factor that is the
-    scene's own.
-    """
+    """Return the decay of the error with n elements in the contact radius, up to a constant."""
     return float((n**4 + SATURATION_ELEMENTS**4) ** (-ORDER_OF_CONVERGENCE / 4))
 
 
 def required_elements(
     target: float, dim: int, is_confined: bool = False, anisotropy: float = 1.0
 ) -> float:
-    """Elements in the contact radius of every step whose error bar is expected within the target.
-    is_confined: a contact as wide as a layer that hardly compresses is thick, or wider. steeper:
-    see `steepness`.
+    """Return the elements in the contact radius of every step for an expected error.
+
+    Parameters
+    ----------
+    target : float
+        The relative error of the force.
+    dim : int
+        Dimension of the mesh.
+    is_confined : bool
+        Whether the contact is at least as wide as the thickness of a nearly incompressible layer.
+    anisotropy : float
+        Factor of an anisotropic body (`anisotropy_factor`).
     """
-    default_elements = (CONFINED_LAYER_FACTOR if is_confined else 1.0) * (
-        ERROR_CONSTANT[dim] / target
-    ) ** (1 / ORDER_OF_CONVERGENCE)
-    return min(anisotropy * max(default_elements, MIN_ELEMENTS[dim]), MAX_ELEMENTS)
+    factor = CONFINED_LAYER_FACTOR if is_confined else 1.0
+    elements = factor * (ERROR_CONSTANT[dim] / target) ** (1 / ORDER_OF_CONVERGENCE)
+    return min(anisotropy * max(elements, MIN_ELEMENTS[dim]), MAX_ELEMENTS)
 
 
 def anisotropy_factor(decay: tuple[float, float]) -> float:
-    """Times as many elements where the waves of a surface pressure fade so much more slowly or
-    faster with the depth than in an isotropic body: the error is about as many times as large.
+    """Return the factor of the elements in the contact radius for an anisotropic body.
+
+    `decay` holds the slowest and the fastest rate at which the displacement below a surface
+    pressure of one wavenumber decays with the depth, relative to an isotropic body. The error is
+    about proportional to the larger deviation.
     """
     slow, fast = decay
     return float(max(1 / slow, fast, 1.0) ** (1 / ORDER_OF_CONVERGENCE))
@@ -188,43 +232,55 @@ def anisotropy_factor(decay: tuple[float, float]) -> float:
 def resolution_from_contacts(
     target: float, n: float, contacts: Sequence[tuple[float, float, float]], dim: int
 ) -> MeshResolution:
-    """The fineness for a relative target with n elements in the radius. contacts: (depth, expected
-    contact radius, mean pressure) of the shallowest and the deepest step in contact.
-    """
-    largest = max(a for _, a, _ in contacts)
-    smallest = max(min(a for _, a, _ in contacts), MIN_RESOLVED_RADIUS[dim] * largest)
-    compliance = max(PENALTY_ERROR_FACTOR * pressure / delta for delta, _, pressure in contacts)
-    return MeshResolution(target, n, smallest, largest, compliance, dim)
-
-
-def coarsened_sizes(sizes: Sizes, ratio: float, height: float, *, is_column: bool = False) -> Sizes:
-    """Return element sizes that are larger by a ratio, near and far alike, or smaller below 1.
-
-    Each size changes by the power of the ratio with which all errors fall alike.
+    """Return the mesh resolution with n elements in the contact radius.
 
     Parameters
     ----------
-    sizes
+    target : float
+        Relative error of the force.
+    n : float
+        Elements in the contact radius.
+    contacts : sequence of (float, float, float)
+        Depth [length], expected contact radius [length] and mean pressure [pressure] of the
+        shallowest and the deepest step in contact.
+    dim : int
+        Dimension of the mesh.
+    """
+    largest_radius = max(a for _, a, _ in contacts)
+    smallest_radius = max(min(a for _, a, _ in contacts), MIN_RESOLVED_RADIUS[dim] * largest_radius)
+    coefficient = max(PENALTY_ERROR_FACTOR * pressure / delta for delta, _, pressure in contacts)
+    return MeshResolution(target, n, smallest_radius, largest_radius, coefficient, dim)
+
+
+def coarsened_sizes(sizes: Sizes, ratio: float, height: float, *, is_column: bool = False) -> Sizes:
+    """Return the element sizes of a mesh that is coarser by a ratio, or finer below 1.
+
+    Each size changes by a power of the ratio, so that all parts of the error change by the same
+    factor.
+
+    Parameters
+    ----------
+    sizes : Sizes
         The element sizes of a mesh.
-    ratio
-        Of the size in the contact to that of `sizes`.
-    height
-        Of the body [length]; no element is larger.
-    is_column
+    ratio : float
+        Size at the contact divided by that of `sizes`.
+    height : float
+        Height of the body [length]; no element is larger.
+    is_column : bool
         Whether fluid flows in a body whose top the tip covers.
     """
     grading_exponent = COLUMN_GRADING_EXPONENT if is_column else GRADING_EXPONENT
     h_contact = min(ratio * sizes.h_contact, height)
     coatings = tuple(
-        (feature, min(ratio * h, max(feature.thickness, h))) for feature, h in sizes.coatings
+        (coating, min(ratio * h, max(coating.thickness, h))) for coating, h in sizes.coatings
     )
     films = tuple(
         replace(film, h=min(ratio ** (ORDER_OF_CONVERGENCE / FILM_ERROR_ORDER) * film.h, h_contact))
         for film in sizes.drained_faces
     )
     inclusions = [
-        (feature, min(ratio ** (ORDER_OF_CONVERGENCE / 2) * h, feature.min_half_width))
-        for feature, h in sizes.inclusions
+        (inclusion, min(ratio ** (ORDER_OF_CONVERGENCE / 2) * h, inclusion.min_half_width))
+        for inclusion, h in sizes.inclusions
     ]
     return replace(
         sizes,
@@ -245,17 +301,13 @@ def coarsened_sizes(sizes: Sizes, ratio: float, height: float, *, is_column: boo
 
 
 def refined_sizes(sizes: Sizes, refinements: int) -> Sizes:
-    """The sizes of the same mesh from a file, refined that often."""
+    """Return the element sizes of an imported mesh after a number of uniform refinements."""
     ratio = 2.0 ** ((sizes.refinements or 0) - refinements)
-    h = ratio * sizes.h_contact
-    edge = sizes.h_edge
-    patch = sizes.fine_radius + 2 * (ratio - 1) * sizes.h_contact
-    h_edge = edge and ratio * edge
     return replace(
         sizes,
-        h_contact=h,
+        h_contact=ratio * sizes.h_contact,
         h_far=ratio * sizes.h_far,
-        h_edge=h_edge,
-        fine_radius=patch,
+        h_edge=sizes.h_edge and ratio * sizes.h_edge,
+        fine_radius=sizes.fine_radius + 2 * (ratio - 1) * sizes.h_contact,
         refinements=refinements,
     )
