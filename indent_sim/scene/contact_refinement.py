@@ -1,0 +1,138 @@
+"""Refinement in the contact: rounded edges with friction, deep tips and cohesive zones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import exp
+from typing import TYPE_CHECKING
+
+from indent_sim.model.tips import FlatPunch, max_radius
+from indent_sim.model.units import round_length
+from indent_sim.process.errors import ConfigError
+from indent_sim.scene.problem_setup import ProblemSetup
+from indent_sim.scene.resolution import ELEMENTS_PER_RADIUS, GRADING, FixedSizes
+
+if TYPE_CHECKING:
+    from indent_sim.config.schema import Config
+
+# Elements in the cohesive zone of an adhesive contact: the force is within 0.3 %, measured.
+ELEMENTS_PER_ZONE = 2.0
+# Elements in the contact radius at pull-off, by dimension.
+ELEMENTS_AT_PULL_OFF = {2: 8.0, 3: 4.0}
+# Most elements in the contact radius that a cohesive zone may need, by dimension.
+MAX_ZONE_ELEMENTS = {2: 1000.0, 3: 60.0}
+# The surface below a frictionless tip stretches by exp(STRETCH_GROWTH (s - 1)) at a depth of s > 1
+# radii of the tip. A stretch of 13.5 was measured at the apex of a rod with a round end, 4.75 radii
+# deep in a neo-Hookean material of nu = 0.49.
+STRETCH_GROWTH = 0.7
+# The grading is divided by this power of the stretch, since the stretched region is a slender
+# column around the axis. With 1/3 that rod reached a depth of 5 radii with a grading of 0.08, and
+# with the usual 0.2 elements below it folded at 4.5.
+GRADING_STRETCH_EXPONENT = 1 / 3
+# Elements per radius of a punch's rounded edge, when the surface slides around it.
+ELEMENTS_PER_ARC = 10.0
+# Smallest such radius, in radii of the punch; a sharper edge would need thousands of elements.
+MIN_ARC_FRACTION = 0.02
+
+
+def frictional_edge_width(
+    config: Config, setup: ProblemSetup, edge: float | None, gap: str
+) -> float:
+    """Return the width [length] of a punch's rounded edge that friction needs in small elements.
+
+    It is 0 at small strain, in three dimensions, where it would cost too much, and without
+    friction. Where the body slides around the edge or sticks to it at finite strain, it is sheared
+    by about its own thickness within a fifth of the edge's radius. Elements of a tenth of that
+    radius leave a roughness of the pressure of 9 % of p_max (`fe.postprocessing.roughness`) and a
+    p_max that is 4 % too large.
+    """
+    tip = setup.physics.indenter
+    physics = setup.physics
+    is_sheared = bool(config.contact.friction) and gap == "current" and not physics.small_strain
+    if edge is None or not is_sheared or physics.domain.dim == 3 or not isinstance(tip, FlatPunch):
+        return 0.0
+    return round_length(max(edge - (tip.radius - tip.edge_radius), 0.0)) if tip.edge_radius else 0.0
+
+
+def refine_below_deep_tip(
+    config: Config, setup: ProblemSetup, fixed_sizes: FixedSizes, edge: float | None, gap: str
+) -> FixedSizes:
+    """Return sizes with smaller elements below a tip that is deeper than the radius of its end.
+
+    Without friction the surface slides outwards along the tip and up its side. The surface below a
+    rod at a depth of five radii was a disc of a tenth of its radius, and one element of the usual
+    size there would cover all of its end.
+    """
+    tip = setup.physics.indenter
+    end_radius = max_radius(setup.physics.indenter)
+    depth_ratio = setup.max_depth / end_radius
+    is_excluded = (
+        config.mesh.h_contact != "auto"
+        or bool(config.contact.friction)
+        or setup.physics.domain.dim == 3
+    )
+    if gap != "current" or is_excluded or setup.physics.is_compressed or depth_ratio <= 1:
+        return fixed_sizes
+    h_contact = fixed_sizes.h_contact or min(
+        setup.a / ELEMENTS_PER_RADIUS[2], setup.physics.domain.height / 4
+    )
+    edge_radius = getattr(tip, "edge_radius", 0.0)
+    if edge_radius >= MIN_ARC_FRACTION * end_radius:
+        h_contact = min(h_contact, edge_radius / ELEMENTS_PER_ARC)
+    h_edge = round_length(h_contact) if edge is not None and edge_radius > 0 else fixed_sizes.h_edge
+    stretch = exp(STRETCH_GROWTH * (depth_ratio - 1))
+    growth = fixed_sizes.grading or round_length(GRADING / stretch**GRADING_STRETCH_EXPONENT)
+    return replace(
+        fixed_sizes,
+        h_contact=round_length(h_contact),
+        h_axis=round_length(h_contact / stretch),
+        h_edge=h_edge,
+        grading=growth,
+    )
+
+
+def refine_cohesive_zone(
+    config: Config, setup: ProblemSetup, fixed_sizes: FixedSizes
+) -> FixedSizes:
+    """Return sizes with elements of half the width of the cohesive zone.
+
+    Raises
+    ------
+    ConfigError
+        If the contact radius would have too many such elements.
+    """
+    physics = setup.physics
+    attraction = setup.attraction
+    a = setup.a
+    L = physics.scales.length
+    assert attraction is not None
+    if config.mesh.h_contact != "auto" or not attraction.range:
+        return fixed_sizes
+    E_star = physics.material.E_star
+    max_elements = MAX_ZONE_ELEMENTS[physics.domain.dim]
+    default_size = fixed_sizes.h_contact or min(
+        a / ELEMENTS_PER_RADIUS[physics.domain.dim], physics.domain.height / 4
+    )
+    if setup.adhesive_radii:
+        default_size = min(
+            default_size, setup.adhesive_radii[0] / ELEMENTS_AT_PULL_OFF[physics.domain.dim]
+        )
+    h = min(default_size, attraction.cohesive_zone(E_star) / ELEMENTS_PER_ZONE)
+    if h * max_elements < a:
+        min_range = (
+            attraction.range_for_cohesive_zone(ELEMENTS_PER_ZONE * a / max_elements, E_star) * L
+        )
+        zone = attraction.cohesive_zone(E_star) * L
+        problem = (
+            f"is too short for a mesh: its cohesive zone is {zone:.3g}, the contact radius "
+            f"{a * L:.3g}"
+        )
+        remedy = f"at least {min_range:.3g}, or experiment.adhesion, the limit without range"
+        raise ConfigError("contact.adhesion.range", problem, remedy)
+    h_axis = fixed_sizes.h_axis and min(fixed_sizes.h_axis, h)
+    h_edge, h_corner = (
+        size and min(size, h) for size in (fixed_sizes.h_edge, fixed_sizes.h_corner)
+    )
+    return replace(
+        fixed_sizes, h_contact=round_length(h), h_axis=h_axis, h_edge=h_edge, h_corner=h_corner
+    )

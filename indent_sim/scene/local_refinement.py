@@ -1,0 +1,252 @@
+"""Local refinement at corners, in inclusions and coatings, and at drained faces."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from indent_sim.mesh.sizes import DrainedFace, Sizes
+from indent_sim.model.inclusions import Inclusion
+from indent_sim.model.units import round_length
+from indent_sim.process.errors import ConfigError
+from indent_sim.scene import boundary_films
+from indent_sim.scene.corner_singularities import corners
+from indent_sim.scene.history_path import problem_along_history
+from indent_sim.scene.problem_setup import ProblemSetup
+from indent_sim.scene.resolution import (
+    AUTO_ERROR,
+    ELEMENTS_PER_RADIUS,
+    FixedSizes,
+    MeshResolution,
+)
+
+if TYPE_CHECKING:
+    from indent_sim.config.schema import Config
+
+# Share of the allowed error of the force that the elements at corners may cost.
+CORNER_ERROR_SHARE = 0.1
+# The same for the boundary layers at drained faces with a requested accuracy, and for inclusions.
+FILM_ERROR_SHARE = 0.5
+INCLUSION_ERROR_SHARE = 0.25
+# Smallest element size at a drained face in contact radii: smaller ones change the force by less
+# than 1e-4.
+MIN_FILM_SIZE = 1e-3
+# Elements across a coating; tests/physics/test_skins.py measures the error of the force.
+ELEMENTS_PER_COATING = 1.5
+# Least and most elements in half the thickness of an inclusion, by dimension.
+INCLUSION_ELEMENTS = {2: (2.0, 30.0), 3: (2.0, 6.0)}
+# Relative change of the force by a missing part of an inclusion, at most, and the factor of the
+# elements in an inclusion with flat faces, of which no part is missing. The force was within 0.02
+# to 0.1 % without a requested accuracy, for moduli of 1e-3 to 1e3 times that of the body.
+MAX_INCLUSION_WEIGHT = 0.25
+FLAT_INCLUSION_FACTOR = 0.5
+# Elements between an inclusion and the top of a cap or ball, which bends as a shell above a soft
+# inclusion. The force was within 0.1 to 0.2 % of the series solution of
+# tests/physics/test_layered_ball.py, for thicknesses of 0.05 to 0.4 radii.
+ELEMENTS_ABOVE_INCLUSION = 4.0
+
+
+def refine_corners(
+    default_sizes: Sizes,
+    setup: ProblemSetup,
+    fixed_sizes: FixedSizes,
+    resolution: MeshResolution | None,
+) -> Sizes:
+    """Return sizes that shrink towards all corners where the contact is influenced by one.
+
+    In three dimensions that would cost too much. The error of the force by the elements at corners
+    is the result's `corner_error`, with and without refinement: the difference to a coarser mesh
+    does not show it, since elements at a corner are never larger than those in the contact.
+    """
+    physics = setup.physics
+    nu = physics.largest_nu
+    contact_end = setup.a if physics.is_compressed else default_sizes.punch_edge
+    near_corners = (
+        corners(physics.domain, physics.center, setup.a, nu, contact_end)
+        if setup.max_depth > 0
+        else []
+    )
+    if fixed_sizes.h_corner and (physics.domain.dim == 3 or not near_corners):
+        where = "corners of a bonded base and narrow gaps next to the contact in two dimensions"
+        raise ConfigError(
+            "mesh.h_corner", f"is for {where}, and this scene has none", "leave it out"
+        )
+    if resolution:
+        error, n = resolution.error, resolution.n
+    else:
+        error, n = AUTO_ERROR, setup.a / default_sizes.h_contact
+    corner_sizes = [
+        (corner, float(default_sizes.size_at(np.array(corner.r), np.array(corner.depth))))
+        for corner in near_corners
+    ]
+    h = fixed_sizes.h_corner
+    is_size_free = resolution is not None or fixed_sizes.h_contact is None
+    needs_refinement = any(
+        corner.size(CORNER_ERROR_SHARE * error, n) < size for corner, size in corner_sizes
+    )
+    if physics.domain.dim == 2 and h is None and is_size_free and needs_refinement:
+        h = min(corner.size(CORNER_ERROR_SHARE * error, n) for corner in near_corners)
+    if h is None:
+        return replace(
+            default_sizes,
+            corner_error=max((corner.error(size) for corner, size in corner_sizes), default=0.0),
+        )
+    corner_points = tuple(
+        sorted({(corner.r, round_length(corner.depth)) for corner in near_corners})
+    )
+    refined_sizes = replace(
+        default_sizes, corners=corner_points, h_corner=min(round_length(h), default_sizes.h_contact)
+    )
+    sizes_at_corners = (
+        float(refined_sizes.size_at(np.array(corner.r), np.array(corner.depth)))
+        for corner in near_corners
+    )
+    max_error = max(
+        corner.error(size) for corner, size in zip(near_corners, sizes_at_corners, strict=True)
+    )
+    return replace(refined_sizes, corner_error=max_error)
+
+
+def refine_inclusions(
+    default_sizes: Sizes, config: Config, setup: ProblemSetup, resolution: MeshResolution | None
+) -> Sizes:
+    """Return sizes that are smaller in inclusions.
+
+    Flat facets of size h inside a round inclusion of radius R leave out (h/R)^2/4 of it.
+    """
+    inclusions = [region.inclusion for region in setup.physics.domain.regions if region.inclusion]
+    error = INCLUSION_ERROR_SHARE * (resolution.error if resolution else AUTO_ERROR)
+    given_sizes = config.mesh.h_inclusions
+    inclusion_sizes = [
+        inclusion.min_half_width / _elements_in_inclusion(inclusion, setup, error)
+        for inclusion in inclusions
+    ]
+    if given_sizes:
+        inclusion_sizes = [h / setup.physics.scales.length for h in given_sizes]
+    return replace(
+        default_sizes,
+        inclusions=tuple(zip(inclusions, map(round_length, inclusion_sizes), strict=True)),
+    )
+
+
+def refine_coatings(
+    default_sizes: Sizes, config: Config, setup: ProblemSetup, resolution: MeshResolution | None
+) -> Sizes:
+    """Return sizes that are smaller in the coatings of a cap or ball.
+
+    With a requested accuracy the elements across a coating increase as those in the contact radius.
+    """
+    coatings = setup.physics.domain.coatings
+    given_sizes = config.mesh.h_layers
+    L = setup.physics.scales.length
+    refinement_factor = max(1.0, (resolution.n if resolution else 0.0) / ELEMENTS_PER_RADIUS[2])
+    if given_sizes:
+        coating_sizes = [h / L for h in given_sizes]
+    else:
+        coating_sizes = [
+            coating.thickness / (ELEMENTS_PER_COATING * refinement_factor) for coating in coatings
+        ]
+    return replace(
+        default_sizes, coatings=tuple(zip(coatings, map(round_length, coating_sizes), strict=True))
+    )
+
+
+def refine_films(
+    default_sizes: Sizes,
+    setup: ProblemSetup,
+    fixed_sizes: FixedSizes,
+    resolution: MeshResolution | None,
+) -> Sizes:
+    """Return sizes that are smaller at drained faces, where the first rows need it.
+
+    Until then only a thin boundary layer has drained. In three dimensions it would cost too much.
+    """
+    physics = setup.physics
+    is_size_free = (
+        resolution is not None or fixed_sizes.h_contact is None or fixed_sizes.h_film is not None
+    )
+    drains = (
+        physics.permeable_regions
+        and physics.domain.dim == 2
+        and setup.history is not None
+        and setup.max_depth > 0
+    )
+    if not (is_size_free and drains):
+        return default_sizes
+    max_fraction = FILM_ERROR_SHARE * resolution.error if resolution else AUTO_ERROR
+    faces, h_film = _film_sizes(setup, default_sizes, fixed_sizes.h_film, max_fraction)
+    return replace(default_sizes, drained_faces=faces, h_film=h_film if faces else None)
+
+
+def _film_sizes(
+    setup: ProblemSetup, default_sizes: Sizes, given_size: float | None, max_fraction: float
+) -> tuple[tuple[DrainedFace, ...], float]:
+    """Return drained faces that need smaller elements, and the size at the contact.
+
+    Parameters
+    ----------
+    setup : ProblemSetup
+        The problem setup, with a history.
+    default_sizes : Sizes
+        The element sizes without this refinement.
+    given_size : float or None
+        The size at the contact from the config [length].
+    max_fraction : float
+        Otherwise the relative error of the force that the boundary layers may cost.
+    """
+    assert setup.history is not None
+    physics = setup.physics
+    a = setup.a
+    D = boundary_films.smallest_diffusivity(setup.physics)
+    path = problem_along_history(setup, physics, default_sizes.h_contact).path
+    rows = boundary_films.path_rows(path)
+    faces = boundary_films.drained_faces(setup, min(path.times) - (path.start_time or 0.0))
+    h_film = given_size
+    if h_film is None:
+        fraction_per_length = boundary_films.force_fraction_per_length(setup)
+        h_film = round_length(
+            boundary_films.film_element_size(
+                rows, max_fraction, D, fraction_per_length, default_sizes.h_far, MIN_FILM_SIZE * a
+            )
+        )
+    films = []
+    for side in physics.domain.outline:
+        if side.surface not in faces:
+            continue
+        distance = faces[side.surface]
+        h = h_film / boundary_films.distance_weight(setup, distance) ** 0.5
+        nearest = 0.0
+        if side.surface != "top":
+            nearest = distance + (a if side.surface != "base" else 0.0)
+        if h < default_sizes.h_far:
+            fine_radius = round_length(nearest + default_sizes.fine_radius)
+            films.append(DrainedFace(side, round_length(h), fine_radius))
+    return tuple(films), h_film
+
+
+def _elements_in_inclusion(inclusion: Inclusion, setup: ProblemSetup, error: float) -> float:
+    """Return the elements in half the thickness of an inclusion for an error of the force.
+
+    The error is the missing part of the inclusion times its weight, which is its share in the
+    strain energy below a point force.
+    """
+    physics = setup.physics
+    dim = physics.domain.dim
+    min_elements, max_elements = INCLUSION_ELEMENTS[dim]
+    x, *y = physics.center
+    d = max(float(inclusion.distance((x, y[0] if y else 0.0, 0.0))), inclusion.min_half_width)
+    if physics.body.dim == 2:
+        inclusion_weight = 8 * inclusion.half_width(0) * inclusion.half_width(2) / d**2
+    else:
+        inclusion_weight = 2 * inclusion.volume * setup.a / d**4
+    elements = (min(inclusion_weight, MAX_INCLUSION_WEIGHT) / (4 * error)) ** 0.5
+    elements *= 1.0 if inclusion.is_curved_where_thinnest(dim) else FLAT_INCLUSION_FACTOR
+    cover_thickness = -inclusion.center[2] - inclusion.half_width(2)
+    elements = max(elements, inclusion.min_half_width / cover_thickness, min_elements)
+    elements = min(elements, max_elements)
+    if not physics.domain.top_radius:
+        return elements
+    cover_elements = ELEMENTS_ABOVE_INCLUSION * (INCLUSION_ERROR_SHARE * AUTO_ERROR / error) ** 0.5
+    return max(elements, cover_elements * inclusion.min_half_width / cover_thickness)

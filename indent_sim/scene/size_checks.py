@@ -1,0 +1,125 @@
+"""Element sizes of the config, and checks that the sizes of a scene can be meshed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from indent_sim.mesh.sizes import Sizes
+from indent_sim.model.units import Scales
+from indent_sim.process.errors import ConfigError
+from indent_sim.scene.problem_setup import ProblemSetup
+from indent_sim.scene.resolution import FixedSizes
+
+if TYPE_CHECKING:
+    from indent_sim.config.schema import MeshSettings
+
+# Smallest element size relative to the longest side of the model domain. With smaller elements gmsh
+# aborts or does not end: up to 3e-9 were seen, and 1e-10 in an axisymmetric section, where the tip
+# is at r = 0 and coordinates have all their digits.
+MIN_ELEMENT_SIZE = 5e-9
+MIN_AXIS_SIZE = 1e-10
+# Smallest radius of a punch relative to the longest side of a box. Below 3e-6 gmsh's CAD kernel,
+# which has a tolerance of 1e-7, loses the edge and fails or aborts.
+MIN_PUNCH_RADIUS = 1e-5
+
+
+def configured_sizes(
+    mesh: MeshSettings, scales: Scales, height: float, edge: float | None
+) -> FixedSizes:
+    """Return the element sizes of the config.
+
+    Parameters
+    ----------
+    mesh : MeshSettings
+        The section `mesh` of the config.
+    scales : Scales
+        The scales of the problem.
+    height : float
+        Height of the model domain [length].
+    edge : float or None
+        Radius of an edge of the tip that needs small elements [length].
+
+    Raises
+    ------
+    ConfigError
+        If the sizes contradict each other or the scene.
+    """
+    names = ("h_contact", "h_axis", "h_edge", "h_corner", "h_film", "h_far")
+    lengths = {
+        name: getattr(mesh, name) for name in names if getattr(mesh, name) not in (None, "auto")
+    }
+    h = lengths.get("h_contact", 0.0)
+    if h and lengths.get("h_far", h) < h:
+        raise ConfigError("mesh.h_far", "is smaller than h_contact", f"at least {h:g}")
+    if h > height * scales.length:
+        raise ConfigError(
+            "mesh.h_contact",
+            "is larger than the height of the body",
+            f"at most {height * scales.length:g}",
+        )
+    for name in ("h_axis", "h_edge", "h_corner", "h_film"):
+        if name in lengths and not h:
+            problem = "needs h_contact, to which the element size grows"
+            raise ConfigError(f"mesh.{name}", problem, "give both")
+        if lengths.get(name, 0.0) > h:
+            raise ConfigError(f"mesh.{name}", "is larger than h_contact", f"at most {h:g}")
+    if edge is None and "h_edge" in lengths:
+        problem = "is for the sharp edge of a flat punch, or of a tip that ends inside the contact"
+        raise ConfigError("mesh.h_edge", problem, "leave it out")
+    grading = None if mesh.grading == "auto" else mesh.grading
+    return FixedSizes(
+        **{name: length / scales.length for name, length in lengths.items()}, grading=grading
+    )
+
+
+def check_sizes(sizes: Sizes, setup: ProblemSetup, longest_side: float) -> None:
+    """Raise ConfigError for sizes that cannot be meshed.
+
+    Parameters
+    ----------
+    sizes : Sizes
+        The element sizes.
+    setup : ProblemSetup
+        The problem setup.
+    longest_side : float
+        Longest side of the model domain [length].
+
+    Raises
+    ------
+    ConfigError
+        If sizes or a punch are too small for the rounding of lengths on the model domain, or if
+        elements are larger than the radius of the tip's edge.
+    """
+    domain = setup.physics.domain
+    L = setup.physics.scales.length
+    edge = sizes.punch_edge
+    min_radius = MIN_PUNCH_RADIUS * longest_side
+    if edge is not None and domain.dim == 3 and domain.wall_radius is None and edge < min_radius:
+        problem = (
+            f"a punch of radius {edge * L:g} is too small for a box of this size, at least "
+            f"{min_radius * L:.3g}"
+        )
+        raise ConfigError(
+            "indenter.radius", problem, "make the box smaller, or the body a half_space"
+        )
+    is_axisymmetric = domain.kinematics.name == "axisymmetric"
+    min_size = (MIN_AXIS_SIZE if is_axisymmetric else MIN_ELEMENT_SIZE) * longest_side
+    if sizes.min_size < min_size * (1 - 1e-9):
+        problem = (
+            f"elements of {sizes.min_size * L:.3g} are too small for a body of this size, at least "
+            f"{min_size * L:.3g}"
+        )
+        raise ConfigError(
+            "mesh",
+            problem,
+            "make the body smaller: with 1e5 contact radii it deforms as a half-space",
+        )
+    if edge is None:
+        return
+    edge_size = float(sizes.size_at(np.array(edge), np.array(0.0)))
+    if edge_size > edge * (1 + 1e-9):
+        problem = f"elements of {edge_size * L:.3g} are larger than the tip's radius {edge * L:.3g}"
+        remedy = f"at most {edge * L / 4:.3g}, or auto; are both in the same unit of length?"
+        raise ConfigError("mesh.h_contact", problem, remedy)
