@@ -113,7 +113,7 @@ def least_shear_fraction(config: Config, material: Material) -> float:
     )
 
 
-def choose_formulation(key: str, material: Material, least_share: float) -> str:
+def choose_formulation(key: str, material: Material, min_shear_fraction: float) -> str:
     """Choose the element formulation for the least compressible state of a material.
 
     Parameters
@@ -122,7 +122,7 @@ def choose_formulation(key: str, material: Material, least_share: float) -> str:
         The key of the material in the scene file.
     material : Material
         Its instantaneous law.
-    least_share : float
+    min_shear_fraction : float
         Smallest part of its shear modulus that remains during the history.
 
     Returns
@@ -135,7 +135,7 @@ def choose_formulation(key: str, material: Material, least_share: float) -> str:
     ConfigError
         If the requested formulation does not suit the material.
     """
-    nu = material.relaxed_constants(least_share).nu
+    nu = material.relaxed_constants(min_shear_fraction).nu
     requested = material.formulation
     chosen = requested
     if requested == "auto":
@@ -145,7 +145,7 @@ def choose_formulation(key: str, material: Material, least_share: float) -> str:
         if material.is_isotropic
         else f"a compressibility equivalent to nu = {nu:.6g}"
     )
-    if least_share < 1:
+    if min_shear_fraction < 1:
         law_text = f"{law_text} after relaxation of the shear modulus"
     if chosen == "displacement" and nu > MAX_DISPLACEMENT_NU:
         raise ConfigError(
@@ -163,13 +163,13 @@ def choose_formulation(key: str, material: Material, least_share: float) -> str:
 def round_lengths(body: D) -> D:
     """Return a body or an inclusion with rounded lengths."""
 
-    def to_digits(value: Any) -> Any:
+    def rounded(value: Any) -> Any:
         if isinstance(value, tuple):
-            return tuple(map(to_digits, value))
+            return tuple(map(rounded, value))
         return round_length(value) if isinstance(value, float) else value
 
     fields = dataclasses.fields(body)  # type: ignore[arg-type]
-    return replace(body, **{f.name: to_digits(getattr(body, f.name)) for f in fields})  # type: ignore[type-var]
+    return replace(body, **{f.name: rounded(getattr(body, f.name)) for f in fields})  # type: ignore[type-var]
 
 
 def unused_material_message(config: Config, domain: ModelDomain) -> str:

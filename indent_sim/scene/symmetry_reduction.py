@@ -370,7 +370,7 @@ def _mirror_axes(requested_symmetry: str, symmetric_axes: list[str]) -> list[str
     ]
     if plane_count > len(symmetric_axes):
         symmetry_text = (
-            f"only about the mid-plane of {symmetric_axes[0]}"
+            f"only about the mid-plane normal to {symmetric_axes[0]}"
             if symmetric_axes
             else "about no mid-plane"
         )
