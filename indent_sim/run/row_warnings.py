@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from indent_sim.model.state import State
 from indent_sim.model.tips import flat_radius
 from indent_sim.run.sanity_checks import FORCE_NOISE
+from indent_sim.scene.discretization_warnings import UNDERRESOLVED_ERROR, refinement_advice
 from indent_sim.scene.expected_error import error_text, expected_force_error, swelling_force_error
-from indent_sim.scene.model_warnings import UNDERRESOLVED_ERROR, refinement_advice
 from indent_sim.scene.scene import Scene
 
 # Rows are reported whose contact pressure oscillates from node to node by more than this fraction

@@ -21,8 +21,8 @@ from indent_sim.model.tips import FlatPunch, Indenter, Plate, max_radius
 from indent_sim.model.units import round_length
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.choices import Choice, Choices
+from indent_sim.scene.discretization_warnings import MAX_SLIPPING_FRICTION, MAX_STIFFNESS_MULTIPLE
 from indent_sim.scene.expected_error import NEGLIGIBLE_ERROR, penalty_force_loss
-from indent_sim.scene.model_warnings import MAX_SLIPPING_FRICTION, MAX_STIFFNESS_MULTIPLE
 from indent_sim.scene.no_slip_effect import STICK_FRICTION, tensile_rim_width
 from indent_sim.scene.predictions import ExpectedAdhesion
 from indent_sim.scene.problem_setup import ProblemSetup

@@ -30,14 +30,14 @@ from indent_sim.scene.cost import (
 )
 from indent_sim.scene.cost import predict_cost as cost_of
 from indent_sim.scene.diffusion_times import draining_size
+from indent_sim.scene.discretization_warnings import scene_warnings
+from indent_sim.scene.fluid_warnings import fluid_warnings
 from indent_sim.scene.history_path import problem_along_history
 from indent_sim.scene.mesh_counts import candidate_count
 from indent_sim.scene.model_warnings import (
     ModelWarning,
-    fluid_warnings,
     material_warnings,
     pull_warnings,
-    scene_warnings,
     theory_warnings,
 )
 from indent_sim.scene.no_slip_effect import (

@@ -19,7 +19,7 @@ from indent_sim.run.row_warnings import (
     underresolved_rows,
 )
 from indent_sim.run.sanity_checks import CONTACT_RULES, GENERAL_RULES, violated_bound
-from indent_sim.scene.model_warnings import SUDDEN_BATH_RATIO, _swelling_deficit
+from indent_sim.scene.fluid_warnings import SUDDEN_BATH_RATIO, _swelling_deficit
 from indent_sim.scene.scene import Scene, resolve
 
 BODIES: dict[str, Any] = {

@@ -1,0 +1,275 @@
+"""Warnings about the contact law, the friction and the mesh of a scene, before it is solved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from math import inf
+
+from indent_sim.mesh.imported_domain import ImportedDomain
+from indent_sim.mesh.sizes import DOUBTFUL_ELEMENTS, Sizes
+from indent_sim.model.contact import ContactLaw, Nitsche, Penalty
+from indent_sim.scene.expected_error import (
+    FORCE_DEPTH_EXPONENT,
+    NEGLIGIBLE_ERROR,
+    error_text,
+    expected_force_error,
+    penalty_force_loss,
+    penalty_friction_loss,
+    stick_force_change,
+)
+from indent_sim.scene.model_warnings import NO_CONTACT, ModelWarning, theory_warnings
+from indent_sim.scene.problem_setup import ProblemSetup
+from indent_sim.theory.solution import SOLUTION_ERRORS
+
+# A shallow contact is worth a warning from this expected error of its force on: about that of two
+# elements in the contact radius.
+UNDERRESOLVED_ERROR = 0.02
+# Largest penalty stiffness, in units of E*/h_contact; beyond it the contact pressures oscillate.
+MAX_STIFFNESS_MULTIPLE = 1e3
+# Relative difference of the forces of several equilibria on one mesh, with active_set and a path of
+# 1, 3 and 6 steps.
+EQUILIBRIA_DIFFERENCE = 0.002
+# Coefficient of friction up to which the edge of the contact slips: ten steps along the path then
+# change the force by 0.01 %, and no second solution is needed.
+MAX_SLIPPING_FRICTION = 0.3
+# Ratio of moduli up to which stacks of random layers were compared with theory: 1000, and a margin
+# for rounding.
+VERIFIED_CONTRAST = 1001.0
+# Relative error of the force by the membrane that holds the surface of a drop in its plane, at
+# most.
+SURFACE_MEMBRANE_ERROR = 5e-4
+# Elastocapillary length over contact radius beyond which p_max is off by more than its error
+# estimate; it is off by 5 % at 200.
+TENSION_PRESSURE_LIMIT = 30.0
+
+
+def scene_warnings(
+    setup: ProblemSetup, law: ContactLaw, gap: str, sizes: Sizes
+) -> tuple[ModelWarning, ...]:
+    """Warnings about the model, the contact law and the mesh of a scene at its deepest contact.
+
+    Parameters
+    ----------
+    setup : ProblemSetup
+        The problem setup.
+    law : ContactLaw
+        The contact law, with its stiffnesses.
+    gap : str
+        The key `contact.gap`, "reference" or "current".
+    sizes : Sizes
+        The element sizes.
+
+    Returns
+    -------
+    tuple of ModelWarning
+        The warnings, some of which have an error and no message.
+    """
+    if setup.max_depth <= 0:
+        return () if setup.attraction else (NO_CONTACT,)
+    contact_warnings = (
+        *_contact_law_warnings(setup, law, gap, sizes),
+        *_friction_warnings(setup, law, sizes),
+    )
+    truncation_warnings = (
+        [ModelWarning("truncation", "", setup.truncation.error)] if setup.truncation else []
+    )
+    return (
+        *theory_warnings(setup, gap),
+        *contact_warnings,
+        *_mesh_warnings(setup, sizes),
+        *_facet_warnings(setup, sizes),
+        *truncation_warnings,
+    )
+
+
+def _contact_law_warnings(
+    setup: ProblemSetup, law: ContactLaw, gap: str, sizes: Sizes
+) -> Iterator[ModelWarning]:
+    """Warnings about the errors of the contact law and of a stiffness given in the config."""
+    material = setup.physics.material
+    theory = setup.theory
+    # Nodal pressures on a deformed surface have several equilibria.
+    if gap == "current" and law.multiplier == "nodal":
+        several_text = (
+            "several sets of contact nodes may be in equilibrium, the steps decide which is found"
+        )
+        message = (
+            f"{law.method} with gap: current: {several_text}, and their forces differ by "
+            f"{error_text(EQUILIBRIA_DIFFERENCE)}"
+        )
+        yield ModelWarning("several_equilibria", message, EQUILIBRIA_DIFFERENCE)
+    # The rounding allows for a stiffness that the program chose to be just this large.
+    max_stiffness = (1 + 1e-9) * MAX_STIFFNESS_MULTIPLE * material.E_star / sizes.h_contact
+    if isinstance(law, Penalty | Nitsche) and law.stiffness > max_stiffness:
+        yield ModelWarning(
+            "stiffness", "a stiffness of more than 1000 E*/h_contact: the pressures oscillate"
+        )
+    if isinstance(law, Penalty):
+        force_loss, last_row_loss = _deepest_and_last_error(
+            setup, lambda delta, a: penalty_force_loss(law, material, theory, delta, a)
+        )
+        message = (
+            "penalty: the tip penetrates the body, and the force is up to "
+            f"{100 * force_loss:.2g} % too low at this epsilon_n"
+        )
+        yield ModelWarning(
+            "penalty", message if force_loss >= NEGLIGIBLE_ERROR else "", last_row_loss
+        )
+
+
+def _friction_warnings(
+    setup: ProblemSetup, law: ContactLaw, sizes: Sizes
+) -> Iterator[ModelWarning]:
+    """A warning about the effect of epsilon_t on what friction adds to the force.
+
+    The friction force itself is unknown before the scene is solved; a share of it of 5 % is worth a
+    warning.
+    """
+    if law.is_conservative:
+        return
+    assert law.epsilon_t != "auto"
+    multiple = law.epsilon_t * sizes.h_contact / setup.physics.material.E_star
+    elements = setup.a / sizes.h_contact
+    if isinstance(law, Penalty):
+        force_fraction = penalty_friction_loss(multiple * elements)
+        loss_text = (
+            f"about {force_fraction:.0%} of what friction adds to the force is lost at this "
+            "epsilon_t"
+        )
+        message = f"penalty: a sticking surface slips by tau/epsilon_t: {loss_text}"
+    else:
+        force_fraction = (
+            abs(stick_force_change(multiple, elements))
+            if law.friction == "stick" or law.friction > MAX_SLIPPING_FRICTION
+            else 0.0
+        )
+        change = (
+            f"{force_fraction:.0%} {'more' if multiple > 1 else 'less'} to the force than with 1 "
+            "E*/h_contact, the most accurate stiffness"
+        )
+        message = (
+            f"epsilon_t is {multiple:.2g} E*/h_contact: on these elements friction adds about "
+            f"{change}"
+        )
+    if force_fraction >= 0.05:
+        yield ModelWarning("friction", message)
+
+
+def _mesh_warnings(setup: ProblemSetup, sizes: Sizes) -> Iterator[ModelWarning]:
+    """Warnings about coarse elements at the contact and at corners, and about p_max."""
+    if (tension_ratio := setup.elastocapillary_length / setup.a) > TENSION_PRESSURE_LIMIT:
+        step_text = f"gamma/E* is {tension_ratio:.2g} contact radii: the pressure ends with a step"
+        yield ModelWarning(
+            "p_max", f"{step_text}, where p_max of a mesh is up to 5 % too large; the force is not"
+        )
+    if setup.physics.is_drop:
+        yield ModelWarning("drop", "", SURFACE_MEMBRANE_ERROR)
+    moduli = [region.material.constants.E for region in setup.physics.domain.regions]
+    if max(moduli) > VERIFIED_CONTRAST * min(moduli):
+        message = (
+            f"the largest modulus is {max(moduli) / min(moduli):.0e} times the smallest: the "
+            "element sizes are verified up to 1000 times"
+        )
+        yield ModelWarning("contrast", f"{message}; set an accuracy, and compare")
+    if sizes.corner_error >= NEGLIGIBLE_ERROR:
+        bound_text = f"the force may be too high by up to {error_text(sizes.corner_error)}"
+        remedy = "use smaller sizes everywhere, or leave them to the program"
+        message = f"coarse elements at corners close to the contact: {bound_text}; {remedy}"
+        yield ModelWarning("corners", message, sizes.corner_error)
+    nu = setup.physics.largest_nu
+    a = setup.a
+    force_error, last_row_error = _deepest_and_last_error(
+        setup, lambda delta, a: expected_force_error(sizes, a, nu)
+    )
+    shallowest = _expected_radius(
+        setup, min((delta for delta in setup.physics.deltas if delta > 0), default=setup.max_depth)
+    )
+    message = ""
+    if (
+        sizes.punch_edge is not None
+        and sizes.h_edge is not None
+        and force_error >= NEGLIGIBLE_ERROR
+    ):
+        advice = refinement_advice(sizes, "give a smaller h_contact or h_edge")
+        low_text = f"the force may be too low by {error_text(force_error)}; {advice}"
+        message = (
+            f"elements of {sizes.h_edge / sizes.punch_edge:.2g} radii at the punch's edge: "
+            f"{low_text}"
+        )
+    elif not sizes.is_resolved(a):
+        advice = refinement_advice(
+            sizes, f"give h_contact at most {1 / DOUBTFUL_ELEMENTS:.2g} of the contact radius"
+        )
+        wrong_text = (
+            f"the force may be wrong by {error_text(force_error)}, a by up to 5 %; {advice}"
+        )
+        message = (
+            f"only {a / sizes.h_contact:.2g} elements in the expected contact radius: {wrong_text}"
+        )
+    elif (
+        not sizes.is_resolved(shallowest)
+        and (shallow_error := expected_force_error(sizes, shallowest, nu)) >= UNDERRESOLVED_ERROR
+    ):
+        element_text = f"only {shallowest / sizes.h_contact:.2g} of them are in the contact radius"
+        wrong_text = f"the force there may be wrong by {error_text(shallow_error)}"
+        message = (
+            "the elements suit the deepest contact; at the shallowest "
+            f"{element_text}, and {wrong_text}"
+        )
+    if message or last_row_error:
+        yield ModelWarning("elements", message, last_row_error)
+
+
+def refinement_advice(sizes: Sizes, advice: str) -> str:
+    """Advice on smaller elements: `advice`, or refinement of a mesh that comes from a file."""
+    return advice if sizes.refinements is None else "increase mesh.refinements"
+
+
+def _facet_warnings(setup: ProblemSetup, sizes: Sizes) -> Iterator[ModelWarning]:
+    """A warning about flat facets of an imported mesh that may approximate a curved surface.
+
+    They lie inside that surface, so that the depth is too small.
+    """
+    physics = setup.physics
+    if not isinstance(physics.domain, ImportedDomain):
+        return
+    sag = physics.domain.facet_sagitta(physics.center, setup.a, sizes.refinements or 0)
+    if (error := FORCE_DEPTH_EXPONENT * sag / setup.max_depth) >= NEGLIGIBLE_ERROR:
+        sag_text = (
+            f"they lie up to {sag * physics.scales.length:.2g} inside it, {error_text(error)} "
+            "of the force"
+        )
+        yield ModelWarning(
+            "facets",
+            f"flat facets under the tip: if they approximate a curved surface, {sag_text}",
+        )
+
+
+def _deepest_and_last_error(
+    setup: ProblemSetup, error: Callable[[float, float], float]
+) -> tuple[float, float]:
+    """Return error(depth, contact radius) at the deepest contact and at the last row.
+
+    It is 0 at the last row if there is no contact.
+    """
+    last_depth = setup.physics.deltas[-1]
+    errors = {
+        delta: error(delta, _expected_radius(setup, delta))
+        for delta in {setup.max_depth, last_depth}
+        if delta > 0
+    }
+    return errors[setup.max_depth], errors.get(last_depth, 0.0)
+
+
+def _expected_radius(setup: ProblemSetup, delta: float) -> float:
+    """Return the expected contact radius at a depth [length].
+
+    For an adhesive tip it is that of the JKR limit, and infinite without a theory for it.
+    """
+    if setup.attraction is None:
+        return setup.expected_radius(delta)
+    with suppress(*SOLUTION_ERRORS):
+        if setup.jkr and (contact := setup.jkr.stable_equilibrium(delta)):
+            return max(contact.a, setup.expected_radius(delta))
+    return inf

@@ -1,0 +1,130 @@
+"""Warnings about the drainage of a scene and its resolution in space and time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from indent_sim.mesh.sizes import Sizes
+from indent_sim.scene.boundary_films import unresolved_film
+from indent_sim.scene.diffusion_times import DiffusionTimes, draining_size
+from indent_sim.scene.discretization_warnings import refinement_advice
+from indent_sim.scene.expected_error import NEGLIGIBLE_ERROR, error_text
+from indent_sim.scene.model_warnings import ModelWarning
+from indent_sim.scene.problem_definition import ProblemDefinition
+from indent_sim.scene.problem_setup import ProblemSetup
+
+# Elements without an unknown pressure are too stiff for a drained gel with a larger Poisson ratio,
+# by LOCKING_ERROR of the force at 0.4999.
+DRAINED_LOCKING_NU = 0.495
+LOCKING_ERROR = 0.01
+# Rows earlier than this many ramp times of the bath get a warning: at this time a gel has risen by
+# 2.6 % less than after a sudden change.
+SUDDEN_BATH_RATIO = 10.0
+# Elements in the radius of a contact that a tip seals, with which the unknown end of the sealed
+# area costs 2 % of the force that relaxes.
+MIN_SEALED_ELEMENTS = 10.0
+
+
+def fluid_warnings(
+    setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes
+) -> Iterator[ModelWarning]:
+    """Warnings about the drainage of the fluid and its resolution in space and time."""
+    if not physics.permeable_regions or setup.history is None:
+        return
+    drainage = physics.drainage
+    diffusion_times = DiffusionTimes.compute(setup, physics, draining_size(physics, sizes))
+    if {drainage.surface, drainage.tip, drainage.base} == {"sealed"} and not physics.drained_walls:
+        yield ModelWarning(
+            "sealed", "every surface is sealed: no fluid leaves the body, it only flows inside"
+        )
+    elements = setup.a / sizes.h_contact
+    if (
+        drainage.surface == "drained"
+        and drainage.tip == "sealed"
+        and elements < 0.99 * MIN_SEALED_ELEMENTS
+    ):
+        problem = (
+            f"the sealed contact has {elements:.2g} elements in its radius, and its edge is known "
+            "to within one element"
+        )
+        remedy = (
+            f"with {MIN_SEALED_ELEMENTS:g} elements the error is 2 % of the force that relaxes; "
+            "use a smaller mesh.h_contact"
+        )
+        yield ModelWarning("sealing", f"{problem}: {remedy}")
+    largest_nu = max(
+        (
+            region.material.constants.nu
+            for region in physics.permeable_regions
+            if region.formulation != "mixed"
+        ),
+        default=0.0,
+    )
+    if largest_nu > DRAINED_LOCKING_NU:
+        problem = (
+            f"the drained gel has nu = {largest_nu:g}: elements without an unknown network pressure"
+        )
+        yield ModelWarning("locking", f"{problem} are 1 % too stiff at 0.4999", LOCKING_ERROR)
+    if setup.is_half_space and setup.history.duration > diffusion_times.wall:
+        yield ModelWarning(
+            "diffusion",
+            "diffusion reaches the walls of the finite body that replaces the half-space",
+        )
+    start_time = setup.history.points[0][0]
+    if (
+        setup.max_depth > 0
+        and not physics.is_swelling
+        and (film := unresolved_film(setup, physics, sizes, NEGLIGIBLE_ERROR))
+    ):
+        element_text = (
+            f"elements of {film.h * physics.scales.length:.2g} at the drained {film.face} are "
+            "thicker than the layer that has drained by then"
+        )
+        force_text = f"the force is up to {error_text(film.max_error)} too low"
+        message = (
+            f"rows up to t = {physics.path.times[film.last_row]:.3g}: {element_text}, and "
+            f"{force_text}"
+        )
+        yield ModelWarning(
+            "early",
+            f"{message}; {refinement_advice(sizes, 'give a smaller mesh.h_film')}",
+            film.last_row_error,
+        )
+    if physics.creasing_message:
+        yield ModelWarning(
+            "creases",
+            f"{physics.creasing_message}: some equilibria may not be found, and the others have a "
+            "smooth surface",
+        )
+    if drainage.bath_ramp != "auto" and not physics.is_swelling:
+        yield ModelWarning(
+            "bath_ramp",
+            "drainage.bath_ramp has no effect: the body starts in equilibrium with this bath",
+        )
+    ramp = physics.bath_ramp
+    if early_times := [
+        t - start_time for t in physics.path.times if 0 < t - start_time < SUDDEN_BATH_RATIO * ramp
+    ]:
+        deficit_text = " to ".join(
+            dict.fromkeys(
+                error_text(_swelling_deficit(ramp, t)) for t in (max(early_times), min(early_times))
+            )
+        )
+        rows_text = (
+            f"rows up to t = {start_time + max(early_times):.3g}: the bath changes over a time of "
+            f"{ramp:.3g}"
+        )
+        yield ModelWarning(
+            "bath",
+            f"{rows_text}, and after a sudden change the gel would have risen more by then, by "
+            f"{deficit_text}; use a smaller drainage.bath_ramp",
+        )
+
+
+def _swelling_deficit(ramp: float, t: float) -> float:
+    """Return by how much less a gel has risen at time t than after a sudden change of its bath.
+
+    The deficit is relative. The rise grows as t^(1/2) after a sudden change, and is
+    2/3 (t^(3/2) - (t - ramp)^(3/2))/ramp if the bath changes linearly over the time `ramp`.
+    """
+    return 1.0 - 2.0 / 3.0 * (t**1.5 - max(t - ramp, 0.0) ** 1.5) / (ramp * t**0.5)
