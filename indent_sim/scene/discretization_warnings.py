@@ -157,7 +157,7 @@ def _friction_warnings(
 
 
 def _mesh_warnings(setup: ProblemSetup, sizes: Sizes) -> Iterator[ModelWarning]:
-    """Warnings about coarse elements at the contact and at corners, and about p_max."""
+    """Warnings about surface tension, moduli, corners and the elements in the contact."""
     if (tension_ratio := setup.elastocapillary_length / setup.a) > TENSION_PRESSURE_LIMIT:
         step_text = f"gamma/E* is {tension_ratio:.2g} contact radii: the pressure ends with a step"
         yield ModelWarning(
@@ -177,6 +177,11 @@ def _mesh_warnings(setup: ProblemSetup, sizes: Sizes) -> Iterator[ModelWarning]:
         remedy = "use smaller sizes everywhere, or leave them to the program"
         message = f"coarse elements at corners close to the contact: {bound_text}; {remedy}"
         yield ModelWarning("corners", message, sizes.corner_error)
+    yield from _element_warnings(setup, sizes)
+
+
+def _element_warnings(setup: ProblemSetup, sizes: Sizes) -> Iterator[ModelWarning]:
+    """A warning about coarse elements in the contact or at the edge of a punch."""
     nu = setup.physics.largest_nu
     a = setup.a
     force_error, last_row_error = _deepest_and_last_error(

@@ -31,8 +31,29 @@ def fluid_warnings(
     """Warnings about the drainage of the fluid and its resolution in space and time."""
     if not physics.permeable_regions or setup.history is None:
         return
-    drainage = physics.drainage
+    yield from _seal_warnings(setup, physics, sizes)
+    yield from _locking_warnings(physics)
     diffusion_times = DiffusionTimes.compute(setup, physics, draining_size(physics, sizes))
+    if setup.is_half_space and setup.history.duration > diffusion_times.wall:
+        yield ModelWarning(
+            "diffusion",
+            "diffusion reaches the walls of the finite body that replaces the half-space",
+        )
+    yield from _early_row_warnings(setup, physics, sizes)
+    if physics.creasing_message:
+        yield ModelWarning(
+            "creases",
+            f"{physics.creasing_message}: some equilibria may not be found, and the others have a "
+            "smooth surface",
+        )
+    yield from _bath_warnings(physics, setup.history.points[0][0])
+
+
+def _seal_warnings(
+    setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes
+) -> Iterator[ModelWarning]:
+    """Warnings about a body that is sealed everywhere, and about a tip that seals few elements."""
+    drainage = physics.drainage
     if {drainage.surface, drainage.tip, drainage.base} == {"sealed"} and not physics.drained_walls:
         yield ModelWarning(
             "sealed", "every surface is sealed: no fluid leaves the body, it only flows inside"
@@ -52,6 +73,10 @@ def fluid_warnings(
             "use a smaller mesh.h_contact"
         )
         yield ModelWarning("sealing", f"{problem}: {remedy}")
+
+
+def _locking_warnings(physics: ProblemDefinition) -> Iterator[ModelWarning]:
+    """A warning about displacement elements that lock once the body has drained."""
     largest_nu = max(
         (
             region.material.constants.nu
@@ -65,60 +90,53 @@ def fluid_warnings(
             f"the drained gel has nu = {largest_nu:g}: elements without an unknown network pressure"
         )
         yield ModelWarning("locking", f"{problem} are 1 % too stiff at 0.4999", LOCKING_ERROR)
-    if setup.is_half_space and setup.history.duration > diffusion_times.wall:
-        yield ModelWarning(
-            "diffusion",
-            "diffusion reaches the walls of the finite body that replaces the half-space",
-        )
-    start_time = setup.history.points[0][0]
-    if (
-        setup.max_depth > 0
-        and not physics.is_swelling
-        and (film := unresolved_film(setup, physics, sizes, NEGLIGIBLE_ERROR))
-    ):
-        element_text = (
-            f"elements of {film.h * physics.scales.length:.2g} at the drained {film.face} are "
-            "thicker than the layer that has drained by then"
-        )
-        force_text = f"the force is up to {error_text(film.max_error)} too low"
-        message = (
-            f"rows up to t = {physics.path.times[film.last_row]:.3g}: {element_text}, and "
-            f"{force_text}"
-        )
-        yield ModelWarning(
-            "early",
-            f"{message}; {refinement_advice(sizes, 'give a smaller mesh.h_film')}",
-            film.last_row_error,
-        )
-    if physics.creasing_message:
-        yield ModelWarning(
-            "creases",
-            f"{physics.creasing_message}: some equilibria may not be found, and the others have a "
-            "smooth surface",
-        )
-    if drainage.bath_ramp != "auto" and not physics.is_swelling:
+
+
+def _early_row_warnings(
+    setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes
+) -> Iterator[ModelWarning]:
+    """A warning about early rows, whose drained boundary layer is thinner than an element."""
+    if setup.max_depth <= 0 or physics.is_swelling:
+        return
+    film = unresolved_film(setup, physics, sizes, NEGLIGIBLE_ERROR)
+    if not film:
+        return
+    element_text = (
+        f"elements of {film.h * physics.scales.length:.2g} at the drained {film.face} are thicker "
+        "than the layer that has drained by then"
+    )
+    force_text = f"the force is up to {error_text(film.max_error)} too low"
+    message = (
+        f"rows up to t = {physics.path.times[film.last_row]:.3g}: {element_text}, and {force_text}"
+    )
+    advice = refinement_advice(sizes, "give a smaller mesh.h_film")
+    yield ModelWarning("early", f"{message}; {advice}", film.last_row_error)
+
+
+def _bath_warnings(physics: ProblemDefinition, start_time: float) -> Iterator[ModelWarning]:
+    """Warnings about the ramp of a gel's bath: one without effect, or one that delays swelling."""
+    if physics.drainage.bath_ramp != "auto" and not physics.is_swelling:
         yield ModelWarning(
             "bath_ramp",
             "drainage.bath_ramp has no effect: the body starts in equilibrium with this bath",
         )
     ramp = physics.bath_ramp
-    if early_times := [
+    early_times = [
         t - start_time for t in physics.path.times if 0 < t - start_time < SUDDEN_BATH_RATIO * ramp
-    ]:
-        deficit_text = " to ".join(
-            dict.fromkeys(
-                error_text(_swelling_deficit(ramp, t)) for t in (max(early_times), min(early_times))
-            )
-        )
-        rows_text = (
-            f"rows up to t = {start_time + max(early_times):.3g}: the bath changes over a time of "
-            f"{ramp:.3g}"
-        )
-        yield ModelWarning(
-            "bath",
-            f"{rows_text}, and after a sudden change the gel would have risen more by then, by "
-            f"{deficit_text}; use a smaller drainage.bath_ramp",
-        )
+    ]
+    if not early_times:
+        return
+    deficits = (_swelling_deficit(ramp, t) for t in (max(early_times), min(early_times)))
+    deficit_text = " to ".join(dict.fromkeys(map(error_text, deficits)))
+    rows_text = (
+        f"rows up to t = {start_time + max(early_times):.3g}: the bath changes over a time of "
+        f"{ramp:.3g}"
+    )
+    yield ModelWarning(
+        "bath",
+        f"{rows_text}, and after a sudden change the gel would have risen more by then, by "
+        f"{deficit_text}; use a smaller drainage.bath_ramp",
+    )
 
 
 def _swelling_deficit(ramp: float, t: float) -> float:

@@ -123,12 +123,8 @@ def _model_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
     ):
         yield ModelWarning("stability", message)
     solution = setup.solution(delta) if body.dim == 3 else None
-    half_space_force_pair = half_space_force(setup.relative_tip, delta, material.E_star)
-    if (
-        solution
-        and half_space_force_pair
-        and abs(1 - half_space_force_pair[1] / solution.force) >= 0.01
-    ):
+    formula_and_force = half_space_force(setup.relative_tip, delta, material.E_star)
+    if solution and formula_and_force and abs(1 - formula_and_force[1] / solution.force) >= 0.01:
         cause = "the body is not thick enough for a contact this large"
         if len(setup.layers) > 1:
             cause = "the body is layered"
@@ -136,7 +132,7 @@ def _model_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
             cause = "its surface is under tension"
         yield ModelWarning(
             "half_space",
-            f"{half_space_force_pair[0]}, half-space, does not apply: {cause}",
+            f"{formula_and_force[0]}, half-space, does not apply: {cause}",
         )
 
 
@@ -171,16 +167,16 @@ def _tip_end_warnings(setup: ProblemSetup, gap: str) -> Iterator[ModelWarning]:
 
 def _attraction_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
     """A warning if the attraction reaches beyond the edge of the body."""
-    rim = setup.physics.body.lateral_extent(setup.physics.center)
+    lateral_extent = setup.physics.body.lateral_extent(setup.physics.center)
     if (
         setup.attraction is None
         or not setup.attraction.range
-        or rim >= max_radius(setup.relative_tip)
+        or lateral_extent >= max_radius(setup.relative_tip)
     ):
         return
-    if (
-        gap_ratio := float(setup.relative_tip.height(rim, 0.0)) / setup.attraction.range
-    ) < ATTRACTION_CUTOFF:
+    gap_at_edge = float(setup.relative_tip.height(lateral_extent, 0.0))
+    gap_ratio = gap_at_edge / setup.attraction.range
+    if gap_ratio < ATTRACTION_CUTOFF:
         gap_text = (
             f"the body ends where its gap to the tip is {gap_ratio:.2g} ranges of the attraction"
         )
