@@ -69,7 +69,7 @@ class Truncation:
 
     @property
     def why(self) -> str:
-        """The reason in words."""
+        """The reason for the finite body, as it stands in a plan."""
         size = "wide and high" if self.represents == "half-space" else "wide"
         basis = f"{TRUNCATION_SAFETY:g} times the error by layer theory"
         error_text = f"too stiff by at most {100 * self.error:.2g} % of the force ({basis})"
@@ -129,25 +129,6 @@ def truncate(
         for inclusion, center in zip(body.inclusions or (), centers, strict=True)
     )
     return replace(truncation, body=replace(truncation.body, inclusions=shifted_inclusions or None))
-    search = _truncate_half_space if isinstance(body, HalfSpace) else _truncate_layer
-    truncations = [search(body, tip, layers, delta) for layers in states]  # type: ignore[arg-type]
-    largest = max(truncations, key=lambda item: _width(item.body))
-    own_layers = [
-        replace(layer, material=first.material)
-        for layer, first in zip(largest.layers, states[0], strict=True)
-    ]
-    largest = replace(largest, layers=tuple(own_layers))
-    truncation = _scale_width(largest, largest.layers, float(f"{width_factor:.6g}"))
-    shift = (*truncation.body.center, 0.0)  # to where the finite body has its axis
-    centers = [
-        tuple(x + s for x, s in zip(item.center, shift, strict=True))
-        for item in body.inclusions or ()
-    ]
-    placed = tuple(
-        replace(item, center=center)
-        for item, center in zip(body.inclusions or (), centers, strict=True)
-    )
-    return replace(truncation, body=replace(truncation.body, inclusions=placed or None))
 
 
 def _width(body: Cylinder | Box) -> float:
