@@ -45,6 +45,17 @@ def frictional_edge_width(
     by about its own thickness within a fifth of the edge's radius. Elements of a tenth of that
     radius leave a roughness of the pressure of 9 % of p_max (`fe.postprocessing.roughness`) and a
     p_max that is 4 % too large.
+
+    Parameters
+    ----------
+    config : Config
+        The config, for its friction.
+    setup : ProblemSetup
+        The problem setup.
+    edge : float or None
+        Radius at which the contact ends at the edge [length]; None if it does not.
+    gap : str
+        The key `contact.gap`, "reference" or "current".
     """
     tip = setup.physics.indenter
     physics = setup.physics
@@ -62,6 +73,19 @@ def refine_below_deep_tip(
     Without friction the surface slides outwards along the tip and up its side. The surface below a
     rod at a depth of five radii was a disc of a tenth of its radius, and one element of the usual
     size there would cover all of its end.
+
+    Parameters
+    ----------
+    config : Config
+        The config, for its friction and `mesh.h_contact`.
+    setup : ProblemSetup
+        The problem setup.
+    fixed_sizes : FixedSizes
+        The sizes that are known so far.
+    edge : float or None
+        Radius of an edge at which the pressure is singular [length]; None without.
+    gap : str
+        The key `contact.gap`, "reference" or "current".
     """
     tip = setup.physics.indenter
     end_radius = max_radius(setup.physics.indenter)

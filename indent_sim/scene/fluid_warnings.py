@@ -13,8 +13,8 @@ from indent_sim.scene.model_warnings import ModelWarning
 from indent_sim.scene.problem_definition import ProblemDefinition
 from indent_sim.scene.problem_setup import ProblemSetup
 
-# Elements without an unknown pressure are too stiff for a drained gel with a larger Poisson ratio,
-# by LOCKING_ERROR of the force at 0.4999.
+# Displacement elements are too stiff for a drained gel with a larger Poisson's ratio: the force is
+# wrong by LOCKING_ERROR at 0.4999.
 DRAINED_LOCKING_NU = 0.495
 LOCKING_ERROR = 0.01
 # Rows earlier than this many ramp times of the bath get a warning: at this time a gel has risen by
@@ -86,10 +86,11 @@ def _locking_warnings(physics: ProblemDefinition) -> Iterator[ModelWarning]:
         default=0.0,
     )
     if largest_nu > DRAINED_LOCKING_NU:
-        problem = (
-            f"the drained gel has nu = {largest_nu:g}: elements without an unknown network pressure"
+        message = (
+            f"the drained gel has nu = {largest_nu:g}: displacement elements are 1 % too stiff at "
+            "0.4999"
         )
-        yield ModelWarning("locking", f"{problem} are 1 % too stiff at 0.4999", LOCKING_ERROR)
+        yield ModelWarning("locking", message, LOCKING_ERROR)
 
 
 def _early_row_warnings(
