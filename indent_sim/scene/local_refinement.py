@@ -44,7 +44,7 @@ MAX_INCLUSION_WEIGHT = 0.25
 FLAT_INCLUSION_FACTOR = 0.5
 # Elements between an inclusion and the top of a cap or ball, which bends as a shell above a soft
 # inclusion. The force was within 0.1 to 0.2 % of the series solution of
-# tests/physics/test_layered_ball.py, for thicknesses of 0.05 to 0.4 radii.
+# tests/physics/test_layered_ball.py, with 0.05 to 0.4 radii between them.
 ELEMENTS_ABOVE_INCLUSION = 4.0
 
 
