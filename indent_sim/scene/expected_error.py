@@ -69,6 +69,7 @@ def expected_force_error(sizes: Sizes, a: float, nu: float) -> float:
     if sizes.punch_edge is not None and sizes.h_edge is not None:
         factor = 1.0 if nu < NEARLY_INCOMPRESSIBLE_NU else INCOMPRESSIBLE_EDGE_FACTOR
         return factor * edge_error(sizes)
+    return 0.0 if sizes.is_resolved(a) else 0.07 / sizes.elements_in_contact(a) ** 2
 
 
 def swelling_force_error(sizes: Sizes, a: float) -> float:
