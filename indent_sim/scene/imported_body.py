@@ -41,7 +41,9 @@ def position_imported_mesh(
     if source.hash not in (None, imported_mesh.hash):
         remedy = "use the mesh file of this scene, or leave the hash out"
         raise ConfigError(
-            "body.hash", f"'{source.file}' holds another mesh, whose hash is {imported_mesh.hash}", remedy
+            "body.hash",
+            f"'{source.file}' holds another mesh, whose hash is {imported_mesh.hash}",
+            remedy,
         )
     imported_mesh = imported_mesh.with_leading_region(
         imported_domain.region_under_axis(imported_mesh, center)

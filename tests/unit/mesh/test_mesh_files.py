@@ -535,7 +535,7 @@ def test_a_malformed_mesh_has_its_message(
         (
             "body.file=scene.yaml",
             "body.file",
-            "is of no known kind; it must end in one of .msh, .xdmf, .vtu, .inp",
+            "has no known file extension; it must end in one of .msh, .xdmf, .vtu, .inp",
         ),
         (
             "body.file=/etc/passwd",
@@ -575,8 +575,8 @@ def test_a_mesh_is_part_of_no_other_shape() -> None:
         (".xdmf", np.full((3, 3), np.nan), [[0, 1, 2]], "are no numbers, or beyond 1e"),
         (".xdmf", np.full((3, 3), 1e200), [[0, 1, 2]], "are no numbers, or beyond 1e"),
         (".vtu", np.eye(3), np.array([[0.0, 1.4, 2.0]]), "is not a mesh that can be read"),
-        (".xdmf", np.eye(3), np.array([[0.0, 1.4, 2.0]]), "corners are no numbers of points"),
-        (".xdmf", np.eye(3), [[0, 1, 9]], "corners that are no points of it"),
+        (".xdmf", np.eye(3), np.array([[0.0, 1.4, 2.0]]), "corners are not indices of points"),
+        (".xdmf", np.eye(3), [[0, 1, 9]], "corners that are not points of the file"),
     ],
 )
 def test_points_are_real_and_corners_are_whole(
