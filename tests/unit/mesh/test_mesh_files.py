@@ -165,7 +165,8 @@ def test_cells_alone_have_the_surfaces_that_their_names_would_give(
         body["points"][:, 0] / 10
     )  # tilted: the base is not level
     with pytest.raises(
-        MeshFileError, match="no one part of the outside faces down and is level; in gmsh: Physical"
+        MeshFileError,
+        match="no single part of the boundary faces down and is level; in gmsh: Physical",
     ):
         piece(tmp_path, without_names(body), kinematics, name, MeshSurfaces())
     body["points"][:, -1 if kinematics == "3d" else 1] -= body["points"][:, 0] / 10
@@ -217,10 +218,10 @@ def test_a_surface_by_where_it_faces_leaves_what_has_a_name(tmp_path: Path) -> N
 def test_what_faces_up_or_down_at_two_heights_must_be_named(tmp_path: Path) -> None:
     body = section()
     _stepped(body)
-    with pytest.raises(MeshFileError, match="no one part of the outside faces down"):
+    with pytest.raises(MeshFileError, match="no single part of the boundary faces down"):
         piece(tmp_path, without_names(body), surfaces=MeshSurfaces())
     body["facets"] = {"bottom": body["facets"]["bottom"]}
-    with pytest.raises(ConfigError, match="parts of 'what faces up' lie above one another"):
+    with pytest.raises(ConfigError, match="parts of the contact surface lie above one another"):
         piece(tmp_path, body, surfaces=MeshSurfaces(base="bottom"))
 
 
@@ -472,7 +473,7 @@ MALFORMED: list[tuple[Callable[[dict[str, Any]], None], str, str]] = [
     (
         _named_inside,
         "body.surfaces.contact",
-        "1 facets of 'top' are not on the outside of the body, the first at",
+        "1 facets of 'top' are not on the boundary of the body, the first at",
     ),
     (_shared, "body.surfaces.sides", "'wall' shares facets with another surface"),
     (_stepped, "body.surfaces.contact", "parts of 'top' lie above one another at"),
