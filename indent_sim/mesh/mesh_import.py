@@ -513,7 +513,8 @@ def _refuse_overhang(name: str | None, corners: np.ndarray) -> None:
     upper_bounds = plan_corners.max(axis=1)
     order = np.argsort(centroids[:, 0])
     first_candidate, last_candidate = (
-        np.searchsorted(centroids[order, 0], edge[:, 0]) for edge in (lower_bounds, upper_bounds)
+        np.searchsorted(centroids[order, 0], bounds[:, 0])
+        for bounds in (lower_bounds, upper_bounds)
     )
     for facet in range(len(plan_corners)):
         neighbours = order[first_candidate[facet] : last_candidate[facet]]
@@ -551,7 +552,7 @@ def _midside_nodes(
     dim = cells.shape[1] - 1
     (edges, nodes) = file.midside_nodes
     is_inside = np.isin(edges, used_points).all(axis=1)
-    midside_edges, first = np.unique(
+    midside_edges, first_rows = np.unique(
         np.sort(np.searchsorted(used_points, edges[is_inside]), axis=1), axis=0, return_index=True
     )
     is_complete = (
@@ -560,4 +561,4 @@ def _midside_nodes(
     )
     if not is_complete:
         return np.empty((0, 2), dtype=np.int64), np.empty((0, dim))
-    return midside_edges, file.points[nodes[is_inside][first]][:, :dim]
+    return midside_edges, file.points[nodes[is_inside][first_rows]][:, :dim]
