@@ -210,7 +210,7 @@ class ModelDomain:
     def extent(self) -> tuple[tuple[float, float], ...]:
         """Smallest and largest coordinate along each axis [length].
 
-        The ends of the sides are enough, because arcs are quarters of a circle.
+        The ends of the sides are enough, because no arc extends beyond its ends.
         """
         coordinates = [[side.start[axis] for side in self.outline] for axis in (0, 1)]
         section_extent = tuple((min(values), max(values)) for values in coordinates)
