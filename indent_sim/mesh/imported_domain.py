@@ -8,10 +8,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from indent_sim.mesh.grid import Grid, boundary_facets, sort_and_match_rows, unit_normals
-from indent_sim.mesh.imported_mesh import ImportedMesh, refined_once, split_at_midpoints
+from indent_sim.mesh.imported_mesh import ImportedMesh
 from indent_sim.mesh.mesh_file import format_midpoint, mesh_file_error
 from indent_sim.mesh.model_domain import ModelDomain, Pins, Point, Region
 from indent_sim.mesh.sizes import Sizes
+from indent_sim.mesh.uniform_refinement import refined_once, split_at_midpoints
 from indent_sim.model.imported_body import ImportedBody, MeshFromFile, barycentric_coordinates
 from indent_sim.model.kinematics import Axisymmetric, Kinematics, PlaneStrain, ThreeDimensional
 from indent_sim.model.layers import Layer

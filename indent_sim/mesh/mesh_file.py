@@ -43,6 +43,7 @@ MAX_TEXT_BYTES = 2 * 10**8
 # Limits of CPU time [s] and memory [bytes] for reading: a constant, and an amount per byte.
 READING_SECONDS = (10.0, 3e-6)
 READING_MEMORY = (500e6, 100.0)
+CELL_KINDS = {1: "lines", 2: "triangles", 3: "tetrahedra"}  # by dimension
 CELL_VERTICES = {"line": 2, "triangle": 3, "tetra": 4, "line3": 2, "triangle6": 3, "tetra10": 4}
 VTK_EDGES = {  # Edges with midside nodes by the number of vertices, in the order of VTK.
     2: [(0, 1)],
@@ -218,6 +219,20 @@ def _limit_reader(size: int) -> None:
 def mesh_file_error(problem: str, remedy: str = "", key: str = "body.file") -> ConfigError:
     """Return a MeshFileError if the key is `body.file`, a ConfigError for any other key."""
     return (MeshFileError if key == "body.file" else ConfigError)(key, problem, remedy)
+
+
+def named_simplices(file: MeshFile, name: str, dim: int, key: str) -> np.ndarray:
+    """Return the indices of the simplices of a dimension in a named group; ConfigError if none."""
+    if name not in file.groups:
+        raise mesh_file_error(f"the file has no group '{name}'", file.names_text, key)
+    if dim not in file.groups[name]:
+        kinds = " and ".join(CELL_KINDS[group_dim] for group_dim in sorted(file.groups[name]))
+        raise mesh_file_error(
+            f"'{name}' is a group of {kinds}, and {CELL_KINDS[dim]} are needed here",
+            file.names_text,
+            key,
+        )
+    return file.groups[name][dim]
 
 
 def _quote(text: str) -> str:

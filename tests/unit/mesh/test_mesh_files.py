@@ -19,7 +19,8 @@ from indent_sim.config.scene_file import load, loads
 from indent_sim.mesh import mesh_import
 from indent_sim.mesh.grid import boundary_facets, iterate_facets
 from indent_sim.mesh.imported_domain import ImportedDomain, first_contact_height, refine_domain
-from indent_sim.mesh.imported_mesh import ImportedMesh, msh_text_parts, refined_once
+from indent_sim.mesh.imported_mesh import ImportedMesh
+from indent_sim.mesh.uniform_refinement import refined_once
 from indent_sim.model.imported_body import MeshFromFile, MeshSurfaces
 from indent_sim.model.tips import Paraboloid
 from indent_sim.process.errors import ConfigError, MeshFileError
@@ -117,7 +118,7 @@ def test_the_copy_of_a_piece_is_the_piece(
     body["points"][:, :2] *= 1 / 3
     found = piece(tmp_path, body, kinematics, has_material=False, regions={"gel": None})
     source = MeshFromFile("copy.msh", kinematics, SURFACES, regions={"gel": None})  # type: ignore[dict-item]
-    (tmp_path / "copy.msh").write_text("".join(msh_text_parts(found, source)), encoding="utf-8")
+    (tmp_path / "copy.msh").write_text("".join(found.msh_text(source)), encoding="utf-8")
     again = mesh_import.import_mesh(str(tmp_path), source, False)
     assert again.hash == found.hash and again.region_names == found.region_names == ("gel",)
 
@@ -195,7 +196,7 @@ def test_cells_alone_have_the_surfaces_that_their_names_would_give(
         MeshFromFile("", kinematics, sides="fixed").surface_names,
         sides="fixed",
     )
-    (tmp_path / "copy.msh").write_text("".join(msh_text_parts(bare, source)), encoding="utf-8")
+    (tmp_path / "copy.msh").write_text("".join(bare.msh_text(source)), encoding="utf-8")
     assert mesh_import.import_mesh(str(tmp_path), source, True).hash == bare.hash
 
 
