@@ -95,8 +95,16 @@ class ImportedDomain(ModelDomain):
         """Return the mean distance of contact facets to the arc through their corners [length].
 
         Facets of size h that meet at the angle t follow an arc of radius h/t, and their midpoints
-        are h t/8 inside it. The facets are those within `radius` [length] of the tip's axis, after
-        the given number of refinements.
+        are h t/8 inside it.
+
+        Parameters
+        ----------
+        center : tuple of float
+            Horizontal position of the tip's axis [length].
+        radius : float
+            Radius around it within which facets count [length].
+        refinements : int, optional
+            Number of uniform refinements of the mesh.
         """
         size = self.facet_size_near(center, 0.0, radius) / self._facet_divisions(refinements)
         return self.facet_angle(center, radius, refinements) * size / 8
@@ -112,7 +120,7 @@ class ImportedDomain(ModelDomain):
     def facet_angle(self, center: Point, radius: float, refinements: int = 0) -> float:
         """Return the mean angle [radians] at which neighbouring contact facets near the tip meet.
 
-        The facets are those within `radius` [length] of the tip's axis; the angle is 0 without any.
+        Parameters are those of `facet_sagitta`. Without facets within the radius it is 0.
         """
         facets = self.mesh.grid.surfaces["top"]
         corners = self.mesh.facet_corners("top")

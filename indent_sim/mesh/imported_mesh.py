@@ -87,7 +87,7 @@ class ImportedMesh:
 
     @property
     def full_mesh(self) -> ImportedMesh:
-        """The mesh with all cells of the file, which is this one."""
+        """Mesh with all cells of the file: this one."""
         return self
 
     def facet_corners(self, surface: str) -> np.ndarray:
@@ -164,7 +164,7 @@ class BoundaryCells(ImportedMesh):
 
     @property
     def full_mesh(self) -> ImportedMesh:
-        """The full mesh in the position and with the surfaces of these cells."""
+        """Full mesh in the position and with the surfaces of these cells."""
         assert self.unplaced_mesh is not None
         placed_mesh = (
             self.unplaced_mesh.with_leading_region(self.leading_region)

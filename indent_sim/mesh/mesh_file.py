@@ -139,7 +139,7 @@ def find_mesh_file(folder: str, file: str) -> MeshFileVersion:
             pass
     except (OSError, ValueError) as error:
         problem = f"cannot read the mesh '{file}': {getattr(error, 'strerror', None) or error}"
-        remedy = "its path must be relative to the folder of the scene file"
+        remedy = "the path is relative to the folder of the scene file"
         raise ConfigError("body.file", problem, remedy) from None
     max_bytes = MAX_MESH_BYTES if path.suffix.lower() == ".msh" else MAX_TEXT_BYTES
     if status.st_size > max_bytes:
@@ -222,7 +222,29 @@ def mesh_file_error(problem: str, remedy: str = "", key: str = "body.file") -> C
 
 
 def named_simplices(file: MeshFile, name: str, dim: int, key: str) -> np.ndarray:
-    """Return the indices of the simplices of a dimension in a named group; ConfigError if none."""
+    """Return the indices of the simplices of a dimension that belong to a named group.
+
+    Parameters
+    ----------
+    file : MeshFile
+        Contents of the file.
+    name : str
+        Name of the group.
+    dim : int
+        Dimension of the simplices.
+    key : str
+        Key of the scene file that asks for the group, for messages.
+
+    Returns
+    -------
+    numpy.ndarray
+        Indices into the simplices of this dimension.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such group, or it has no simplices of this dimension.
+    """
     if name not in file.groups:
         raise mesh_file_error(f"the file has no group '{name}'", file.names_text, key)
     if dim not in file.groups[name]:

@@ -91,22 +91,22 @@ def path_rows(path: LoadPath) -> list[PathRow]:
     segments = _merge_segments(
         [(0.0, 0.0), *((value / largest, t) for increment in increments for value, t in increment)]
     )
-    begin, end, change = np.array(
+    begins, ends, changes = np.array(
         [(segment.begin, segment.end, segment.change) for segment in segments if segment.change]
     ).T
     rows = []
     for increment in increments:
         value, t = increment[-1]
-        last = int(np.searchsorted(begin, t))
-        recent = slice(max(last - MAX_CHANGES, 0), last)
-        elapsed = t - begin[recent]
-        full_durations = end[recent] - begin[recent]
+        change_count = int(np.searchsorted(begins, t))
+        recent = slice(max(change_count - MAX_CHANGES, 0), change_count)
+        elapsed = t - begins[recent]
+        full_durations = ends[recent] - begins[recent]
         durations = np.minimum(elapsed, full_durations)
         done_fractions = np.divide(
             durations, full_durations, out=np.ones_like(durations), where=full_durations > 0
         )
         rows.append(
-            PathRow(np.abs(change[recent] * done_fractions), elapsed, durations, value / largest)
+            PathRow(np.abs(changes[recent] * done_fractions), elapsed, durations, value / largest)
         )
     return rows
 
