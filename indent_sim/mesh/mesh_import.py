@@ -21,7 +21,7 @@ from indent_sim.mesh.mesh_file import (
     named_simplices,
     read_mesh_file,
 )
-from indent_sim.mesh.simplices import edge_keys, orient_cells, unique_edges
+from indent_sim.mesh.simplices import edge_keys, oriented, unique_edges
 from indent_sim.model.imported_body import MeshFromFile
 from indent_sim.model.materials import Material
 
@@ -102,7 +102,7 @@ def build_imported_mesh(file: MeshFile, body: MeshFromFile, regions: Regions) ->
     _refuse_tangled_cells(points, cells)
     region_names, region_numbers = _number_regions(file, regions, dim, len(cells))
     surfaces = find_surfaces(file, body, points, cells, used_points)
-    grid = Grid(points, orient_cells(points, cells), region_numbers, surfaces)
+    grid = Grid(points, oriented(points, cells), region_numbers, surfaces)
     midside_nodes = _midside_nodes(file, used_points, cells)
     return ImportedMesh(
         grid,

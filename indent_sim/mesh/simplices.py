@@ -22,7 +22,7 @@ def edge_keys(edges: np.ndarray) -> np.ndarray:
     return np.asarray((edges[:, 0] << 32) + edges[:, 1])
 
 
-def orient_cells(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
+def oriented(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """Return the cells with their corners ordered so that all volumes are positive."""
     is_inverted = signed_volumes(points, cells) < 0
     cells = cells.copy()

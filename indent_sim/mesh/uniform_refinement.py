@@ -10,7 +10,7 @@ import numpy as np
 
 from indent_sim.mesh.grid import Grid
 from indent_sim.mesh.imported_mesh import ImportedMesh
-from indent_sim.mesh.simplices import edge_keys, orient_cells, signed_volumes, unique_edges
+from indent_sim.mesh.simplices import edge_keys, oriented, signed_volumes, unique_edges
 from indent_sim.process.errors import MeshError
 
 # Midpoints of the edges of simplices, by the two corners (i, j) of an edge, i < j.
@@ -61,7 +61,7 @@ def refined_once(mesh: ImportedMesh) -> ImportedMesh:
         for name, facets in grid.surfaces.items()
     }
     regions = np.tile(grid.regions, 2**mesh.dim)
-    grid = Grid(points, orient_cells(points, cells), regions, surfaces)
+    grid = Grid(points, oriented(points, cells), regions, surfaces)
     return replace(mesh, grid=grid, midside_nodes=(midside_edges[:0], midside_positions[:0]))
 
 
