@@ -271,8 +271,8 @@ def refuse_forgotten_mirrors(mesh: ImportedMesh, source: MeshFromFile, center: P
         if is_in_plane.any():
             plane = f"{'xy'[axis]} = {center[axis]:.4g}"
             problem = (
-                f"{is_in_plane.sum()} facets lie in the plane {plane} through the tip's axis, which "
-                "may be a mirror plane of the body"
+                f"{is_in_plane.sum()} facets lie in the plane {plane} through the tip's axis, "
+                "which may be a mirror plane of the body"
             )
             remedy = (
                 "set sides: roller if the mesh is half of a symmetric body, and sides: free if the "
