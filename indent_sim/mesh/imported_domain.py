@@ -1,6 +1,4 @@
-"""A piece from a mesh file as the body that is modelled: where the tip touches it first, how it is
-held, its sizes.
-"""
+"""Model domain of an imported mesh: first contact with the tip, supports and facet sizes."""
 
 from __future__ import annotations
 
@@ -10,20 +8,22 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from indent_sim.mesh.grid import Grid, boundary_facets, sort_and_match_rows, unit_normals
-from indent_sim.mesh.imported_mesh import ImportedMesh, refined_once, split_at_midpoints
+from indent_sim.mesh.imported_mesh import ImportedMesh
 from indent_sim.mesh.mesh_file import format_midpoint, mesh_file_error
 from indent_sim.mesh.model_domain import ModelDomain, Pins, Point, Region
 from indent_sim.mesh.sizes import Sizes
+from indent_sim.mesh.uniform_refinement import refined_once, split_at_midpoints
 from indent_sim.model.imported_body import ImportedBody, MeshFromFile, barycentric_coordinates
 from indent_sim.model.kinematics import Axisymmetric, Kinematics, PlaneStrain, ThreeDimensional
 from indent_sim.model.layers import Layer
 from indent_sim.model.materials import Material
 from indent_sim.model.tips import Indenter
 
-# of the body, or of a facet: what a level face may depart from that, and how far beside it is still
-# on it
+# Deviation from a plane, relative to the size of the body, up to which a face counts as level; and
+# a barycentric coordinate down to minus this value counts as inside its facet.
 LEVEL_TOLERANCE = 1e-9
-# how the highest place is looked for: facets are halved, and so many kept
+# The search for first contact bisects all edges this many times, and keeps this many facets each
+# time.
 BISECTIONS = 40
 FACETS_KEPT = 64
 KINEMATICS: dict[str, Kinematics] = {
@@ -35,8 +35,14 @@ KINEMATICS: dict[str, Kinematics] = {
 
 @dataclass(frozen=True)
 class ImportedDomain(ModelDomain):
-    """A part whose mesh is there: no outline, a piece. `normals`: the axis that each surface is
-    normal to, or None.
+    """Model domain whose mesh comes from a file; it has no outline.
+
+    Attributes
+    ----------
+    mesh
+        The imported mesh, with the surfaces of the domain.
+    normal_axes
+        Axis that each surface is normal to; None if no single axis is.
     """
 
     mesh: ImportedMesh = field(kw_only=True, repr=False, compare=False)
@@ -44,25 +50,34 @@ class ImportedDomain(ModelDomain):
 
     @property
     def extent(self) -> tuple[tuple[float, float], ...]:
-        """(min, max) along each axis [length]."""
+        """Smallest and largest coordinate along each axis [length]."""
         points = self.mesh.grid.points
         return tuple(zip(points.min(axis=0).tolist(), points.max(axis=0).tolist(), strict=True))
 
     @property
     def file_hash(self) -> str:
-        """Fingerprint of all that was taken from the file."""
+        """Fingerprint of everything that was taken from the file."""
         return self.mesh.hash
 
     @property
     def longest_edge(self) -> float:
-        """The longest edge of a cell [length]."""
+        """Length of the longest edge of a cell [length]."""
         return self.mesh.statistics.longest_edge
 
     def facet_size_near(self, center: Point, inner_radius: float, outer_radius: float) -> float:
-        """The size of contact facets [length] between two distances from a tip's axis, or of the
-        nearest to them.
+        """Return the geometric mean size of the contact facets in a ring around the tip's axis.
 
-        Of a triangle that of the equilateral one with its area; in the geometric mean.
+        Parameters
+        ----------
+        center : tuple of float
+            Horizontal position of the tip's axis [length].
+        inner_radius, outer_radius : float
+            Radii of the ring [length]; if it contains no facet, the nearest facets count.
+
+        Returns
+        -------
+        float
+            Facet size [length]; for a triangle, the edge of the equilateral one of equal area.
         """
         corners = self.mesh.facet_corners("top")
         edges = corners[:, 1:] - corners[:, :1]
@@ -77,23 +92,36 @@ class ImportedDomain(ModelDomain):
         return float(np.exp(np.log(sizes[excess_distances == excess_distances.min()]).mean()))
 
     def facet_sagitta(self, center: Point, radius: float, refinements: int = 0) -> float:
-        """How far contact facets within a radius of the tip's axis are from the arc through their
-        corners [length].
+        """Return the mean distance of contact facets to the arc through their corners [length].
 
-        Facets of the size h that meet at the angle t follow a radius of h/t, and their middles are
-        h t/8 inside it.
+        Facets of size h that meet at the angle t follow an arc of radius h/t, and their midpoints
+        are h t/8 inside it.
+
+        Parameters
+        ----------
+        center : tuple of float
+            Horizontal position of the tip's axis [length].
+        radius : float
+            Radius around it within which facets count [length].
+        refinements : int, optional
+            Number of uniform refinements of the mesh.
         """
         size = self.facet_size_near(center, 0.0, radius) / self._facet_divisions(refinements)
         return self.facet_angle(center, radius, refinements) * size / 8
 
     def _facet_divisions(self, refinements: int) -> int:
-        """How many straight facets a facet becomes whose midside nodes, on the curved surface, are
-        corners then.
+        """Return the number of straight facets across a facet after refinement.
+
+        It is 2 for a quadratic mesh, because its midside nodes lie on the curved surface and become
+        corners; the parts of a straight facet are in its plane, so that it counts as 1.
         """
         return 2 if refinements and len(self.mesh.midside_nodes[0]) else 1
 
     def facet_angle(self, center: Point, radius: float, refinements: int = 0) -> float:
-        """The mean angle [radians] at which contact facets within a radius of the tip's axis meet."""
+        """Return the mean angle [radians] at which neighbouring contact facets near the tip meet.
+
+        Parameters are those of `facet_sagitta`. Without facets within the radius it is 0.
+        """
         facets = self.mesh.grid.surfaces["top"]
         corners = self.mesh.facet_corners("top")
         normal_vectors = unit_normals(corners)
@@ -104,54 +132,43 @@ class ImportedDomain(ModelDomain):
         order, is_shared = sort_and_match_rows(ridges)
         first_facet = order[:-1][is_shared] % len(facets)
         second_facet = order[1:][is_shared] % len(facets)
-        is_near = (
-            np.linalg.norm(corners[..., :-1] - np.asarray(center[: self.dim - 1]), axis=-1).min(
-                axis=1
-            )
-            <= radius
-        )
+        distances = np.linalg.norm(corners[..., :-1] - np.asarray(center[: self.dim - 1]), axis=-1)
+        is_near = distances.min(axis=1) <= radius
         is_adjacent = is_near[first_facet] | is_near[second_facet]
-        angles = np.arccos(
-            np.clip(
-                (normal_vectors[first_facet] * normal_vectors[second_facet]).sum(axis=1), -1.0, 1.0
-            )
-        )[is_adjacent]
-        return (
-            float(angles.mean()) / self._facet_divisions(refinements) if is_adjacent.any() else 0.0
-        )
+        if not is_adjacent.any():
+            return 0.0
+        cosines = (normal_vectors[first_facet] * normal_vectors[second_facet]).sum(axis=1)
+        angles = np.arccos(np.clip(cosines, -1.0, 1.0))[is_adjacent]
+        return float(angles.mean()) / self._facet_divisions(refinements)
 
     def normal_component(self, surface: str) -> int | None:
-        """The component of u that a roller holds on a surface; None where no one axis is normal to
-        it.
+        """Return the displacement component that a roller on a surface holds.
+
+        It is None if no single axis is normal to the surface.
         """
         return self.normal_axes[surface]
 
     def mirror_walls(self, center: Point) -> set[str]:
-        """The faces of roller sides that lie in a plane through the tip's axis, at an end of the
-        body, as x_min.
-        """
+        """Return the roller sides that lie in a plane through the tip's axis, named like x_min."""
         walls: set[str] = set()
         for surface, axis in self.normal_axes.items():
-            if (
-                axis is None
-                or self.supports.get(surface) != "roller"
-                or not surface.startswith("sides_")
-            ):
+            is_roller_side = self.supports.get(surface) == "roller" and surface.startswith("sides_")
+            if axis is None or not is_roller_side:
                 continue
             end = end_at_axis(self.mesh, center, axis)
-            if (
-                end
-                and _is_in_axis_plane(
-                    self.mesh.facet_corners(surface), self.mesh, center, axis
-                ).any()
-            ):
+            corners = self.mesh.facet_corners(surface)
+            if end and _is_in_axis_plane(corners, self.mesh, center, axis).any():
                 walls.add(f"{'xy'[axis]}_{end}")
         return walls
 
 
 def region_under_axis(mesh: ImportedMesh, center: tuple[float, ...]) -> int:
-    """The region that the axis of a tip meets first; ConfigError where it passes the contact
-    surface by.
+    """Return the number of the region below the tip's apex.
+
+    Raises
+    ------
+    ConfigError
+        If the tip's axis does not meet the contact surface.
     """
     corners = mesh.facet_corners("top")
     inside_facets = np.flatnonzero(
@@ -164,26 +181,40 @@ def region_under_axis(mesh: ImportedMesh, center: tuple[float, ...]) -> int:
         problem = (
             f"{list(center)[: mesh.dim - 1]} is not above the contact surface, which spans {spans}"
         )
-        raise mesh_file_error(problem, "put the tip's axis over it", "indenter.center")
+        raise mesh_file_error(problem, "move the tip's axis over it", "indenter.center")
     facet = mesh.grid.surfaces["top"][inside_facets[0]]
     cell = np.flatnonzero(np.isin(mesh.grid.cells, facet).sum(axis=1) == mesh.dim)[0]
     return int(mesh.grid.regions[cell])
 
 
 def first_contact_height(tip: Indenter, mesh: ImportedMesh, center: tuple[float, ...]) -> float:
-    """How high [length] the apex of a tip is that comes down along its axis and touches: the
-    largest z - f.
+    """Return the height [length] of a tip's apex at first contact.
 
-    A quadratic mesh is touched where its curved facets are, though only a refined one has them.
+    It is the largest z - f over the contact surface, where z is the height of the surface and f
+    that of the tip above its apex. Around the facets that are highest so far it is searched by
+    bisection.
+
+    Parameters
+    ----------
+    tip : Indenter
+        The tip, in the length unit of the mesh.
+    mesh : ImportedMesh
+        The mesh. A quadratic one is refined once: its midside nodes lie on the curved surface.
+    center : tuple of float
+        Horizontal position of the tip's axis [length].
+
+    Returns
+    -------
+    float
+        Height of the apex [length].
     """
     mesh = refined_once(mesh) if len(mesh.midside_nodes[0]) else mesh
     corners = mesh.facet_corners("top")
     axis_position = np.pad(np.asarray(center), (0, 2))[:2]
     barycentric = barycentric_coordinates(corners, center)
     is_under_axis = (barycentric >= -LEVEL_TOLERANCE).all(axis=1)
-    largest_height = float(
-        (barycentric * corners[..., -1]).sum(axis=1)[is_under_axis].max()
-    )  # right under the apex
+    # The surface right under the apex, which need not be near a corner, is the first candidate.
+    largest_height = float((barycentric * corners[..., -1]).sum(axis=1)[is_under_axis].max())
     for _ in range(BISECTIONS):
         corners, _ = split_at_midpoints(list(np.moveaxis(corners, 1, 0)), lambda a, b: (a + b) / 2)
         x, y = np.moveaxis(
@@ -196,8 +227,9 @@ def first_contact_height(tip: Indenter, mesh: ImportedMesh, center: tuple[float,
 
 
 def end_at_axis(mesh: ImportedMesh, center: Point, axis: int) -> str:
-    """Which end of a piece along a horizontal axis lies right under a tip's axis: min, max, or ""
-    for none.
+    """Return the end of a mesh that lies under the tip's axis: min, max, or "" for neither.
+
+    `axis` is the number of the horizontal axis along which the ends are taken.
     """
     coordinates = mesh.grid.points[:, axis]
     tolerance = LEVEL_TOLERANCE * float(np.ptp(mesh.grid.points, axis=0).max())
@@ -209,39 +241,42 @@ def end_at_axis(mesh: ImportedMesh, center: Point, axis: int) -> str:
 def _is_in_axis_plane(
     corners: np.ndarray, mesh: ImportedMesh, center: Point, axis: int
 ) -> np.ndarray:
-    """Which facets (k, n, dim) lie in the plane normal to a horizontal axis through a tip's axis
-    (k,).
+    """Return which facets lie in the plane through the tip's axis that is normal to `axis` (k,).
+
+    `corners` are the corners of the facets (k, n, dim) [length].
     """
     tolerance = LEVEL_TOLERANCE * float(np.ptp(mesh.grid.points, axis=0).max())
     return np.asarray((np.abs(corners[..., axis] - center[axis]) <= tolerance).all(axis=-1))
 
 
 def refuse_forgotten_mirrors(mesh: ImportedMesh, source: MeshFromFile, center: Point) -> None:
-    """Ask how a face is held that lies in a plane through the tip's axis, where the scene does not
-    say it.
+    """Check that the support is given of a face in a plane through the tip's axis.
 
-    Half of a symmetric body needs a roller there; forgotten it cost a third of the force without a
-    word. ConfigError.
+    The face may be the mirror plane of half a body, which needs a roller. Left free by mistake, it
+    lowered the force by a third.
+
+    Raises
+    ------
+    ConfigError
+        If there is such a face and `body.sides` is "auto".
     """
     if source.sides != "auto" or source.kinematics == "axisymmetric":
         return
     outer_facets, _ = boundary_facets(mesh.grid.cells)
     corners = mesh.grid.points[outer_facets]
     for axis in range(mesh.dim - 1):
-        facets = (
-            _is_in_axis_plane(corners, mesh, center, axis)
-            if end_at_axis(mesh, center, axis)
-            else np.zeros(1, dtype=bool)
-        )
-        if facets.any():
+        if not end_at_axis(mesh, center, axis):
+            continue
+        is_in_plane = _is_in_axis_plane(corners, mesh, center, axis)
+        if is_in_plane.any():
             plane = f"{'xy'[axis]} = {center[axis]:.4g}"
             problem = (
-                f"{facets.sum()} facets lie in the plane {plane} through the tip's axis: are they "
-                "a mirror plane?"
+                f"{is_in_plane.sum()} facets lie in the plane {plane} through the tip's axis, "
+                "which may be a mirror plane of the body"
             )
             remedy = (
-                "sides: roller where the body goes on as its mirror image, sides: free where it "
-                "ends"
+                "set sides: roller if the mesh is half of a symmetric body, and sides: free if the "
+                "body ends there"
             )
             raise mesh_file_error(problem, remedy, "body.sides")
 
@@ -249,22 +284,37 @@ def refuse_forgotten_mirrors(mesh: ImportedMesh, source: MeshFromFile, center: P
 def imported_body(
     mesh: ImportedMesh, source: MeshFromFile, center: tuple[float, ...], material: Material
 ) -> ImportedBody:
-    """What the scene must know of a piece that lies with its first touch at z = 0; `material`:
-    under the tip.
+    """Return the body of an imported mesh that has been moved to its first contact at z = 0.
+
+    Parameters
+    ----------
+    mesh : ImportedMesh
+        The moved mesh.
+    source : MeshFromFile
+        The body in the scene file.
+    center : tuple of float
+        Horizontal position of the tip's axis [length].
+    material : Material
+        The material below the tip.
+
+    Returns
+    -------
+    ImportedBody
+        The body with its contact facets, the edges at which the contact surface ends, and its
+        points that are fixed.
     """
     top_facets = mesh.grid.surfaces["top"]
     boundary_edges, _ = boundary_facets(top_facets)
+    # The contact surface ends neither at the axis of revolution nor at a mirror plane.
     if source.kinematics == "axisymmetric":
-        boundary_edges = boundary_edges[
-            mesh.grid.points[boundary_edges[:, 0], 0] > 0
-        ]  # the axis is no end
-    for axis in range(mesh.dim - 1) if source.sides == "roller" else ():  # nor is a mirror plane
+        boundary_edges = boundary_edges[mesh.grid.points[boundary_edges[:, 0], 0] > 0]
+    for axis in range(mesh.dim - 1) if source.sides == "roller" else ():
         if end_at_axis(mesh, center, axis):
             sides = mesh.grid.surfaces["sides"]
-            mirror = np.unique(
+            mirror_points = np.unique(
                 sides[_is_in_axis_plane(mesh.grid.points[sides], mesh, center, axis)]
             )
-            boundary_edges = boundary_edges[~np.isin(boundary_edges, mirror).all(axis=1)]
+            boundary_edges = boundary_edges[~np.isin(boundary_edges, mirror_points).all(axis=1)]
     fixed_surfaces = [name for name in ("base", "sides") if getattr(source, name) == "fixed"]
     fixed_facets = [
         mesh.grid.surfaces[name].ravel() for name in fixed_surfaces if name in mesh.grid.surfaces
@@ -289,19 +339,32 @@ def imported_body(
 def imported_domain(
     mesh: ImportedMesh, source: MeshFromFile, regions: tuple[Region, ...]
 ) -> ImportedDomain:
-    """The piece as it is modelled: whole, with its supports and the pins that they leave room for."""
+    """Return the model domain of an imported mesh, with supports and pins.
+
+    Parameters
+    ----------
+    mesh : ImportedMesh
+        The nondimensional mesh.
+    source : MeshFromFile
+        The body in the scene file.
+    regions : tuple of Region
+        Material and formulation of each region of the mesh.
+
+    Returns
+    -------
+    ImportedDomain
+        The whole mesh, without symmetry reduction.
+
+    Raises
+    ------
+    ConfigError
+        If a roller support has facets that are normal to no axis.
+    """
     supports: dict[str, str] = {"base": source.base}
     normal_axes: dict[str, int | None] = {"top": None, "base": mesh.dim - 1}
     surfaces = dict(mesh.grid.surfaces)
-    if source.base == "roller" and (is_tilted := ~_is_level(mesh, "base", mesh.dim - 1)).any():
-        location = (
-            f"the first at {format_midpoint(mesh.facet_corners('base')[is_tilted][0])}: a roller would let "
-            "them through it"
-        )
-        problem = (
-            f"{is_tilted.sum()} facets of '{source.surface_names.base}' are not level, {location}"
-        )
-        raise mesh_file_error(problem, "base: fixed", "body.base")
+    if source.base == "roller":
+        _check_roller_base(mesh, source)
     if "r_min" in surfaces:
         supports["r_min"] = "roller"
         normal_axes["r_min"] = 0
@@ -332,8 +395,20 @@ def imported_domain(
     return replace(domain, pins=_pins(domain))
 
 
+def _check_roller_base(mesh: ImportedMesh, source: MeshFromFile) -> None:
+    """Raise ConfigError if a facet of a roller base is not level."""
+    is_tilted = ~_is_level(mesh, "base", mesh.dim - 1)
+    if is_tilted.any():
+        location = format_midpoint(mesh.facet_corners("base")[is_tilted][0])
+        problem = (
+            f"{is_tilted.sum()} facets of '{source.surface_names.base}' are not level, the first "
+            f"at {location}: a roller, which holds u_z only, does not support them"
+        )
+        raise mesh_file_error(problem, "use base: fixed", "body.base")
+
+
 def _is_level(mesh: ImportedMesh, surface: str, axis: int) -> np.ndarray:
-    """Which facets of a surface are normal to an axis (k,)."""
+    """Return which facets of a surface are normal to an axis (k,)."""
     size = float(np.ptp(mesh.grid.points, axis=0).max())
     return np.asarray(
         np.ptp(mesh.facet_corners(surface)[..., axis], axis=1) <= LEVEL_TOLERANCE * size
@@ -341,8 +416,12 @@ def _is_level(mesh: ImportedMesh, surface: str, axis: int) -> np.ndarray:
 
 
 def _roller_facets(mesh: ImportedMesh, source: MeshFromFile) -> dict[int, np.ndarray]:
-    """The facets of roller sides by the horizontal axis that they are normal to; ConfigError for
-    any other.
+    """Return the facets of roller sides by the horizontal axis that they are normal to.
+
+    Raises
+    ------
+    ConfigError
+        If a facet is normal to no axis.
     """
     facets = {}
     is_unassigned = np.ones(len(mesh.grid.surfaces["sides"]), dtype=bool)
@@ -352,18 +431,18 @@ def _roller_facets(mesh: ImportedMesh, source: MeshFromFile) -> dict[int, np.nda
         if is_normal.any():
             facets[axis] = mesh.grid.surfaces["sides"][is_normal]
     if is_unassigned.any():
-        location = f"the first at {format_midpoint(mesh.facet_corners('sides')[is_unassigned][0])}: no roller can guide them"
-        problem = f"{is_unassigned.sum()} facets of '{source.surface_names.sides}' are normal to no axis, {location}"
-        raise mesh_file_error(
-            problem,
-            "sides: fixed or free, or a round body as an axisymmetric section",
-            "body.sides",
+        location = format_midpoint(mesh.facet_corners("sides")[is_unassigned][0])
+        problem = (
+            f"{is_unassigned.sum()} facets of '{source.surface_names.sides}' are normal to no "
+            f"coordinate axis, the first at {location}: a roller cannot guide them"
         )
+        remedy = "use sides: fixed or free, or mesh a round body as an axisymmetric section"
+        raise mesh_file_error(problem, remedy, "body.sides")
     return facets
 
 
 def _pins(domain: ImportedDomain) -> Pins:
-    """Point constraints that take the rigid modes which a roller base leaves, and nothing else."""
+    """Return the point constraints of the rigid-body modes that a roller base leaves free."""
     if domain.kinematics.name == "axisymmetric" or "fixed" in domain.supports.values():
         return ()
     held_axes = {
@@ -375,20 +454,17 @@ def _pins(domain: ImportedDomain) -> Pins:
         for axis in range(domain.dim - 1)
         if axis not in held_axes
     ]
-    if domain.dim == 3 and not held_axes:  # the turn about z is free too
+    if domain.dim == 3 and not held_axes:
+        # The rotation about z is free, too.
         offsets = points - points[0]
         farthest = int(np.argmax(np.abs(offsets[:, 0]) + np.abs(offsets[:, 1])))
-        pins.append(
-            (
-                tuple(map(float, points[farthest])),
-                int(abs(offsets[farthest, 0]) >= abs(offsets[farthest, 1])),
-            )
-        )
+        axis = int(abs(offsets[farthest, 0]) >= abs(offsets[farthest, 1]))
+        pins.append((tuple(map(float, points[farthest])), axis))
     return tuple(pins)
 
 
 def refine_domain(domain: ImportedDomain, sizes: Sizes) -> Grid:
-    """The part's mesh, each cell halved along every edge as often as `sizes` says."""
+    """Return the mesh of a domain, uniformly refined as often as `sizes` says."""
     mesh = domain.mesh.full_mesh
     for _ in range(sizes.refinements or 0):
         mesh = refined_once(mesh)

@@ -1,9 +1,8 @@
-"""A mesh file -> points, cells and their names; read by meshio, which is loaded where a scene has
-such a body alone.
+"""Mesh files: points, cells and named groups, read by meshio.
 
-A file comes from a stranger: it is opened for reading only, nothing that it refers to is followed
-out of its folder, and it is read in a forked process whose time and memory follow from its length.
-What that stumbles over is its error.
+A mesh file is not trusted. It is opened for reading only, references to files outside its folder
+are not followed, and meshio reads it in a forked process with limits of time and memory that follow
+from its length. Every failure of meshio becomes an error of the file.
 """
 
 from __future__ import annotations
@@ -28,45 +27,57 @@ from indent_sim.process.limits import limit_resources
 from indent_sim.process.ranks import is_parallel
 
 T = TypeVar("T")
-Meshio = Any  # a mesh of meshio, which is loaded where a file is read alone
+Meshio = Any  # A mesh of meshio, which is imported only when a file is read.
 Reader = Callable[[Path], Meshio]
-READERS = {
+READERS = {  # Module of meshio by file extension.
     ".msh": "gmsh",
     ".xdmf": "xdmf",
     ".vtu": "vtu",
     ".inp": "abaqus",
-}  # ending -> module of meshio
-MAX_MESH_BYTES = (
-    2 * 10**9
-)  # of a file whose arrays are read as they are, HDF5 and gmsh's: some ten millions of cells
-MAX_TEXT_BYTES = (
-    2 * 10**8
-)  # of one that is taken apart, in some times as much memory: some millions
-# CPU time and bytes that reading may take, and more for each byte read
+}
+# Largest length of files with binary arrays, of gmsh and HDF5: some ten million cells.
+MAX_MESH_BYTES = 2 * 10**9
+# Largest length of files that are parsed as text, in several times as much memory: some million
+# cells.
+MAX_TEXT_BYTES = 2 * 10**8
+# Limits of CPU time [s] and memory [bytes] for reading: a constant, and an amount per byte.
 READING_SECONDS = (10.0, 3e-6)
 READING_MEMORY = (500e6, 100.0)
+CELL_KINDS = {1: "lines", 2: "triangles", 3: "tetrahedra"}  # by dimension
 CELL_VERTICES = {"line": 2, "triangle": 3, "tetra": 4, "line3": 2, "triangle6": 3, "tetra10": 4}
-VTK_EDGES = {
+VTK_EDGES = {  # Edges with midside nodes by the number of vertices, in the order of VTK.
     2: [(0, 1)],
     3: [(0, 1), (1, 2), (2, 0)],
     4: [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)],
-}  # as in VTK
+}
 ELSET = re.compile(r",\s*elset\s*=\s*([^,]*)", re.IGNORECASE)
-MAX_LABELS = 1000  # of numbers at cells: more are a count of the cells, not names
-# that a message lists, and of what it cites
-MAX_LISTED_NAMES = 12
-MAX_QUOTED_LETTERS = 200
-LARGEST_COORDINATE = 1e30  # length of the file; its cube and that of its inverse are numbers too
+# An integer array of cell data with more values than this numbers the cells; it does not name
+# groups of them.
+MAX_LABELS = 1000
+MAX_LISTED_NAMES = 12  # Names of a file that a message lists.
+MAX_QUOTED_LETTERS = 200  # Letters of a file that a message quotes.
+# Largest coordinate in a file: volumes, which are cubes of lengths, and their inverses do not
+# overflow.
+LARGEST_COORDINATE = 1e30
 
 
 @dataclass(frozen=True)
 class MeshFile:
-    """What a file holds: points (n, 3) [length], simplices (m, dim + 1) by their dimension, and who
-    has which name.
+    """Contents of a mesh file.
 
-    groups: name -> dimension -> indices of simplices. corners: name -> indices of points. middles:
-    the midside nodes of a quadratic mesh, edges (k, 2) by their points and the place (k,) of the
-    node on each.
+    Attributes
+    ----------
+    points
+        Coordinates (n, 3) [length].
+    cells
+        Simplices (m, dim + 1) by their dimension, as numbers of points.
+    groups
+        Indices of simplices by name and dimension.
+    point_sets
+        Indices of points by name.
+    midside_nodes
+        Midside nodes of a quadratic mesh: edges (k, 2) by their points, and the points (k,) on
+        them.
     """
 
     points: np.ndarray
@@ -77,7 +88,7 @@ class MeshFile:
 
     @property
     def names_text(self) -> str:
-        """The names in it, in words."""
+        """Names of the groups and point sets in the file, for messages."""
         names = sorted({*self.groups, *self.point_sets})
         listed_names = _quote(", ".join(names[:MAX_LISTED_NAMES])) + (
             " and more" if len(names) > MAX_LISTED_NAMES else ""
@@ -87,21 +98,39 @@ class MeshFile:
 
 @dataclass(frozen=True)
 class MeshFileVersion:
-    """A version of a mesh file."""
+    """Version of a mesh file, identified by its inode and its time of modification.
+
+    Attributes
+    ----------
+    path
+        Path of the file.
+    name
+        Its name in the scene file, for messages.
+    size
+        Length [bytes].
+    modification
+        Inode and time of modification [ns].
+    """
 
     path: Path
     name: str
-    size: int  # [bytes]
+    size: int
     modification: tuple[int, int]
 
 
 def find_mesh_file(folder: str, file: str) -> MeshFileVersion:
-    """A mesh file below a folder, that of the scene; ConfigError for what is none."""
+    """Return the present version of a mesh file below the folder of the scene.
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be read, lies outside the folder, is too long or of unknown format.
+    """
     path = Path(folder or ".") / file
     base_folder = os.path.realpath(folder or ".")
     if os.path.commonpath([base_folder, os.path.realpath(path)]) != base_folder:
         problem = f"'{file}' leads out of the scene's folder through a link"
-        raise ConfigError("body.file", problem, "copy the file beside the scene")
+        raise ConfigError("body.file", problem, "copy the file into the scene's folder")
     try:
         status = path.stat()
         if not stat.S_ISREG(status.st_mode):
@@ -110,34 +139,44 @@ def find_mesh_file(folder: str, file: str) -> MeshFileVersion:
             pass
     except (OSError, ValueError) as error:
         problem = f"cannot read the mesh '{file}': {getattr(error, 'strerror', None) or error}"
-        raise ConfigError("body.file", problem, "it is looked for beside the scene file") from None
+        remedy = "the path is relative to the folder of the scene file"
+        raise ConfigError("body.file", problem, remedy) from None
     max_bytes = MAX_MESH_BYTES if path.suffix.lower() == ".msh" else MAX_TEXT_BYTES
     if status.st_size > max_bytes:
-        advice = (
-            ""
-            if max_bytes == MAX_MESH_BYTES
-            else ", or write it as .msh, or as .xdmf with HDF5 beside it"
-        )
-        raise mesh_file_error(
-            f"'{file}' is longer than {max_bytes} bytes", f"coarsen the mesh{advice}"
-        )
+        remedy = "coarsen the mesh"
+        if max_bytes != MAX_MESH_BYTES:
+            remedy += ", or write it as .msh, or as .xdmf with its arrays in HDF5"
+        raise mesh_file_error(f"'{file}' is longer than {max_bytes} bytes", remedy)
     if path.suffix.lower() not in READERS:
-        raise ConfigError(
-            "body.file",
-            f"'{file}' is of no known kind",
-            f"it must end in one of {', '.join(READERS)}",
-        )
+        problem = f"'{file}' has no known file extension"
+        raise ConfigError("body.file", problem, f"it must end in one of {', '.join(READERS)}")
     return MeshFileVersion(path, file, status.st_size, (status.st_ino, status.st_mtime_ns))
 
 
 def read_mesh_file(version: MeshFileVersion, convert: Callable[[MeshFile], T]) -> T:
-    """What a function makes of the mesh in a file, all of it in a process of its own; MeshFileError
-    for what is no mesh or needs more time or memory than its length allows.
+    """Read a mesh file and convert its contents, both in a forked process.
+
+    Parameters
+    ----------
+    version : MeshFileVersion
+        The file to read.
+    convert : callable
+        Function that is called with the contents of the file in the forked process.
+
+    Returns
+    -------
+    object
+        The result of `convert`.
+
+    Raises
+    ------
+    MeshFileError
+        If the file is no mesh, or reading exceeds its limits of time or memory.
+    BackendError
+        If meshio is missing or no process can be started.
     """
-    from indent_sim.process.forked_process import (
-        ProcessCrash,
-        call_in_fork,
-    )  # with processes, which no other body needs
+    # Only bodies from mesh files need a forked process.
+    from indent_sim.process.forked_process import ProcessCrash, call_in_fork
 
     try:
         reader = import_module(f"meshio.{READERS[version.path.suffix.lower()]}").read
@@ -158,43 +197,80 @@ def read_mesh_file(version: MeshFileVersion, convert: Callable[[MeshFile], T]) -
         (seconds, seconds_per_byte) = READING_SECONDS
         (memory, memory_per_byte) = READING_MEMORY
         limits = (
-            f"it may take {seconds:g} s and {memory / 1e6:g} MB, and {seconds_per_byte * 1e6:g} s and {memory_per_byte:g} "
-            "MB more for each MB"
+            f"it may take {seconds:g} s and {memory / 1e6:g} MB, plus {seconds_per_byte * 1e6:g} s "
+            f"and {memory_per_byte:g} MB for each MB of the file"
         )
         raise mesh_file_error(
             f"'{version.name}' is not a mesh that can be read: {cause}", limits
         ) from None
     except OSError as error:
         raise BackendError(
-            f"no process to read '{version.name}' in: {error.strerror or error}"
+            f"cannot start a process to read '{version.name}': {error.strerror or error}"
         ) from error
 
 
 def _limit_reader(size: int) -> None:
+    """Limit time and memory of this process to those for reading `size` bytes."""
     limit_resources(
         *(base + per_byte * size for base, per_byte in (READING_SECONDS, READING_MEMORY))
     )
 
 
 def mesh_file_error(problem: str, remedy: str = "", key: str = "body.file") -> ConfigError:
-    """The error of a mesh file that is no body, or that is not what another key says of it."""
+    """Return a MeshFileError if the key is `body.file`, a ConfigError for any other key."""
     return (MeshFileError if key == "body.file" else ConfigError)(key, problem, remedy)
 
 
+def named_simplices(file: MeshFile, name: str, dim: int, key: str) -> np.ndarray:
+    """Return the indices of the simplices of a dimension that belong to a named group.
+
+    Parameters
+    ----------
+    file : MeshFile
+        Contents of the file.
+    name : str
+        Name of the group.
+    dim : int
+        Dimension of the simplices.
+    key : str
+        Key of the scene file that asks for the group, for messages.
+
+    Returns
+    -------
+    numpy.ndarray
+        Indices into the simplices of this dimension.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such group, or it has no simplices of this dimension.
+    """
+    if name not in file.groups:
+        raise mesh_file_error(f"the file has no group '{name}'", file.names_text, key)
+    if dim not in file.groups[name]:
+        kinds = " and ".join(CELL_KINDS[group_dim] for group_dim in sorted(file.groups[name]))
+        raise mesh_file_error(
+            f"'{name}' is a group of {kinds}, and {CELL_KINDS[dim]} are needed here",
+            file.names_text,
+            key,
+        )
+    return file.groups[name][dim]
+
+
 def _quote(text: str) -> str:
-    """What a file says, at most some letters of it."""
+    """Return a text from a file, cut to MAX_QUOTED_LETTERS."""
     return text if len(text) <= MAX_QUOTED_LETTERS else f"{text[:MAX_QUOTED_LETTERS]}..."
 
 
 def format_midpoint(corners: np.ndarray) -> str:
-    """The middle of a simplex (n, dim), for a message."""
+    """Format the centroid of a simplex, given by its corners (n, dim), for a message."""
     return f"({', '.join(f'{x:.4g}' for x in corners.mean(axis=0))})"
 
 
 def _read_and_convert(
     reader: Reader, version: MeshFileVersion, convert: Callable[[MeshFile], T]
 ) -> T:
-    """What `read` gives, in the forked process."""
+    """Check and read a file, and convert its contents; it runs in the forked process."""
     check = {
         ".xdmf": _refuse_foreign_references,
         ".inp": _refuse_ambiguous_abaqus,
@@ -207,29 +283,28 @@ def _read_and_convert(
             mesh = _mesh_file_of(reader(version.path), version.name)
     except (IndentSimError, MemoryError):
         raise
-    except Exception as failure:  # readers raise whatever they stumble over
-        is_unknown_key = isinstance(failure, KeyError)  # the number of a kind of cell, say
-        message = (
-            f"its reader does not know {failure}"
-            if is_unknown_key
-            else str(failure) or "it is empty or cut short"
-        )
+    except Exception as failure:  # Readers of meshio raise exceptions of any type.
+        message = str(failure) or "it is empty or cut short"
+        if isinstance(failure, KeyError):
+            # The key may be the number of a cell type.
+            message = f"its reader does not know {failure}"
         problem = f"'{version.name}' is not a mesh that can be read: {_quote(message)}"
-        raise mesh_file_error(problem, "write it anew, as gmsh 4.1, say") from None
+        raise mesh_file_error(problem, "write it again, for example in gmsh's format 4.1") from None
     return convert(mesh)
 
 
 def _refuse_foreign_references(version: MeshFileVersion) -> None:
-    """An XDMF file may name others for its numbers: plain names beside it, and real files, alone,
-    which count too.
+    """Raise MeshFileError if an XDMF file refers to data elsewhere than in HDF5 files beside it.
+
+    The lengths of these files count for the limits of the reader, too.
     """
-    from xml.etree import ElementTree  # of no use to other files
+    # Only XDMF files need an XML parser.
+    from xml.etree import ElementTree
 
     sizes = {"": version.size}
     file = version.name
-    for item in ElementTree.parse(
-        version.path
-    ).iter():  # its reader takes any element for a DataItem
+    # The reader of meshio treats elements of any name as a DataItem.
+    for item in ElementTree.parse(version.path).iter():
         if item.get("Format", "XML") == "XML":
             continue
         name, _, dataset_path = (item.text or "").strip().partition(":")
@@ -237,7 +312,7 @@ def _refuse_foreign_references(version: MeshFileVersion) -> None:
         if item.get("Format") != "HDF" or "/" in name or "\\" in name or data_file.is_symlink():
             raise mesh_file_error(
                 f"'{file}' takes its numbers from '{_quote(name)}'",
-                "HDF5 beside it alone is followed",
+                "they must be in an HDF5 file in the same folder",
             )
         if not data_file.is_file() or data_file.stat().st_size > MAX_MESH_BYTES:
             raise mesh_file_error(
@@ -249,8 +324,10 @@ def _refuse_foreign_references(version: MeshFileVersion) -> None:
 
 
 def _refuse_external_data(path: Path, dataset_path: str, file: str) -> None:
-    """HDF5 may keep numbers in any file at all: no link but hard ones on the way, no other storage,
-    only numbers.
+    """Raise MeshFileError if a data set is not an array of numbers inside this HDF5 file.
+
+    HDF5 can refer to any other file by soft and external links, external storage and virtual data
+    sets.
     """
     import h5py
 
@@ -267,20 +344,21 @@ def _refuse_external_data(path: Path, dataset_path: str, file: str) -> None:
             )
         if dataset.dtype.kind not in "fiu":
             raise mesh_file_error(
-                f"'{file}' takes its numbers from '{_quote(dataset_path)}' of '{path.name}', which are "
-                "not real"
+                f"'{file}' takes its numbers from '{_quote(dataset_path)}' of '{path.name}', which "
+                "are not real"
             )
 
 
 def _refuse_ambiguous_abaqus(version: MeshFileVersion) -> None:
-    """Its reader follows INCLUDE, keeps the last of several lists of nodes, and mistakes whose
-    cells an ELSET names.
+    """Raise MeshFileError for an Abaqus file that meshio would read as another mesh.
+
+    The reader of meshio opens included files, keeps the last of several lists of nodes only, and
+    assigns an ELSET to the wrong cells if some lists of elements have none.
     """
     with open(version.path, encoding="utf-8") as file:
         lines = [line for line in file if not line[:1].isdigit() and not line.startswith("**")]
-    keywords = [
-        line.partition(",")[0].strip().replace("*", "").upper() for line in lines
-    ]  # as it takes them
+    # These are keywords as the reader of meshio finds them.
+    keywords = [line.partition(",")[0].strip().replace("*", "").upper() for line in lines]
     element_sets = [
         ELSET.findall(line.strip())
         for line, keyword in zip(lines, keywords, strict=True)
@@ -288,27 +366,27 @@ def _refuse_ambiguous_abaqus(version: MeshFileVersion) -> None:
     ]
     if "INCLUDE" in keywords:
         raise mesh_file_error(
-            f"'{version.name}' includes another file", "put all of the mesh into one"
+            f"'{version.name}' includes another file", "write the whole mesh into one file"
         )
-    if keywords.count("NODE") > 1 or (
-        any(element_sets) and len({*map(str, element_sets)} - {"[]"}) < len(element_sets)
-    ):
+    has_ambiguous_sets = any(element_sets) and len({*map(str, element_sets)} - {"[]"}) < len(
+        element_sets
+    )
+    if keywords.count("NODE") > 1 or has_ambiguous_sets:
         problem = (
-            f"'{version.name}' has several lists of nodes, or *ELEMENT with and without an "
+            f"'{version.name}' has several lists of nodes, or *ELEMENT blocks without an "
             "ELSET of their own"
         )
-        raise mesh_file_error(problem, "write it as one part, and name cells by *ELSET")
+        raise mesh_file_error(problem, "write it as one part, and name groups of cells by *ELSET")
 
 
 def _refuse_several_vtu_pieces(version: MeshFileVersion) -> None:
-    if (
-        version.path.read_bytes().count(b"<Piece") > 1
-    ):  # its reader takes the cells of the last one alone
-        raise mesh_file_error(f"'{version.name}' has several pieces", "write the mesh as one")
+    """Raise MeshFileError for several pieces, of which meshio would keep the cells of the last."""
+    if version.path.read_bytes().count(b"<Piece") > 1:
+        raise mesh_file_error(f"'{version.name}' has several pieces", "write the mesh as one piece")
 
 
-def _mesh_file_of(mesh: Meshio, file: str) -> MeshFile:
-    """What meshio has read, by the dimension of the simplices."""
+def _checked_points(mesh: Meshio, file: str) -> np.ndarray:
+    """Return the points (n, 3) of a mesh of meshio; MeshFileError if they are not real numbers."""
     points = np.asarray(mesh.points)
     if (
         points.ndim != 2
@@ -317,13 +395,18 @@ def _mesh_file_of(mesh: Meshio, file: str) -> MeshFile:
         or points.dtype.kind not in "fiu"
     ):
         raise mesh_file_error(
-            f"'{file}' has no points, or some without two or three real coordinates"
+            f"'{file}' has no points, or points without two or three real coordinates"
         )
     if not (np.abs(points := points.astype(float)) < LARGEST_COORDINATE).all():
         raise mesh_file_error(
             f"'{file}' has coordinates that are no numbers, or beyond {LARGEST_COORDINATE:g}"
         )
-    points = np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
+    return np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
+
+
+def _mesh_file_of(mesh: Meshio, file: str) -> MeshFile:
+    """Return the contents of a mesh of meshio; MeshFileError if it is malformed."""
+    points = _checked_points(mesh, file)
     cells: dict[int, list[np.ndarray]] = {}
     edges: list[np.ndarray] = [np.empty((0, 2), dtype=np.int64)]
     midside_nodes: list[np.ndarray] = [np.empty(0, dtype=np.int64)]
@@ -333,7 +416,7 @@ def _mesh_file_of(mesh: Meshio, file: str) -> MeshFile:
             block_offsets.append((0, 0))
             continue
         if block.type not in CELL_VERTICES:
-            problem = f"'{file}' has cells of the kind {block.type}"
+            problem = f"'{file}' has cells of the type {block.type}"
             raise mesh_file_error(problem, "mesh it with triangles or tetrahedra, of order 1 or 2")
         n = CELL_VERTICES[block.type]
         data = np.asarray(block.data)
@@ -342,9 +425,11 @@ def _mesh_file_of(mesh: Meshio, file: str) -> MeshFile:
             or data.ndim != 2
             or data.shape[1] not in (n, n + len(VTK_EDGES[n]))
         ):
-            raise mesh_file_error(f"'{file}' has cells whose corners are no numbers of points")
+            raise mesh_file_error(f"'{file}' has cells whose corners are not indices of points")
         if (data := data.astype(np.int64)).min() < 0 or data.max() >= len(points):
-            raise mesh_file_error(f"'{file}' has cells with corners that are no points of it")
+            raise mesh_file_error(
+                f"'{file}' has cells with corners that are not points of the file"
+            )
         dim_blocks = cells.setdefault(n - 1, [])
         block_offsets.append((n - 1, sum(map(len, dim_blocks))))
         dim_blocks.append(data[:, :n])
@@ -357,16 +442,18 @@ def _mesh_file_of(mesh: Meshio, file: str) -> MeshFile:
         if dim and len(indices):
             group = groups.setdefault(name, {})
             group[dim] = np.union1d(group.get(dim, indices[:0]), offset + indices)
-    simplices = {dim: np.concatenate(dim_parts) for dim, dim_parts in cells.items()}
-    corners = {name: np.asarray(point_indices) for name, point_indices in mesh.point_sets.items()}
-    return MeshFile(
-        points, simplices, groups, corners, (np.concatenate(edges), np.concatenate(midside_nodes))
-    )
+    simplices = {dim: np.concatenate(dim_blocks) for dim, dim_blocks in cells.items()}
+    point_sets = {name: np.asarray(indices) for name, indices in mesh.point_sets.items()}
+    all_midside_nodes = (np.concatenate(edges), np.concatenate(midside_nodes))
+    return MeshFile(points, simplices, groups, point_sets, all_midside_nodes)
 
 
 def _named_groups(mesh: Meshio) -> Iterator[tuple[str, int, np.ndarray]]:
-    """(name, block, indices in it) of groups, cell sets, numbers at cells: `array=3` where 3,
-    `array` where not 0.
+    """Generate the named groups of cells: name, number of the block of cells, indices in it.
+
+    Groups are the cell sets of the file, gmsh's physical groups, and for an integer array of cell
+    data `name` the groups `name=3` of cells with the value 3 and `name` of cells with any value
+    but 0.
     """
     for name, sets in mesh.cell_sets.items():
         if not name.startswith("gmsh:"):
@@ -381,13 +468,13 @@ def _named_groups(mesh: Meshio) -> Iterator[tuple[str, int, np.ndarray]]:
         for block, tags in enumerate(mesh.cell_data.get("gmsh:physical", ())):
             if CELL_VERTICES.get(mesh.cells[block].type, 0) == dim + 1:
                 yield name, block, np.flatnonzero(np.asarray(tags) == tag)
-    ignored = (
-        "gmsh:geometrical",
-        "gmsh:physical" if mesh.field_data else "",
-    )  # named above, or the drawing's own
+    # Entities of gmsh's geometry are not named; physical groups with names have been generated.
+    ignored_arrays = ("gmsh:geometrical", "gmsh:physical" if mesh.field_data else "")
     for name, blocks in mesh.cell_data.items():
+        if name in ignored_arrays:
+            continue
         for block, values in enumerate(map(np.asarray, blocks)):
-            if values.ndim == 1 and np.issubdtype(values.dtype, np.integer) and name not in ignored:
+            if values.ndim == 1 and np.issubdtype(values.dtype, np.integer):
                 yield name, block, np.flatnonzero(values)
                 labels = np.unique(values)
                 yield from (

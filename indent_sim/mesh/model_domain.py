@@ -1,6 +1,4 @@
-"""The modelled piece of a body: its outline with named surfaces, its regions of matter, and how it
-is held.
-"""
+"""Model domain: the part of a body that is meshed, with its regions and boundary conditions."""
 
 from __future__ import annotations
 
@@ -25,8 +23,16 @@ Pins = tuple[tuple[Point, int], ...]
 
 @dataclass(frozen=True)
 class Side:
-    """One side of an outline from `start` to `end`; an arc turns anticlockwise about `middle`
-    [length].
+    """Side of an outline: a straight line or an arc.
+
+    Attributes
+    ----------
+    surface
+        Name of the surface that the side belongs to.
+    start, end
+        End points [length]; the inside of the outline is on the left of the way between them.
+    center
+        Center of an arc, which goes anticlockwise from start to end [length]; None for a line.
     """
 
     surface: str
@@ -36,7 +42,7 @@ class Side:
 
     @property
     def normal_axis(self) -> int | None:
-        """The axis a straight side is normal to; None for any other."""
+        """Axis that a straight side is normal to; None for an arc or an inclined side."""
         equal_axes = [axis for axis in (0, 1) if self.start[axis] == self.end[axis]]
         return equal_axes[0] if equal_axes and self.center is None else None
 
@@ -47,8 +53,9 @@ class Side:
         return float(np.hypot(self.start[0] - self.center[0], self.start[1] - self.center[1]))
 
     def inward_distance(self, x: Coordinates, y: Coordinates) -> np.ndarray:
-        """How far inside [length] of the line or circle, which the side is a part of, points are:
-        on the left of it.
+        """Return the signed distance [length] of points to the line or circle of the side.
+
+        It is positive inside the outline: left of a line, and inside a circle.
         """
         if self.center is not None:
             return self.radius - np.hypot(x - self.center[0], y - self.center[1])
@@ -57,7 +64,7 @@ class Side:
         return ((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0)) / np.hypot(x1 - x0, y1 - y0)
 
     def distance(self, x: Coordinates, y: Coordinates) -> np.ndarray:
-        """Distance [length] of points to the arc, or to the line that a straight side is a part of."""
+        """Return the distance [length] of points to the arc, or to the line of a straight side."""
         distance_to_curve = np.abs(self.inward_distance(x, y))
         if self.center is None:
             return distance_to_curve
@@ -70,7 +77,7 @@ class Side:
         )
 
     def sample_points(self, n: int) -> tuple[np.ndarray, float]:
-        """n points (n, 2) on the side, evenly spread, and the length of it that belongs to each."""
+        """Return n equidistant points (n, 2) on the side, and the length that belongs to each."""
         fraction = ((np.arange(n) + 0.5) / n)[:, None]
         if self.center is None:
             start = np.array(self.start)
@@ -78,13 +85,12 @@ class Side:
             return start + fraction * (end - start), float(np.linalg.norm(end - start)) / n
         angle = self._start_angle + fraction * self.arc_angle
         directions = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
-        return np.array(self.center) + self.radius * directions, self.radius * abs(
-            self.arc_angle
-        ) / n
+        length_per_point = self.radius * abs(self.arc_angle) / n
+        return np.array(self.center) + self.radius * directions, length_per_point
 
     @property
     def arc_angle(self) -> float:
-        """Angle [radians] of an arc."""
+        """Central angle [radians] of an arc."""
         assert self.center is not None
         return (
             atan2(self.end[1] - self.center[1], self.end[0] - self.center[0]) - self._start_angle
@@ -92,68 +98,101 @@ class Side:
 
     @property
     def swept_area(self) -> float:
-        """Area that the side sweeps as seen from the origin: of its chord, and of the circle beyond
-        it [length^2].
+        """Signed area [length^2] between the side and the lines from the origin to its end points.
+
+        It is the area of the triangle below the chord, plus the circular segment of an arc.
         """
         (x0, y0) = self.start
         (x1, y1) = self.end
-        chord = (x0 * y1 - x1 * y0) / 2
-        return (
-            chord
-            if self.center is None
-            else chord + self.radius**2 / 2 * (self.arc_angle - sin(self.arc_angle))
-        )
+        triangle_area = (x0 * y1 - x1 * y0) / 2
+        if self.center is None:
+            return triangle_area
+        return triangle_area + self.radius**2 / 2 * (self.arc_angle - sin(self.arc_angle))
 
     @property
     def _start_angle(self) -> float:
-        """Direction [radians] in which an arc begins, seen from its middle."""
+        """Polar angle [radians] of the start of an arc about its center."""
         assert self.center is not None
         return atan2(self.start[1] - self.center[1], self.start[0] - self.center[0])
 
 
 @dataclass(frozen=True)
 class Region:
-    """A layer of the part, or an inclusion: its material, its formulation (displacement, or mixed
-    with a pressure), and how its shear stress relaxes while it is followed in time.
+    """Region of one material: a layer, an inclusion, or a region of an imported mesh.
 
-    least_share: what is left of its shear modulus when it has relaxed most, on the way that the
-    scene asks for.
+    Attributes
+    ----------
+    name
+        Name for messages and results.
+    material
+        The material; of a relaxing one its instantaneous law.
+    formulation
+        displacement, or mixed with a pressure.
+    bottom
+        Height z of a layer's lower face on the axis [length].
+    inclusion
+        Shape and position of an inclusion; None for any other region.
+    relaxation_series
+        Relaxation of the shear stress as a Prony series, if it is solved step by step.
+    min_shear_fraction
+        Smallest part of the instantaneous shear modulus that remains during the load path.
     """
 
     name: str
     material: Material
     formulation: str
-    bottom: float = 0.0  # z of a layer's lower face [length]
+    bottom: float = 0.0
     inclusion: Inclusion | None = None
     relaxation_series: PronySeries | None = None
     min_shear_fraction: float = 1.0
 
     @property
     def softest_constants(self) -> Constants:
-        """Small-strain E [pressure] and nu of its softest state on the way, which is its most
+        """Small-strain E [pressure] and nu of the softest state during the load path.
+
+        The bulk modulus does not relax with the shear modulus, so that this state is the most
         incompressible one.
         """
         return self.material.relaxed_constants(self.min_shear_fraction)
 
 
-MIRROR_DISTANCE = 1e-12  # distance [length] of a tip to the mirror plane that it stands over
+# A tip's axis at most this far [length] from a wall is in the plane of the wall; coordinates are
+# rounded to 12 digits.
+MIRROR_DISTANCE = 1e-12
 
 
 @dataclass(frozen=True)
 class ModelDomain:
-    """The modelled piece; `copies` of it are the whole body.
+    """Part of the body that is meshed, with its boundary conditions.
 
-    Its regions are layers from the top to the base, then inclusions.
-
-    outline: its sides, anticlockwise; in two dimensions of the section (r or x, z), in three of the
-    section z = const, which goes from z = -height to z = 0 between the surfaces base and top.
-    supports: free | roller | fixed by surface, free where there is none; symmetry planes are
-    rollers. pins: (point, component) that take the rigid modes left. cuts: the axes, of x and y,
-    that mirror planes are normal to; each is the end x_min or y_min of the part.
+    Attributes
+    ----------
+    kinematics
+        axisymmetric, plane strain or three-dimensional.
+    symmetry
+        axisymmetric | quarter | half | full.
+    symmetry_factor
+        Number of model domains that make up the body.
+    outline
+        Sides in anticlockwise order. In two dimensions they enclose the section (r, z) or (x, z);
+        in three dimensions the section z = const, which is the same from the surface base at
+        z = -height to the surface top at z = 0.
+    height
+        Height [length].
+    regions
+        Layers from the top to the base, then inclusions.
+    supports
+        free | roller | fixed by surface. Surfaces without an entry are free; mirror planes are
+        rollers.
+    pins
+        Points and displacement components that are held to remove rigid-body modes.
+    mirror_axes
+        Axes, of x and y, that mirror planes are normal to. Such a plane is the side x_min or
+        y_min of the domain.
     """
 
     kinematics: Kinematics
-    symmetry: str  # axisymmetric | quarter | half | full
+    symmetry: str
     symmetry_factor: int
     outline: tuple[Side, ...]
     height: float
@@ -164,32 +203,36 @@ class ModelDomain:
 
     @property
     def dim(self) -> int:
-        """Dimensions of the mesh."""
+        """Number of space dimensions of the mesh."""
         return self.kinematics.dim
 
     @property
     def extent(self) -> tuple[tuple[float, float], ...]:
-        """(min, max) along each axis [length]; arcs bulge no further than their ends, being
-        quarters of a turn.
+        """Smallest and largest coordinate along each axis [length].
+
+        The ends of the sides are enough, because no arc extends beyond its ends.
         """
         coordinates = [[side.start[axis] for side in self.outline] for axis in (0, 1)]
         section_extent = tuple((min(values), max(values)) for values in coordinates)
         return section_extent if self.dim == 2 else (*section_extent, (-self.height, 0.0))
 
     def interface_level(self, x: Coordinates, z: Coordinates) -> np.ndarray:
-        """z [length] on the axis of the face between layers on which a place would be: z itself
-        under a flat top, and under a spherical one, to which faces are concentric, minus the
-        distance to it.
+        """Return minus the depth [length] of points below the top, along its normal.
+
+        Interfaces between layers are surfaces of constant level. It is z below a flat top, and the
+        distance to the center of a spherical top minus its radius.
         """
-        return (
-            np.asarray(z)
-            if self.top_radius is None
-            else np.hypot(x, z + self.top_radius) - self.top_radius
-        )
+        if self.top_radius is None:
+            return np.asarray(z)
+        return np.hypot(x, z + self.top_radius) - self.top_radius
 
     def interface_crossings(self, side: Side) -> list[tuple[Point, float]]:
-        """Where faces between layers cross a straight side of a section, from its start on, and z
-        of each.
+        """Return the points at which interfaces between layers cross a straight side of a section.
+
+        Returns
+        -------
+        list of (point, level)
+            Point (x, z) and level of its interface [length], in order from the start of the side.
         """
         (x0, z0) = side.start
         (x1, z1) = side.end
@@ -198,6 +241,7 @@ class ModelDomain:
                 ((x0 + (x1 - x0) * (z - z0) / (z1 - z0), z), z) for z in self.interfaces if z0 != z1
             ]
         elif x0 == x1:
+            # The side on the axis is crossed above and below the common center of the interfaces.
             crossings = [
                 ((x0, -self.top_radius + sign * (self.top_radius + z)), z)
                 for z in self.interfaces
@@ -205,12 +249,7 @@ class ModelDomain:
             ]
         else:
             crossings = [
-                (((self.top_radius + z) ** 2 - (self.top_radius + z0) ** 2, z0), z)
-                for z in self.interfaces
-            ]
-            crossings = [
-                ((r_squared**0.5 if r_squared > 0 else -1.0, height), z)
-                for (r_squared, height), z in crossings
+                ((_interface_radius(self.top_radius, z, z0), z0), z) for z in self.interfaces
             ]
         inner_crossings = [
             crossing for crossing in crossings if _is_between(crossing[0], side.start, side.end)
@@ -222,7 +261,7 @@ class ModelDomain:
 
     @property
     def coatings(self) -> tuple[Coating, ...]:
-        """The layers around the core of a body with a spherical top, from the surface inwards."""
+        """Layers around the core of a body with a spherical top, from the surface inwards."""
         if self.top_radius is None:
             return ()
         radii = [self.top_radius, *(self.top_radius + z for z in reversed(self.interfaces))]
@@ -232,15 +271,16 @@ class ModelDomain:
 
     @property
     def interfaces(self) -> tuple[float, ...]:
-        """z on the axis of the faces between layers [length], from below; under a spherical top
-        they are concentric.
+        """Levels [length] of the interfaces between layers in ascending order.
+
+        A level is the height z on the axis; below a spherical top interfaces are concentric to it.
         """
         layers = [region for region in self.regions if region.inclusion is None]
         return tuple(region.bottom for region in reversed(layers[:-1]))
 
     @property
     def inclusions(self) -> tuple[Inclusion, ...]:
-        """Those that are in the piece, wholly or in part: not those beyond a mirror plane."""
+        """Inclusions that are in the domain at least in part, rather than beyond a mirror plane."""
 
         def is_inside(inclusion: Inclusion) -> bool:
             return all(
@@ -255,12 +295,12 @@ class ModelDomain:
 
     @property
     def max_extent(self) -> float:
-        """The longest side of the box around it [length]."""
+        """Longest side of the bounding box [length]."""
         return max(high - low for low, high in self.extent)
 
     @property
     def max_width(self) -> float:
-        """The longest horizontal side of the box around it [length]."""
+        """Longest horizontal side of the bounding box [length]."""
         return max(high - low for low, high in self.extent[:-1])
 
     @property
@@ -270,13 +310,13 @@ class ModelDomain:
 
     @property
     def wall_radius(self) -> float | None:
-        """Radius of the curved wall in three dimensions [length]; None: every wall is flat."""
+        """Radius of the curved wall in three dimensions [length]; None if all walls are flat."""
         radii = [side.radius for side in self.outline if side.center is not None]
         return min(radii) if radii and self.dim == 3 else None
 
     @property
     def top_radius(self) -> float | None:
-        """Radius of a spherical top, whose apex is the origin [length]; None: the top is flat."""
+        """Radius of a spherical top, whose apex is the origin [length]; None if the top is flat."""
         radii = [
             side.radius
             for side in self.outline
@@ -285,15 +325,13 @@ class ModelDomain:
         return radii[0] if radii else None
 
     def wall_distances(self, center: Point) -> dict[str, float]:
-        """The distance [length] from a tip's axis to each wall, along the surface; 0: a mirror
-        plane.
-        """
+        """Return the horizontal distance [length] from the tip's axis to each wall by its name."""
         x, y = (*center, 0.0)[:2]
         walls = [side for side in self.outline if side.surface not in ("top", "base")]
         return {side.surface: float(side.inward_distance(x, y)) for side in walls}
 
     def mirror_walls(self, center: Point) -> set[str]:
-        """The walls that are mirror planes: rollers right under the tip's axis."""
+        """Return the walls that are mirror planes, which are rollers through the tip's axis."""
         walls_at_axis = {
             wall
             for wall, distance in self.wall_distances(center).items()
@@ -303,66 +341,72 @@ class ModelDomain:
 
     @property
     def mirror_planes(self) -> tuple[str, ...]:
-        """Names of the surfaces of the modelled part that lie in symmetry planes of the whole body."""
+        """Names of the surfaces of the domain that lie in mirror planes of the whole body."""
         return tuple(f"{axis}_min" for axis in self.mirror_axes)
 
     @property
     def constrained_components(self) -> tuple[tuple[int, str], ...]:
-        """Each component of the displacement that a support holds, and its surface."""
-        sides: list[tuple[int, str]] = []
+        """Displacement components that supports hold, each with its surface."""
+        components: list[tuple[int, str]] = []
         for surface, support in self.supports.items():
             if support == "fixed":
-                sides += [(component, surface) for component in range(self.dim)]
+                components += [(component, surface) for component in range(self.dim)]
             elif support == "roller" and (normal := self.normal_component(surface)) is not None:
-                sides.append((normal, surface))
-        return tuple(sides)
+                components.append((normal, surface))
+        return tuple(components)
 
     @property
     def has_curved_roller(self) -> bool:
-        """Whether a curved wall in three dimensions is a roller, which has no one normal and is
-        guided weakly.
+        """Return whether a curved wall in three dimensions is a roller.
+
+        No displacement component is normal to it, so that the condition is imposed weakly.
         """
         return self.wall_radius is not None and self.supports.get("r_max") == "roller"
 
     def mirrored_body_count(self, center: Point) -> int:
-        """How many times the whole body the tip sees, mirrored at rollers through its axis: 1, 2,
-        or 4 at a corner.
+        """Return the number of bodies that the tip indents: the body and its mirror images.
 
-        Its force is that share of the force on the body which it sees.
+        Rollers through the tip's axis are mirror planes. The number is 1, 2, or 4 at a corner, and
+        the force on the body is this fraction of the force on all of them.
         """
-        return (
-            1
-            if self.kinematics.name == "axisymmetric"
-            else int(2 ** len(self.mirror_walls(center)) // self.symmetry_factor)
-        )
+        if self.kinematics.name == "axisymmetric":
+            return 1
+        return int(2 ** len(self.mirror_walls(center)) // self.symmetry_factor)
 
     @property
     def file_hash(self) -> str:
-        """Fingerprint of the mesh file that it comes from; "" where it is meshed here."""
+        """Fingerprint of an imported mesh; empty for a domain that is meshed by the program."""
         return ""
 
     def facet_sagitta(self, center: Point, radius: float, refinements: int = 0) -> float:
-        """How far contact facets within a radius of the tip's axis are inside the surface that they
-        stand for [length]: not at all where it is meshed here, whose surfaces are flat, or whose
-        cells are curved.
+        """Return how far facets near the tip are inside the surface that they approximate [length].
+
+        It is 0 for a domain that is meshed by the program, with a flat top or curved cells.
         """
         return 0.0
 
     def facet_angle(self, center: Point, radius: float, refinements: int = 0) -> float:
-        """The mean angle [radians] at which such facets meet."""
+        """Return the mean angle [radians] between neighbouring facets near the tip, here 0."""
         return 0.0
 
     def normal_component(self, surface: str) -> int | None:
-        """The component of u that a roller holds on a surface; None where no one axis is normal to
-        it.
+        """Return the displacement component that a roller on a surface holds.
+
+        It is None if no single axis is normal to the surface.
         """
         if surface in ("top", "base"):
             return self.dim - 1
         return next(side.normal_axis for side in self.outline if side.surface == surface)
 
 
+def _interface_radius(top_radius: float, level: float, z: float) -> float:
+    """Return the r [length] at which a spherical interface has the height z; -1 if it is lower."""
+    r_squared = (top_radius + level) ** 2 - (top_radius + z) ** 2
+    return r_squared**0.5 if r_squared > 0 else -1.0
+
+
 def _is_between(point: Point, start: Point, end: Point) -> bool:
-    """Whether a point of the line through two others lies between them."""
+    """Return whether a point on the line through two points lies between them."""
     return any(
         min(a, b) < coordinate < max(a, b)
         for coordinate, a, b in zip(point, start, end, strict=True)
@@ -370,7 +414,7 @@ def _is_between(point: Point, start: Point, end: Point) -> bool:
 
 
 def polygon_sides(surfaces: tuple[str, ...], corners: tuple[Point, ...]) -> tuple[Side, ...]:
-    """The straight sides between corners; the last goes back to the first."""
+    """Return the sides of a polygon with a surface name each, from corner to corner."""
     corner_pairs = pairwise((*corners, corners[0]))
     return tuple(
         Side(surface, start, end)
@@ -379,11 +423,22 @@ def polygon_sides(surfaces: tuple[str, ...], corners: tuple[Point, ...]) -> tupl
 
 
 def nearest_on_sphere(radius: float, r: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The point of a spherical top nearest to a point (r, z) of its mesh, whose facets are chords
-    [length].
+    """Return the points of a spherical top nearest to points (r, z) near it [length].
 
-    The distance d from the center (0, -radius) by d^2 - radius^2 = r^2 + z (z + 2 radius), to all
-    digits near the apex.
+    The apex of the top is the origin. The distance d of a point to the center (0, -radius) follows
+    from d^2 - radius^2 = r^2 + z (z + 2 radius), which does not lose digits near the apex.
+
+    Parameters
+    ----------
+    radius : float
+        Radius of the top [length].
+    r, z : numpy.ndarray
+        Coordinates [length], for example of points on facets, which are chords of the top.
+
+    Returns
+    -------
+    tuple of numpy.ndarray
+        Coordinates r and z on the top [length].
     """
     squared_excess = r * r + z * (z + 2 * radius)
     distance = np.sqrt(squared_excess + radius * radius)

@@ -1,155 +1,57 @@
-"""Films beside drained faces: what elements that are thicker than the film cost the force, and
-sizes that resolve it.
+"""Boundary films at drained faces: error of the force on thicker elements, and sizes to avoid it.
 
-A time t after the load came, the fluid has left a layer of about (D t)^(1/2) beside every drained
-face, and that alone. Elements there that are thicker lose more (`excess_length` E of
-`theory.surface.drainage`), as if the body had drained E deeper. By Betti's reciprocity, with the
-undrained pressure p of a depth delta, fluid lost by a volume dV at the face takes (dp/ddelta) dV
-from the force, so all of it takes
+At a time t after a load, the pore fluid has drained from a film of thickness (D t)^(1/2) at every
+drained face, and the rest of the body is undrained. Thicker elements drain too much: as if the body
+had drained deeper by the length E (`excess_length` of `theory.drained_layer`). Let p be the
+undrained pressure at a depth delta. By Betti's reciprocity, fluid of the volume dV that drains at
+the face lowers the force by (dp/ddelta) dV, so that the error of the force is
 
-    dF = 1/2 d/ddelta int p^2 E/M dA,      1/M = alpha^2/M_c + storage.
+    dF = 1/2 d/ddelta int p^2 E/M dA,      1/M = alpha^2/M_c + storage,
 
-Under a tip p is about the pressure of the contact, on an incompressible half-space equal to it.
-This gives a share `force_fraction_per_length` E of the force, with
+where M_c is the confined (oedometric) modulus. Under a tip, p is about the contact pressure; on an
+incompressible half-space it is equal to it. The relative error of the force is `per_length` E with
 
-    per_length = c SPREAD F/(A delta M),   c = 1/2 dln(F^2/A)/dln(delta): 1 on a half-space, to 5/2
-    on a thin layer,
+    per_length = c m F/(A delta M),        c = 1/2 dln(F^2/A)/dln(delta),
 
-which is 6 G/(pi M_c a) under a paraboloid on a half-space. Farther faces feel (a/distance)^2 of it
-at most.
+where m = MEAN_SQUARE_FACTOR, and c is 1 on a half-space and up to 5/2 on a thin layer. Under a
+paraboloid on a half-space this is 6 G/(pi M_c a). For faces farther from the contact it is smaller
+by the factor (a/distance)^2 at least.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
-from math import inf, log
+from math import log
 
 import numpy as np
 
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.drainage import Conductance
-from indent_sim.model.load_path import LoadPath
 from indent_sim.scene.depth_limits import RIM_TOLERANCE
 from indent_sim.scene.elastic_limit_laws import undrained_law
+from indent_sim.scene.path_rows import PathRow, path_rows
 from indent_sim.scene.problem_definition import ProblemDefinition, is_undrained_incompressible
 from indent_sim.scene.problem_setup import ProblemSetup
-from indent_sim.theory.drained_layer import drained_length, excess_length
 
-MEAN_SQUARE_FACTOR = 9 / 8  # mean square of a paraboloid's pressure over the square of its mean
-DEPTH_RATIO = 0.9  # of a depth: a second one, for slopes
-RATE_TOLERANCE = 1e-6  # relative: of one piece of a path, but for rounding
-MAX_CHANGES = 30  # before a row: films of earlier ones have grown thick
-MAX_ROWS = 100  # that a size is chosen by
-BISECTIONS = 30  # of the range of a size, in its logarithm: to 1e-8
-MIN_VALUE_FRACTION = (
-    0.05  # of the largest depth or force: earlier rows are not asked for a film's error
-)
-
-
-@dataclass
-class PathSegment:
-    """A piece of a path in which the value changes evenly, or a jump: its begin and end in time,
-    and the change.
-    """
-
-    begin: float
-    end: float
-    change: float
-
-    @property
-    def rate(self) -> float:
-        """The change in a unit of time; infinite where it jumps."""
-        return self.change / (self.end - self.begin) if self.end > self.begin else inf
-
-
-@dataclass(frozen=True)
-class PathRow:
-    """A row of a path in time: the sizes of what has changed until then (n,), each with the time
-    since it began and the time that it took (n,), and the value of the row; sizes and value over
-    the largest value of the path.
-    """
-
-    changes: np.ndarray
-    elapsed: np.ndarray
-    durations: np.ndarray
-    value: float
-
-    def drained_length(self, diffusivity: float) -> float:
-        """`drained_length` [length] of the row, by the pressure of the largest value: what each
-        change has drained.
-        """
-        return float(self.changes @ drained_length(diffusivity, self.elapsed, self.durations))
-
-    def excess_length(self, h: np.ndarray, diffusivity: float) -> np.ndarray:
-        """`excess_length` (m,) of elements h (m,) [length] at a face, by the pressure of the
-        largest value: the sum of what each change has left.
-        """
-        lengths = drained_length(diffusivity, self.elapsed, self.durations)
-        return excess_length(h[:, None], lengths) @ self.changes
-
-
-def path_rows(path: LoadPath) -> list[PathRow]:
-    """The rows of a path in time, with the last MOST_CHANGES that have begun until then, but for
-    what has come at once just now, of which nothing has drained yet.
-    """
-    largest = max(path.values)
-    if (
-        largest <= 0
-    ):  # a tip that touches or is lifted: nothing is pressed, and no film costs anything
-        return []
-    increments = [path.segment(step) for step in range(1, len(path.values) + 1)]
-    segments = _merge_segments(
-        [(0.0, 0.0), *((value / largest, t) for increment in increments for value, t in increment)]
-    )
-    begin, end, change = np.array(
-        [(segment.begin, segment.end, segment.change) for segment in segments if segment.change]
-    ).T
-    rows = []
-    for increment in increments:
-        value, t = increment[-1]
-        last = int(np.searchsorted(begin, t))
-        recent = slice(max(last - MAX_CHANGES, 0), last)
-        elapsed = t - begin[recent]
-        full_durations = end[recent] - begin[recent]
-        durations = np.minimum(elapsed, full_durations)
-        done_fractions = np.divide(
-            durations, full_durations, out=np.ones_like(durations), where=full_durations > 0
-        )
-        rows.append(
-            PathRow(np.abs(change[recent] * done_fractions), elapsed, durations, value / largest)
-        )
-    return rows
-
-
-def _merge_segments(points: Sequence[tuple[float, float]]) -> list[PathSegment]:
-    """The pieces between places (value, time), as long as they are."""
-    segments: list[PathSegment] = []
-    for (previous_value, begin), (value, end) in pairwise(points):
-        segment = PathSegment(begin, end, value - previous_value)
-        if (
-            segments
-            and end > begin
-            and abs(segment.rate - segments[-1].rate) <= RATE_TOLERANCE * abs(segment.rate)
-        ):
-            segments[-1].end = end
-            segments[-1].change = segments[-1].change + segment.change
-        elif end > begin or value != previous_value:
-            segments.append(segment)
-    return segments
+# Mean square of the pressure below a paraboloid over the square of its mean.
+MEAN_SQUARE_FACTOR = 9 / 8
+DEPTH_RATIO = 0.9  # Ratio of the two depths of a difference quotient.
+MAX_ROWS = 100  # Number of rows by which an element size is chosen.
+BISECTIONS = 30  # Bisections of the logarithm of an element size, to 1e-8 of its range.
+# The film error is not considered in rows below this part of the largest depth or force.
+MIN_VALUE_FRACTION = 0.05
 
 
 def smallest_diffusivity(physics: ProblemDefinition) -> float:
-    """The smallest diffusivity D [length^2/time] of the regions in which fluid flows: it has the
-    thinnest films.
-    """
+    """Return the smallest diffusivity D [length^2/time] of the regions, with the thinnest films."""
     return min(region.material.diffusivity for region in physics.permeable_regions)
 
 
 def largest_inverse_modulus(physics: ProblemDefinition) -> float:
-    """The largest 1/M = permeability/D [1/pressure] of the regions in which fluid flows: their loss
-    per pressure.
+    """Return the largest 1/M = permeability/D [1/pressure] of the regions with pore fluid.
+
+    It is the volume of fluid that drains per pore pressure and volume of the body.
     """
     flows = [
         (region.material.flow, region.material.diffusivity) for region in physics.permeable_regions
@@ -160,11 +62,24 @@ def largest_inverse_modulus(physics: ProblemDefinition) -> float:
 def film_force_fraction(
     row: PathRow, h: float, diffusivity: float, fraction_per_length: float | None
 ) -> float:
-    """Error of a row's force by elements of size h [length] at a drained face under the tip.
+    """Return the error of a row's force due to the film at a drained face under the tip.
 
-    It is relative to the largest force. For `fraction_per_length` see `force_fraction_per_length`.
-    A column is compressed only by the fluid that has drained, so that its error is the excess over
-    that.
+    Parameters
+    ----------
+    row : PathRow
+        The row.
+    h : float
+        Element size at the face [length].
+    diffusivity : float
+        Diffusivity D [length^2/time].
+    fraction_per_length : float or None
+        Value of `force_fraction_per_length`. It is None for a column, which is compressed by the
+        drained volume only, so that the relative error of this volume is that of the force.
+
+    Returns
+    -------
+    float
+        Error over the largest force.
     """
     excess = float(row.excess_length(np.array([h]), diffusivity)[0])
     if fraction_per_length is not None:
@@ -174,9 +89,10 @@ def film_force_fraction(
 
 
 def force_fraction_per_length(setup: ProblemSetup) -> float | None:
-    """The share of the force that a drained face under the tip costs per `excess_length`
-    [1/length], at the deepest contact; by theory, or as on a half-space where it ends. None of a
-    column that gives way by draining alone.
+    """Return the relative error of the force per `excess_length` [1/length] at the largest depth.
+
+    It is that of a drained face under the tip, from theory, or from a half-space if the theory ends
+    before this depth. It is None for a column that is compressed by draining only.
     """
     if is_undrained_incompressible(setup.physics):
         return None
@@ -188,9 +104,9 @@ def force_fraction_per_length(setup: ProblemSetup) -> float | None:
         pressure = undrained_law(physics.material).E_star * delta / (2 * setup.a)
         return MEAN_SQUARE_FACTOR * pressure / delta * largest_inverse_modulus(physics)
     lower_value, upper_value = (solution.force**2 / solution.area for solution in solutions)
-    growth = log(upper_value / lower_value) / (-2 * log(DEPTH_RATIO))
+    growth_exponent = log(upper_value / lower_value) / (-2 * log(DEPTH_RATIO))
     return (
-        growth
+        growth_exponent
         * MEAN_SQUARE_FACTOR
         * solutions[1].force
         / (solutions[1].area * delta)
@@ -199,13 +115,24 @@ def force_fraction_per_length(setup: ProblemSetup) -> float | None:
 
 
 def drained_faces(setup: ProblemSetup, earliest: float) -> dict[str, float]:
-    """The faces through which fluid leaves, each with its distance [length] from the contact, by
-    name.
+    """Return the faces that have a film, each with its distance [length] from the contact.
 
-    A conductance holds no pressure until the film is as thick as permeability/conductance: before
-    there is none. Nor is there one beside a tip that seals: the undrained surface there has next to
-    no pressure, and what leaves around the edge of the contact is known to 0.2 % of the force on 10
-    elements in its radius. earliest: time of the first row [time].
+    A face with a finite conductance has no film before it is as thick as permeability/conductance.
+    The free surface beside a sealed tip has none: its undrained pore pressure is almost zero, and
+    the drainage around the edge of the contact is resolved to 0.2 % of the force by 10 elements per
+    contact radius.
+
+    Parameters
+    ----------
+    setup : ProblemSetup
+        The problem setup.
+    earliest : float
+        Time of the first row [time].
+
+    Returns
+    -------
+    dict
+        Distances by the name of the face.
     """
     physics = setup.physics
     drainage = physics.drainage
@@ -222,9 +149,7 @@ def drained_faces(setup: ProblemSetup, earliest: float) -> dict[str, float]:
 
 
 def _is_drained(physics: ProblemDefinition, kind: str | Conductance, earliest: float) -> bool:
-    """Whether a surface of that kind holds the pressure of the bath at its face from the first row
-    on.
-    """
+    """Return whether a surface has the pressure of the bath at its face from the first row on."""
     if not isinstance(kind, Conductance):
         return kind == "drained"
     permeability = max(
@@ -236,8 +161,9 @@ def _is_drained(physics: ProblemDefinition, kind: str | Conductance, earliest: f
 
 
 def distance_weight(setup: ProblemSetup, distance: float) -> float:
-    """The share of what a drained face under the tip costs that one at a distance [length] from the
-    contact does: all of it where the tip covers the body, which feels it throughout.
+    """Return the film error of a face at a distance [length], relative to that under the tip.
+
+    It is 1 if the tip covers the body, since the pressure is then the same throughout the body.
     """
     a = setup.a
     rim_distance = setup.physics.body.lateral_extent(setup.physics.center)
@@ -246,9 +172,18 @@ def distance_weight(setup: ProblemSetup, distance: float) -> float:
 
 @dataclass(frozen=True)
 class UnresolvedFilm:
-    """Rows whose force the films at a face cost something: the face, the size of its elements
-    [length], the last of those rows, from 0, and the largest share of a force, and that of the
-    last row of the path.
+    """Film at a face that the elements do not resolve.
+
+    Attributes
+    ----------
+    face
+        Name of the face.
+    h
+        Element size at the face [length].
+    last_row
+        Number of the last row, from 0, with an error of the force that is not negligible.
+    max_error, last_row_error
+        Largest error of all rows and error of the last row, over the largest force.
     """
 
     face: str
@@ -261,33 +196,54 @@ class UnresolvedFilm:
 def unresolved_film(
     setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes, negligible: float
 ) -> UnresolvedFilm | None:
-    """The rows of a path in time whose films cost more than a `negligible` share of the largest
-    force, at the face that costs most; None without any.
+    """Return the unresolved film with the largest error of the force; None if all are resolved.
+
+    Parameters
+    ----------
+    setup : ProblemSetup
+        The problem setup.
+    physics : ProblemDefinition
+        The problem with its path in time.
+    sizes : Sizes
+        Element sizes.
+    negligible : float
+        Error, over the largest force, up to which a film counts as resolved.
+
+    Returns
+    -------
+    UnresolvedFilm or None
+        The film with the largest error.
     """
     rows = path_rows(physics.path)
     D = smallest_diffusivity(physics)
     fraction_per_length = force_fraction_per_length(setup)
+    earliest = min(physics.path.times) - (physics.path.start_time or 0.0)
     films: list[UnresolvedFilm] = []
-    for face, distance in drained_faces(
-        setup, min(t for t in physics.path.times) - (physics.path.start_time or 0.0)
-    ).items():
-        film = next((film for film in sizes.drained_faces if film.side.surface == face), None)
-        nearest = {"top": (0.0, 0.0), "base": (0.0, physics.domain.height)}.get(
-            face, (distance + setup.a, 0.0)
-        )
-        h_there = float(sizes.size_at(*map(np.array, nearest)))
-        h = min(film.h, h_there) if film else h_there
+    for face, distance in drained_faces(setup, earliest).items():
+        h = _element_size_at_face(setup, physics, sizes, face, distance)
         weight = distance_weight(setup, distance)
-        fractions = [
+        errors = [
             weight * film_force_fraction(row, h, D, fraction_per_length)
             if row.value >= MIN_VALUE_FRACTION
             else 0.0
             for row in rows
         ]
-        late_steps = [k for k, weight in enumerate(fractions) if weight > negligible]
-        if late_steps:
-            films.append(UnresolvedFilm(face, h, late_steps[-1], max(fractions), fractions[-1]))
-    return max(films, key=lambda candidate: candidate.max_error, default=None)
+        unresolved_rows = [k for k, error in enumerate(errors) if error > negligible]
+        if unresolved_rows:
+            films.append(UnresolvedFilm(face, h, unresolved_rows[-1], max(errors), errors[-1]))
+    return max(films, key=lambda film: film.max_error, default=None)
+
+
+def _element_size_at_face(
+    setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes, face: str, distance: float
+) -> float:
+    """Return the element size [length] at a drained face, at its point nearest to the contact."""
+    film = next((film for film in sizes.drained_faces if film.side.surface == face), None)
+    nearest_point = {"top": (0.0, 0.0), "base": (0.0, physics.domain.height)}.get(
+        face, (distance + setup.a, 0.0)
+    )
+    h = float(sizes.size_at(*map(np.array, nearest_point)))
+    return min(film.h, h) if film else h
 
 
 def film_element_size(
@@ -298,10 +254,25 @@ def film_element_size(
     largest_size: float,
     smallest_size: float,
 ) -> float:
-    """Size [length] of elements at a face under the tip with an error of at most `max_fraction`.
+    """Return the largest element size at a face under the tip with a given film error.
 
-    The error is that of the force at the row that has drained least; the size lies between
-    `smallest_size` and `largest_size`.
+    Parameters
+    ----------
+    rows : sequence of PathRow
+        Rows of the path; those that have drained least for their load decide.
+    max_fraction : float
+        Permitted error over the largest force.
+    diffusivity : float
+        Diffusivity D [length^2/time].
+    fraction_per_length : float or None
+        Value of `force_fraction_per_length`.
+    largest_size, smallest_size : float
+        Bounds of the size [length].
+
+    Returns
+    -------
+    float
+        Element size [length].
     """
     relevant_rows = [
         row
@@ -312,25 +283,19 @@ def film_element_size(
         relevant_rows, key=lambda row: row.drained_length(diffusivity) / row.changes.sum()
     )[:MAX_ROWS]
 
-    def beyond(h: float) -> float:
-        return (
-            max(
-                (
-                    film_force_fraction(row, h, diffusivity, fraction_per_length)
-                    for row in relevant_rows
-                ),
-                default=0.0,
-            )
-            - max_fraction
+    def excess_error(h: float) -> float:
+        errors = (
+            film_force_fraction(row, h, diffusivity, fraction_per_length) for row in relevant_rows
         )
+        return max(errors, default=0.0) - max_fraction
 
-    if beyond(largest_size) <= 0:
+    if excess_error(largest_size) <= 0:
         return largest_size
-    if beyond(smallest_size) >= 0:
+    if excess_error(smallest_size) >= 0:
         return smallest_size
     for _ in range(BISECTIONS):
         middle = (smallest_size * largest_size) ** 0.5
         smallest_size, largest_size = (
-            (middle, largest_size) if beyond(middle) < 0 else (smallest_size, middle)
+            (middle, largest_size) if excess_error(middle) < 0 else (smallest_size, middle)
         )
     return smallest_size

@@ -1,4 +1,4 @@
-"""Theory of a plate that covers the whole flat top: the body is compressed as a bar."""
+"""Theory of a tip that covers the whole flat top: the body is compressed like a bar."""
 
 from __future__ import annotations
 
@@ -26,20 +26,19 @@ from indent_sim.theory.compression import (
 from indent_sim.theory.roots import ForceCurve
 from indent_sim.theory.theory import Theory
 
-RADIUS_TOLERANCE = 1e-9  # relative: radii that differ by less are one
-
-NEARLY_INCOMPRESSIBLE = (
-    0.49  # Poisson's ratio from which rubber's formula for bonded blocks is said
-)
-
-# What a compression is called by the number of directions across it in which walls hold the body
+RADIUS_TOLERANCE = 1e-9  # Relative difference up to which radii count as equal.
+# Poisson's ratio from which the formula for bonded rubber blocks is compared with the run.
+NEARLY_INCOMPRESSIBLE = 0.49
+# Names by the number of lateral directions in which walls confine the body.
 COMPRESSION_NAMES = ("uniaxial compression", "plane-strain compression", "confined compression")
 
 
 def covers_top(tip: Indenter, body: Body, center: tuple[float, ...]) -> bool:
-    """Whether the flat face of a tip on the axis `center` covers all of a flat top, which then
-    compresses the body as a plate does, as long as no rim bulges past its edge. Not known of a
-    mesh from a file.
+    """Return whether the flat face of a tip covers the whole flat top of a body.
+
+    The tip then compresses the body like a plate, unless the body bulges beyond its edge. For a
+    mesh from a file the answer is always False. `center` is the position of the tip's axis
+    [length].
     """
     if not isinstance(body, Cylinder | BodyStrip | Box):
         return False
@@ -49,41 +48,50 @@ def covers_top(tip: Indenter, body: Body, center: tuple[float, ...]) -> bool:
 def compression_theory(
     body: Cylinder | BodyStrip | Box, layers: Sequence[BodyLayer], radius_ratio: float
 ) -> Theory | None:
-    """Theory of a plate on all of a flat top: the body as a bar that slides on the plate and on its
-    base. None where nobody knows it: layers that are no linear ones, a bar that cannot give way.
-    room: the radius of the tip's flat face over that of the top.
+    """Return the theory of a tip on the whole flat top: a bar between frictionless plates.
+
+    Parameters
+    ----------
+    body : Cylinder, Strip or Box
+        The body.
+    layers : sequence of Layer
+        Its layers from the top.
+    radius_ratio : float
+        Radius of the tip's flat face over that of the top.
+
+    Returns
+    -------
+    Theory or None
+        None for several layers at finite strain, and for a bar that cannot be compressed.
     """
     constrained_directions = _constrained_directions(body)
     bar_model = _bar_model(layers, constrained_directions)
     if bar_model is None:
         return None
-    bar, is_finite = bar_model
+    bar, is_finite_strain = bar_model
     dimensions = body.dim - 1
-    widest = max(radius_ratio, 1.0) ** dimensions
-    contact = Compression(bar, body.height, _area_of_top(body), dimensions, widest)
-    why = first_reason(
-        (body.base == "fixed", "the base is bonded, theory's slides"),
+    max_area_ratio = max(radius_ratio, 1.0) ** dimensions
+    contact = Compression(bar, body.height, _area_of_top(body), dimensions, max_area_ratio)
+    difference = first_reason(
+        (body.base == "fixed", "the base is bonded, and theory's slides"),
         (len(layers) > 1, "theory's layers slide on one another"),
     )
-    formulas = (
-        _bonded_formulas(body, layers)
-        if body.base == "fixed" and constrained_directions == 2 - dimensions
-        else {}
-    )
-    why_exact = "a block that slides between plates is this very body"
+    has_free_sides = constrained_directions == 2 - dimensions
+    formulas = _bonded_formulas(body, layers) if body.base == "fixed" and has_free_sides else {}
     return Theory(
         COMPRESSION_NAMES[constrained_directions],
-        not why,
-        why or why_exact,
+        not difference,
+        difference or "theory describes this block between frictionless plates exactly",
         contact,
         formulas=formulas,
-        is_finite_strain=is_finite,
+        is_finite_strain=is_finite_strain,
     )
 
 
 def _constrained_directions(body: Cylinder | BodyStrip | Box) -> int:
-    """In how many of the two directions across it walls keep the width of a body; in plane strain
-    in y at least.
+    """Return the number of lateral directions, of two, in which the width of a body is constant.
+
+    The direction y of plane strain is one of them.
     """
     if isinstance(body, Cylinder):
         return 0 if body.sides == "free" else 2
@@ -95,7 +103,11 @@ def _constrained_directions(body: Cylinder | BodyStrip | Box) -> int:
 
 
 def _bar_model(layers: Sequence[BodyLayer], constrained_directions: int) -> tuple[Bar, bool] | None:
-    """The body as a bar, and whether its strain is finite; None where it is not known."""
+    """Return the body as a bar, and whether its strain is finite; None if there is no such bar.
+
+    At small strain, the compliances of layers add up. At finite strain a homogeneous body that can
+    be compressed has a bar.
+    """
     materials = [layer.material for layer in layers if layer.material]
     if all(material.is_small_strain for material in materials):
         moduli = [material.bar_modulus(constrained_directions) for material in materials]
@@ -113,7 +125,7 @@ def _bar_model(layers: Sequence[BodyLayer], constrained_directions: int) -> tupl
 
 
 def _area_of_top(body: Cylinder | BodyStrip | Box) -> float:
-    """Area of a flat top [length^2], in plane strain its width [length]."""
+    """Return the area of a flat top [length^2]; in plane strain its width [length]."""
     if isinstance(body, Cylinder):
         return float(np.pi) * body.radius**2
     return float(np.prod(body.widths))
@@ -122,14 +134,18 @@ def _area_of_top(body: Cylinder | BodyStrip | Box) -> float:
 def _bonded_formulas(
     body: Cylinder | BodyStrip | Box, layers: Sequence[BodyLayer]
 ) -> dict[str, ForceCurve]:
-    """Gent and Lindley's force of a nearly incompressible disc or strip bonded at its base."""
+    """Return the formula of Gent and Lindley for nearly incompressible discs and strips.
+
+    The disc or strip is bonded at its base and slides on the plate.
+    """
     if isinstance(body, Box) or len(layers) > 1 or layers[0].material is None:
         return {}
     E, nu = layers[0].material.constants
     if nu < NEARLY_INCOMPRESSIBLE:
         return {}
-    half_width = body.radius if isinstance(body, Cylinder) else body.width
+    # A block that is bonded at its base only is half of one that is bonded at both ends.
+    lateral_size = body.radius if isinstance(body, Cylinder) else body.width
     bulk = E / (3 * (1 - 2 * nu)) if nu < 0.5 else inf
-    modulus = bonded_modulus(E, bulk, half_width / (4 * body.height), body.dim - 1)
+    modulus = bonded_modulus(E, bulk, lateral_size / (4 * body.height), body.dim - 1)
     stiffness = modulus * _area_of_top(body) / body.height
     return {"Gent-Lindley": lambda delta: stiffness * delta}

@@ -76,7 +76,7 @@ def curve(
 
 
 def _refuse_curve_features(setup: ProblemSetup, why: str) -> None:
-    """Raise ConfigError for properties that need an elastic curve; why: the reason for none."""
+    """Raise ConfigError for properties that need an elastic curve; `why` is the reason for none."""
     if setup.relaxation:
         problem = f"all: applies to the elastic curve of a linear, frictionless contact: {why}"
         raise ConfigError(

@@ -100,6 +100,7 @@ def expected_depths(
     depths = tuple(
         float(np.exp(interpolate_log(np.log(force)))) if force > 0 else 0.0 for force in forces
     )
+    # Theory returns at most max_depth, which is rounded to 9 digits above.
     if material.is_small_strain and theory and max(depths) > (1 - 1e-6) * max_depth:
         largest = max(path.values) * scales.force
         problem = (
@@ -158,17 +159,15 @@ def check_scene(
         problem = f"depth {delta:g} is beyond the body's thickness {thickness:g}"
         raise ConfigError(key, problem, f"stay below {thickness:g}")
     if delta >= (coverage_depth := top_coverage_depth(body, layers, tip, center)):
-        coverage_text = f"at {coverage_depth:g} the tip would cover its whole top"
         problem = (
-            f"depth {delta:g} leaves no room to an incompressible body held on all sides: "
-            f"{coverage_text}"
+            f"depth {delta:g} leaves no room to an incompressible body held on all sides: at "
+            f"{coverage_depth:g} the tip would cover its whole top"
         )
         raise ConfigError(key, problem, "stay well below, free a side, or use nu < 0.5")
     if delta > (side_depth := side_contact_depth(body, tip, center)):
-        side = f"the top of a fixed side, which it reaches at {side_depth:g}"
         problem = (
-            f"depth {delta:g} presses the tip onto {side}: that side cannot move, and the force "
-            "has no bound"
+            f"depth {delta:g} presses the tip onto the top of a fixed side, which it reaches at "
+            f"{side_depth:g}: that side cannot move, and the force has no bound"
         )
         raise ConfigError(
             key, problem, f"stay below {side_depth:g}, free that side, or take a wider body"
@@ -187,12 +186,10 @@ def _check_punch_width(body: Body, tip: Indenter, center: Center) -> None:
     widest = body.lateral_extent(body.center)
     if tip.radius > widest:
         problem = f"the edge of a flat punch of radius {tip.radius:g} crosses that of the body"
-        covering = (
-            ""
-            if isinstance(body, ImportedBody)
-            else f", at least {body.max_lateral_extent(center):g}, or shape: plate"
-        )
-        raise ConfigError("indenter.radius", problem, f"at most {widest:g}{covering}")
+        remedy = f"at most {widest:g}"
+        if not isinstance(body, ImportedBody):
+            remedy += f", at least {body.max_lateral_extent(center):g}, or shape: plate"
+        raise ConfigError("indenter.radius", problem, remedy)
 
 
 def expected_radius(
@@ -220,11 +217,13 @@ def expected_radius(
     float
         The contact radius [length].
     """
+    # Near an edge of the body, the lower bound keeps the element size away from 0.
     rim = max(body.lateral_extent(center), 0.05 * body.lateral_extent(body.center))
     if isinstance(body, ImportedBody) and rim <= RIM_TOLERANCE * body.max_lateral_extent(center):
         # The mesh is half of a symmetric body, with the tip's axis on the mirror plane.
         rim = body.max_lateral_extent(center)
     if delta <= 0:
+        # A tip that only touches the body has no contact radius; the mesh needs one.
         return 0.2 * rim if isfinite(rim) else 1.0
     if isinstance(body, ImportedBody):
         return min(_overlap_radius(tips[0], body, center, delta), rim)
@@ -318,6 +317,8 @@ def path_to_max_depth(
         if not half_space_formula and not isfinite(radius):
             # A plate has no lower bound of the force.
             return depth >= largest
+        # The force of a cone is 0.64 E* a d, and that of a paraboloid 0.94 E* a d, where a is the
+        # radius of the cross-section at the depth d.
         force = half_space_formula[1] if half_space_formula else 0.5 * E_star * radius * depth
         return depth + compliance * force >= largest
 

@@ -13,32 +13,47 @@ from indent_sim.theory.poroelasticity import PorousSolid
 
 
 def undrained_law(material: Material) -> Material:
-    """The elastic law of a canonical material from which no fluid leaves; the material itself where
-    none flows.
+    """Return the elastic law of a material from which no pore fluid drains.
 
-    At small strain its bulk modulus is K + alpha^2/storage, at finite strain its volume stays what
-    it is; a gel's network is neo-Hookean then.
+    At small strain its bulk modulus is K + alpha^2/storage. At finite strain its volume is
+    constant, and the network of a gel is neo-Hookean.
+
+    Parameters
+    ----------
+    material : Material
+        A canonical material; one without pore fluid is returned unchanged.
+
+    Returns
+    -------
+    Material
+        The undrained law, without pore fluid.
     """
     flow = material.flow
-    law = material
     if flow is None:
         return material
-    E, nu = law.constants
-    if isinstance(law, TransverselyIsotropic):
-        return _undrained_anisotropic_law(law)
-    if isinstance(law, Gel):
-        return NeoHookean(E=3 * law.shear_modulus, nu=0.5)
+    E, nu = material.constants
+    if isinstance(material, TransverselyIsotropic):
+        return _undrained_anisotropic_law(material)
+    if isinstance(material, Gel):
+        return NeoHookean(E=3 * material.shear_modulus, nu=0.5)
     assert flow.permeability is not None
     solid = PorousSolid(E, nu, flow.permeability, flow.alpha, flow.storage)
     undrained_values = {"nu": solid.undrained_nu, "flow": None, "formulation": "auto"}
-    undrained_values |= (
-        {"E": solid.undrained_E} if isinstance(law, LinearElastic | NeoHookean) else {}
-    )
-    return replace(law, **undrained_values)  # type: ignore[arg-type]
+    if isinstance(material, LinearElastic | NeoHookean):
+        undrained_values["E"] = solid.undrained_E
+    return replace(material, **undrained_values)  # type: ignore[arg-type]
 
 
 def _undrained_anisotropic_law(law: TransverselyIsotropic) -> Material:
-    """S_u = S - (S alpha)(S alpha)^T/(alpha S alpha + storage) of the compliance S (Woodbury)."""
+    """Return the undrained law of a transversely isotropic material.
+
+    With the drained compliance S, the vector a = S alpha of the strains per pore pressure and the
+    storage, the undrained compliance is
+
+        S_u = S - a a^T/(alpha^T S alpha + storage)
+
+    (Woodbury identity). Components of a are `across` and `along` the axis of symmetry.
+    """
     assert law.flow is not None
     E = law.E
     E_z = law.E_z
@@ -59,16 +74,27 @@ def _undrained_anisotropic_law(law: TransverselyIsotropic) -> Material:
     return replace(law, E=E_u, E_z=E_zu, nu=nu_u, nu_z=nu_zu, flow=None, formulation="auto")
 
 
-def relaxed_law(material: Material, left: float) -> Material:
-    """The elastic law of a canonical material of which a share of the shear stress is left, and all
-    of the bulk modulus, or where everything relaxes the same share of it; the material itself
-    where nothing does.
+def relaxed_law(material: Material, fraction_remaining: float) -> Material:
+    """Return the elastic law of a material that has relaxed.
+
+    Parameters
+    ----------
+    material : Material
+        A canonical material; one that does not relax is returned unchanged.
+    fraction_remaining : float
+        Part of the instantaneous shear modulus that remains. The bulk modulus does not relax, or by
+        the same fraction if the whole stress relaxes.
+
+    Returns
+    -------
+    Material
+        The relaxed law, without relaxation.
     """
     if material.relaxation is None:
         return material
-    law = Scales(1.0, 1.0 / left).nondimensionalize(replace(material, flow=None))
+    law = Scales(1.0, 1.0 / fraction_remaining).nondimensionalize(replace(material, flow=None))
     if material.has_shear_relaxation and material.constants.nu < 0.5:
-        E, nu = material.relaxed_constants(left)
+        E, nu = material.relaxed_constants(fraction_remaining)
         relaxed_constants = {"nu": nu} | ({"E": E} if isinstance(law, LinearElastic) else {})
         law = replace(law, **relaxed_constants)  # type: ignore[arg-type]
     return replace(law, relaxation=None, flow=material.flow)

@@ -20,8 +20,21 @@ from indent_sim.theory.stack import Stack
 
 
 def half_space_depth(tip: Indenter, force: float, E_star: float) -> tuple[str, float] | None:
-    """Name and depth of a tip on a half-space at a force; None for the tips that nobody has a
-    formula for.
+    """Return the depth at a force on a homogeneous half-space, with the name of its formula.
+
+    Parameters
+    ----------
+    tip : Indenter
+        The tip.
+    force : float
+        Force [pressure length^2].
+    E_star : float
+        Indentation modulus of the half-space [pressure].
+
+    Returns
+    -------
+    tuple of str and float, or None
+        Name and depth [length]; None if there is no formula for the tip.
     """
     start = estimate_depth(tip.radius_at, force, E_star)
     name, force_at = _half_space_formula(tip, start, E_star)
@@ -30,8 +43,22 @@ def half_space_depth(tip: Indenter, force: float, E_star: float) -> tuple[str, f
 
 
 def half_space_force(tip: Indenter, delta: float, E_star: float) -> tuple[str, float] | None:
-    """Name and force of a tip on a half-space (Hertz, Sneddon); None for the tips that nobody has a
-    formula for.
+    """Return the force at a depth on a homogeneous half-space, with the name of its formula.
+
+    Parameters
+    ----------
+    tip : Indenter
+        The tip.
+    delta : float
+        Depth [length].
+    E_star : float
+        Indentation modulus of the half-space [pressure].
+
+    Returns
+    -------
+    tuple of str and float, or None
+        Name and force [pressure length^2]; None if there is no formula for the tip, or it has no
+        value.
     """
     name, force_at = _half_space_formula(tip, delta, E_star)
     try:
@@ -43,8 +70,9 @@ def half_space_force(tip: Indenter, delta: float, E_star: float) -> tuple[str, f
 def _half_space_formula(
     tip: Indenter, delta: float, E_star: float
 ) -> tuple[str, ForceCurve | None]:
-    """Name and force of a tip on a half-space near a depth; by quadrature where it has no closed
-    form.
+    """Return name and force curve of a tip on a half-space, by quadrature without a closed form.
+
+    The quadrature uses a length unit of about the contact radius at `delta`.
     """
     if not delta > 0:
         return "", None
@@ -52,15 +80,16 @@ def _half_space_formula(
     if force_at or not name:
         return name, force_at
     shape = theory_tip_shape(tip) if tip.is_axisymmetric else None
-    unit = float(2.0 ** np.ceil(np.log2(tip.radius_at(delta))))  # about the contact radius
+    unit = float(2.0 ** np.ceil(np.log2(tip.radius_at(delta))))
     half_space = Stack.half_space(E_star, unit)
     return name, partial(sneddon_force, tip=shape, half_space=half_space) if shape else None
 
 
-@lru_cache(maxsize=16)  # every row and every point of a curve asks
+@lru_cache(maxsize=16)  # It is called for every row and every point of a curve.
 def _closed_form_formula(tip: Indenter, E_star: float) -> tuple[str, ForceCurve | None]:
-    """Name and force of a tip on a half-space; no force where it takes a quadrature, no name where
-    nobody knows it.
+    """Return name and closed-form force curve of a tip on a half-space.
+
+    The force curve is None if it needs a quadrature. The name is empty if there is no formula.
     """
     tip_theory = TIP_THEORIES.get(type(tip))
     if (
@@ -69,11 +98,8 @@ def _closed_form_formula(tip: Indenter, E_star: float) -> tuple[str, ForceCurve 
         or (isinstance(tip, RegularPyramid) and tip.faces != 4)
     ):
         return "", None
-    if (
-        tip_theory.force is None
-        or getattr(tip, "tip_radius", 0.0) > 0
-        or getattr(tip, "edge_radius", 0.0) > 0
-    ):
+    is_rounded = getattr(tip, "tip_radius", 0.0) > 0 or getattr(tip, "edge_radius", 0.0) > 0
+    if tip_theory.force is None or is_rounded:
         return "Sneddon (quadrature)", None
-    first_attribute = {tip_theory.tip_attributes[0]: getattr(tip, tip_theory.tip_attributes[0])}
-    return tip_theory.formula_name, partial(tip_theory.force, E_star=E_star, **first_attribute)
+    size = {tip_theory.tip_attributes[0]: getattr(tip, tip_theory.tip_attributes[0])}
+    return tip_theory.formula_name, partial(tip_theory.force, E_star=E_star, **size)

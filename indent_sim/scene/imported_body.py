@@ -25,6 +25,15 @@ def position_imported_mesh(
 ) -> tuple[ImportedBody, ImportedMesh]:
     """Translate an imported mesh so that the tip first touches it at z = 0.
 
+    Parameters
+    ----------
+    config : Config
+        The scene file.
+    source : MeshFromFile
+        The body of the scene file.
+    imported_mesh : ImportedMesh
+        The mesh in the position of the file.
+
     Returns
     -------
     ImportedBody
@@ -35,14 +44,14 @@ def position_imported_mesh(
     Raises
     ------
     ConfigError
-        If the mesh has another hash than the config, or was cut at a plane that is not declared.
+        If the mesh has another hash than the scene file says, the tip's axis does not meet it, or
+        it ends in a plane through the tip's axis and the scene file does not say how it is held.
     """
     center = config.center or source.center
     if source.hash not in (None, imported_mesh.hash):
+        problem = f"'{source.file}' holds another mesh, whose hash is {imported_mesh.hash}"
         remedy = "use the mesh file of this scene, or leave the hash out"
-        raise ConfigError(
-            "body.hash", f"'{source.file}' holds another mesh, whose hash is {imported_mesh.hash}", remedy
-        )
+        raise ConfigError("body.hash", problem, remedy)
     imported_mesh = imported_mesh.with_leading_region(
         imported_domain.region_under_axis(imported_mesh, center)
     )
@@ -50,13 +59,13 @@ def position_imported_mesh(
     placed_mesh = imported_mesh.translated_to_contact(
         imported_domain.first_contact_height(config.indenter, imported_mesh, center)
     )
-    return imported_domain.imported_body(
-        placed_mesh, source, center, _region_materials(placed_mesh, config)[0][1]
-    ), placed_mesh
+    _, material = _region_materials(placed_mesh, config)[0]
+    body = imported_domain.imported_body(placed_mesh, source, center, material)
+    return body, placed_mesh
 
 
 def read_imported_mesh(config: Config, comm: Any) -> ImportedMesh | None:
-    """Read the mesh file of a config; None if it names none (collective).
+    """Read the mesh file of a scene; None if its body has no mesh file (collective).
 
     On several ranks, rank 0 reads the file and maps its arrays into memory; the others receive the
     boundary cells.
@@ -78,7 +87,7 @@ def read_mesh_file(config: Config, source: MeshFromFile) -> ImportedMesh:
 
 
 def _read_boundary_cells(config: Config, source: MeshFromFile) -> BoundaryCells:
-    """Read the boundary cells in the process that meshes; all other arrays stay in a file."""
+    """Read the boundary cells in the mesher process; all other arrays stay in a file."""
     from indent_sim.mesh.mesher_process import call_in_mesher
 
     failure_text = f"'{source.file}' could not be read"
@@ -103,14 +112,23 @@ def _region_materials(imported_mesh: ImportedMesh, config: Config) -> list[tuple
 def imported_model_domain(
     config: Config, imported_mesh: ImportedMesh, scales: Scales
 ) -> tuple[ModelDomain, str]:
-    """Return the model domain of an imported mesh, and the reason for its symmetry."""
+    """Return the model domain of an imported mesh, and the reason for its symmetry.
+
+    Parameters
+    ----------
+    config : Config
+        The scene file.
+    imported_mesh : ImportedMesh
+        The translated mesh.
+    scales : Scales
+        Scales of the nondimensional problem.
+    """
     assert isinstance(config.body, MeshFromFile)
     materials = [
         (key, scales.nondimensionalize(material))
         for key, material in _region_materials(imported_mesh, config)
     ]
     names = [f"regions.{name}" if name else "body" for name in imported_mesh.region_names]
-    named_laws = zip(names, materials, strict=True)
     shear_fractions = [least_shear_fraction(config, law) for _, law in materials]
     regions = tuple(
         Region(
@@ -120,7 +138,7 @@ def imported_model_domain(
             0.0,
             min_shear_fraction=shear_fraction,
         )
-        for (name, (key, law)), shear_fraction in zip(named_laws, shear_fractions, strict=True)
+        for name, (key, law), shear_fraction in zip(names, materials, shear_fractions, strict=True)
     )
     domain = imported_domain.imported_domain(
         imported_mesh.scaled_by_length(scales.length), config.body, regions

@@ -14,6 +14,7 @@ from indent_sim.process.errors import ConfigError
 from indent_sim.scene import boundary_films
 from indent_sim.scene.corner_singularities import corners
 from indent_sim.scene.history_path import problem_along_history
+from indent_sim.scene.path_rows import path_rows
 from indent_sim.scene.problem_setup import ProblemSetup
 from indent_sim.scene.resolution import (
     AUTO_ERROR,
@@ -201,7 +202,7 @@ def _film_sizes(
     a = setup.a
     D = boundary_films.smallest_diffusivity(setup.physics)
     path = problem_along_history(setup, physics, default_sizes.h_contact).path
-    rows = boundary_films.path_rows(path)
+    rows = path_rows(path)
     faces = boundary_films.drained_faces(setup, min(path.times) - (path.start_time or 0.0))
     h_film = given_size
     if h_film is None:

@@ -1,6 +1,4 @@
-"""Theory of a scene: which layer or half-space theory, for its tip, and what the body has that
-theory has not.
-"""
+"""Reference theory of a scene, with the differences between its body and that of the theory."""
 
 from __future__ import annotations
 
@@ -47,7 +45,8 @@ from indent_sim.theory.strip import Strip
 from indent_sim.theory.theory import THEORY_ERROR, Theory
 
 NO_INCLUSIONS = "theory's body has no inclusions"
-# Between moduli from which theory loses digits, and the power: 2e-6 was measured at 1e5
+# Ratio of Young's moduli up to which layer theory keeps the error THEORY_ERROR; beyond it the error
+# grows with this power of the ratio. Measured: a relative error of 2e-6 at a ratio of 1e5.
 INEXACT_CONTRAST = 1e4
 CONTRAST_ERROR_EXPONENT = 2.5
 
@@ -59,15 +58,33 @@ def theory_of(
     center: tuple[float, ...],
     surface_tension: float = 0.0,
 ) -> Theory | None:
-    """The theory of a tip on a body under a surface tension [pressure length], its inclusions left
-    out, or None where there is none.
+    """Return the reference theory of a scene, which neglects inclusions; None if there is none.
+
+    Parameters
+    ----------
+    body : Body
+        The body.
+    layers : sequence of Layer
+        Its layers from the top.
+    tip : Indenter
+        The tip.
+    center : tuple of float
+        Horizontal position of the tip's axis [length].
+    surface_tension : float, optional
+        Surface tension [pressure length].
+
+    Returns
+    -------
+    Theory or None
+        The theory, with the reason if it is not exact for this body.
     """
     theory = (
         half_space_theory(tip, layers)
         if isinstance(body, HalfSpace)
         else layer_theory(body, layers, tip, center)
     )
-    theory = _add_surface_tension(theory, surface_tension) if theory and surface_tension else theory
+    if theory and surface_tension:
+        theory = _add_surface_tension(theory, surface_tension)
     if theory is None or not body.inclusions:
         return theory
     return replace(
@@ -78,7 +95,10 @@ def theory_of(
 
 
 def _add_surface_tension(theory: Theory, surface_tension: float) -> Theory | None:
-    """The same with a surface tension, whose theory knows no walls, and nothing in plane strain."""
+    """Return the theory of a layer with surface tension; None in plane strain.
+
+    This theory has no side walls, so that it is not exact for a body with a wall.
+    """
     if not isinstance(theory.contact, Layer):
         return None
     from indent_sim.theory.surface_tension import LayerWithSurfaceTension
@@ -89,16 +109,15 @@ def _add_surface_tension(theory: Theory, surface_tension: float) -> Theory | Non
         (has_wall, "theory's layer is infinitely wide"),
         (
             contact.has_slope_discontinuities,
-            "with a surface tension theory's pressure ripples under a tip with kinks",
+            "with surface tension, theory's pressure oscillates under a tip with slope "
+            "discontinuities",
         ),
     )
-    exact = theory.is_exact and not difference
-    why = difference or theory.reason
     return replace(
         theory,
         contact=contact,
-        is_exact=exact,
-        reason=why,
+        is_exact=theory.is_exact and not difference,
+        reason=difference or theory.reason,
         error=max(theory.error, contact.error),
         formulas={},
     )
@@ -107,8 +126,10 @@ def _add_surface_tension(theory: Theory, surface_tension: float) -> Theory | Non
 def layer_theory(
     body: Body, layers: Sequence[BodyLayer], tip: Indenter, center: tuple[float, ...]
 ) -> Theory | None:
-    """The layer theory of a scene, or None where there is none (nu < 0, a tip that theory does not
-    know).
+    """Return the layer theory of a bounded body; None if there is none.
+
+    There is none for a body from a mesh file, for layers with nu < 0, and for tips that the theory
+    does not know. The parameters are those of `theory_of`.
     """
     if isinstance(body, ImportedBody):
         return None
@@ -122,19 +143,20 @@ def layer_theory(
     stack = stack_of(layers, body.base)
     if shape is None or stack is None or (is_plane and shape.f is None):
         return None
-    wall, exact, why = _roller_wall(body, center)
+    wall, is_exact, why = _roller_wall(body, center)
     contact = (Strip if is_plane else Layer).from_stack(shape, stack, wall)
     formulas = {} if is_plane else _layer_formulas(layers, tip, body.base)
     return _assess_exactness(
-        Theory("layer theory", exact, why, contact, formulas=formulas), layers, tip
+        Theory("layer theory", is_exact, why, contact, formulas=formulas), layers, tip
     )
 
 
 def _spherical_body_theory(
     body: SphericalBody, layers: Sequence[BodyLayer], tip: Indenter
 ) -> Theory | None:
-    """Theory of a flat body under the curvatures of tip and dome: a layer as high as a cap, a
-    half-space for a ball.
+    """Return the theory of a flat body and a tip with the sum of both curvatures.
+
+    The flat body is a layer of the height of a cap, or a half-space for a ball.
     """
     is_cap = body.shape == "cap"
     shape = theory_tip_shape(tip)
@@ -142,7 +164,7 @@ def _spherical_body_theory(
     if shape is None or stack is None:
         return None
     contact = Layer.from_stack(profiles.tip_over_spherical_body(shape, body.radius), stack)
-    why = "theory's body is flat, and its tip has the curvature of this one relative to the body's"
+    why = "theory's body is flat, and its tip has the sum of the curvatures of tip and body"
     return Theory("layer theory" if is_cap else "half-space theory", False, why, contact)
 
 
@@ -154,10 +176,28 @@ def adhesive_radii(
     depth: float,
     force: float | None,
 ) -> tuple[float, float] | tuple[()]:
-    """Contact radii [length] of a tip that adheres without range: where it comes off, and at a
-    depth, or at a force [force] where that is prescribed.
+    """Return the JKR contact radii at pull-off and in the deepest contact.
 
-    By theory, or that of a half-space of the first layer; empty where neither knows them.
+    Parameters
+    ----------
+    theory : Theory or None
+        The reference theory; without a JKR contact of it, that of a half-space of the first layer
+        is used.
+    tip : Indenter
+        The tip.
+    layers : sequence of Layer
+        Layers from the top.
+    work : float
+        Work of adhesion [pressure length].
+    depth : float
+        Largest depth [length].
+    force : float or None
+        Largest force [pressure length^2] if forces are prescribed.
+
+    Returns
+    -------
+    tuple of float
+        Both radii [length]; empty if no theory has an equilibrium.
     """
     depth = max(depth, 0.0)
     jkr = theory.jkr(work) if theory else None
@@ -167,15 +207,18 @@ def adhesive_radii(
         )
         jkr = half_space.jkr(work) if half_space else None
     with contextlib.suppress(*SOLUTION_ERRORS):
-        target = (depth,) if force is None else (max(force, 0.0), inf)
-        if jkr is not None and (deepest_contact := jkr.stable_equilibrium(*target)):
+        # A prescribed force is the equilibrium at the end of a spring of infinite compliance.
+        prescribed = (depth,) if force is None else (max(force, 0.0), inf)
+        if jkr is not None and (deepest_contact := jkr.stable_equilibrium(*prescribed)):
             return jkr.pull_off().a, deepest_contact.a
     return ()
 
 
 def relative_tip(tip: Indenter, body: Body) -> Indenter:
-    """The tip that leaves the same gap over a flat top: of the curvature 1/R relative to the
-    body's, 1/R + 1/radius. A sharp tip is its own: beside its apex the body is flat.
+    """Return the tip that leaves the same gap over a flat body as this tip over the body.
+
+    To second order this is a paraboloid with the sum of both curvatures, 1/R + 1/radius. A sharp
+    tip is returned unchanged: near its apex, the body is flat.
     """
     if not isinstance(body, SphericalBody):
         return tip
@@ -190,14 +233,15 @@ def relative_tip(tip: Indenter, body: Body) -> Indenter:
 def half_space_theory(
     tip: Indenter, layers: Sequence[BodyLayer], size: float = 1.0
 ) -> Theory | None:
-    """Theory of a tip on a half-space, homogeneous or below layers; `size`: about a contact radius
-    [length].
+    """Return the theory of a tip on layers, the last of which is a half-space; None without one.
+
+    `size` is a length of about the contact radius [length], the unit of a homogeneous half-space.
     """
     shape = theory_tip_shape(tip)
     stack = stack_of(layers, None, size)
     if shape is None or stack is None:
         return None
-    why = "the half-space itself" if len(layers) == 1 else "the layers on the half-space itself"
+    why = f"theory describes this {'layered ' if len(layers) > 1 else ''}half-space exactly"
     theory = Theory(
         "half-space theory",
         True,
@@ -209,13 +253,26 @@ def half_space_theory(
 
 
 def stack_of(layers: Sequence[BodyLayer], base: str | None, size: float = 1.0) -> Stack | None:
-    """The layers as theory knows them, on a rigid base, or the last one a half-space where base is
-    None. None where theory does not know a material (nu < 0).
+    """Return the layers for the theory; None if a layer has nu < 0.
+
+    Parameters
+    ----------
+    layers : sequence of Layer
+        Layers from the top.
+    base : str or None
+        fixed | roller for a rigid base; None if the last layer is a half-space.
+    size : float, optional
+        Length unit of a homogeneous half-space [length].
+
+    Returns
+    -------
+    Stack or None
+        Thickness and elastic constants of the layers.
     """
     stack_layers = [_theory_layer(layer) for layer in layers]
     if base is None and len(stack_layers) == 1:
         return Stack.half_space(stack_layers[0].E / (1 - stack_layers[0].nu ** 2), size)
-    if any(ply.nu < 0 for ply in stack_layers):
+    if any(layer.nu < 0 for layer in stack_layers):
         return None
     if base is None:
         stack_layers[-1] = stack_layers[-1]._replace(thickness=inf)
@@ -223,22 +280,19 @@ def stack_of(layers: Sequence[BodyLayer], base: str | None, size: float = 1.0) -
 
 
 def _assess_exactness(theory: Theory, layers: Sequence[BodyLayer], tip: Indenter) -> Theory:
-    """The theory of a body like its own, with what tip and materials have that it has not, and its
-    error.
-    """
+    """Return the theory with its error, as inexact if materials or tip differ from its own."""
     assert isinstance(theory.contact, ContactCurve)
     materials = [layer.material for layer in layers if layer.material]
-    is_one_half_space = (
-        len(layers) == 1 and theory.contact.scaled_stack.is_bottomless
-    )  # of the same indentation modulus
+    # A transversely isotropic half-space indents as the isotropic one of its indentation modulus.
+    is_one_half_space = len(layers) == 1 and theory.contact.scaled_stack.is_bottomless
     is_isotropic = is_one_half_space or all(material.is_isotropic for material in materials)
     why = first_reason(
         (not is_isotropic, "theory's layers are isotropic"),
         (
             not all(material.is_small_strain for material in materials),
-            "theory is that of small strain",
+            "theory assumes small strain",
         ),
-        (not tip.is_axisymmetric, "theory's tip is the cone of equal sections"),
+        (not tip.is_axisymmetric, "theory's tip is the cone of equal cross-sections"),
     )
     moduli = [material.constants.E for material in materials]
     error = (
@@ -251,7 +305,7 @@ def _assess_exactness(theory: Theory, layers: Sequence[BodyLayer], tip: Indenter
 
 
 def _layer_formulas(layers: Sequence[BodyLayer], tip: Indenter, base: str) -> dict[str, ForceCurve]:
-    """Dimitriadis, for a paraboloid or a sphere on a single layer."""
+    """Return the formula of Dimitriadis for a paraboloid or a sphere on a single layer."""
     if len(layers) > 1 or not isinstance(tip, Paraboloid | Sphere):
         return {}
     return {
@@ -262,7 +316,7 @@ def _layer_formulas(layers: Sequence[BodyLayer], tip: Indenter, base: str) -> di
 
 
 def _film_formulas(layers: Sequence[BodyLayer], tip: Indenter) -> dict[str, ForceCurve]:
-    """Gao and Perriot-Barthel, for one film on a half-space."""
+    """Return the formulas of Gao and of Perriot and Barthel for one film on a half-space."""
     film_theory = half_space_theory(tip, layers[:1]) if len(layers) == 2 else None
     if film_theory is None:
         return {}
@@ -275,22 +329,26 @@ def _film_formulas(layers: Sequence[BodyLayer], tip: Indenter) -> dict[str, Forc
 
 
 def _theory_layer(layer: BodyLayer) -> StackLayer:
+    """Return thickness and elastic constants of a layer."""
     assert layer.material is not None
     return StackLayer(layer.thickness or inf, *layer.material.constants)
 
 
 def _roller_wall(body: Body, center: tuple[float, ...]) -> tuple[float | None, bool, str]:
-    """Radius of the roller wall, if the body has the one that theory knows, and what is different
-    otherwise.
+    """Return the radius [length] of a roller wall, whether the theory is exact, and the reason.
+
+    The theory has a frictionless wall around the tip's axis, or none. The radius is None for a body
+    without such a wall.
     """
     if isinstance(body, UnboundedBody):
-        return None, True, "the infinitely wide layer itself"
-    on_axis = np.allclose(
-        center, body.center, rtol=2e-11, atol=1e-12 * body.height
-    )  # it is rounded to 12 digits
+        return None, True, "theory describes this infinitely wide layer exactly"
+    # Positions are rounded to 12 digits.
+    is_on_axis = np.allclose(center, body.center, rtol=2e-11, atol=1e-12 * body.height)
     match body.shape:
-        case "cylinder" if on_axis and body.sides == "roller":
-            return body.radius, True, "a layer in a frictionless cylinder is this very body"
-        case "strip" if on_axis and body.sides.x_min == body.sides.x_max == "roller":
-            return body.width / 2, True, "a strip between frictionless walls is this very body"
+        case "cylinder" if is_on_axis and body.sides == "roller":
+            why = "theory describes this layer in a frictionless cylinder exactly"
+            return body.radius, True, why
+        case "strip" if is_on_axis and body.sides.x_min == body.sides.x_max == "roller":
+            why = "theory describes this strip between frictionless walls exactly"
+            return body.width / 2, True, why
     return None, False, "theory's layer is infinitely wide"

@@ -6,9 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from indent_sim.mesh.sizes import Sizes
-from indent_sim.model.contact import (
-    AutoContact,
-)
+from indent_sim.model.contact import AutoContact
 from indent_sim.model.imported_body import MeshFromFile
 from indent_sim.model.unbounded_bodies import UnboundedBody
 from indent_sim.process.errors import ConfigError
@@ -26,7 +24,7 @@ if TYPE_CHECKING:
     from indent_sim.config.schema import Config
 
 
-WHOLE_BODY_WHY = "solver.linear: iterative is for the whole body"
+WHOLE_BODY_WHY = "solver.linear: iterative applies to the whole body only"
 # Iterations must save this many seconds of a factorization, which never fails, to be chosen.
 MIN_SECONDS_SAVED = 2.0
 # Iterations must take less than this part of the time of a factorization: predicted times are no
@@ -106,7 +104,7 @@ def solver(config: Config, setup: ProblemSetup, physics: ProblemDefinition, node
 
 
 def iterative_obstacle(config: Config, physics: ProblemDefinition, sizes: Sizes) -> str:
-    """Reason against an iterative solver of the linear systems; empty if it can be used."""
+    """Return the reason against an iterative solver of linear systems; empty if it can be used."""
     law = physics.contact
     locking_nu = physics.largest_locking_nu
     stiffness_multiple = getattr(law, "stiffness", 0.0) * sizes.h_contact / physics.material.E_star
@@ -191,7 +189,7 @@ def linear_solver(
     return Choice(
         "solver.linear",
         solver_kind,
-        f"predicted cost: direct {cost_texts[0]}, iteratively {cost_texts[1]}",
+        f"predicted cost: direct {cost_texts[0]}, iterative {cost_texts[1]}",
     )
 
 
@@ -225,7 +223,7 @@ def theory(config: Config, setup: ProblemSetup) -> Choice | None:
 
 
 def theory_obstacle(config: Config, setup: ProblemSetup) -> str:
-    """Reason why theory cannot solve a scene as requested; empty if it can."""
+    """Return the reason why theory cannot solve a scene as requested; empty if it can."""
     if config_reason := config_obstacle(config):
         return config_reason
     reference_theory = setup.theory
@@ -256,10 +254,10 @@ def theory_obstacle(config: Config, setup: ProblemSetup) -> str:
 
 
 def config_obstacle(config: Config) -> str:
-    """Reason in the config alone why no theory can solve it; empty if there is none."""
+    """Return the reason in the config alone why theory cannot solve a scene; empty without one."""
     materials = [layer.material for layer in config.layers if layer.material]
     law = config.contact
-    solver = replace(config.solver, method="auto")
+    other_settings = replace(config.solver, method="auto")
     return first_reason(
         (isinstance(config.body, MeshFromFile), "theory does not know a body from a mesh file"),
         (not all(material.is_small_strain for material in materials), "the material is not linear"),
@@ -279,8 +277,11 @@ def config_obstacle(config: Config) -> str:
         (law.gap == "current", "theory evaluates the gap at the undeformed point"),
         (not isinstance(law, AutoContact), f"contact.method: {law.method} needs a mesh"),
         (bool(law.feature_without_theory), f"theory has no {law.feature_without_theory}"),
-        (solver != type(solver)(), "linear, rtol and max_iterations of solver need a mesh"),
-        (config.mesh != type(config.mesh)(), "the settings of the section mesh need a mesh"),
+        (
+            other_settings != type(other_settings)(),
+            "solver.linear, solver.rtol and solver.max_iterations need a mesh",
+        ),
+        (config.mesh != type(config.mesh)(), "the keys of the section 'mesh' need a mesh"),
         (
             any(material.formulation != "auto" for material in materials),
             "material.formulation needs a mesh",
@@ -293,7 +294,7 @@ def config_obstacle(config: Config) -> str:
 
 
 def needs_mesh(config: Config) -> bool:
-    """True if the config alone shows that the scene needs a mesh."""
+    """Return whether the config alone shows that the scene needs a mesh."""
     is_for_theory = isinstance(config.body, UnboundedBody) or config.solver.method == "theory"
     return (
         config.solver.method in ("condensed", "newton")

@@ -317,7 +317,7 @@ def _relaxation_transition(
             for term_fraction, (_, time) in zip(term_fractions, terms, strict=True)
         )
     material = physics.material
-    relaxed_material = partial(relaxed_law, left=least_modulus)
+    relaxed_material = partial(relaxed_law, fraction_remaining=least_modulus)
     ratio = (
         1 / least_modulus
         if setup.relaxation

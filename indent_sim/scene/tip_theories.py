@@ -20,11 +20,18 @@ from indent_sim.theory import half_space, profiles
 
 @dataclass(frozen=True)
 class TipTheory:
-    """What theory knows of a kind of tip: its shape, and force(delta, size, E_star) of a sharp one
-    on a half-space.
+    """Theory of one kind of tip.
 
-    takes: what the shape takes of the tip, by name; the first is the size. half_space: whose
-    formula the force is.
+    Attributes
+    ----------
+    shape
+        Function that returns the axisymmetric shape from the attributes of a tip.
+    tip_attributes
+        Names of these attributes; the first one is the size of the tip.
+    formula_name
+        Name of the force formula.
+    force
+        Closed-form force(delta, size, E_star) of a sharp tip on a half-space; None without one.
     """
 
     shape: Callable[..., profiles.Tip]
@@ -33,39 +40,38 @@ class TipTheory:
     force: Callable[..., float] | None = None
 
 
-SlopeJumps = Callable[
-    [], Sequence[tuple[float, float, float]]
-]  # of a profile: radius, half of the width, and jump
+# Function that returns the rounding arcs of a profile: radial position of the middle of an arc,
+# half of its width [length], and change of slope.
+RoundingArcs = Callable[[], Sequence[tuple[float, float, float]]]
 
 
 def _piecewise_linear_tip(
     points: Sequence[Sequence[float]],
     tip_radius: float,
     slope: profiles.Shape,
-    slope_jumps: SlopeJumps,
+    rounding_arcs: RoundingArcs,
 ) -> profiles.Tip:
+    """Return the shape of a piecewise linear profile, whose corners may be rounded by arcs."""
     if tip_radius == 0.0:
         return profiles.piecewise_linear(points)
-    slope_discontinuities = {
-        round(edge, 15) for c, w, _ in slope_jumps() for edge in (c - w, c + w)
+    arc_ends = {
+        round(end, 15)
+        for middle, half_width, _ in rounding_arcs()
+        for end in (middle - half_width, middle + half_width)
     }
     return profiles.tip_from_slope(
         slope,
         max_radius=points[-1][0],
-        slope_discontinuities=sorted(b for b in slope_discontinuities if b > 0),
+        slope_discontinuities=sorted(end for end in arc_ends if end > 0),
     )
 
-
-PUNCH_FORMULA = ("Sneddon (flat punch)", half_space.flat_punch_force)
-
-SQUARE_PYRAMID_FORMULA = ("a square pyramid on a half-space", half_space.square_pyramid_force)
 
 PYRAMID_THEORY = TipTheory(
     profiles.equivalent_cone,
     ("half_angle", "equivalent_radius_ratio", "tip_radius"),
-    *SQUARE_PYRAMID_FORMULA,
+    "a square pyramid on a half-space",
+    half_space.square_pyramid_force,
 )
-
 TIP_THEORIES: dict[type, TipTheory] = {
     Paraboloid: TipTheory(profiles.paraboloid, ("R",), "Hertz", half_space.paraboloid_force),
     Sphere: TipTheory(profiles.sphere, ("R",), "Sneddon (sphere)", half_space.sphere_force),
@@ -73,7 +79,12 @@ TIP_THEORIES: dict[type, TipTheory] = {
         profiles.cone, ("half_angle", "tip_radius"), "Sneddon (cone)", half_space.cone_force
     ),
     tips.Hyperboloid: TipTheory(profiles.hyperboloid, ("R", "half_angle")),
-    FlatPunch: TipTheory(profiles.flat_punch, ("radius", "edge_radius"), *PUNCH_FORMULA),
+    FlatPunch: TipTheory(
+        profiles.flat_punch,
+        ("radius", "edge_radius"),
+        "Sneddon (flat punch)",
+        half_space.flat_punch_force,
+    ),
     Plate: TipTheory(profiles.flat_plate),
     **dict.fromkeys((tips.Pyramid, tips.Berkovich, tips.Vickers, tips.CubeCorner), PYRAMID_THEORY),
     Profile: TipTheory(_piecewise_linear_tip, ("points", "tip_radius", "slope", "rounding_arcs")),
@@ -81,12 +92,10 @@ TIP_THEORIES: dict[type, TipTheory] = {
 
 
 def theory_tip_shape(tip: Indenter) -> profiles.Tip | None:
-    """The tip as layer theory sees it; None for one that it does not know."""
+    """Return the axisymmetric shape of a tip for layer theory; None if the theory has none."""
     tip_theory = TIP_THEORIES.get(type(tip))
+    if tip_theory is None:
+        return None
     with contextlib.suppress(ValueError):
-        return (
-            tip_theory.shape(*(getattr(tip, name) for name in tip_theory.tip_attributes))
-            if tip_theory
-            else None
-        )
+        return tip_theory.shape(*(getattr(tip, name) for name in tip_theory.tip_attributes))
     return None

@@ -38,7 +38,10 @@ CAP = {"shape": "cap", "base_radius": 2.0, "height": 1.0}
 NEO_HOOKEAN = ELASTIC | {"model": "neo_hookean"}
 PLATE = {"shape": "plate"}
 CONE = {"shape": "cone", "half_angle": 70.0}
-OWN = {name: getattr(surface_tension, name) for name in ("FEWEST", "PER_ROOT", "MOST")}
+OWN = {
+    name: getattr(surface_tension, name)
+    for name in ("LEAST_FUNCTIONS", "FUNCTIONS_PER_ROOT", "MAX_FUNCTIONS")
+}
 
 
 def tensed(body: dict[str, Any], gamma: float, delta: float = 0.01, **sections: Any) -> Scene:
@@ -139,7 +142,7 @@ def test_theory_is_as_good_as_it_says(tip: str, more: int, monkeypatch: pytest.M
     """Against two or three times as many functions, to the error that the scene states."""
     force, error = [], 0.0
     for times in (1, more):
-        for name in ("FEWEST", "PER_ROOT", "MOST"):
+        for name in ("LEAST_FUNCTIONS", "FUNCTIONS_PER_ROOT", "MAX_FUNCTIONS"):
             monkeypatch.setattr(surface_tension, name, times * OWN[name])
         base = tensed(HALF_SPACE, 0.1, indenter=STATED[tip])
         theory = base.plan.theory

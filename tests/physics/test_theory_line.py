@@ -54,7 +54,7 @@ def test_after_unloading_the_depth_is_named(outcome):
 def test_the_other_gap_is_the_reason_for_the_deviation(outcome):
     done = outcome(contact={"gap": "current"})
     said = line(done, "layer theory")
-    assert "deformed point" in said and "exact" not in said and "this very body" not in said
+    assert "deformed point" in said and "exact" not in said and "describes this" not in said
     assert done.report["theory"]["why"] in said and not done.report["theory"]["exact"]
 
 

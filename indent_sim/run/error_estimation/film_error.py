@@ -22,7 +22,7 @@ import numpy as np
 from indent_sim.model.load_path import LoadPath
 from indent_sim.model.state import State
 from indent_sim.scene import boundary_films
-from indent_sim.scene.boundary_films import PathRow
+from indent_sim.scene.path_rows import PathRow, path_rows
 from indent_sim.scene.problem_definition import is_undrained_incompressible
 from indent_sim.scene.scene import Scene
 
@@ -94,7 +94,7 @@ def estimate_film_error(
     physics = scene.physics
     if not _has_films(scene):
         return None
-    rows = boundary_films.path_rows(physics.path)
+    rows = path_rows(physics.path)
     D = boundary_films.smallest_diffusivity(physics)
     sudden_scene = sudden_load_scene(scene)
     if sudden_scene is None:

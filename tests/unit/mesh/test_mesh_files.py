@@ -19,7 +19,8 @@ from indent_sim.config.scene_file import load, loads
 from indent_sim.mesh import mesh_import
 from indent_sim.mesh.grid import boundary_facets, iterate_facets
 from indent_sim.mesh.imported_domain import ImportedDomain, first_contact_height, refine_domain
-from indent_sim.mesh.imported_mesh import ImportedMesh, msh_text_parts, refined_once
+from indent_sim.mesh.imported_mesh import ImportedMesh
+from indent_sim.mesh.uniform_refinement import refined_once
 from indent_sim.model.imported_body import MeshFromFile, MeshSurfaces
 from indent_sim.model.tips import Paraboloid
 from indent_sim.process.errors import ConfigError, MeshFileError
@@ -117,7 +118,7 @@ def test_the_copy_of_a_piece_is_the_piece(
     body["points"][:, :2] *= 1 / 3
     found = piece(tmp_path, body, kinematics, has_material=False, regions={"gel": None})
     source = MeshFromFile("copy.msh", kinematics, SURFACES, regions={"gel": None})  # type: ignore[dict-item]
-    (tmp_path / "copy.msh").write_text("".join(msh_text_parts(found, source)), encoding="utf-8")
+    (tmp_path / "copy.msh").write_text("".join(found.msh_text(source)), encoding="utf-8")
     again = mesh_import.import_mesh(str(tmp_path), source, False)
     assert again.hash == found.hash and again.region_names == found.region_names == ("gel",)
 
@@ -165,7 +166,8 @@ def test_cells_alone_have_the_surfaces_that_their_names_would_give(
         body["points"][:, 0] / 10
     )  # tilted: the base is not level
     with pytest.raises(
-        MeshFileError, match="no one part of the outside faces down and is level; in gmsh: Physical"
+        MeshFileError,
+        match="no single part of the boundary faces down and is level; in gmsh: Physical",
     ):
         piece(tmp_path, without_names(body), kinematics, name, MeshSurfaces())
     body["points"][:, -1 if kinematics == "3d" else 1] -= body["points"][:, 0] / 10
@@ -194,7 +196,7 @@ def test_cells_alone_have_the_surfaces_that_their_names_would_give(
         MeshFromFile("", kinematics, sides="fixed").surface_names,
         sides="fixed",
     )
-    (tmp_path / "copy.msh").write_text("".join(msh_text_parts(bare, source)), encoding="utf-8")
+    (tmp_path / "copy.msh").write_text("".join(bare.msh_text(source)), encoding="utf-8")
     assert mesh_import.import_mesh(str(tmp_path), source, True).hash == bare.hash
 
 
@@ -217,10 +219,10 @@ def test_a_surface_by_where_it_faces_leaves_what_has_a_name(tmp_path: Path) -> N
 def test_what_faces_up_or_down_at_two_heights_must_be_named(tmp_path: Path) -> None:
     body = section()
     _stepped(body)
-    with pytest.raises(MeshFileError, match="no one part of the outside faces down"):
+    with pytest.raises(MeshFileError, match="no single part of the boundary faces down"):
         piece(tmp_path, without_names(body), surfaces=MeshSurfaces())
     body["facets"] = {"bottom": body["facets"]["bottom"]}
-    with pytest.raises(ConfigError, match="parts of 'what faces up' lie above one another"):
+    with pytest.raises(ConfigError, match="parts of the contact surface lie above one another"):
         piece(tmp_path, body, surfaces=MeshSurfaces(base="bottom"))
 
 
@@ -472,7 +474,7 @@ MALFORMED: list[tuple[Callable[[dict[str, Any]], None], str, str]] = [
     (
         _named_inside,
         "body.surfaces.contact",
-        "1 facets of 'top' are not on the outside of the body, the first at",
+        "1 facets of 'top' are not on the boundary of the body, the first at",
     ),
     (_shared, "body.surfaces.sides", "'wall' shares facets with another surface"),
     (_stepped, "body.surfaces.contact", "parts of 'top' lie above one another at"),
@@ -535,7 +537,7 @@ def test_a_malformed_mesh_has_its_message(
         (
             "body.file=scene.yaml",
             "body.file",
-            "is of no known kind; it must end in one of .msh, .xdmf, .vtu, .inp",
+            "has no known file extension; it must end in one of .msh, .xdmf, .vtu, .inp",
         ),
         (
             "body.file=/etc/passwd",
@@ -575,8 +577,8 @@ def test_a_mesh_is_part_of_no_other_shape() -> None:
         (".xdmf", np.full((3, 3), np.nan), [[0, 1, 2]], "are no numbers, or beyond 1e"),
         (".xdmf", np.full((3, 3), 1e200), [[0, 1, 2]], "are no numbers, or beyond 1e"),
         (".vtu", np.eye(3), np.array([[0.0, 1.4, 2.0]]), "is not a mesh that can be read"),
-        (".xdmf", np.eye(3), np.array([[0.0, 1.4, 2.0]]), "corners are no numbers of points"),
-        (".xdmf", np.eye(3), [[0, 1, 9]], "corners that are no points of it"),
+        (".xdmf", np.eye(3), np.array([[0.0, 1.4, 2.0]]), "corners are not indices of points"),
+        (".xdmf", np.eye(3), [[0, 1, 9]], "corners that are not points of the file"),
     ],
 )
 def test_points_are_real_and_corners_are_whole(

@@ -41,7 +41,7 @@ def why(name: str, found: Any) -> str:
 def test_bodies_without_end_are_solved_by_theory(body: dict[str, Any]) -> None:
     found = scene(body)
     assert found.solver.method == found.method == "theory" and not found.is_meshed
-    assert "itself" in why("solver.method", found) and "no mesh is needed" in why(
+    assert "theory describes this" in why("solver.method", found) and "no mesh is needed" in why(
         "solver.method", found
     )
     assert not {"mesh.h_contact", "body", "contact"} & {choice.key for choice in found.plan.choices}
@@ -55,7 +55,7 @@ def test_other_bodies_are_meshed_unless_asked(body: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("body", [WALLED, STRIP], ids=["walled", "strip"])
 def test_a_body_of_theorys_own_is_solved_on_request(body: dict[str, Any]) -> None:
-    assert "this very body" in why("solver.method", scene(body, THEORY))
+    assert "theory describes this" in why("solver.method", scene(body, THEORY))
 
 
 REASONS: dict[str, tuple[list[str], str]] = {
@@ -63,8 +63,8 @@ REASONS: dict[str, tuple[list[str], str]] = {
     "tip": (["indenter={shape: pyramid, half_angle: 65}"], "theory needs an axisymmetric tip"),
     "gap": (["contact.gap=current"], "undeformed point"),
     "method": (["contact.method=uzawa"], "contact.method: uzawa"),
-    "sizes": (["mesh.h_contact=0.01"], "settings of the section mesh"),
-    "symmetry": (["mesh.symmetry=quarter"], "settings of the section mesh"),
+    "sizes": (["mesh.h_contact=0.01"], "keys of the section 'mesh'"),
+    "symmetry": (["mesh.symmetry=quarter"], "keys of the section 'mesh'"),
     "rtol": (["solver.rtol=1e-10"], "rtol"),
     "formulation": (["material.formulation=mixed"], "formulation"),
     "fields": (["output.fields=last"], "output.fields: last"),

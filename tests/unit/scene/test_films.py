@@ -13,7 +13,7 @@ from scipy.linalg import solve_banded
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.explicit_config import explicit_config
-from indent_sim.scene.boundary_films import path_rows
+from indent_sim.scene.path_rows import path_rows
 from indent_sim.scene.resolution import coarsened_sizes
 from indent_sim.scene.scene import Scene, resolve
 from indent_sim.theory.drained_layer import drained_length, excess_length
