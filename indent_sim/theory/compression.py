@@ -76,8 +76,9 @@ class LinearBar:
 class HyperelasticBar:
     """Bar at finite strain, by the strain energy of its principal stretches.
 
-    The Kirchhoff stresses tau_i = d psi/d ln l_i vanish in free lateral directions, which determines
-    the stretch there; the nominal stress along the bar is tau_3/l_3 (Holzapfel 2000, section 6.2).
+    The Kirchhoff stresses tau_i = d psi/d ln l_i vanish in free lateral directions, which
+    determines the stretch there; the nominal stress along the bar is tau_3/l_3 (Holzapfel 2000,
+    section 6.2).
 
     Parameters
     ----------
@@ -266,13 +267,14 @@ def _uniform_displacement(u: float, x: np.ndarray) -> np.ndarray:
 
 
 def bonded_modulus(E: float, bulk_modulus: float, shape_factor: float, dimensions: int) -> float:
-    """Return the apparent modulus E_c [F/L^2] of a nearly incompressible block between rigid plates.
+    """Return the apparent modulus E_c [F/L^2] of a nearly incompressible block between two plates.
 
         1/E_c = 1/(E (1 + 2 S^2)) + 1/K        of a disc, S = R/(2 t),
         1/E_c = 1/(4/3 E (1 + S^2)) + 1/K      of a long strip, S = width/(2 t).
 
-    The block has the thickness t and is bonded to both plates. A block of height h that is bonded
-    at its base only and slides along the plate is half of one of the thickness t = 2 h.
+    The block has the thickness t and is bonded to both plates, which are rigid. A block of height h
+    that is bonded at its base only and slides along the plate is half of one of the thickness
+    t = 2 h.
 
     Parameters
     ----------
@@ -290,6 +292,6 @@ def bonded_modulus(E: float, bulk_modulus: float, shape_factor: float, dimension
         isochoric_modulus = E * (1 + 2 * shape_factor**2)
     else:
         isochoric_modulus = 4 / 3 * E * (1 + shape_factor**2)
-    if math.isinf(bulk_modulus):
+    if not math.isfinite(bulk_modulus):
         return isochoric_modulus
     return 1 / (1 / isochoric_modulus + 1 / bulk_modulus)
