@@ -29,10 +29,11 @@ from indent_sim.theory.half_space import check_nu
 from indent_sim.theory.quadrature import Nodes, gauss_legendre, join_nodes
 
 # Force without slip over the frictionless one on a layer bonded to its base, by Poisson's ratio
-# (rows) and contact radius over thickness (columns), for the exponents of a paraboloid, a cone and a
-# flat punch. Paraboloid and cone are as deep as the frictionless tip with that contact radius. The
-# ratios are finite element solutions of the scenes in configs/studies/friction in twenty load steps;
-# scripts/make_friction_page solves them again and fails where one differs by more than MAP_ERROR.
+# (rows) and contact radius over thickness (columns), for the exponents of a paraboloid, a cone and
+# a flat punch. Paraboloid and cone are as deep as the frictionless tip with that contact radius.
+# The ratios are finite element solutions of the scenes in configs/studies/friction in twenty load
+# steps; scripts/make_friction_page solves them again and fails where one differs by more than
+# MAP_ERROR.
 MAPPED_SLENDERNESS = (0.1, 0.3, 1.0, 2.0, 3.0, 5.0, 10.0)
 MAPPED_POISSON_RATIOS = (0.0, 0.3, 0.4, 0.45, 0.49, 0.5)
 LAYER_FORCE_RATIOS = {
