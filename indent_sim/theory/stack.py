@@ -26,7 +26,8 @@ from indent_sim.theory.half_space import E_star
 from indent_sim.theory.solution import require_positive
 
 BASE_SUPPORTS = ("fixed", "roller")
-# Wall distance over the height beyond which a stack counts as infinitely wide, with an error < 1e-9.
+# Wall distance over the height beyond which a stack counts as infinitely wide, with an error <
+# 1e-9.
 FAR_WALL_HEIGHTS = 1e6
 # k h above which a layer is computed by reflected waves; both methods are accurate to 1e-15
 # between 0.3 and 3.
