@@ -120,7 +120,7 @@ class LeeRadokTing:
         return segments
 
     def _force(self, t: float, elastic_depth: float) -> float:
-        """Return int_0^elastic G(t - s) F_el' d delta, with nodes graded to the ends of segments."""
+        """Return int_0^elastic G(t - s) F_el' d delta, with nodes graded to the segments' ends."""
         force = 0.0
         for low, high, begin, end in self._loading_segments(0.0, elastic_depth):
             u, v, w = _SEGMENT_NODES
@@ -170,7 +170,7 @@ class LeeRadokTing:
 
 
 def _double_exponential_nodes(points: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Nodes u in (0, 1), 1 - u without loss of digits, and weights of the double-exponential rule."""
+    """Return nodes u in (0, 1), 1 - u to rounding, and weights of the double-exponential rule."""
     x = np.linspace(-3.2, 3.2, points)
     s = 0.5 * math.pi * np.sinh(x)
     u = 1.0 / (1.0 + np.exp(-2.0 * s))

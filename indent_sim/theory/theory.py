@@ -1,4 +1,4 @@
-"""Reference theory of a body under a tip: its solutions at depths or forces, and textbook formulas."""
+"""Reference theory of a body under a tip: solutions at depths or forces, and textbook formulas."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class Theory:
         return solutions if len(solutions) == len(deltas) else None
 
     def expect_depths(self, deltas: Sequence[float]) -> None:
-        """Announce depths that will be requested one by one: the first request solves all of them."""
+        """Announce depths that will be requested one by one; the first request solves them all."""
         self._expected_solutions.clear()
         self._expected_solutions.update(dict.fromkeys(deltas))
 
