@@ -219,8 +219,8 @@ def _polynomial_kernel(max_radius: float, stack: Stack) -> EvenKernel | None:
 def _even_bessel(x: np.ndarray, count: int) -> np.ndarray:
     """Return J_0, J_2, ... at 0 < x < 2 count, shape (count, len(x)), each to its own rounding.
 
-    By J_n/J_(n-1) = x/(2 n - x J_(n+1)/J_n) downwards, and J_0 + 2 sum_j J_2j = 1 (Abramowitz &
-    Stegun 9.1.46, 9.1.73). This avoids the import of scipy.special.
+    The ratios follow from J_n/J_(n-1) = x/(2 n - x J_(n+1)/J_n) downwards, and J_0 from J_0 + 2
+    sum_j J_2j = 1 (Abramowitz & Stegun 9.1.46, 9.1.73). This avoids the import of scipy.special.
     """
     last_order = 2 * count + EXTRA_BESSEL_ORDERS
     ratios = np.empty((last_order, x.size))
@@ -255,9 +255,9 @@ def _layer_kernel(max_radius: float, stack: Stack) -> Kernel:
 
 @lru_cache(maxsize=64)
 def _cylinder_kernel(max_radius: float, clearance: float, stack: Stack, wall: float) -> Kernel:
-    """Return the Dini sum over L as the half-space integral and smooth terms.
+    """Return the kernel between walls: the half-space integral less the Dini sum over L.
 
-    So the integral equation stays of the second kind.
+    This difference is smooth, so that the integral equation remains one of the second kind.
     """
     # The sum is sum_n w_n cos cos
     #     = ∫ cos cos dk + (2/pi) ∫_0^inf [K1(yW)/I1(yW) cosh cosh - 2/(yW)^2] dy

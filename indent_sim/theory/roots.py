@@ -78,8 +78,10 @@ def increasing_root(
         if (iteration > 30 and iteration % 2) or not lo < step < hi:
             step = _bracketed_step(lo, hi, limit)
         if lo > limit * (1.0 - LEAST_END_DISTANCE):
-            reason = "a wall, the end of the tip, or too thin a layer"
-            raise ValueError(f"the contact would reach {limit:g} thicknesses: {reason}")
+            raise ValueError(
+                f"the contact would grow to {limit:g} thicknesses, where it meets a wall or the end "
+                "of the tip, or where the layer is too thin for the theory"
+            )
         a = step
     raise ArithmeticError(
         f"no contact size found for the depth {target:g} (in units of the thickness)"

@@ -28,8 +28,8 @@ class CandidateSetTooSmall(ValueError):
 
     def __init__(self) -> None:
         super().__init__(
-            "the contact covers all points of the surface: the tip comes deeper than its "
-            "history says"
+            "the contact covers all points of the surface, which were chosen for the largest "
+            "contact of the history"
         )
 
 

@@ -173,9 +173,8 @@ class Theory:
         """Return the JKR contact with a work of adhesion, or None if the theory has none."""
         if work in self._jkr_of_work:
             return self._jkr_of_work[work]
-        from indent_sim.theory.adhesion import (
-            Jkr,  # with scipy's searches, which no other scene needs
-        )
+        # Imported here because only adhesive scenes need scipy.optimize.
+        from indent_sim.theory.adhesion import Jkr
         from indent_sim.theory.punches import LayerPunches
 
         jkr = Jkr(LayerPunches(self.contact), work) if isinstance(self.contact, Layer) else None
