@@ -121,7 +121,7 @@ class Jkr:
                 f"{low:g}, the smallest one of the load curve"
             )
         largest = high
-        # At a wall K' vanishes, so that every contact pulls there: smaller radii are tried in turn.
+        # Every contact at a wall pulls, since K' vanishes there: smaller radii are tried in turn.
         while self.equilibrium_at(high).force < 0.0:
             high /= 1.25
             if high <= low:
@@ -225,6 +225,7 @@ class Jkr:
         table = CubicSpline(root_distances, [[c.a, c.delta, c.force] for c in equilibria])
 
         def interpolated_equilibrium(z: float) -> AdhesiveContact | None:
+            """Return the stable equilibrium at z; None if the tip has separated."""
             if z < lowest:
                 return None
             return AdhesiveContact(*map(float, table(math.sqrt(z - lowest))))

@@ -548,7 +548,7 @@ class _PeakPressures:
 
     @property
     def _are_central(self) -> bool:
-        """Whether the largest pressure lies in the center, where an even pressure has slope 0.
+        """True if the largest pressure lies in the center, where an even pressure has slope 0.
 
         Every PEAK_SAMPLING_STRIDE-th size is checked, and all are taken to be alike.
         """

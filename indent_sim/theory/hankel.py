@@ -33,7 +33,9 @@ MAX_EVEN_RADIUS = 2.0
 MAX_EVEN_POLYNOMIALS = 32
 EVEN_TOLERANCE = 1e-17
 EXTRA_BESSEL_ORDERS = 20  # The downward recurrence starts this many orders above the last one.
-WALL_FORM_SWITCH = 2.0  # k W at which the wall integral changes from its split to its direct form.
+WALL_FORM_SWITCH = (
+    2.0  # The value of k W at which the wall integral changes from its split to its direct form.
+)
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,7 @@ class Kernel:
         cosines = np.cos(np.multiply.outer(self.k, x))
         if not self.y.size:
             return cosines
-        # cosh alone overflows, its product with the weight does not: scale it by exp(-y W).
+        # The cosh alone overflows, its product with the weight does not: it is scaled by exp(-y W).
         y = self.y[:, None]
         hyperbolic = 0.5 * (np.exp(y * (x - self.wall)) + np.exp(-y * (x + self.wall)))
         return np.vstack([cosines, hyperbolic, np.ones((1, x.size))])

@@ -64,8 +64,8 @@ class LeeRadokTing:
         self._peak_index = int(falls[0]) if len(falls) else len(steps)
         if np.any(steps[self._peak_index :] > 0):
             raise ValueError(
-                "the depth increases again after it has decreased: Ting's solution needs a single cycle "
-                "of loading and unloading"
+                "the depth increases again after it has decreased: Ting's solution needs a single "
+                "cycle of loading and unloading"
             )
         self.deepest = float(self._depths[self._peak_index])
 
@@ -154,6 +154,7 @@ class LeeRadokTing:
             )
 
         def balance(depth: float) -> float:
+            """Return the sum of both integrals of Ting's condition for delta_1 = depth."""
             return unloading_integral + sum(
                 self._relaxed_depth_change(t, *piece)
                 for piece in self._loading_segments(depth, self.deepest)

@@ -93,6 +93,7 @@ def sphere(R: float) -> Tip:
     require_positive(R=R)
 
     def f(x):
+        """Return the profile without cancellation near the apex."""
         return x * x / (R + np.sqrt(np.maximum((R - x) * (R + x), 0.0)))
 
     return Tip(lambda x: x * np.arctanh(x / R), f, max_radius=R)
@@ -116,6 +117,7 @@ def cone(half_angle: float, tip_radius: float = 0.0) -> Tip:
     junction = tip_radius * math.cos(math.radians(half_angle))
 
     def slope(r):
+        """Return the slope of the sphere up to the junction, and that of the flank beyond."""
         cap_radius = np.minimum(r, junction)
         return cap_radius / np.sqrt((tip_radius - cap_radius) * (tip_radius + cap_radius))
 
@@ -177,6 +179,7 @@ def flat_punch(radius: float, edge_radius: float = 0.0) -> Tip:
     flat_radius = radius - edge_radius
 
     def slope(r):
+        """Return the slope of the quarter circle outside the flat part."""
         edge_distance = np.clip(r - flat_radius, 0.0, edge_radius * (1.0 - 1e-15))
         return edge_distance / np.sqrt(
             (edge_radius - edge_distance) * (edge_radius + edge_distance)
@@ -211,6 +214,7 @@ def piecewise_linear(points: Sequence[Sequence[float]]) -> Tip:
         raise ValueError("points must describe a convex tip: the slope must not decrease")
 
     def g(x):
+        """Return the sum of the terms of all slope jumps."""
         x = np.asarray(x, dtype=float)
         nonzero_x = np.where(x > 0.0, x, 1.0)
         jump_terms = (
@@ -253,6 +257,7 @@ def tip_from_slope(
     node, weight = np.polynomial.legendre.leggauss(48)
 
     def g(x):
+        """Return the Abel transform by Gauss's rule between the slope discontinuities."""
         x = np.asarray(x, dtype=float)
         nonzero_x = np.where(x > 0.0, x, 1.0)
         break_angles = [np.arcsin(np.minimum(b / nonzero_x, 1.0)) for b in slope_discontinuities]

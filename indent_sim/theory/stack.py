@@ -29,8 +29,8 @@ BASE_SUPPORTS = ("fixed", "roller")
 # Wall distance over the height beyond which a stack counts as infinitely wide, with an error <
 # 1e-9.
 FAR_WALL_HEIGHTS = 1e6
-# k h above which a layer is computed by reflected waves; both methods are accurate to 1e-15
-# between 0.3 and 3.
+# The value of k h above which a layer is computed by reflected waves; both methods are accurate to
+# 1e-15 between 0.3 and 3.
 WAVE_THICKNESS = 1.0
 
 
@@ -91,7 +91,7 @@ class Stack:
 
     @property
     def is_bottomless(self) -> bool:
-        """Whether the last layer is a half-space."""
+        """True if the last layer is a half-space."""
         return self.layers[-1].thickness == math.inf
 
     @property
@@ -182,6 +182,7 @@ class Stack:
 
 
 def _shear_modulus(layer: StackLayer) -> float:
+    """Return mu = E/(2 (1 + nu)) [F/L^2]."""
     return layer.E / (2.0 * (1.0 + layer.nu))
 
 

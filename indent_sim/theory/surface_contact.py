@@ -70,7 +70,7 @@ class RelaxingSurface:
 
     @property
     def is_ordered(self) -> bool:
-        """Whether a contact consists of the first points."""
+        """True if a contact consists of the first points."""
         return len(self.radii) > 0
 
     def contact_radius(self, p: np.ndarray) -> float:

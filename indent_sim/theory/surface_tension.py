@@ -130,7 +130,7 @@ class LayerWithSurfaceTension(ContactCurve):
 
     @property
     def has_slope_discontinuities(self) -> bool:
-        """Whether the tip's slope is not smooth somewhere, which slows the convergence of phi."""
+        """True if the tip's slope is not smooth somewhere, which slows the convergence of phi."""
         return bool(self.tip.slope_discontinuities) or self.tip.apex_slope > 0.0
 
     def _tip_shape(self, a: float, theta: np.ndarray) -> np.ndarray:
