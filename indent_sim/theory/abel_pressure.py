@@ -41,6 +41,7 @@ class LayerPressure:
     modes: np.ndarray
 
     def __call__(self, r: np.ndarray, chord: np.ndarray) -> np.ndarray:
+        """Return the pressure part (n,) [E*/pi] at radii r with half-chords sqrt(a^2 - r^2)."""
         s, w = gauss_legendre(0.0, 1.0, abel_point_count(self.a))
         t = np.hypot(r[:, None], chord[:, None] * s)
         if len(r) == 1:

@@ -1,14 +1,16 @@
-"""Adhesion without range (JKR) on any linear axisymmetric body, from its frictionless curve;
-Maugis-Dugdale beside it.
+"""Adhesive contact without range (JKR) on a linear axisymmetric body, from its frictionless curve.
 
-Griffith's balance G = q^2 K'(a)/(4 pi a) = work at the contact's edge gives, with the flat punches
-K(a) of the body and the tip's frictionless delta_1(a), F_1(a) (`punches`), the whole equilibrium
-curve by the radius:
+Without adhesion the tip touches a circle of radius a at the depth delta_1(a) under the force
+F_1(a), and K(a) is the stiffness of a bonded flat punch of that radius (`punches`). Retracting the
+tip by q at constant radius gives the energy release rate G = q^2 K'(a)/(4 pi a). Griffith's balance
+G = work at the edge of the contact makes the whole equilibrium curve a function of the radius:
 
     q = sqrt(4 pi a work/K'(a)),   delta = delta_1(a) - q,   F = F_1(a) - K(a) q.
 
-Exact for small strain without friction, where the attraction's range is short (Tabor number above
-about 5). delta > 0 pushes in, force > 0 pushes and < 0 pulls. Lengths [L], forces [F], work [F/L].
+This is exact for small strain without friction, where the range of the attraction is short (Tabor
+number above about 5); `maugis` has the limits beyond that.
+
+delta > 0 pushes in, force > 0 pushes and < 0 pulls. Lengths [L], forces [F], work [F/L].
 Sources: Johnson, Kendall & Roberts (1971), Proc. R. Soc. A 324, 301; Maugis (1992), J. Colloid
 Interface Sci. 150, 243.
 """
@@ -28,23 +30,22 @@ from scipy.optimize import brentq, minimize_scalar
 from indent_sim.theory.punches import Punches
 from indent_sim.theory.solution import require_positive
 
-# of ln a about an extremum, and points of the polynomial that finds it to 1e-10
+# Distance of ln a on either side of an extremum in which a polynomial through this many points
+# approximates the curve: it finds the extremum to 1e-10.
 EXTREMUM_WIDTH = 0.05
 EXTREMUM_POINTS = 13
-BRANCH_SAMPLES = 120  # of a stable branch
-MOST_EQUILIBRIA = (
-    500  # equilibria that are remembered: searches come back to the ends of their brackets
-)
-LEAST_UNSTABLE_RADIUS = (
-    1e-3  # of the radius without force: no instability has a smaller contact, on any layer or tip
-)
-RADIUS_STEP = 1.25  # steps of a radius from the largest one down
-LEAST_RIM_DISTANCE = 1e-9  # relative distance from the largest radius that is looked at
+BRANCH_SAMPLES = 120  # Equilibria from which a stable branch is interpolated.
+# Contact radius over that without force below which no contact becomes unstable, on any layer and
+# under any tip.
+LEAST_UNSTABLE_RADIUS = 1e-3
+# Relative distance that a search keeps from the largest radius, where the stiffness may be singular
+# (at a wall).
+LEAST_RIM_DISTANCE = 1e-9
 
 
 @dataclass(frozen=True)
 class AdhesiveContact:
-    """An equilibrium: contact radius a [L], depth delta [L], force [F] < 0 pulling."""
+    """Equilibrium of an adhesive contact: contact radius a [L], depth delta [L] and force [F]."""
 
     a: float
     delta: float
@@ -52,70 +53,81 @@ class AdhesiveContact:
 
 
 class Jkr:
-    """The equilibria of a tip that adheres with a work of adhesion [F/L], by the contact radius.
+    """Equilibria of an adhesive tip as functions of the contact radius.
 
-    pull_off(compliance=0): the last stable one on the way out, where dF/ddelta = -1/compliance,
-    infinite for 0: compliance [L/F] is that of a spring between the tip and what moves it; 0 depth
-    control, infinite force control.
+    Methods that take a `compliance` [L/F] load the tip through a spring of that compliance, whose
+    base is displaced by z = delta + compliance force [L]: 0 is depth control, infinity is force
+    control, for which z stands for the force [F].
+
+    `pull_off(compliance=0.0)` is the last stable equilibrium of unloading, where dF/ddelta =
+    -1/compliance.
+
+    Parameters
+    ----------
+    punches
+        Flat punches of the body and contacts of the tip without adhesion.
+    work
+        Work of adhesion [F/L], > 0.
     """
 
     def __init__(self, punches: Punches, work: float):
         require_positive(work=work)
         self.punches = punches
         self.work = work
-        self.pull_off, self._cached_equilibrium = (
-            cache(self._find_pull_off),
-            lru_cache(MOST_EQUILIBRIA)(self._solve),
-        )
+        self.pull_off = cache(self._find_pull_off)
+        # Searches come back to the ends of their brackets.
+        self._cached_equilibrium = lru_cache(500)(self._solve)
 
     def equilibrium_at(self, a: float) -> AdhesiveContact:
-        """The equilibrium, stable or not, of contact radius a [L]."""
+        """Return the equilibrium of contact radius a [L], stable or not."""
         return self._cached_equilibrium(a)
 
     def _solve(self, a: float) -> AdhesiveContact:
+        """Solve Griffith's balance at the contact radius a [L]."""
         punch = self.punches.punch_of_radius(a)
         if punch.stiffness_slope <= 0.0:
             raise ValueError(
-                f"flat punches of radius {a:.3g} are not known well enough: give a smaller "
-                "mesh.h_contact"
+                f"the stiffness of flat punches does not increase at the radius {a:.3g}, so the "
+                "load curve is too inaccurate: give a smaller mesh.h_contact"
             )
         q = math.sqrt(4.0 * math.pi * a * self.work / punch.stiffness_slope)
         return AdhesiveContact(a, punch.delta - q, punch.force - punch.stiffness * q)
 
     def base_displacement(self, a: float, compliance: float) -> float:
-        """z = delta + compliance force [L]: what prescribes the tip's place through a spring of
-        1/compliance [L/F].
-        """
+        """Return z = delta + compliance force [L], the displacement of the base of the spring."""
         equilibrium = self.equilibrium_at(a)
         return equilibrium.delta + compliance * equilibrium.force
 
     def _find_pull_off(self, compliance: float = 0.0) -> AdhesiveContact:
+        """Find the equilibrium with the smallest z, or the smallest force in force control."""
         zero_force_radius = self._zero_force_radius
         log_bounds = (
             math.log(max(LEAST_UNSTABLE_RADIUS * zero_force_radius, self.punches.min_radius)),
             math.log(zero_force_radius),
         )
-        return self.equilibrium_at(self._extremum(self._prescribed_value(compliance), *log_bounds))
+        return self.equilibrium_at(
+            self._radius_of_minimum(self._prescribed_value(compliance), *log_bounds)
+        )
 
     @cached_property
     def _zero_force_radius(self) -> float:
-        """The radius without force, beyond which the contact is stable however it is held."""
+        """Contact radius [L] without force: larger contacts are stable at any compliance."""
         low = self.punches.min_radius
         high = self.punches.max_radius * (1.0 - LEAST_RIM_DISTANCE)
         low = max(low, 1e-9 * high)
         if self.equilibrium_at(low).force > 0.0:
             raise ValueError(
-                f"adhesion is weak: what pulls is smaller than {low:g}, of which nothing is known"
+                "the adhesion is too weak: every contact with a tensile force has a radius below "
+                f"{low:g}, the smallest one of the load curve"
             )
-        widest = high
-        while (
-            self.equilibrium_at(high).force < 0.0
-        ):  # beside a wall, where no edge gives way, every contact pulls
-            high /= RADIUS_STEP
+        largest = high
+        # Every contact at a wall pulls, since K' vanishes there: smaller radii are tried in turn.
+        while self.equilibrium_at(high).force < 0.0:
+            high /= 1.25
             if high <= low:
                 raise ValueError(
-                    "adhesion is strong: contacts pull beyond "
-                    f"{widest:g}, of which nothing is known"
+                    "the adhesion is too strong: the force is tensile at all radii up to "
+                    f"{largest:g}, the largest one of the load curve"
                 )
         return math.exp(
             brentq(
@@ -126,9 +138,10 @@ class Jkr:
             )
         )
 
-    def _extremum(self, value: Callable[[float], float], low: float, high: float) -> float:
-        """Radius [L] of the smallest value between two ln a, to about 1e-10; ValueError where it
-        lies at an end.
+    def _radius_of_minimum(self, value: Callable[[float], float], low: float, high: float) -> float:
+        """Return the radius [L] at which value(a) is smallest between two ln a, to about 1e-10.
+
+        ValueError if the minimum lies at an end.
         """
         log_radius = float(
             minimize_scalar(lambda x: value(math.exp(x)), bounds=(low, high), method="bounded").x
@@ -145,14 +158,15 @@ class Jkr:
         ]
         if not inner_extrema:
             raise ValueError(
-                f"the contact at pull-off, about {math.exp(log_radius):.3g}, is too small to be known"
+                f"the contact radius at pull-off, about {math.exp(log_radius):.3g}, is too small: "
+                "the load curve does not reach it"
             )
         return math.exp(min(inner_extrema, key=polynomial))
 
     def stable_equilibrium(self, z: float, compliance: float = 0.0) -> AdhesiveContact | None:
-        """The stable equilibrium at a way z [L] (see `way`); None where the tip has come off.
+        """Return the stable equilibrium at z [L]; None if the tip has separated.
 
-        With an infinite compliance z is the force [F].
+        An infinite compliance stands for force control, z for the force [F].
         """
         pull_off = self.pull_off(compliance)
         value = self._prescribed_value(compliance)
@@ -171,22 +185,18 @@ class Jkr:
         )
 
     def _prescribed_value(self, compliance: float) -> Callable[[float], float]:
-        """What is prescribed through a spring, by the radius: the way, or the force for an infinite
-        compliance.
-        """
-        return (
-            (lambda a: self.equilibrium_at(a).force)
-            if math.isinf(compliance)
-            else (lambda a: self.base_displacement(a, compliance))
-        )
+        """Return the prescribed quantity as a function of the radius: z, or the force."""
+        if math.isinf(compliance):
+            return lambda a: self.equilibrium_at(a).force
+        return lambda a: self.base_displacement(a, compliance)
 
     def _radius_beyond(self, z: float, value: Callable[[float], float], a: float) -> float:
-        """A radius [L] not far beyond the one with this value."""
+        """Return a radius [L] above the one with the value z, searched for upwards from a."""
         high = self.punches.max_radius * (1.0 - LEAST_RIM_DISTANCE)
         while value(a) < z:
             if a >= high:
                 raise ValueError(
-                    f"the contact would be wider than {high:g}, of which nothing is known"
+                    f"the contact radius would exceed {high:g}, the largest one of the load curve"
                 )
             a = min(1.5 * a, high)
         return a
@@ -194,9 +204,10 @@ class Jkr:
     def stable_branch(
         self, largest: float, compliance: float = 0.0
     ) -> Callable[[float], AdhesiveContact | None]:
-        """`stable` for many ways up to the `largest` [L], from some of its equilibria: to 1e-7 of
-        the largest. The way is smooth in the root of its distance from pull-off, where the
-        radius goes with that root.
+        """Return an interpolation of `stable_equilibrium` for many z up to `largest` [L].
+
+        Its error is about 1e-7 of the values at `largest`. Near pull-off the radius changes like
+        the square root of the distance in z, so that a spline in this root is smooth.
         """
         pull_off = self.pull_off(compliance)
         value = self._prescribed_value(compliance)
@@ -214,8 +225,9 @@ class Jkr:
         table = CubicSpline(root_distances, [[c.a, c.delta, c.force] for c in equilibria])
 
         def interpolated_equilibrium(z: float) -> AdhesiveContact | None:
-            return (
-                AdhesiveContact(*map(float, table(math.sqrt(z - lowest)))) if z >= lowest else None
-            )
+            """Return the stable equilibrium at z; None if the tip has separated."""
+            if z < lowest:
+                return None
+            return AdhesiveContact(*map(float, table(math.sqrt(z - lowest))))
 
         return interpolated_equilibrium

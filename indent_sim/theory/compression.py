@@ -1,9 +1,12 @@
-"""Homogeneous compression of a prism between two planes that let it slide: the theory of a plate on
-a flat top.
+"""Homogeneous compression of a prism between two frictionless planes: a plate on a flat top.
 
-The plate moves down by delta, the base stays, every side is either free or slides along a wall.
-Then the stretch along z is 1 - delta/h everywhere, the sides that are free carry no traction, and
-the force is the nominal stress times the undeformed area. This is exact at any strain.
+The plate moves down by delta, the base stays, and every side is either free or slides along a wall.
+The stretch along z is then 1 - delta/h everywhere, free sides carry no traction, and the force is
+the nominal stress times the undeformed area. This is exact at any strain.
+
+delta > 0 compresses; force, stress and pressure > 0 push. Any consistent units.
+Sources: Holzapfel (2000), Nonlinear Solid Mechanics, section 6.2, for the stresses of principal
+stretches; Gent & Lindley (1959) and Gent & Meinecke (1970) for bonded blocks (`bonded_modulus`).
 """
 
 from __future__ import annotations
@@ -20,73 +23,71 @@ from indent_sim.theory.profiles import Tip, flat_punch
 from indent_sim.theory.roots import increasing_root
 from indent_sim.theory.solution import Solution, no_contact
 
-# Step of the differences, in logarithmic strain. The five-point formula errs by STEP^4/30 of the
-# fifth derivative, 3e-14 of a modulus, and by 1e-16/STEP of one in rounding: stresses have ten
-# digits from a strain of 1e-3 on
+# Step of finite differences in logarithmic strain. The five-point formula has a truncation error of
+# DIFFERENCE_STEP^4/30 times the fifth derivative, 3e-14 of a modulus, and a rounding error of
+# 1e-16/DIFFERENCE_STEP of one: stresses have ten digits at strains above 1e-3.
 DIFFERENCE_STEP = 1e-3
-# logarithmic strain left by Newton's method, and its rounds at most
+# Error of the lateral logarithmic strain at which Newton's method ends.
 STRAIN_TOLERANCE = 1e-13
-MAX_NEWTON_STEPS = 50
-TANGENT_STEP = 1e-4  # of the strain over which the tangent modulus is a difference
-# psi(l1, l2, l3) [F/L^2]: the strain energy of the principal stretches, the last one along z
+# Strain energy psi(l1, l2, l3) [F/L^2] of the principal stretches, the last one along z.
 Energy = Callable[[float, float, float], float]
 
 
 class Bar(Protocol):
-    """What a bar does at a strain e = delta/h along its axis."""
+    """Response of a bar to the compressive strain e = delta/h along its axis."""
 
     def stress(self, strain: float) -> float:
-        """Nominal pressure [F/L^2] on its ends, > 0 in compression."""
+        """Return the nominal pressure [F/L^2] on the ends, > 0 in compression."""
 
     def energy(self, strain: float) -> float:
-        """Strain energy per undeformed volume [F/L^2]."""
+        """Return the strain energy per undeformed volume [F/L^2]."""
 
     def tangent_modulus(self, strain: float) -> float:
-        """d stress/d strain [F/L^2]."""
+        """Return d stress/d strain [F/L^2]."""
 
     def area_ratio(self, strain: float) -> float:
-        """Area of its ends over that at rest."""
+        """Return the area of the ends over that at rest."""
 
 
 @dataclass(frozen=True)
 class LinearBar:
-    """A bar at small strain: stress = modulus e, and its ends keep their area."""
+    """Bar at small strain: stress = modulus e, and the ends keep their area."""
 
     modulus: float
 
     def stress(self, strain: float) -> float:
-        """Modulus times strain [F/L^2]."""
+        """Return modulus times strain [F/L^2]."""
         return self.modulus * strain
 
     def energy(self, strain: float) -> float:
-        """Modulus strain^2/2 [F/L^2]."""
+        """Return modulus times strain^2/2 [F/L^2]."""
         return self.modulus * strain**2 / 2
 
     def tangent_modulus(self, strain: float) -> float:
-        """The modulus [F/L^2]."""
+        """Return the modulus [F/L^2]."""
         return self.modulus
 
     def area_ratio(self, strain: float) -> float:
-        """Small strain does not change the area."""
+        """Return 1: small strain does not change the area."""
         return 1.0
 
 
 @dataclass(frozen=True)
 class HyperelasticBar:
-    """A bar at finite strain, by the strain energy of its principal stretches.
+    """Bar at finite strain, by the strain energy of its principal stretches.
+
+    The Kirchhoff stresses tau_i = d psi/d ln l_i vanish in free lateral directions, which
+    determines the stretch there; the nominal stress along the bar is tau_3/l_3 (Holzapfel 2000,
+    section 6.2).
 
     Parameters
     ----------
     psi
-        Strain energy of the principal stretches [F/L^2].
+        Strain energy [F/L^2] of the principal stretches.
     is_incompressible
-        Whether the product of the stretches is one; psi may be anything for others then.
-    held
-        How many of the two directions across the bar keep their length: 0, 1 or 2.
-
-    Of the Kirchhoff stresses tau_i = d psi/d ln l_i those across a free direction are zero, which
-    determines the stretch there; the nominal stress along the bar is tau_3/l_3 (Holzapfel 2000,
-    Nonlinear Solid Mechanics, 6.2).
+        Whether the product of the stretches is 1; psi is then used for such stretches only.
+    confined_directions
+        Number of the two lateral directions that keep their length: 0, 1 or 2.
     """
 
     psi: Energy
@@ -94,7 +95,7 @@ class HyperelasticBar:
     confined_directions: int = 0
 
     def stress(self, strain: float) -> float:
-        """Nominal pressure [F/L^2]; ValueError where the bar has no equilibrium."""
+        """Return the nominal pressure [F/L^2]; ValueError where the bar has no equilibrium."""
         axial_strain = math.log1p(-strain)
         if self.is_incompressible:
             slope = _first_derivative(
@@ -106,22 +107,22 @@ class HyperelasticBar:
         return -slope / math.exp(axial_strain)
 
     def energy(self, strain: float) -> float:
-        """Strain energy per undeformed volume [F/L^2]."""
+        """Return the strain energy per undeformed volume [F/L^2]."""
         axial_strain = math.log1p(-strain)
         return self._energy(self._lateral_strain(axial_strain), axial_strain)
 
     def tangent_modulus(self, strain: float) -> float:
-        """d stress/d strain [F/L^2]."""
-        step = TANGENT_STEP * (1 - strain)
+        """Return d stress/d strain [F/L^2] by a central difference."""
+        step = 1e-4 * (1 - strain)
         return (self.stress(strain + step) - self.stress(strain - step)) / (2 * step)
 
     def area_ratio(self, strain: float) -> float:
-        """Product of the two stretches across the bar."""
+        """Return the product of the two lateral stretches."""
         free_directions = 2 - self.confined_directions
         return math.exp(free_directions * self._lateral_strain(math.log1p(-strain)))
 
     def _energy(self, lateral_strain: float, axial_strain: float) -> float:
-        """psi [F/L^2] at logarithmic strains of the free directions and along the bar."""
+        """Return psi [F/L^2] at logarithmic strains of the free directions and along the bar."""
         lateral_stretch = math.exp(lateral_strain)
         return float(
             self.psi(
@@ -132,15 +133,15 @@ class HyperelasticBar:
         )
 
     def _lateral_strain(self, axial_strain: float) -> float:
-        """The logarithmic strain of the free directions."""
+        """Return the logarithmic strain of the free directions at which they carry no stress."""
         if self.confined_directions == 2:
             if self.is_incompressible and axial_strain != 0:
-                raise ValueError("an incompressible body between walls cannot be compressed")
+                raise ValueError("an incompressible body between side walls cannot be compressed")
             return 0.0
         if self.is_incompressible:
             return -axial_strain / (2 - self.confined_directions)
         lateral_strain = 0.0
-        for _ in range(MAX_NEWTON_STEPS):
+        for _ in range(50):
             slope = _first_derivative(lambda e: self._energy(e, axial_strain), lateral_strain)
             curvature = _second_derivative(lambda e: self._energy(e, axial_strain), lateral_strain)
             if not (curvature > 0 and math.isfinite(slope)):
@@ -148,18 +149,20 @@ class HyperelasticBar:
             lateral_strain -= slope / curvature
             if abs(slope) <= STRAIN_TOLERANCE * curvature:
                 return lateral_strain
-        raise ValueError("the bar has no equilibrium at this strain")
+        raise ValueError(
+            f"the material has no equilibrium at the stretch {math.exp(axial_strain):.4g} along z"
+        )
 
 
 def _first_derivative(function: Callable[[float], float], x: float) -> float:
-    """First derivative by the five-point formula."""
+    """Return the first derivative by the five-point formula."""
     near_difference = function(x + DIFFERENCE_STEP) - function(x - DIFFERENCE_STEP)
     far_difference = function(x + 2 * DIFFERENCE_STEP) - function(x - 2 * DIFFERENCE_STEP)
     return (8 * near_difference - far_difference) / (12 * DIFFERENCE_STEP)
 
 
 def _second_derivative(function: Callable[[float], float], x: float) -> float:
-    """Second derivative by three points."""
+    """Return the second derivative by the three-point formula."""
     return (
         function(x + DIFFERENCE_STEP) - 2 * function(x) + function(x - DIFFERENCE_STEP)
     ) / DIFFERENCE_STEP**2
@@ -167,20 +170,20 @@ def _second_derivative(function: Callable[[float], float], x: float) -> float:
 
 @dataclass(frozen=True)
 class Compression:
-    """A prism of one bar's law between planes.
+    """Load curve of a prism that is compressed homogeneously.
 
     Parameters
     ----------
     bar
-        What it does at a strain.
+        Stress and strain energy of the prism as functions of its strain.
     height
         Height at rest [L].
     area
-        Area of its top at rest [L^2]; in plane strain its width [L].
+        Area of the top at rest [L^2]; in plane strain its width [L].
     dimensions
-        2, or 1 in plane strain: how many of the top's directions are measured.
-    widest
-        Area of the top over that at rest, up to which it stays on the tip: a punch has an edge.
+        Dimensions of the top: 2, or 1 in plane strain.
+    max_area_ratio
+        Area of the tip over that of the top at rest: a larger top would bulge past the tip's edge.
     """
 
     bar: Bar
@@ -191,29 +194,33 @@ class Compression:
 
     @property
     def tip(self) -> Tip:
-        """A flat punch as large as the top: its contact does not grow with the depth."""
+        """Flat punch as large as the top: its contact radius does not depend on the depth."""
         return flat_punch(self._radius(self.area))
 
     def solutions_at_depths(self, deltas: Sequence[float]) -> list[Solution]:
-        """One Solution per depth [L], none for a depth <= 0.
+        """Return one Solution per depth [L]; without contact for a depth <= 0.
 
         Raises
         ------
         ValueError
-            Where a depth is beyond the height, the bar has no equilibrium there, or the top bulges past the tip.
+            If a depth is not below the height, if the bar has no equilibrium there, or if the top
+            bulges past the edge of the tip.
         """
         return [
             self._solution_at_depth(delta) if delta > 0 else no_contact(delta) for delta in deltas
         ]
 
     def solutions_at_forces(self, forces: Sequence[float]) -> list[Solution]:
-        """One Solution per force [F], none for a force <= 0; errors as `curve`."""
+        """Return one Solution per force [F]; without contact for a force <= 0.
+
+        Errors as `solutions_at_depths`.
+        """
         return self.solutions_at_depths(
             [self.depth_of_force(force) if force > 0 else 0.0 for force in forces]
         )
 
     def depth_of_force(self, force: float) -> float:
-        """The depth [L] at which the force is this one [F] > 0; ValueError where there is none."""
+        """Return the depth [L] of a force [F] > 0; ValueError if there is none."""
         start = min(
             force * self.height / (self.bar.tangent_modulus(0.0) * self.area), 0.5 * self.height
         )
@@ -222,13 +229,16 @@ class Compression:
         )
 
     def solutions_up_to(self, deepest: Solution, count: int) -> list[Solution]:
-        """Solutions at even steps of the depth up to a known one."""
+        """Return solutions at even steps of the depth up to a known one."""
         return self.solutions_at_depths(list(deepest.delta * np.arange(1, count + 1) / count))
 
     def _solution_at_depth(self, delta: float) -> Solution:
+        """Return the Solution at a depth [L] > 0."""
         strain = delta / self.height
         if not strain < 1:
-            raise ValueError(f"the depth {delta:g} is beyond the height {self.height:g}")
+            raise ValueError(
+                f"the depth {delta:g} is not below the height {self.height:g} of the body"
+            )
         area_ratio = self.bar.area_ratio(strain)
         if area_ratio > self.max_area_ratio:
             raise ValueError(f"at the depth {delta:g} the top bulges past the edge of the tip")
@@ -242,42 +252,46 @@ class Compression:
         return Solution(delta, force, a, area, energy, stiffness, *fields, peak_pressure=lambda: p)
 
     def _radius(self, area: float) -> float:
-        """Radius [L] of the disc of an area [L^2]; in plane strain half of the width."""
+        """Return the radius [L] of a disc of an area [L^2]; in plane strain half the width."""
         return math.sqrt(area / math.pi) if self.dimensions == 2 else area / 2
 
 
 def _uniform_pressure(a: float, p: float, x: np.ndarray) -> np.ndarray:
-    """The pressure p within the distance a, none beyond."""
+    """Return the pressure p at distances x up to a, and 0 beyond."""
     return np.where(np.abs(np.asarray(x, dtype=float)) <= a, p, 0.0)[()]
 
 
 def _uniform_displacement(u: float, x: np.ndarray) -> np.ndarray:
-    """The same displacement everywhere."""
+    """Return the displacement u at all positions x."""
     return np.full_like(np.asarray(x, dtype=float), u)[()]
 
 
 def bonded_modulus(E: float, bulk_modulus: float, shape_factor: float, dimensions: int) -> float:
-    """Apparent modulus [F/L^2] of a nearly incompressible block bonded to two rigid plates.
+    """Return the apparent modulus E_c [F/L^2] of a nearly incompressible block between two plates.
 
-        1/E_c = 1/(E (1 + 2 S^2)) + 1/K        of a disc, S = R/(2 t)
-        1/E_c = 1/(4/3 E (1 + S^2)) + 1/K      of a long strip, S = width/(2 t)
+        1/E_c = 1/(E (1 + 2 S^2)) + 1/K        of a disc, S = R/(2 t),
+        1/E_c = 1/(4/3 E (1 + S^2)) + 1/K      of a long strip, S = width/(2 t).
+
+    The block has the thickness t and is bonded to both plates, which are rigid. A block of height h
+    that is bonded at its base only and slides along the plate is half of one of the thickness
+    t = 2 h.
 
     Parameters
     ----------
     E, bulk_modulus
-        Young's modulus and bulk modulus K [F/L^2].
+        Young's modulus and bulk modulus K [F/L^2]; K may be infinite.
     shape_factor
-        S, loaded area over the area free to bulge. A block of height h that is bonded at its base alone and slides
-        along the plate is half of one of the thickness t = 2 h.
+        Ratio S of the loaded area to the area that is free to bulge.
     dimensions
         2 for a disc, 1 for a long strip.
 
-    Source: Gent & Lindley (1959), Proc. Inst. Mech. Eng. 173, 111; the sum of compliances: Gent &
-    Meinecke (1970), Polym. Eng. Sci. 10, 48.
+    Sources: Gent & Lindley (1959), Proc. Inst. Mech. Eng. 173, 111; Gent & Meinecke (1970), Polym.
+    Eng. Sci. 10, 48, for the sum of compliances.
     """
-    shear_modulus = (
-        E * (1 + 2 * shape_factor**2) if dimensions == 2 else 4 / 3 * E * (1 + shape_factor**2)
-    )
-    return (
-        1 / (1 / shear_modulus + 1 / bulk_modulus) if math.isfinite(bulk_modulus) else shear_modulus
-    )
+    if dimensions == 2:
+        isochoric_modulus = E * (1 + 2 * shape_factor**2)
+    else:
+        isochoric_modulus = 4 / 3 * E * (1 + shape_factor**2)
+    if not math.isfinite(bulk_modulus):
+        return isochoric_modulus
+    return 1 / (1 / isochoric_modulus + 1 / bulk_modulus)

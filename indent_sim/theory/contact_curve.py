@@ -5,8 +5,8 @@ Without the powers of Hertz's contact all quantities of a contact of size a are 
     U = E* h^(n+1) a^(n-1) g^2 u(a),  p_max = E* (g/a) p(a),
 with g(a) the tip's profile, a and g in units of h, n = 2 (n = 1 in plane strain). Chebyshev
 polynomials through a few sizes approximate them to rounding; their last coefficients measure the
-error. Where these are not small, nothing is interpolated: tips with slope discontinuities, pressures
-whose maximum moves.
+error. Where these are not small, nothing is interpolated: tips with slope discontinuities,
+pressures whose maximum moves.
 
 delta > 0 pushes in; force, pressure > 0 push.
 Source: Trefethen (2013), Approximation Theory and Approximation Practice, chapters 3 and 8.
@@ -71,7 +71,7 @@ Sizes = TypeVar("Sizes", float, np.ndarray)
 def field_of_position(
     value: Callable[..., np.ndarray], curve: ContactCurve, *arguments: Any
 ) -> Callable[[Any], np.ndarray]:
-    """Return value(curve, *arguments, |x|/h) as a function of positions x [L], numbers or arrays."""
+    """Return value(curve, *arguments, |x|/h) as a function of positions x [L] of any shape."""
     return partial(_evaluate_field, value, curve, arguments)
 
 
@@ -139,7 +139,7 @@ class ContactCurve(ABC):
         """
 
     def area(self, a: Sizes) -> Sizes:
-        """Return the area [L^2] of a disc of radius a [h], in plane strain the width [L] of a band."""
+        """Return the area [L^2] of a disc of radius a [h], in plane strain a band's width [L]."""
         return math.pi * (a * self.h) ** 2 if self.dimensions == 2 else 2.0 * a * self.h
 
     @staticmethod
@@ -161,13 +161,19 @@ class ContactCurve(ABC):
         return [self.linear_solution(a) for a in sizes]
 
     def load_values(self, sizes: np.ndarray, linear_solutions: Sequence[Any]) -> np.ndarray:
-        """Return depth, force, stiffness and energy (4, sizes) [L, F, F/L, F L] of smooth contacts."""
+        """Return depth, force, stiffness and energy of contacts of a smooth tip.
+
+        The shape is (4, sizes), the units are [L, F, F/L, F L].
+        """
         solutions = [
             self.solution_at_size(a, linear)
             for a, linear in zip(map(float, sizes), linear_solutions, strict=True)
         ]
         return np.array(
-            [[linear.delta, linear.force, linear.stiffness, linear.energy] for linear in solutions]
+            [
+                [solution.delta, solution.force, solution.stiffness, solution.energy]
+                for solution in solutions
+            ]
         ).T
 
     def center_pressures(self, sizes: np.ndarray, linear_solutions: Sequence[Any]) -> np.ndarray:
@@ -248,7 +254,7 @@ class ContactCurve(ABC):
     def _interpolated_curve(
         self, first_depth: float, last_depth: float, count: int
     ) -> ChebyshevContactCurve | None:
-        """Return the interpolated contacts between two depths [L], from which `count` are wanted.
+        """Return the interpolated contacts between two depths [L], of which `count` are wanted.
 
         None where they are few, or where no polynomial of the contact size approximates them.
         """
@@ -284,7 +290,7 @@ class ContactCurve(ABC):
         return smallest * (1.0 - END_MARGIN), largest * (1.0 + END_MARGIN)
 
     def _solve_one_by_one(self, deltas: Sequence[float]) -> list[Solution]:
-        """Return one Solution per depth [L], each by a search that starts from the previous ones."""
+        """Return one Solution per depth [L]; each search starts from the previous results."""
         solutions: list[Solution] = []
         previous_points: list[tuple[float, float]] = []
         for delta in deltas:
@@ -401,7 +407,7 @@ class ChebyshevContactCurve:
         return self._solutions(self._find_sizes(deltas, DEPTH_COLUMN), deltas)
 
     def solutions_at_forces(self, forces: Sequence[float]) -> list[Solution]:
-        """Return the contacts under forces [F] between those of the smallest and the largest size."""
+        """Return the contacts at forces [F] between those of the smallest and the largest size."""
         a = self._find_sizes(forces, FORCE_COLUMN)
         return self._solutions(a, list(map(float, self._load_values(a)[DEPTH_COLUMN])))
 
@@ -475,7 +481,7 @@ class ChebyshevContactCurve:
         return self.curve.load_values(self.sizes, self.linear_solutions)
 
     def evaluate_polynomials(self, values: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Evaluate polynomials through node values (columns, sizes) at sizes a, (columns, len(a))."""
+        """Return (columns, len(a)) polynomials through values (columns, sizes), at sizes a [h]."""
         x = self.curve.interpolation_variable(a)
         (first, *_, last) = self.curve.interpolation_variable(self.sizes)
         angle = np.arccos(
@@ -542,7 +548,7 @@ class _PeakPressures:
 
     @property
     def _are_central(self) -> bool:
-        """Whether the largest pressure lies in the center, where an even pressure has slope 0.
+        """True if the largest pressure lies in the center, where an even pressure has slope 0.
 
         Every PEAK_SAMPLING_STRIDE-th size is checked, and all are taken to be alike.
         """

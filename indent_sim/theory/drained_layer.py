@@ -10,20 +10,21 @@ import math
 
 import numpy as np
 
-# of the time since: a pressure that grows in less is sudden, and the difference of powers loses
-# digits
+# Ramp time over the elapsed time below which a pressure counts as sudden: the difference of powers
+# would lose digits.
 SUDDEN_FRACTION = 1e-6
 
 
 def drained_length(diffusivity: float, elapsed: np.ndarray, ramp_time: np.ndarray) -> np.ndarray:
-    """Return the depth (n,) [length] of undrained body whose fluid has left through a drained face.
+    """Return the thickness (n,) [length] of undrained body that holds the fluid lost by drainage.
 
-    A half-space whose pressure p grows linearly over the time `ramp_time`, and stays then, has lost
-    this length times p permeability/D of fluid per area at the time `elapsed`:
+    The pressure p in a half-space grows linearly over the time `ramp_time` and is constant then.
+    The fluid that has left through the drained face at the time `elapsed` is, per area, p
+    permeability/D times the length
 
         (4/3) (D/pi)^(1/2) (elapsed^(3/2) - (elapsed - ramp_time)^(3/2))/ramp_time,
 
-    and 2 (D elapsed/pi)^(1/2) where the pressure is sudden (Carslaw & Jaeger 1959, 2.5).
+    or 2 (D elapsed/pi)^(1/2) if the pressure is sudden (Carslaw & Jaeger 1959, section 2.5).
 
     Parameters
     ----------
@@ -48,10 +49,14 @@ def drained_length(diffusivity: float, elapsed: np.ndarray, ramp_time: np.ndarra
 def excess_length(h: np.ndarray, drained: np.ndarray) -> np.ndarray:
     """Return the overestimate [length] of `drained_length` by elements of linear pressure.
 
-    In Laplace space a half-space drains (D/s)^(1/2), and a row of elements of the height h with p =
-    0 at its end (D/s + h^2/12)^(1/2), which is h/12^(1/2) at time 0. At a time t the difference is
-    at most (drained^2 + h^2/12)^(1/2) - drained: equal to it where h is large, 1.2 (ramp) to 1.6
-    (jump) times too large where h is small.
+    In Laplace space the drained length of a half-space is (D/s)^(1/2). That of a row of elements of
+    the height h with p = 0 at its end is (D/s + h^2/12)^(1/2), or h/12^(1/2) at time 0. At a time t
+    the difference is at most
+
+        (drained^2 + h^2/12)^(1/2) - drained.
+
+    This bound is the difference itself where h is large, and 1.2 times (ramp) to 1.6 times (jump)
+    the difference where h is small.
 
     Parameters
     ----------

@@ -47,7 +47,7 @@ class ElasticCurve:
     def _value_and_slope(
         self, spline: CubicSpline, delta: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return value and derivative along ln delta of a spline's exponential, 0 for delta <= 0."""
+        """Return value and derivative by ln delta of a spline's exponential, 0 for delta <= 0."""
         delta = np.asarray(delta, dtype=float)
         x = np.log(np.where(delta > 0, delta, 1.0))
         log_depth_inside = np.maximum(x, self._low)

@@ -1,10 +1,11 @@
-"""What the usual formulas say of films and thin layers; `stack` is exact, these stand beside it for
-comparison.
+"""Textbook approximations for films and thin layers, to compare with the exact theory of a `stack`.
 
-Moduli are E* = E/(1 - nu^2) [F/L^2] of the half-space that would be as stiff under a contact of
-radius a [L]; a film's thickness is t. They interpolate finite elements or first-order perturbations
-under a flat punch, so that with other tips or far contrasts they are off by up to a factor of two.
+A film of thickness t on a substrate is as stiff under a contact of radius a [L] as a half-space of
+the modulus E* = E/(1 - nu^2) [F/L^2]. The formulas interpolate finite elements or first-order
+perturbations under a flat punch: for other tips or large contrasts of the moduli they are wrong by
+up to a factor of two.
 
+delta > 0 and force > 0 while the tip pushes into the body. Any consistent units.
 Sources: Gao, Chiu & Lee (1992), Int. J. Solids Struct. 29, 2471, for moduli that differ by less
 than a factor of two; Perriot & Barthel (2004), J. Mater. Res. 19, 600, for ratios of 0.01 to 100;
 Dimitriadis et al. (2002), Biophys. J. 82, 2798.
@@ -19,17 +20,25 @@ from indent_sim.theory.half_space import E_star, paraboloid_force
 from indent_sim.theory.solution import Solution, require_positive
 from indent_sim.theory.stack import BASE_SUPPORTS, StackLayer
 
-Modulus = Callable[
-    [StackLayer, StackLayer, float], float
-]  # E* [F/L^2] of film and substrate under a contact radius [L]
-HalfSpaceContact = Callable[[float], Solution | None]  # at a depth [L]
+# E* [F/L^2] of a film, a substrate and a contact radius [L].
+Modulus = Callable[[StackLayer, StackLayer, float], float]
+# Contact with a half-space at a depth [L]; None where the theory ends.
+HalfSpaceContact = Callable[[float], Solution | None]
 
 
 def gao_modulus(film: StackLayer, substrate: StackLayer, a: float) -> float:
-    """E* = E*_s + (E*_f - E*_s) I0(t/a) [F/L^2] (Gao et al. 1992).
+    """Return E* = E*_s + (E*_f - E*_s) I0(t/a) [F/L^2] (Gao et al. 1992).
 
-    I0(x) = 2/pi atan x + [(1 - 2 nu) x ln(1 + 1/x^2) - x/(1 + x^2)]/(2 pi (1 - nu)), nu the
-    composite's.
+    I0(x) = 2/pi atan x + [(1 - 2 nu) x ln(1 + 1/x^2) - x/(1 + x^2)]/(2 pi (1 - nu)), with Poisson's
+    ratio nu of the composite, 1 - nu = (1 - nu_s)(1 - nu_f)/[1 - (1 - I1) nu_f - I1 nu_s] and
+    I1(x) = 2/pi atan x + x/pi ln(1 + 1/x^2).
+
+    Parameters
+    ----------
+    film, substrate
+        Layer on top, and the half-space below it.
+    a
+        Contact radius [L].
     """
     require_positive(a=a, thickness=film.thickness)
     x = film.thickness / a
@@ -38,7 +47,7 @@ def gao_modulus(film: StackLayer, substrate: StackLayer, a: float) -> float:
     I1 = angle_term + log_term / math.pi
     one_minus_nu = (
         (1.0 - film.nu) * (1.0 - substrate.nu) / (1.0 - (1.0 - I1) * film.nu - I1 * substrate.nu)
-    )  # 1 - nu
+    )
     film_weight = angle_term + ((2.0 * one_minus_nu - 1.0) * log_term - x / (1.0 + x * x)) / (
         2.0 * math.pi * one_minus_nu
     )
@@ -48,8 +57,16 @@ def gao_modulus(film: StackLayer, substrate: StackLayer, a: float) -> float:
 
 
 def perriot_barthel_modulus(film: StackLayer, substrate: StackLayer, a: float) -> float:
-    """E* = E*_f + (E*_s - E*_f)/(1 + (x0 t/a)^1.27) [F/L^2] (Perriot & Barthel 2004). log10 x0 =
-    -0.093 + 0.792 l + 0.05 l^2, l = log10(E*_s/E*_f).
+    """Return E* = E*_f + (E*_s - E*_f)/(1 + (x0 t/a)^1.27) [F/L^2] (Perriot & Barthel 2004).
+
+    log10 x0 = -0.093 + 0.792 l + 0.05 l^2 with l = log10(E*_s/E*_f).
+
+    Parameters
+    ----------
+    film, substrate
+        Layer on top, and the half-space below it.
+    a
+        Contact radius [L].
     """
     require_positive(a=a, thickness=film.thickness)
     film_modulus = E_star(film.E, film.nu)
@@ -68,27 +85,59 @@ def film_force(
     substrate: StackLayer,
     film_contact: HalfSpaceContact,
 ) -> float:
-    """Force [F] on a film by one of the moduli above; `film_contact`: the contact with a half-space of the
-    film at a depth.
+    """Return the force [F] on a film at a depth by one of the moduli above.
 
-    The moduli are those under a contact radius, which a tip has on a half-space of any modulus. NaN
-    without a contact.
+    The contact radius is that of a half-space, where it does not depend on the modulus.
+
+    Parameters
+    ----------
+    delta
+        Depth [L].
+    modulus
+        `gao_modulus` or `perriot_barthel_modulus`.
+    film, substrate
+        Layer on top, and the half-space below it.
+    film_contact
+        Contact of the tip with a half-space of the film's material.
+
+    Returns
+    -------
+    float
+        Force [F]; NaN where `film_contact` has no solution.
     """
     solution = film_contact(delta)
-    return (
-        solution.force * modulus(film, substrate, solution.a) / E_star(film.E, film.nu)
-        if solution
-        else math.nan
-    )
+    if not solution:
+        return math.nan
+    return solution.force * modulus(film, substrate, solution.a) / E_star(film.E, film.nu)
 
 
 def dimitriadis_force(delta: float, R: float, layer: StackLayer, base: str = "fixed") -> float:
-    """Force [F] of a paraboloid on a thin layer, Hertz's times a polynomial in x = sqrt(R delta)/h.
+    """Return the force [F] of a paraboloid on a thin layer (Dimitriadis et al. 2002).
 
-    1 - 2 A x/pi + 4 A^2 x^2/pi^2 - 8 (A^3 + 4 pi^2 B/15) x^3/pi^3 + 16 A (A^3 + 3 pi^2 B/5)
-    x^4/pi^4; base "fixed" or "roller". A fixed incompressible layer has + 0.0975 x^4 in the paper
-    and in programs, where this says - 0.0975. Raises ValueError for another base (Dimitriadis et
-    al. 2002).
+    Hertz's force is multiplied by a polynomial in x = sqrt(R delta)/h,
+
+        1 - 2 A x/pi + 4 A^2 x^2/pi^2 - 8 (A^3 + 4 pi^2 B/15) x^3/pi^3
+          + 16 A (A^3 + 3 pi^2 B/5) x^4/pi^4,
+
+    with A and B functions of nu and the base. For a fixed incompressible layer the paper and other
+    programs have the last term + 0.0975 x^4, where this polynomial has - 0.0975 x^4: there the
+    paper's sign is used.
+
+    Parameters
+    ----------
+    delta
+        Depth [L].
+    R
+        Radius of curvature of the tip [L].
+    layer
+        Layer of thickness h.
+    base
+        "fixed" (bonded to a rigid base) or "roller" (frictionless).
+
+    Raises
+    ------
+    ValueError
+        For another base.
     """
     nu = layer.nu
     if base not in BASE_SUPPORTS:

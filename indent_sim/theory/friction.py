@@ -33,9 +33,8 @@ import numpy as np
 from indent_sim.theory import no_slip
 from indent_sim.theory.no_slip import FrictionCorrection
 
-FRICTION_RINGS = (
-    200  # The force is accurate to 2e-5; twice as many halve the error at 5 x the cost.
-)
+# The force is accurate to 2e-5; twice as many rings halve the error at five times the cost.
+FRICTION_RINGS = 200
 EDGE_GRADING = 4.0  # Exponent of the grading of rings towards the edge, where p, q are singular.
 # Largest friction times beta with this accuracy; above 1 the edge has another singularity.
 MAX_FRICTION_BETA = 0.8
@@ -101,10 +100,9 @@ class FrictionalPunch:
         from scipy.special import hyp2f1
 
         x = self.ring_edges
-        over_s = hyp2f1(0.5, (n + 1.0) / 2.0, (n + 3.0) / 2.0, x * x) / (
-            n + 1.0
-        )  # int_0^1 s^n/sqrt(1 - s^2 x^2) ds
-        return float(1.0 - self.phi @ np.diff(np.arcsin(x) - x * over_s)) / n
+        # The moment is int_0^1 s^n/sqrt(1 - s^2 x^2) ds.
+        moment = hyp2f1(0.5, (n + 1.0) / 2.0, (n + 3.0) / 2.0, x * x) / (n + 1.0)
+        return float(1.0 - self.phi @ np.diff(np.arcsin(x) - x * moment)) / n
 
 
 @lru_cache(maxsize=16)
@@ -135,7 +133,8 @@ class Rings:
         """Return the punch on the rings; the first ring that slips is found by bisection."""
         n = len(self.ring_middles)
         angle = np.arcsin(self._inner_fraction)
-        vertical_rows = np.diff(angle)  # int_0^r 1/sqrt(r^2 - x^2) dx
+        # Each row integrates 1/sqrt(r^2 - x^2) over the rings below one middle r.
+        vertical_rows = np.diff(angle)
         radial_rows = (
             self.ring_middles[:, None]
             / 2.0
@@ -146,9 +145,8 @@ class Rings:
         stick_equations = np.block(
             [[vertical_rows, -beta * outer_integrals], [-beta * pressure_rows, radial_rows]]
         )
-        ring_tractions = -np.diff(
-            self._outer_integrals(self.ring_edges), axis=0
-        )  # q of chi, r p of phi, integrated over each ring
+        # Integrals over each ring: of q from chi, and of r p from phi.
+        ring_tractions = -np.diff(self._outer_integrals(self.ring_edges), axis=0)
         slip_equations = np.hstack(
             [-friction / self.ring_middles[:, None] * ring_tractions, ring_tractions]
         )

@@ -52,7 +52,7 @@ def sphere_force(delta: float, R: float, E_star: float) -> float:
 
 
 def _sphere_angle(delta: float, R: float) -> float:
-    """Root t of t tanh(t) = delta/R with a = R tanh(t), a form without cancellation at any depth."""
+    """Return the root t of t tanh(t) = delta/R, where a = R tanh(t), to rounding at any depth."""
     require_positive(R=R)
     d = max(delta, 0.0) / R
     if d == 0.0:
@@ -69,7 +69,7 @@ def _sphere_angle(delta: float, R: float) -> float:
 
 
 def cone_force(delta: float, half_angle: float, E_star: float) -> float:
-    """Sneddon's force F = 2/pi E* tan(alpha) delta^2 [F]; alpha in degrees between axis and flank."""
+    """Sneddon's force F = 2/pi E* tan(alpha) delta^2 [F]; alpha in degrees from axis to flank."""
     require_positive(E_star=E_star)
     return 2.0 / math.pi * E_star * tangent_of_half_angle(half_angle) * max(delta, 0.0) ** 2
 

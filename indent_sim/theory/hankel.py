@@ -33,7 +33,9 @@ MAX_EVEN_RADIUS = 2.0
 MAX_EVEN_POLYNOMIALS = 32
 EVEN_TOLERANCE = 1e-17
 EXTRA_BESSEL_ORDERS = 20  # The downward recurrence starts this many orders above the last one.
-WALL_FORM_SWITCH = 2.0  # k W at which the wall integral changes from its split to its direct form.
+WALL_FORM_SWITCH = (
+    2.0  # The value of k W at which the wall integral changes from its split to its direct form.
+)
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,7 @@ class Kernel:
         cosines = np.cos(np.multiply.outer(self.k, x))
         if not self.y.size:
             return cosines
-        # cosh alone overflows, its product with the weight does not: scale it by exp(-y W).
+        # The cosh alone overflows, its product with the weight does not: it is scaled by exp(-y W).
         y = self.y[:, None]
         hyperbolic = 0.5 * (np.exp(y * (x - self.wall)) + np.exp(-y * (x + self.wall)))
         return np.vstack([cosines, hyperbolic, np.ones((1, x.size))])
@@ -219,8 +221,8 @@ def _polynomial_kernel(max_radius: float, stack: Stack) -> EvenKernel | None:
 def _even_bessel(x: np.ndarray, count: int) -> np.ndarray:
     """Return J_0, J_2, ... at 0 < x < 2 count, shape (count, len(x)), each to its own rounding.
 
-    By J_n/J_(n-1) = x/(2 n - x J_(n+1)/J_n) downwards, and J_0 + 2 sum_j J_2j = 1 (Abramowitz &
-    Stegun 9.1.46, 9.1.73). This avoids the import of scipy.special.
+    The ratios follow from J_n/J_(n-1) = x/(2 n - x J_(n+1)/J_n) downwards, and J_0 from J_0 + 2
+    sum_j J_2j = 1 (Abramowitz & Stegun 9.1.46, 9.1.73). This avoids the import of scipy.special.
     """
     last_order = 2 * count + EXTRA_BESSEL_ORDERS
     ratios = np.empty((last_order, x.size))
@@ -255,9 +257,9 @@ def _layer_kernel(max_radius: float, stack: Stack) -> Kernel:
 
 @lru_cache(maxsize=64)
 def _cylinder_kernel(max_radius: float, clearance: float, stack: Stack, wall: float) -> Kernel:
-    """Return the Dini sum over L as the half-space integral and smooth terms.
+    """Return the kernel between walls: the half-space integral less the Dini sum over L.
 
-    So the integral equation stays of the second kind.
+    This difference is smooth, so that the integral equation remains one of the second kind.
     """
     # The sum is sum_n w_n cos cos
     #     = ∫ cos cos dk + (2/pi) ∫_0^inf [K1(yW)/I1(yW) cosh cosh - 2/(yW)^2] dy

@@ -68,7 +68,7 @@ class _LinearSolution:
 
     @property
     def indentation_of_radius(self) -> float:
-        """Depth [h] at which phi is 0 at the edge: that of a smooth tip with this contact radius."""
+        """Depth [h] at which phi is 0 at the edge: that of a smooth tip of this contact radius."""
         return self.tip_shape_edge / self.unit_depth_edge
 
 
@@ -236,14 +236,14 @@ class Layer(ContactCurve):
         return [b / self.h for b in self.tip.slope_discontinuities if b / self.h < a]
 
     def _smooth_point_count(self, a: float) -> int:
+        """Return the number of Gauss points for the smooth part of phi."""
         # Gauss's rule converges exponentially: the kernel is analytic up to 2h off the real axis,
         # and singular where the contact meets a wall.
-        """Return the number of Gauss points for the smooth part of phi."""
         return 20 + math.ceil(5.0 * a + 12.0 * math.sqrt(a / max(self.wall - a, 1e-4 * a)))
 
     def _tip_point_count(self, a: float) -> int:
-        # The tip's profile is singular at its end, near the last panel.
         """Return the number of Gauss points between two slope discontinuities of the tip."""
+        # The tip's profile is singular at its end, near the last panel.
         last_panel = a - max(self._inner_discontinuities(a), default=0.0)
         end_distance_ratio = math.sqrt(
             last_panel / max(self.tip.max_radius / self.h - a, 1e-4 * last_panel)

@@ -26,7 +26,8 @@ from scipy.optimize import brentq
 from indent_sim.theory.elastic_curve import ElasticCurve
 from indent_sim.theory.relaxation_function import Modulus
 
-REGROWTH_TOLERANCE = 1e-9  # of the largest depth: by more than that the contact grows again
+# Increase of the elastic depth, over the largest depth, above which the contact grows again.
+REGROWTH_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -59,11 +60,13 @@ class LeeRadokTing:
         self._depths = np.array(deltas, dtype=float)
         steps = np.diff(self._depths)
         falls = np.flatnonzero(steps < 0)
-        self._peak_index = (
-            int(falls[0]) if len(falls) else len(steps)
-        )  # the point from which the tip goes back
+        # The point at which unloading begins.
+        self._peak_index = int(falls[0]) if len(falls) else len(steps)
         if np.any(steps[self._peak_index :] > 0):
-            raise ValueError("the tip comes back after it went away: that is no single cycle")
+            raise ValueError(
+                "the depth increases again after it has decreased: Ting's solution needs a single "
+                "cycle of loading and unloading"
+            )
         self.deepest = float(self._depths[self._peak_index])
 
     def response_at(self, t: float, is_after_jump: bool = True) -> Response:
@@ -85,7 +88,8 @@ class LeeRadokTing:
     def _depth_at(self, t: float, is_after_jump: bool) -> tuple[float, int]:
         """Return the depth at a time, and the number of the point at the end of its segment."""
         point_count = np.count_nonzero(self._times <= t if is_after_jump else self._times < t)
-        if point_count == 0:  # at rest, as the history begins
+        if point_count == 0:
+            # The tip is at rest before the history begins.
             return float(self._depths[0]), 0
         k = min(max(point_count, 1), len(self._times) - 1)
         if t >= self._times[k]:
@@ -120,7 +124,7 @@ class LeeRadokTing:
         return segments
 
     def _force(self, t: float, elastic_depth: float) -> float:
-        """Return int_0^elastic G(t - s) F_el' d delta, with nodes graded to the ends of segments."""
+        """Return int_0^elastic G(t - s) F_el' d delta, with nodes graded to the segments' ends."""
         force = 0.0
         for low, high, begin, end in self._loading_segments(0.0, elastic_depth):
             u, v, w = _SEGMENT_NODES
@@ -150,6 +154,7 @@ class LeeRadokTing:
             )
 
         def balance(depth: float) -> float:
+            """Return the sum of both integrals of Ting's condition for delta_1 = depth."""
             return unloading_integral + sum(
                 self._relaxed_depth_change(t, *piece)
                 for piece in self._loading_segments(depth, self.deepest)
@@ -160,8 +165,9 @@ class LeeRadokTing:
         return float(brentq(balance, 0.0, self.deepest, xtol=1e-14 * self.deepest))
 
     def contact_grows_again(self, times: Sequence[float]) -> bool:
-        """Whether the contact, once it shrinks, grows again at any of these times: then this is not
-        the answer.
+        """Return whether the contact grows again while the tip is retracted, at one of the times.
+
+        Ting's solution does not hold then.
         """
         elastic_depths = [
             self.response_at(t).elastic_depth for t in times if t >= self._times[self._peak_index]
@@ -170,7 +176,7 @@ class LeeRadokTing:
 
 
 def _double_exponential_nodes(points: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Nodes u in (0, 1), 1 - u without loss of digits, and weights of the double-exponential rule."""
+    """Return nodes u in (0, 1), 1 - u to rounding, and weights of the double-exponential rule."""
     x = np.linspace(-3.2, 3.2, points)
     s = 0.5 * math.pi * np.sinh(x)
     u = 1.0 / (1.0 + np.exp(-2.0 * s))

@@ -12,11 +12,9 @@ from scipy.optimize import minimize_scalar
 
 from indent_sim.theory.solution import require_positive
 
-MAUGIS_RANGE = (
-    1e-10,
-    1e5,
-)  # parameters beyond which the edge of the attraction is not to be told from that of the contact
-LAMBDA_PER_TABOR = 2.0 * (9.0 / (16.0 * math.pi)) ** (1.0 / 3.0)  # 1.1272
+# Parameters beyond which rounding does not separate the edges of the attraction and of the contact.
+MAUGIS_RANGE = (1e-10, 1e5)
+LAMBDA_PER_TABOR = 2.0 * (9.0 / (16.0 * math.pi)) ** (1.0 / 3.0)  # This is 1.1272.
 
 
 def tabor_number(work: float, attraction_range: float, R: float, E_star: float) -> float:

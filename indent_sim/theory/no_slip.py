@@ -1,16 +1,18 @@
-"""No slip between a tip and an elastic half-space: what it adds to the force of frictionless
-contact.
+"""Contact without slip between a tip and an elastic half-space, against frictionless contact.
 
 Under a tip f = B r^n each increment of the depth is that of a bonded flat punch of the present
-radius a, so the force grows by dF = 4 mu a ln(3 - 4 nu)/(1 - 2 nu) d delta, and the surface beside
-a punch of radius a moves by the share W(r/a) of its depth,
+radius a: the force grows by dF = 4 mu a ln(3 - 4 nu)/(1 - 2 nu) d delta, mu the shear modulus, and
+the surface at a radius r > a moves by the fraction W(r/a) of the punch's displacement,
 
     W(q) = 4 (1 - nu)/(pi sqrt(3 - 4 nu)) int_0^1 cos(theta ln((1 + t)/(1 - t)))/sqrt(q^2 - t^2) dt,
     theta = ln(3 - 4 nu)/(2 pi),   W(1) = 1,
 
 so that delta = alpha a^n with B = alpha n int_0^1 (1 - W(1/s)) s^(n-1) ds. At nu = 1/2 all of this
-is frictionless.
+is the same without friction.
 
+A map of finite element solutions gives the same ratio of forces on bonded layers.
+
+delta > 0 and force > 0 while the tip pushes into the body.
 Sources: Mossakovskii (1963), J. Appl. Math. Mech. 27, 627; Spence (1968), Proc. R. Soc. A 305, 55.
 """
 
@@ -26,10 +28,12 @@ import numpy as np
 from indent_sim.theory.half_space import check_nu
 from indent_sim.theory.quadrature import Nodes, gauss_legendre, join_nodes
 
-# Force without slip over the frictionless one on a layer bonded to its base, by contact radius over
-# thickness (columns) and Poisson ratio (rows), to 0.5 %: paraboloid and cone at the depth where the
-# frictionless tip has the radius, punch of that radius; solved by finite elements in twenty steps
-# (configs/studies/friction)
+# Force without slip over the frictionless one on a layer bonded to its base, by Poisson's ratio
+# (rows) and contact radius over thickness (columns), for the exponents of a paraboloid, a cone and
+# a flat punch. Paraboloid and cone are as deep as the frictionless tip with that contact radius.
+# The ratios are finite element solutions of the scenes in configs/studies/friction in twenty load
+# steps; scripts/make_friction_page solves them again and fails where one differs by more than
+# MAP_ERROR.
 MAPPED_SLENDERNESS = (0.1, 0.3, 1.0, 2.0, 3.0, 5.0, 10.0)
 MAPPED_POISSON_RATIOS = (0.0, 0.3, 0.4, 0.45, 0.49, 0.5)
 LAYER_FORCE_RATIOS = {
@@ -58,23 +62,31 @@ LAYER_FORCE_RATIOS = {
         (1.000, 1.001, 1.084, 1.366, 1.659, 2.126, 2.781),
     ),
 }
-MAP_ERROR = 0.005  # of the force
-MAP_ROUNDING = 0.001  # of the map
-# Beyond corners of a cell: up, of the effect, and down, of the force, where slip turns about
+MAP_ERROR = 0.005  # Relative error of a force ratio of the map.
+MAP_ROUNDING = 0.001  # Rounding of the map.
+# Range inside a cell of the map beyond that of its corners: upwards as a fraction of the largest
+# change of the force, downwards of the force, where the slip changes its direction.
+# scripts/make_friction_page compares it with solutions between the lines of the map.
 CELL_PEAK = 0.02
 CELL_DIP = 0.004
-MAX_HYPERBOLIC_ANGLE = (
-    20.0  # of the hyperbolic angle whose tanh is t: beyond it 1/cosh^2 is below 1e-17 of its peak
-)
-# the integrands are analytic to pi/2 beside the angle: rounding remains
+# Integrals over t = tanh(y) end at this y, where 1/cosh^2 is below 1e-17 of its peak.
+MAX_HYPERBOLIC_ANGLE = 20.0
+# Gauss panels along y: the integrands are analytic up to pi/2 off the real axis, so that only the
+# rounding error remains.
 PANEL_LENGTH = 2.0
 POINTS_PER_PANEL = 24
 
 
 @dataclass(frozen=True)
 class FrictionCorrection:
-    """What friction makes of a frictionless contact at the same depth: factors of force and contact
-    radius, and the stick radius over the contact radius.
+    """Change of a frictionless contact by friction at the same depth.
+
+    Attributes
+    ----------
+    force, radius
+        Factors of the force and of the contact radius.
+    sticks
+        Radius of the sticking region over the contact radius.
     """
 
     force: float
@@ -86,37 +98,54 @@ FRICTIONLESS = FrictionCorrection(1.0, 1.0, 0.0)
 
 
 def no_slip_correction(nu: float, power: float = math.inf) -> FrictionCorrection:
-    """What no slip makes of it, under f = B r^power; ValueError as `force_ratio`."""
+    """Return the correction for no slip under f = B r^power; errors as `force_ratio`."""
     return FrictionCorrection(
         force_ratio(nu, power), 1.0 if math.isinf(power) else radius_ratio(nu, power), 1.0
     )
 
 
 def force_ratio(nu: float, power: float = math.inf) -> float:
-    """Force without slip over the frictionless one at the same depth under f = B r^power; infinite:
-    a flat punch.
+    """Return the force without slip over the frictionless one at the same depth.
 
-    (1 - nu) ln(3 - 4 nu)/(1 - 2 nu) times the ratio of the contact radii, to 1e-10. Raises
-    ValueError unless -1 < nu <= 0.5 and power >= 1.
+    The tip is f = B r^power; an infinite power stands for a flat punch. The ratio is (1 - nu)
+    ln(3 - 4 nu)/(1 - 2 nu) times that of the contact radii, accurate to 1e-10.
+
+    Raises
+    ------
+    ValueError
+        Unless -1 < nu <= 0.5 and power >= 1.
     """
     check_parameters(nu, power)
     return punch_ratio(nu) * (1.0 if math.isinf(power) else radius_ratio(nu, power))
 
 
 def check_parameters(nu: float, power: float) -> None:
-    """ValueError unless -1 < nu <= 0.5 and power >= 1."""
+    """Raise ValueError unless -1 < nu <= 0.5 and power >= 1."""
     check_nu(nu)
     if not power >= 1.0:
         raise ValueError(f"power must be at least 1, got {power!r}")
 
 
 def layer_force_range(nu: float, slenderness: float, power: float) -> tuple[float, float] | None:
-    """Least and largest force ratio in the map's cell around a bonded layer; None beyond the map.
+    """Return bounds of the force ratio on a bonded layer from the cell of the map that contains it.
 
-    Those at the corners of the cell, or at the ends of the line of the map that the layer is on,
-    down by DIP and up by MAP_PEAK, which hold what lies between them. slenderness: contact radius
-    over thickness; power: that of the tip's profile, 1, 2 or infinite. Below a slenderness of 0.1
-    the other corners are the half-space's.
+    The bounds are the extreme ratios at the corners of the cell, or at the ends of the line of the
+    map on which the layer lies, with the margins CELL_DIP and CELL_PEAK. Below a slenderness of 0.1
+    the corners on the other side are those of the half-space.
+
+    Parameters
+    ----------
+    nu
+        Poisson's ratio of the layer.
+    slenderness
+        Contact radius over thickness.
+    power
+        Exponent of the tip's profile: 1, 2, or infinity for a flat punch.
+
+    Returns
+    -------
+    tuple of float, or None
+        Smallest and largest force ratio; None outside the map.
     """
     is_inside = (
         MAPPED_POISSON_RATIOS[0] <= nu <= MAPPED_POISSON_RATIOS[-1]
@@ -126,10 +155,11 @@ def layer_force_range(nu: float, slenderness: float, power: float) -> tuple[floa
         return None
     rows = _neighbouring_lines(MAPPED_POISSON_RATIOS, nu)
     columns = _neighbouring_lines((0.0, *MAPPED_SLENDERNESS), slenderness)
+    # The half-space is the limit of small contact radii.
     force_ratios = {
         row: (force_ratio(MAPPED_POISSON_RATIOS[row], power), *LAYER_FORCE_RATIOS[power][row])
         for row in rows
-    }  # from the half-space on
+    }
     corners = [force_ratios[row][column] for row in rows for column in columns]
     low = min(corners)
     high = max(corners)
@@ -137,44 +167,51 @@ def layer_force_range(nu: float, slenderness: float, power: float) -> tuple[floa
 
 
 def _neighbouring_lines(lines: Sequence[float], value: float) -> list[int]:
-    """The lines of a map on either side of a value between its ends, or the one that it is on."""
+    """Return the indices of the lines on either side of a value, or of the line through it."""
     matching_line = [k for k, line in enumerate(lines) if math.isclose(line, value, rel_tol=1e-9)]
     next_line = int(np.searchsorted(lines, value))
     return matching_line or [next_line - 1, next_line]
 
 
 def punch_ratio(nu: float) -> float:
-    """Force of a bonded flat punch over that of a frictionless one, (1 - nu) ln(3 - 4 nu)/(1 - 2
-    nu).
+    """Return the force of a bonded flat punch over that of a frictionless one.
+
+    This is (1 - nu) ln(3 - 4 nu)/(1 - 2 nu).
     """
     e = 1.0 - 2.0 * nu
     return (1.0 + e) / 2.0 * (math.log1p(2.0 * e) / e if e > 0.0 else 2.0)
 
 
-@lru_cache(maxsize=64)  # every scene of a study asks for the same few
+@lru_cache(maxsize=64)  # All scenes of a study have the same few arguments.
 def radius_ratio(nu: float, power: float) -> float:
-    """Contact radius without slip over the frictionless one at the same depth under f = B r^power."""
+    """Return the contact radius without slip over the frictionless one at the same depth.
+
+    The tip is f = B r^power.
+    """
     return float((_sinking_integral(nu, power) / _sinking_integral(0.5, power)) ** (1.0 / power))
 
 
 def _displacement_factor(nu: float) -> float:
+    """Return the factor 4 (1 - nu)/(pi sqrt(3 - 4 nu)) of the integral W."""
     return 4.0 * (1.0 - nu) / (math.pi * math.sqrt(3.0 - 4.0 * nu))
 
 
 def _theta(nu: float) -> float:
+    """Return the exponent theta = ln(3 - 4 nu)/(2 pi) of the oscillation at the punch's edge."""
     return math.log(3.0 - 4.0 * nu) / (2.0 * math.pi)
 
 
 def _sinking_integral(nu: float, n: float) -> float:
-    """int_0^1 (1 - W(1/s)) s^(n-1) ds = B/(n alpha)."""
-    y, weights = _panel_nodes(MAX_HYPERBOLIC_ANGLE)  # t = tanh y
+    """Return int_0^1 (1 - W(1/s)) s^(n-1) ds = B/(n alpha), in the variable y = artanh(t)."""
+    y, weights = _panel_nodes(MAX_HYPERBOLIC_ANGLE)
     integrand = np.cos(2.0 * _theta(nu) * y) * _moment(np.tanh(y), n) / np.cosh(y) ** 2
     return 1.0 / n - _displacement_factor(nu) * float(weights @ integrand)
 
 
 def _moment(t: np.ndarray, n: float) -> np.ndarray:
-    """int_0^1 s^n/sqrt(1 - t^2 s^2) ds = int_0^asin(t) sin(w)^n dw / t^(n+1), with w ~ v^2: n need
-    not be whole.
+    """Return int_0^1 s^n/sqrt(1 - t^2 s^2) ds = int_0^asin(t) sin(w)^n dw / t^(n+1) for all t.
+
+    The variable v with w ~ v^2 makes the rule accurate for exponents n that are no integers, too.
     """
     v, weights = gauss_legendre(0.0, 1.0, 2 * POINTS_PER_PANEL)
     end = np.arcsin(t)
@@ -184,7 +221,7 @@ def _moment(t: np.ndarray, n: float) -> np.ndarray:
 
 
 def _panel_nodes(end: float) -> Nodes:
-    """Gauss nodes and weights on [0, end], panel by panel."""
+    """Return Gauss nodes and weights on [0, end] in panels of the length PANEL_LENGTH."""
     starts = map(float, np.arange(0.0, end, PANEL_LENGTH))
     return join_nodes(
         [gauss_legendre(start, start + PANEL_LENGTH, POINTS_PER_PANEL) for start in starts]

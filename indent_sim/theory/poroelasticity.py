@@ -1,19 +1,23 @@
-"""Indentation of a linear porous body full of fluid (Biot), between the sudden load and the drained
-rest.
+"""Indentation of a linear poroelastic body (Biot) from the undrained to the drained limit.
 
-Fluid content alpha e + storage p, flux -permeability grad p, stress 2 G eps + lambda e - alpha p.
-At once nothing flows: the force is that of an elastic body with the same G and the undrained
-Poisson ratio; at last p = 0 and nu is the drained one. What a held depth loses between the two is
-here that of a flat punch of radius a on a half-space, drained or sealed over all its surface: in
-Laplace space (s in D/a^2, lengths in a), with r = (nu_u - nu)/(1 - nu) and gamma^2 = k^2 + s,
+The fluid content is alpha e + storage p, the flux -permeability grad p and the stress 2 G eps +
+lambda e - alpha p, with the volume strain e and the pore pressure p. Just after a sudden load
+nothing has flowed: the force is that of an elastic body with the same G and the undrained Poisson's
+ratio nu_u. In the end p = 0, and the body has its drained ratio nu.
 
-    phi(x) - int_0^1 K(x, y) phi(y) dy = 1,    F/F(0+) = (1 - r)/s int_0^1 phi dx, K = (2/pi)
-    int_0^inf (1 - 1/(1 + r q/(1 - r))) cos kx cos ky dk, q = (gamma - k)/(gamma + k) of a drained
-    surface,   1 - 2 k^2/(gamma (gamma + k)) of a sealed one.
+The force at a constant depth in between is solved for a flat punch of radius a on a half-space
+whose surface is drained or sealed everywhere. In Laplace space (s in D/a^2, lengths in a), with
+r = (nu_u - nu)/(1 - nu) and gamma^2 = k^2 + s,
+
+    phi(x) - int_0^1 K(x, y) phi(y) dy = 1,    F/F(0+) = (1 - r)/s int_0^1 phi dx,
+    K(x, y) = (2/pi) int_0^inf (1 - 1/(1 + r q/(1 - r))) cos kx cos ky dk,
+    q = (gamma - k)/(gamma + k)           for a drained surface,
+    q = 1 - 2 k^2/(gamma (gamma + k))     for a sealed one.
 
 delta > 0 pushes in, force > 0 pushes, p > 0 in compressed fluid. Any consistent units, any unit of
-time. Sources: Biot (1941), J. Appl. Phys. 12, 155; Agbezuge & Deresiewicz (1974), Israel J.
-Technol. 12, 322; Talbot's contour by Weideman (2006), SIAM J. Numer. Anal. 44, 2342.
+time [T].
+Sources: Biot (1941), J. Appl. Phys. 12, 155; Agbezuge & Deresiewicz (1974), Israel J. Technol. 12,
+322; Weideman (2006), SIAM J. Numer. Anal. 44, 2342, for Talbot's contour.
 """
 
 from __future__ import annotations
@@ -32,22 +36,24 @@ from indent_sim.theory.solution import require_positive
 from indent_sim.theory.theory import Theory
 
 SurfaceDrainage = Literal["drained", "sealed"]
-CONTOUR_POINTS = (
-    24  # points of Talbot's contour, of which half are conjugates of the others: 12 digits
-)
-CONTACT_POINTS = 64  # of the integral equation
-# largest k [1/a], and the first panel in it: what is subtracted leaves k^-6
+# Points of Talbot's contour for twelve digits; half of them are conjugates of the others.
+CONTOUR_POINTS = 24
+CONTACT_POINTS = 64  # Gauss points of the integral equation.
+# Largest wavenumber k [1/a] and end of the first panel: the integrand decays like k^-6 once its
+# first two terms for large k are subtracted.
 MAX_WAVENUMBER = 120.0
 FIRST_PANEL = 1e-6
-# Gauss points of a panel, and more of them for each unit of the phase k x
+# Gauss points of a panel of wavenumbers, and further ones per unit of the phase k x.
 WAVE_POINTS = 24
 WAVE_PHASE_POINTS = 0.7
-# a^2/D: before it 1 - g = sqrt(tau)(A - B ln tau), of boundary layers too thin for these points
+# Times tau = D t/a^2 below which 1 - g = sqrt(tau) (A - B ln tau) is used: the boundary layers are
+# too thin for these points. A and B are those of the two sample times.
 SHORT_TIME = 1e-3
-SHORT_TIME_SAMPLES = SHORT_TIME, 4.0 * SHORT_TIME  # times that give A and B
-# (F - F(inf))/(F(0+) - F(inf)) of a paraboloid at D t/a^2 = AT after it was pressed in at once, and
-# at the end of a ramp as long, by what the tip lets through: finite elements, a/h = 0.16, nu = 0.2,
-# the surface beside the tip drained
+SHORT_TIME_SAMPLES = SHORT_TIME, 4.0 * SHORT_TIME
+# Fraction (F - F(inf))/(F(0+) - F(inf)) of the force of a paraboloid at the times tau = D t/a^2
+# after a step of the depth, and at the end of a ramp of that duration, for a sealed and a drained
+# tip. These are finite element solutions for a/h = 0.16 and nu = 0.2 with a drained surface outside
+# the contact.
 TABULATED_TIMES = (0.01, 0.1, 1.0, 10.0, 100.0)
 STEP_FRACTIONS = {
     "sealed": (0.964, 0.745, 0.228, 0.0369, 1e-3),
@@ -61,11 +67,23 @@ RAMP_FRACTIONS = {
 
 @dataclass(frozen=True)
 class PorousSolid:
-    """Constants of a linear porous body: drained E [F/L^2] and nu, permeability over viscosity
-    [L^4/(F T)], Biot's alpha and the storage 1/M [L^2/F]; 1 and 0 where grains and fluid are
-    incompressible.
+    """Constants of a linear poroelastic body.
 
-    ValueError unless E > 0, permeability > 0, -1 < nu < 0.5, 0 < alpha <= 1 and storage >= 0.
+    Attributes
+    ----------
+    E, nu
+        Young's modulus [F/L^2] and Poisson's ratio of the drained body.
+    permeability
+        Permeability over the viscosity of the fluid [L^4/(F T)].
+    alpha
+        Biot's coefficient, 1 for incompressible grains.
+    storage
+        Storage coefficient 1/M [L^2/F], 0 if grains and fluid are incompressible.
+
+    Raises
+    ------
+    ValueError
+        Unless E > 0, permeability > 0, -1 < nu < 0.5, 0 < alpha <= 1 and storage >= 0.
     """
 
     E: float
@@ -75,51 +93,51 @@ class PorousSolid:
     storage: float = 0.0
 
     def __post_init__(self) -> None:
+        """Check the constants."""
         require_positive(E=self.E, permeability=self.permeability, alpha=self.alpha)
         check_nu(self.nu)
         if not (self.nu < 0.5 and self.alpha <= 1.0 and 0.0 <= self.storage < math.inf):
             given = f"nu = {self.nu!r}, alpha = {self.alpha!r}, storage = {self.storage!r}"
             raise ValueError(
-                f"a porous body has a drained nu < 0.5, alpha <= 1 and storage >= 0, got {given}"
+                "a poroelastic body needs a drained nu < 0.5, alpha <= 1 and storage >= 0, got "
+                f"{given}"
             )
 
     @property
     def shear_modulus(self) -> float:
-        """G = E/(2 (1 + nu)) [F/L^2], drained and undrained."""
+        """Shear modulus G = E/(2 (1 + nu)) [F/L^2], the same drained and undrained."""
         return self.E / (2.0 * (1.0 + self.nu))
 
     @property
     def confined_modulus(self) -> float:
-        """M_c = 2 G (1 - nu)/(1 - 2 nu) [F/L^2], drained."""
+        """Drained oedometric modulus M_c = 2 G (1 - nu)/(1 - 2 nu) [F/L^2]."""
         return 2.0 * self.shear_modulus * (1.0 - self.nu) / (1.0 - 2.0 * self.nu)
 
     @property
     def diffusivity(self) -> float:
-        """D = permeability/(alpha^2/M_c + storage) [L^2/T] of the fluid content."""
+        """Diffusivity D = permeability/(alpha^2/M_c + storage) [L^2/T] of the fluid content."""
         return self.permeability / (self.alpha**2 / self.confined_modulus + self.storage)
 
     @property
     def undrained_bulk_modulus(self) -> float:
-        """K_u = K + alpha^2/storage [F/L^2]; infinite without storage."""
+        """Undrained bulk modulus K_u = K + alpha^2/storage [F/L^2], infinite for storage = 0."""
         drained = self.E / (3.0 * (1.0 - 2.0 * self.nu))
         return drained + self.alpha**2 / self.storage if self.storage else math.inf
 
     @property
     def undrained_nu(self) -> float:
-        """nu_u = (3 K_u - 2 G)/(2 (3 K_u + G)); 1/2 without storage."""
+        """Undrained Poisson's ratio nu_u = (3 K_u - 2 G)/(2 (3 K_u + G)), 1/2 for storage = 0."""
         ratio = self.shear_modulus / self.undrained_bulk_modulus
         return (3.0 - 2.0 * ratio) / (2.0 * (3.0 + ratio))
 
     @property
     def undrained_E(self) -> float:
-        """E_u = 2 G (1 + nu_u) [F/L^2]."""
+        """Undrained Young's modulus E_u = 2 G (1 + nu_u) [F/L^2]."""
         return 2.0 * self.shear_modulus * (1.0 + self.undrained_nu)
 
 
 class DrainageTimes(NamedTuple):
-    """a^2/D and H^2/D [T]: what the fluid needs over a contact radius, and over the height of the
-    body.
-    """
+    """Diffusion times a^2/D and H^2/D [T] over the contact radius and the height of the body."""
 
     contact: float
     height: float
@@ -127,8 +145,10 @@ class DrainageTimes(NamedTuple):
 
 @dataclass(frozen=True)
 class PoroelasticContact:
-    """A tip on a porous body pressed in at once and held: by its elastic theories with the
-    undrained constants and with the drained ones, and the flat punch's g between them.
+    """Contact of a tip with a poroelastic body after a sudden depth that is held.
+
+    The limits are elastic theories with the undrained and with the drained constants. Between them
+    the force decays like that of a flat punch on a half-space.
     """
 
     solid: PorousSolid
@@ -137,27 +157,27 @@ class PoroelasticContact:
     surface: SurfaceDrainage = "drained"
 
     def limit_forces(self, delta: float) -> tuple[float, float] | None:
-        """Force at once and at last [F] at a depth [L]; None where theory ends."""
+        """Return the undrained and the drained force [F] at a depth [L]; None where theory ends."""
         undrained_solution = self.undrained.solution_at_depth(delta)
         drained_solution = self.drained.solution_at_depth(delta)
-        return (
-            (undrained_solution.force, drained_solution.force)
-            if undrained_solution and drained_solution
-            else None
-        )
+        if undrained_solution and drained_solution:
+            return undrained_solution.force, drained_solution.force
+        return None
 
     def diffusion_times(self, delta: float, height: float) -> DrainageTimes | None:
-        """The times that matter at a depth [L] on a body of that height [L]; None where theory
-        ends.
+        """Return the diffusion times at a depth [L] for a body of a height [L].
+
+        None where the theory ends.
         """
         solution = self.undrained.solution_at_depth(delta)
         D = self.solid.diffusivity
         return DrainageTimes(solution.a**2 / D, height**2 / D) if solution else None
 
     def force(self, delta: float, t: float) -> float | None:
-        """The force [F] a time t [T] after the tip was pressed in; None where theory ends.
+        """Return the force [F] a time t [T] after the step to a depth [L]; None where theory ends.
 
-        That of a half-space: over a thin layer fluid has other ways to go.
+        The decay is that of a half-space, in which the fluid also flows downwards, unlike in a thin
+        layer.
         """
         limits = self.limit_forces(delta)
         solution = self.undrained.solution_at_depth(delta)
@@ -172,11 +192,20 @@ class PoroelasticContact:
 def paraboloid_fraction_remaining(
     tau: float, tip: SurfaceDrainage, loading: Literal["step", "ramp"]
 ) -> float:
-    """About what is left of F(0+) - F(inf) of a paraboloid at tau = D t/a^2 after a sudden depth
-    that is held, or at the end of a ramp of that length: from 1 to 0.
+    """Return about (F - F(inf))/(F(0+) - F(inf)) of a paraboloid, from 1 down to 0.
 
-    Within 0.02 of it up to tau = 0.1, else 0.1, for nu = 0 to 0.4 and a/h = 0.05 to 0.5. Between
-    and beyond what was computed ln(left/(1 - left)) is straight over ln tau.
+    It is interpolated and extrapolated linearly in ln(fraction/(1 - fraction)) over ln tau from the
+    table above. The error is 0.02 up to tau = 0.1 and 0.1 beyond, for nu = 0 to 0.4 and a/h = 0.05
+    to 0.5.
+
+    Parameters
+    ----------
+    tau
+        Time D t/a^2 after a step to a depth that is held, or duration of a ramp at its end.
+    tip
+        Whether fluid passes through the surface of the tip ("drained") or not ("sealed").
+    loading
+        Step or ramp of the depth.
     """
     if tau <= 0.0 or math.isinf(tau):
         return float(tau <= 0.0)
@@ -192,16 +221,29 @@ def paraboloid_fraction_remaining(
 def poroelastic_fraction_remaining(
     tau: float, nu: float, undrained_nu: float = 0.5, surface: SurfaceDrainage = "drained"
 ) -> float:
-    """g = (F - F(inf))/(F(0+) - F(inf)) of a flat punch on a porous half-space at tau = D t/a^2:
-    from 1 to 0.
+    """Return g = (F - F(inf))/(F(0+) - F(inf)) of a flat punch on a half-space, from 1 down to 0.
 
-    8 digits from tau = 1e-3 on, 3 before. ValueError unless tau >= 0 and -1 < nu < undrained_nu <=
-    0.5.
+    It has eight digits for tau >= 1e-3 and three for shorter times.
+
+    Parameters
+    ----------
+    tau
+        Time D t/a^2 after a step to a depth that is held.
+    nu, undrained_nu
+        Drained and undrained Poisson's ratio.
+    surface
+        Drainage of the whole surface, under the punch and outside.
+
+    Raises
+    ------
+    ValueError
+        Unless tau >= 0 and -1 < nu < undrained_nu <= 0.5.
     """
     check_nu(nu)
     if not (tau >= 0.0 and nu < undrained_nu <= 0.5):
         raise ValueError(
-            f"needs tau >= 0 and nu < undrained_nu <= 0.5, got {tau!r}, {nu!r}, {undrained_nu!r}"
+            "the flat punch needs tau >= 0 and nu < undrained_nu <= 0.5, got "
+            f"{tau!r}, {nu!r}, {undrained_nu!r}"
         )
     if tau == 0.0 or math.isinf(tau):
         return float(tau == 0.0)
@@ -222,21 +264,24 @@ def poroelastic_fraction_remaining(
 def _short_time_fraction(
     tau: float, nu: float, undrained_nu: float, surface: SurfaceDrainage
 ) -> float:
-    """The fluid has left a thin layer alone; the punch's edge, whose pressure is infinite, brings
-    the logarithm.
+    """Return g at a short time from its asymptotic form 1 - g = sqrt(tau) (A - B ln tau).
+
+    Fluid has left only a thin boundary layer; the logarithm comes from the infinite pressure at the
+    edge of the punch.
     """
     slopes = [
         (1.0 - poroelastic_fraction_remaining(t, nu, undrained_nu, surface)) / math.sqrt(t)
         for t in SHORT_TIME_SAMPLES
     ]
-    per_log = (slopes[1] - slopes[0]) / math.log(SHORT_TIME_SAMPLES[1] / SHORT_TIME_SAMPLES[0])
-    return 1.0 - math.sqrt(tau) * (slopes[0] + per_log * math.log(tau / SHORT_TIME_SAMPLES[0]))
+    log_slope = (slopes[1] - slopes[0]) / math.log(SHORT_TIME_SAMPLES[1] / SHORT_TIME_SAMPLES[0])
+    return 1.0 - math.sqrt(tau) * (slopes[0] + log_slope * math.log(tau / SHORT_TIME_SAMPLES[0]))
 
 
 @lru_cache
 def _talbot_contour(count: int) -> Nodes:
-    """Points z of the upper half of Talbot's contour and weights: f(t) = Re sum w F(z/t)/t
-    (Weideman 2006).
+    """Return points z of the upper half of Talbot's contour and weights w (Weideman 2006).
+
+    They invert a Laplace transform: f(t) = Re sum w F(z/t)/t.
     """
     angle = (2.0 * np.arange(count // 2) + 1.0) * math.pi / count
     a = 0.5017
@@ -250,7 +295,7 @@ def _talbot_contour(count: int) -> Nodes:
 
 @lru_cache
 def _wave_nodes() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Wavenumbers k, their weights, and cos(k x) at the points of the equation."""
+    """Return wavenumbers k, their weights, and cos(k x) (points, k) at the contact points x."""
     edges = [
         0.0,
         *np.geomspace(
@@ -266,7 +311,11 @@ def _wave_nodes() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _laplace_transform(s: complex, r: float, surface: SurfaceDrainage) -> complex:
-    """Laplace transform of F/F(0+) at s [D/a^2]."""
+    """Return the Laplace transform of F/F(0+) at s [D/a^2] by Nystrom's method.
+
+    The first two terms of the integrand for large k are subtracted. Their transform is known in
+    closed form, with a kink at x = y: its quadrature error is corrected on the diagonal.
+    """
     x, w = gauss_legendre(0.0, 1.0, CONTACT_POINTS)
     k, weights, cosines = _wave_nodes()
     contrast = r / (1.0 - r)
@@ -278,11 +327,11 @@ def _laplace_transform(s: complex, r: float, surface: SurfaceDrainage) -> comple
     )
 
     def kernel(z: np.ndarray) -> np.ndarray:
-        """(1/pi) int_0^inf of what was subtracted, times cos kz."""
+        """Return (1/pi) int_0^inf of the subtracted terms times cos kz dk."""
         return root * (first / 2.0 + second / 4.0 * (1.0 + root * z)) * np.exp(-root * z)
 
     def integral(z: np.ndarray) -> np.ndarray:
-        """int_0^z kernel."""
+        """Return the integral of `kernel` from 0 to z."""
         return (first + second) / 2.0 * (
             1.0 - np.exp(-root * z)
         ) - second / 4.0 * root * z * np.exp(-root * z)
@@ -291,9 +340,8 @@ def _laplace_transform(s: complex, r: float, surface: SurfaceDrainage) -> comple
     smooth_kernel = (
         2.0 / math.pi * (cosines * (remainder * weights)) @ cosines.T + kernel(x[:, None] + x)
     ) * w
-    diagonal_correction = (
-        integral(x) + integral(1.0 - x) - near_kernel.sum(axis=1)
-    )  # what the points miss of a constant, all on the diagonal
+    # The diagonal makes the integral of this kernel exact for a constant phi.
+    diagonal_correction = integral(x) + integral(1.0 - x) - near_kernel.sum(axis=1)
     phi = np.linalg.solve(
         np.eye(CONTACT_POINTS) - smooth_kernel - near_kernel - np.diag(diagonal_correction),
         np.ones(CONTACT_POINTS),
@@ -304,22 +352,19 @@ def _laplace_transform(s: complex, r: float, surface: SurfaceDrainage) -> comple
 def _compliance_deficit(
     k: np.ndarray, s: complex, contrast: float, surface: SurfaceDrainage
 ) -> np.ndarray:
-    """1 - 1/(1 + contrast q): by how much less a wave finds the surface compliant than when
-    drained.
-    """
+    """Return 1 - 1/(1 + contrast q), the loss of compliance against the drained body, at k."""
     gamma = np.sqrt(k * k + s)
-    q = (
-        s / (gamma + k) ** 2
-        if surface == "drained"
-        else s * (1.0 + k / (gamma + k)) / (gamma * (gamma + k))
-    )
+    if surface == "drained":
+        q = s / (gamma + k) ** 2
+    else:
+        q = s * (1.0 + k / (gamma + k)) / (gamma * (gamma + k))
     return contrast * q / (1.0 + contrast * q)
 
 
 def _large_wavenumber_coefficients(
     contrast: float, surface: SurfaceDrainage
 ) -> tuple[float, float]:
-    """First and second coefficient of `_softer` in powers of s/(k^2 + s)."""
+    """Return the first two coefficients of `_compliance_deficit` in powers of s/(k^2 + s)."""
     if surface == "drained":
         return contrast / 4.0, contrast / 8.0 - contrast**2 / 16.0
     return 3.0 * contrast / 4.0, contrast / 8.0 - 9.0 * contrast**2 / 16.0

@@ -1,9 +1,14 @@
-"""Rigid tips as the layer theories see them: their shape in plane strain, its Abel transform about
-an axis.
+"""Profiles of rigid tips for the layer theories: the shape f, and its Abel transform g.
 
-A profile f(r) >= 0 [L], f(0) = 0, enters the axisymmetric theory only through g(x) = x ∫_0^x
-f'(r)/sqrt(x^2 - r^2) dr [L] (Sneddon 1965), and the plane one, even in x, as it is. Contact is
-assumed to be one disc or band, so f' must not decrease.
+A profile f(r) >= 0 [L] with f(0) = 0 is the height of the tip's surface above its apex. It enters
+the axisymmetric theories only through
+
+    g(x) = x ∫_0^x f'(r)/sqrt(x^2 - r^2) dr [L],
+
+and the theory of plane strain, even in x, as it is. The contact is assumed to be one disc or band,
+so f' must not decrease.
+
+Source: Sneddon (1965), Int. J. Eng. Sci. 3, 47.
 """
 
 from __future__ import annotations
@@ -22,14 +27,23 @@ Shape = Callable[[np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Tip:
-    """One tip: g(x) and f(x) (array in, array out, [L]) and the facts that quadrature must know
-    about it.
+    """Rigid tip with the places at which its profile is not smooth, for quadrature.
 
-    f: None for a tip that plane strain does not know, since its shape is not smooth beside the
-    apex. edge: contact radius that the shape imposes (flat punch), or None if the contact grows
-    with the load [L]. reach: radius at which the tip ends; the contact stays below it [L]. breaks:
-    increasing radii where f' is not smooth [L]. corner: the slope f'(0+); where it is not 0 the
-    pressure at the apex is infinite.
+    Attributes
+    ----------
+    g
+        Abel transform g(x) [L] of the profile, from an array of radii [L] to one of the same shape.
+    f
+        Profile f(x) [L], likewise; None for a tip without a plane strain theory, whose profile is
+        not smooth outside the apex.
+    punch_radius
+        Contact radius [L] of a flat punch; None if the contact grows with the load.
+    max_radius
+        Radius [L] at which the tip ends; the contact radius stays below it.
+    slope_discontinuities
+        Increasing radii [L] at which f' is not smooth.
+    apex_slope
+        Slope f'(0+); where it is not 0 the pressure at the apex is infinite.
     """
 
     g: Shape
@@ -41,15 +55,25 @@ class Tip:
 
 
 def flat_plate() -> Tip:
-    """f = g = 0 without end: a tip for curved bodies, see `tip_over_spherical_body`; on flat ones it is that of
-    `Compression`.
+    """Return an infinite plate f = g = 0, for spherical bodies (`tip_over_spherical_body`).
+
+    The theory of a plate on a flat body is `Compression`.
     """
     return Tip(lambda x: 0.0 * x, lambda x: 0.0 * x)
 
 
 def tip_over_spherical_body(tip: Tip, radius: float) -> Tip:
-    """The tip that leaves over a flat body the gap of this one over a paraboloid r^2/(2 radius): g
-    + x^2/radius. What a flat punch touches then grows with the load, up to its edge.
+    """Return the tip that has the same gap over a flat body as `tip` over a spherical one.
+
+    The surface of the body is the paraboloid r^2/(2 radius), so that g becomes g + x^2/radius. The
+    contact of a flat punch then grows with the load, up to its edge.
+
+    Parameters
+    ----------
+    tip
+        Tip over the spherical body.
+    radius
+        Radius of the body's surface [L].
     """
     require_positive(radius=radius)
     max_radius = min(tip.max_radius, tip.punch_radius or math.inf)
@@ -59,26 +83,32 @@ def tip_over_spherical_body(tip: Tip, radius: float) -> Tip:
 
 
 def paraboloid(R: float) -> Tip:
-    """f = r^2/(2R), g = x^2/R."""
+    """Return the paraboloid f = r^2/(2R), g = x^2/R of the radius of curvature R [L]."""
     require_positive(R=R)
     return Tip(lambda x: x * x / R, lambda x: x * x / (2.0 * R))
 
 
 def sphere(R: float) -> Tip:
-    """f = R - sqrt(R^2 - r^2), g = x artanh(x/R) = x/2 ln((R+x)/(R-x)), x < R."""
+    """Return the sphere f = R - sqrt(R^2 - r^2), g = x artanh(x/R), x < R, of the radius R [L]."""
     require_positive(R=R)
 
     def f(x):
+        """Return the profile without cancellation near the apex."""
         return x * x / (R + np.sqrt(np.maximum((R - x) * (R + x), 0.0)))
 
     return Tip(lambda x: x * np.arctanh(x / R), f, max_radius=R)
 
 
 def cone(half_angle: float, tip_radius: float = 0.0) -> Tip:
-    """f = r cot(alpha), g = pi/2 x cot(alpha); alpha in degrees between axis and flank.
+    """Return the cone f = r cot(alpha), g = pi/2 x cot(alpha), sharp or with a spherical apex.
 
-    With tip_radius > 0 a sphere of that radius replaces the apex, tangent to the flank at r =
-    tip_radius cos(alpha).
+    Parameters
+    ----------
+    half_angle
+        Angle alpha between axis and flank [degrees].
+    tip_radius
+        Radius [L] of a sphere that replaces the apex, tangent to the flank at r = tip_radius
+        cos(alpha); 0 for a sharp cone.
     """
     cot = 1.0 / tangent_of_half_angle(half_angle)
     if tip_radius == 0.0:
@@ -87,6 +117,7 @@ def cone(half_angle: float, tip_radius: float = 0.0) -> Tip:
     junction = tip_radius * math.cos(math.radians(half_angle))
 
     def slope(r):
+        """Return the slope of the sphere up to the junction, and that of the flank beyond."""
         cap_radius = np.minimum(r, junction)
         return cap_radius / np.sqrt((tip_radius - cap_radius) * (tip_radius + cap_radius))
 
@@ -94,8 +125,14 @@ def cone(half_angle: float, tip_radius: float = 0.0) -> Tip:
 
 
 def hyperboloid(R: float, half_angle: float) -> Tip:
-    """f = r^2/(R (1 + sqrt(1 + (r/b)^2))), g = x b/R arctan(x/b), b = R cot(alpha); alpha in
-    degrees between axis and asymptote.
+    """Return the hyperboloid f = r^2/(R (1 + sqrt(1 + (r/b)^2))), g = x b/R arctan(x/b).
+
+    Parameters
+    ----------
+    R
+        Radius of curvature of the apex [L]; b = R cot(alpha).
+    half_angle
+        Angle alpha between axis and asymptote [degrees].
     """
     require_positive(R=R)
     b = R / tangent_of_half_angle(half_angle)
@@ -104,14 +141,35 @@ def hyperboloid(R: float, half_angle: float) -> Tip:
     )
 
 
-def equivalent_cone(half_angle: float, roundness: float, tip_radius: float = 0.0) -> Tip:
-    """The cone with sections as large as a pyramid's, of `roundness` times their inner radius."""
-    return cone(math.degrees(math.atan(roundness * math.tan(math.radians(half_angle)))), tip_radius)
+def equivalent_cone(
+    half_angle: float, equivalent_radius_ratio: float, tip_radius: float = 0.0
+) -> Tip:
+    """Return the cone whose sections have the same area as those of a pyramid.
+
+    Parameters
+    ----------
+    half_angle
+        Angle between the axis and the faces of the pyramid [degrees].
+    equivalent_radius_ratio
+        Radius of a disc of the same area as the pyramid's section over the section's inner radius.
+    tip_radius
+        Radius of a spherical apex [L], as for `cone`.
+    """
+    return cone(
+        math.degrees(math.atan(equivalent_radius_ratio * math.tan(math.radians(half_angle)))),
+        tip_radius,
+    )
 
 
 def flat_punch(radius: float, edge_radius: float = 0.0) -> Tip:
-    """f = 0, g = 0, contact radius fixed; with edge_radius > 0 the rim is a quarter circle of that
-    radius.
+    """Return the flat punch f = g = 0, whose contact radius is fixed, or one with a rounded edge.
+
+    Parameters
+    ----------
+    radius
+        Radius of the punch [L].
+    edge_radius
+        Radius [L] of the quarter circle that replaces the edge; 0 for a sharp edge.
     """
     require_positive(radius=radius)
     if edge_radius == 0.0:
@@ -121,6 +179,7 @@ def flat_punch(radius: float, edge_radius: float = 0.0) -> Tip:
     flat_radius = radius - edge_radius
 
     def slope(r):
+        """Return the slope of the quarter circle outside the flat part."""
         edge_distance = np.clip(r - flat_radius, 0.0, edge_radius * (1.0 - 1e-15))
         return edge_distance / np.sqrt(
             (edge_radius - edge_distance) * (edge_radius + edge_distance)
@@ -132,11 +191,19 @@ def flat_punch(radius: float, edge_radius: float = 0.0) -> Tip:
 
 
 def piecewise_linear(points: Sequence[Sequence[float]]) -> Tip:
-    """f through the points (r, z), z measured up from the apex (0, 0), and straight between them.
+    """Return the tip whose profile is a polygon; it ends at the last point.
 
-    Every jump d of the slope at r_i adds g = d x arccos(r_i/x) for x > r_i. The tip ends at the
-    last point. Raises ValueError unless it starts at (0, 0), r increases and the slope does not
-    decrease (convex).
+    Every jump d of the slope at a radius r_i adds g = d x arccos(r_i/x) for x > r_i.
+
+    Parameters
+    ----------
+    points
+        Points (r, z) [L] of the profile, z measured upwards from the apex (0, 0), the first point.
+
+    Raises
+    ------
+    ValueError
+        Unless the points start at (0, 0), r increases and the slope does not decrease (convex).
     """
     r, z = np.array(points, dtype=float).T
     if r.size < 2 or r[0] != 0.0 or z[0] != 0.0 or np.any(np.diff(r) <= 0.0):
@@ -147,6 +214,7 @@ def piecewise_linear(points: Sequence[Sequence[float]]) -> Tip:
         raise ValueError("points must describe a convex tip: the slope must not decrease")
 
     def g(x):
+        """Return the sum of the terms of all slope jumps."""
         x = np.asarray(x, dtype=float)
         nonzero_x = np.where(x > 0.0, x, 1.0)
         jump_terms = (
@@ -170,14 +238,26 @@ def tip_from_slope(
     slope_discontinuities: Sequence[float] = (),
     apex_slope: float = 0.0,
 ) -> Tip:
-    """Any tip from its slope f'(r) (array in, array out): g(x) = x ∫_0^{pi/2} f'(x sin q) dq by
-    quadrature. breaks: the radii where f' jumps or kinks; between them the quadrature converges
-    exponentially.
+    """Return a tip from its slope f'(r), with g(x) = x ∫_0^{pi/2} f'(x sin q) dq by quadrature.
+
+    The quadrature converges exponentially between the slope discontinuities.
+
+    Parameters
+    ----------
+    slope
+        Slope f' at an array of radii [L].
+    max_radius
+        Radius [L] at which the tip ends.
+    slope_discontinuities
+        Radii [L] at which f' jumps or has a kink.
+    apex_slope
+        Slope f'(0+).
     """
     slope_discontinuities = tuple(float(b) for b in slope_discontinuities)
     node, weight = np.polynomial.legendre.leggauss(48)
 
     def g(x):
+        """Return the Abel transform by Gauss's rule between the slope discontinuities."""
         x = np.asarray(x, dtype=float)
         nonzero_x = np.where(x > 0.0, x, 1.0)
         break_angles = [np.arcsin(np.minimum(b / nonzero_x, 1.0)) for b in slope_discontinuities]

@@ -1,17 +1,17 @@
-"""Bonded flat punches of every radius: the one function of a linear axisymmetric body that its load
-curve is made of.
+"""Flat punches of every radius, which determine the load curve of a linear axisymmetric body.
 
-With K(a) the force per depth of a flat punch of radius a that cannot lift off, a smooth tip that
-touches a circle of radius a at the depth delta is pushed with
+Let K(a) be the force per depth of a flat punch of radius a that is bonded to the surface. A smooth
+tip that touches a circle of radius a at the depth delta then has the force
 
     F = K(a) delta - P(a),      P' = K' delta_1,      dF/ddelta = K(a),
 
-delta_1(a) being the depth at which it does so without adhesion, and the energy release rate of its
-edge is G = (delta - delta_1)^2 K'(a)/(4 pi a). Exact for every linear, frictionless, axisymmetric
-body.
+where delta_1(a) is the depth of this contact without adhesion. The energy release rate at its edge
+is G = (delta - delta_1)^2 K'(a)/(4 pi a). This is exact for every linear, frictionless,
+axisymmetric body.
 
-delta > 0 pushes in, force > 0 pushes. Lengths [L], forces [F]. Sources: Barthel (2008), J. Phys. D
-41, 163001; Popov & Hess (2015), Method of Dimensionality Reduction.
+delta > 0 pushes in, force > 0 pushes. Lengths [L], forces [F].
+Sources: Barthel (2008), J. Phys. D 41, 163001; Popov & Hess (2015), Method of Dimensionality
+Reduction.
 """
 
 from __future__ import annotations
@@ -30,17 +30,27 @@ from indent_sim.theory.profiles import Tip
 from indent_sim.theory.quadrature import gauss_legendre
 from indent_sim.theory.roots import increasing_root
 
-FIT_DEGREE = 7  # of ln K and ln P over the radius: 3 and 7 are worse on noisy curves, 9 much
-MAX_MISFIT = 0.01  # of K and P: fits that miss one by more are of fewer radii
-FEWEST_RADII = 6  # that a fit needs at least
-FLAT_TIP_FORCE = 1e-9  # of P at the largest radius: less is that of a flat part of the tip
-QUADRATURE_POINTS = 32  # points of the integral of g on each smooth piece of the tip
+FIT_DEGREE = 7  # Degree of the polynomials of the radius that are fitted to ln K and ln P.
+# Relative error of K or P above which a fit leaves out the largest radii.
+MAX_MISFIT = 0.01
+FEWEST_RADII = 6  # Radii that a fit needs.
+# Radii with a smaller P, relative to the largest one, lie in a flat part of the tip.
+FLAT_TIP_FORCE = 1e-9
+QUADRATURE_POINTS = 32  # Gauss points of the integral of g over each smooth piece of the tip.
 
 
 @dataclass(frozen=True)
 class Punch:
-    """One contact radius a [L]: the tip's depth delta_1 [L] and force [F] there without adhesion,
-    the punch's stiffness K [F/L] and its slope dK/da [F/L^2].
+    """Flat punch of one radius, and the contact of the tip with that radius.
+
+    Attributes
+    ----------
+    a
+        Radius of punch and contact [L].
+    delta, force
+        Depth delta_1 [L] and force [F] of the tip's contact without adhesion.
+    stiffness, stiffness_slope
+        Stiffness K [F/L] of the punch, and dK/da [F/L^2].
     """
 
     a: float
@@ -51,32 +61,48 @@ class Punch:
 
 
 class Punches(Protocol):
-    """The punches of a tip and a body, at any radius between `smallest` and `largest` [L]."""
+    """Flat punches on a body under a tip at any radius from `min_radius` to `max_radius` [L]."""
 
     min_radius: float
     max_radius: float
 
     def punch_of_radius(self, a: float) -> Punch:
-        """The punch of radius a [L]."""
+        """Return the punch of radius a [L]."""
 
 
 def contact_radius(punches: Punches, delta: float, start_radius: float = 0.0) -> float:
-    """Contact radius [L] of the tip at a depth [L] > 0, without adhesion, sought from one `start_radius`
-    it. ValueError where it would be beyond `largest`, or below half of `smallest`, of which
-    nothing is known.
+    """Return the contact radius [L] of the tip at a depth [L] > 0 without adhesion.
+
+    Parameters
+    ----------
+    punches
+        Flat punches of the body.
+    delta
+        Depth [L].
+    start_radius
+        Radius [L] at which the search starts; 0 for a tenth of the largest one.
+
+    Raises
+    ------
+    ValueError
+        If the contact radius would be above the largest radius or below half the smallest one.
     """
     start = start_radius if 0.0 < start_radius < punches.max_radius else 0.1 * punches.max_radius
     radius = increasing_root(
         lambda a: punches.punch_of_radius(a).delta, delta, start, punches.max_radius
     )
     if radius < 0.5 * punches.min_radius:
-        raise ValueError(f"the contact radius {radius:g} is smaller than those that are known")
+        raise ValueError(
+            f"the contact radius {radius:g} is smaller than {punches.min_radius:g}, the smallest "
+            "one of the load curve"
+        )
     return radius
 
 
 class LayerPunches:
-    """Punches of a layer theory, to its own digits: K = 2 E* h int one, K' = 2 E* one(a)^2 of its
-    linear solutions.
+    """Flat punches of a layer theory, as accurate as the theory itself.
+
+    Its linear solution phi_1 for unit depth gives K = 2 E* h ∫ phi_1 and K' = 2 E* phi_1(a)^2.
     """
 
     def __init__(self, contact: Layer):
@@ -85,7 +111,7 @@ class LayerPunches:
         self.max_radius = contact.max_size() * contact.h
 
     def punch_of_radius(self, a: float) -> Punch:
-        """The punch of radius a [L]."""
+        """Return the punch of radius a [L]."""
         layer = self._layer
         h = layer.h
         E_star = layer.E_star
@@ -110,11 +136,28 @@ class LayerPunches:
 
 
 class FittedPunches:
-    """Punches of a body that is known by K and P at some radii only, as from a mesh.
+    """Flat punches fitted to K and P at some radii, as a mesh gives them.
 
-    Fitted are ln K/K_0 and ln P/P_0 as polynomials of the radius, K_0 = 2 E* a and P_0 = 2 E*
-    int_0^a g being those of the tip on a half-space: what is left is smooth, whatever the tip.
-    radii a, K, P (n,); g the tip's Abel transform. ValueError for less than `FEWEST_RADII` radii.
+    Polynomials of the radius are fitted to ln K/K_0 and ln P/P_0, where K_0 = 2 E* a and P_0 =
+    2 E* ∫_0^a g are those of the tip on a half-space: the ratios are smooth under any tip.
+
+    Parameters
+    ----------
+    a
+        Radii (n,) [L] in ascending order.
+    K, P
+        Stiffness [F/L] and force [F] of `punches` at these radii (n,).
+    tip
+        Profile of the tip.
+    E_star
+        E* of the half-space [F/L^2].
+    degree
+        Degree of the polynomials.
+
+    Raises
+    ------
+    ValueError
+        For less than FEWEST_RADII radii, or where no polynomial is close enough to them.
     """
 
     def __init__(
@@ -130,17 +173,15 @@ class FittedPunches:
         self._nodes = gauss_legendre(0.0, 1.0, QUADRATURE_POINTS)
         self._tip = tip
         self._E_star = E_star
-        a, K, P = (
-            values[a < tip.max_radius] for values in (a, K, P)
-        )  # beyond its end g is unknown
+        # The Abel transform g ends with the tip.
+        a, K, P = (values[a < tip.max_radius] for values in (a, K, P))
         P_0 = np.array([self._half_space_force(radius) for radius in a])
-        is_curved = (
-            FLAT_TIP_FORCE * P_0.max(initial=0.0) < P_0
-        )  # a punch's rounded edge begins somewhere
+        # Radii on the flat part of a punch with a rounded edge have P = 0.
+        is_curved = FLAT_TIP_FORCE * P_0.max(initial=0.0) < P_0
         if np.count_nonzero(is_curved) < FEWEST_RADII:
             raise ValueError(
-                f"{np.count_nonzero(is_curved)} radii are too few to be smoothed, at least "
-                f"{FEWEST_RADII}"
+                f"{np.count_nonzero(is_curved)} contact radii are too few for a fit, which needs "
+                f"{FEWEST_RADII} or more"
             )
         a = a[is_curved]
         K = K[is_curved]
@@ -149,11 +190,16 @@ class FittedPunches:
         log_ratios = np.log([K / (2.0 * E_star * a), P / P_0])
         n = len(a)
         misfit = math.inf
-        # towards the wall of a sealed body K grows without bound, and no polynomial follows
+        # Towards the wall of an incompressible body K grows without bound: no polynomial
+        # approximates it there, so that the largest radii are left out one part after the other.
         while misfit > MAX_MISFIT:
             if n < FEWEST_RADII:
-                raise ValueError("the punches are too rough to be smoothed")
-            # what is wrong is a part of an element everywhere
+                raise ValueError(
+                    "the stiffness of flat punches is too irregular for a fit: give a smaller "
+                    "mesh.h_contact"
+                )
+            # Every radius is uncertain by the same part of an element, so that the relative error
+            # is inversely proportional to the radius.
             weights = a[:n] / a[n - 1]
             power = min(degree, n // 2)
             ln_K, ln_P = (
@@ -165,7 +211,8 @@ class FittedPunches:
             n = int(0.95 * n)
         self.min_radius = float(a[0])
         self.max_radius = float(a[used_count - 1])
-        # both and their derivatives in one: every row asks for several radii
+        # Both polynomials and their derivatives are evaluated together, for every row at several
+        # radii.
         self._begin, self._scale = ln_K.mapparms()
         series = [
             cheb2poly(polynomial.coef) for polynomial in (ln_K, ln_P, ln_K.deriv(), ln_P.deriv())
@@ -178,13 +225,13 @@ class FittedPunches:
 
     @property
     def neighbouring_fits(self) -> list[FittedPunches]:
-        """By polynomials of the degrees beside its own."""
+        """Fits to the same data by polynomials of one degree less and one more than the default."""
         return [
             FittedPunches(*self._arguments, degree) for degree in (FIT_DEGREE - 1, FIT_DEGREE + 1)
         ]
 
     def _half_space_force(self, a: float) -> float:
-        """P_0(a) = 2 E* int_0^a g [F]."""
+        """Return P_0(a) = 2 E* ∫_0^a g [F]."""
         if not self._tip.slope_discontinuities:
             s, w = self._nodes
             return 2.0 * self._E_star * a * float(w @ self._tip.g(a * s))
@@ -193,7 +240,7 @@ class FittedPunches:
         return 2.0 * self._E_star * sum(float(w @ self._tip.g(x)) for x, w in pieces)
 
     def punch_of_radius(self, a: float) -> Punch:
-        """The punch of radius a [L]."""
+        """Return the punch of radius a [L]."""
         unit = 2.0 * self._E_star
         P_0 = self._half_space_force(a)
         log_K, log_P, dK, dP = (

@@ -13,15 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-EQUAL_STEP_TOLERANCE = 1e-6  # relative: samples at equal times
-SHORTEST_TIME_FRACTION = (
-    1e-3  # of the time between samples: shorter times of a power law are not seen
-)
-ForceRelaxation = Callable[
-    [np.ndarray], np.ndarray
-]  # the force of a relaxing body by the elastic forces at some times
-
-# a power law as a sum of exponentials: per decade, and beyond the times asked for
+EQUAL_STEP_TOLERANCE = 1e-6  # Relative difference of time steps that count as equal.
+# Shortest time of the Prony series of a power law, over the mean time between samples.
+SHORTEST_TIME_FRACTION = 1e-3
+# Function from the elastic forces at some times to those of the relaxing body.
+ForceRelaxation = Callable[[np.ndarray], np.ndarray]
+# Prony series of a power law: exponentials per decade, and decades beyond the shortest and the
+# longest time.
 EXPONENTIALS_PER_DECADE = 8
 EXTRA_DECADES = 2.0
 
@@ -45,11 +43,9 @@ class ShearRelaxation:
 
     def _sum(self, terms: np.ndarray) -> np.ndarray:
         """Return sum g_i terms_i."""
-        return (
-            np.tensordot(np.array(self.fractions), terms, axes=1)
-            if self.fractions
-            else 0.0 * terms.sum(axis=0)
-        )
+        if not self.fractions:
+            return 0.0 * terms.sum(axis=0)
+        return np.tensordot(np.array(self.fractions), terms, axes=1)
 
     def __call__(self, t: np.ndarray) -> np.ndarray:
         """Return G at times t >= 0."""
@@ -149,13 +145,13 @@ class PowerLaw:
         """
         b = self.exponent
         step = math.log(10.0) / EXPONENTIALS_PER_DECADE
-        slowest_rate = 1e-9 ** (1.0 / b) / longest  # slower rates are worth less than 1e-9
+        # Slower rates contribute less than 1e-9.
+        slowest_rate = 1e-9 ** (1.0 / b) / longest
         log_slowest_rate = math.log(max(slowest_rate, 10.0**-EXTRA_DECADES * 1e-4 / longest))
         rates = np.exp(np.arange(log_slowest_rate, math.log(10.0**EXTRA_DECADES / shortest), step))
         weights = step * (rates * self.time) ** b / math.gamma(b)
-        long_term = (rates[0] * self.time * math.exp(-0.5 * step)) ** b / math.gamma(
-            1.0 + b
-        )  # all slower rates at once
+        # The integral over all slower rates is a constant.
+        long_term = (rates[0] * self.time * math.exp(-0.5 * step)) ** b / math.gamma(1.0 + b)
         return ShearRelaxation(
             tuple(weights.tolist()), tuple((1.0 / rates).tolist()), float(long_term)
         )
@@ -168,4 +164,4 @@ class PowerLaw:
         ).force_relaxation(t)
 
 
-Modulus = ShearRelaxation | PowerLaw  # G(t) = E(t)/E of a linear viscoelastic material
+Modulus = ShearRelaxation | PowerLaw  # G(t) = E(t)/E of a linear viscoelastic material.

@@ -14,7 +14,7 @@ import numpy as np
 
 from indent_sim.theory.solution import SOLUTION_ERRORS
 
-ForceCurve = Callable[[float], float]  # the force [F] at a depth [L]
+ForceCurve = Callable[[float], float]  # Force [F] at a depth [L].
 # Sizes over the limit at which the tip's profile is tabulated for the first guess.
 GUESS_FRACTIONS = np.geomspace(1e-18, 1.0, 400)
 # Relative distance from a wall or from the end of the tip at which the search gives up.
@@ -78,8 +78,10 @@ def increasing_root(
         if (iteration > 30 and iteration % 2) or not lo < step < hi:
             step = _bracketed_step(lo, hi, limit)
         if lo > limit * (1.0 - LEAST_END_DISTANCE):
-            reason = "a wall, the end of the tip, or too thin a layer"
-            raise ValueError(f"the contact would reach {limit:g} thicknesses: {reason}")
+            raise ValueError(
+                f"the contact would grow to {limit:g} thicknesses, where it meets a wall or the "
+                "end of the tip, or where the layer is too thin for the theory"
+            )
         a = step
     raise ArithmeticError(
         f"no contact size found for the depth {target:g} (in units of the thickness)"

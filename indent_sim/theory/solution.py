@@ -91,6 +91,7 @@ def no_contact(delta: float) -> Solution:
     """Return the Solution of a body that the tip does not touch: all but delta is zero."""
 
     def zero_field(r):
+        """Return 0 in the shape of r."""
         return np.zeros_like(np.asarray(r, dtype=float))[()]
 
     return Solution(float(delta), 0.0, 0.0, 0.0, 0.0, 0.0, zero_field, zero_field)

@@ -26,10 +26,11 @@ from indent_sim.theory.half_space import E_star
 from indent_sim.theory.solution import require_positive
 
 BASE_SUPPORTS = ("fixed", "roller")
-# Wall distance over the height beyond which a stack counts as infinitely wide, with an error < 1e-9.
+# Wall distance over the height beyond which a stack counts as infinitely wide, with an error <
+# 1e-9.
 FAR_WALL_HEIGHTS = 1e6
-# k h above which a layer is computed by reflected waves; both methods are accurate to 1e-15
-# between 0.3 and 3.
+# The value of k h above which a layer is computed by reflected waves; both methods are accurate to
+# 1e-15 between 0.3 and 3.
 WAVE_THICKNESS = 1.0
 
 
@@ -90,7 +91,7 @@ class Stack:
 
     @property
     def is_bottomless(self) -> bool:
-        """Whether the last layer is a half-space."""
+        """True if the last layer is a half-space."""
         return self.layers[-1].thickness == math.inf
 
     @property
@@ -106,7 +107,7 @@ class Stack:
     @property
     def height(self) -> float:
         """Thickness of all layers above a half-space [L]."""
-        return sum(ply.thickness for ply in self.layers if ply.thickness < math.inf)
+        return sum(layer.thickness for layer in self.layers if layer.thickness < math.inf)
 
     @property
     def confined_compliance(self) -> float:
@@ -114,10 +115,10 @@ class Stack:
 
         It is 0 for incompressible layers.
         """
-        layers = sum(
+        compliance = sum(
             t * (1.0 + nu) * (1.0 - 2.0 * nu) / ((1.0 - nu) * E) for t, E, nu in self.layers
         )
-        return self.E_star / self.h * layers
+        return self.E_star / self.h * compliance
 
     @property
     def min_wavenumber(self) -> float:
@@ -125,7 +126,7 @@ class Stack:
 
         The ranges of membrane, bending and substrate lie above it.
         """
-        moduli = [ply.E for ply in self.layers]
+        moduli = [layer.E for layer in self.layers]
         return min(moduli) / max(moduli) * self.h / self.height
 
     def scaled_by_top(self) -> Stack:
@@ -158,10 +159,10 @@ class Stack:
         top = self.layers[0]
         layers = self.layers[:-1] if self.is_bottomless else self.layers
         states = np.broadcast_to(self._base_states(), (k.size, 4, 2)).copy()
-        for ply in reversed(layers):
-            shear = _shear_modulus(ply) / _shear_modulus(top)
+        for layer in reversed(layers):
+            shear = _shear_modulus(layer) / _shear_modulus(top)
             states[:, 2:] /= shear
-            states[:, :2], excess = _compliance_at_top(ply, k * ply.thickness, states)
+            states[:, :2], excess = _compliance_at_top(layer, k * layer.thickness, states)
             states[:, :2] /= shear
             states[:, 2:] = np.eye(2)
         return excess[:, 1, 1] / (1.0 - top.nu)
@@ -181,6 +182,7 @@ class Stack:
 
 
 def _shear_modulus(layer: StackLayer) -> float:
+    """Return mu = E/(2 (1 + nu)) [F/L^2]."""
     return layer.E / (2.0 * (1.0 + layer.nu))
 
 
@@ -205,7 +207,7 @@ def _compliance_at_top(
 def _compliance_by_reflection(
     nu: float, s: np.ndarray, state: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the compliance of the layer's own half-space, and what reflection at the bottom adds."""
+    """Return the compliance of a half-space of the layer, and the effect of its bottom."""
     waves = _wave_matrix(nu)
     down = waves[:, :2]
     up = waves[:, 2:]

@@ -1,18 +1,29 @@
-"""Frictionless indentation of an elastic strip in plane strain, symmetric tip in the middle, per
-unit length.
+"""Frictionless indentation of an elastic strip in plane strain by a symmetric tip in its middle.
 
-With k_n = n pi/W (frictionless walls at x = +-W) a pressure displaces the surface by
-    w(x) = (2/(pi E*)) ∫_-a^a p(t) [-ln|2 sin(pi (x-t)/2W)| - sum_n M(k_n h)/n cos k_n x cos k_n t] dt
-           + F' sum h_i/M_i/(2 W),
-M = 1 - L the part of what lies below, M_i the oedometric moduli (no uniform mode at nu = 0.5). Substituting sin(pi
-x/2W) = S q, S = sin(pi a/2W), turns the logarithm acting on even densities into -ln 2S - ln|q - q'|, the last diagonal
-in Chebyshev polynomials: with p dx = y(q) dq/sqrt(1-q^2) and y = sum_m b_m T_2m(q), q = cos(theta), its eigenvalues are
-pi ln 2, pi/2m. The remainder is analytic, so collocation converges exponentially, square-root ends included. The
-infinite strip is the same with q = x/a and S = a/2. Lengths are in units of h, the thickness of the top layer.
+Frictionless walls stand at x = +-W. With k_n = n pi/W a pressure displaces the surface into the
+body by
+
+    w(x) = (2/(pi E*)) ∫_-a^a p(t) [-ln|2 sin(pi (x - t)/2W)|
+                                    - sum_n M(k_n h)/n cos k_n x cos k_n t] dt
+           + F sum_i h_i/M_i/(2 W),
+
+where M = 1 - L is the effect of all below the top layer (`stack`) and M_i are the oedometric moduli
+of the layers of thickness h_i; the last, uniform mode vanishes at nu = 0.5.
+
+The substitution sin(pi x/2W) = S q, S = sin(pi a/2W), turns the logarithm, on even densities, into
+-ln 2S - ln|q - q'|. The latter is diagonal in Chebyshev polynomials: with p dx = y(q) dq/sqrt(1 -
+q^2), y = sum_m b_m T_2m(q) and q = cos(theta) its eigenvalues are pi ln 2 for m = 0 and pi/2m. The
+remainder is analytic, so that collocation converges exponentially, with the square-root behaviour
+at the ends included. For the infinite strip q = x/a and S = a/2. A kink of the tip at its apex adds
+|q| to the right side, whose solution is known in closed form.
+
+Lengths are in units of h, the thickness of the top layer; force, energy and stiffness are per unit
+length of the strip.
 
 Small strain, gap at the reference point. delta > 0 pushes in; force, pressure > 0 push. Any
-consistent units. Sources: Johnson, Contact Mechanics (1985), sect. 2.7, 5.8; Meijers (1968), Appl.
-Sci. Res. 18, 353, for the layer.
+consistent units.
+Sources: Johnson, Contact Mechanics (1985), sections 2.7 and 5.8; Meijers (1968), Appl. Sci. Res.
+18, 353, for the layer.
 """
 
 from __future__ import annotations
@@ -33,62 +44,75 @@ from indent_sim.theory.stack import Stack
 
 @dataclass(frozen=True)
 class _LinearSolution:
-    """Chebyshev coefficients of the linear solutions at one half-width, y = delta one - shape, unit
-    pi E*/2.
+    """Linear solutions at one half-width, in units of h and pi E*/2.
+
+    They add up to y = depth unit_depth - tip_shape.
+
+    Attributes
+    ----------
+    q, f
+        Collocation points (n,) and the tip's profile f [h] at them.
+    unit_depth, tip_shape
+        Chebyshev coefficients (n,) of y for unit depth and for the tip's shape.
+    kink_part
+        Part of `tip_shape` that comes from a kink at the apex.
+    tip_shape_edge
+        Value of the tip's solution at the edge q = 1.
+    apex_slope
+        Slope df/dq at the apex: f ~ apex_slope |q|.
     """
 
     q: np.ndarray
     f: np.ndarray
     unit_depth: np.ndarray
     tip_shape: np.ndarray
-    kink_part: np.ndarray  # part of shape
+    kink_part: np.ndarray
     tip_shape_edge: float
-    apex_slope: float  # f ~ corner |q| near the middle
+    apex_slope: float
 
     @property
     def indentation_of_radius(self) -> float:
-        """Depth at which the square-root singularity at the edge vanishes (T_2m(1) = 1)."""
+        """Depth [h] at which y is 0 at the edge, where all T_2m(1) = 1: that of a smooth tip."""
         return self.tip_shape_edge / float(np.sum(self.unit_depth))
 
 
 class Strip(ContactCurve):
-    """A strip in plane strain under a symmetric tip in its middle; force, energy, stiffness per
-    unit length.
-    """
+    """Load curve of a strip in plane strain under a symmetric tip in its middle."""
 
     dimensions: ClassVar[int] = 1
 
     @classmethod
     def from_stack(cls, tip: Tip, stack: Stack, wall: float | None = None) -> Self:
-        """As for every layer; ValueError for a half-space, where only differences of the sinking
-        exist.
+        """Return the load curve of a tip on a stack, infinitely wide or between frictionless walls.
+
+        `wall` is the walls' distance [L] from the middle. ValueError for a half-space: in plane
+        strain only differences of its displacements are finite.
         """
         if stack.is_bottomless:
             raise ValueError(
-                "in plane strain a half-space has no depth to measure the indentation from"
+                "plane strain: the indentation depth of a half-space is infinite; give the body a "
+                "finite height"
             )
         return super().from_stack(tip, stack, wall)
 
     def profile(self, x: np.ndarray) -> np.ndarray:
-        """f [h] of the tip; ValueError for one that plane strain does not know."""
+        """Return the profile f [h] of the tip at x [h]; ValueError for a tip without one."""
         if self.tip.f is None:
-            raise ValueError("plane strain does not know this tip")
+            raise ValueError("plane strain: there is no theory for the profile of this tip")
         return self.tip.f(x * self.h) / self.h
 
     def linear_solution(self, a: float) -> _LinearSolution:
         """Solve by collocation for unit depth and for the tip's shape at the half-width a [h]."""
         n = self._node_count(a)
-        theta = (
-            (np.arange(n) + 0.5) * math.pi / (2 * n)
-        )  # the positive half of the 2n Chebyshev points
+        # The positive half of 2 n Chebyshev points.
+        theta = (np.arange(n) + 0.5) * math.pi / (2 * n)
         q = np.cos(theta)
         T = np.cos(2.0 * np.outer(theta, np.arange(n)))
         eigenvalue = np.concatenate([[math.pi * math.log(2.0)], math.pi / (2.0 * np.arange(1, n))])
         x, slope = self._position_in_strip(q, a)
         f = self.profile(x)
         remainder = (math.pi / n) * self._smooth_kernel(x, x, a) @ T
-        # the kink's own solution under the logarithm is known, so that only a smooth rest is
-        # collocated
+        # The solution for the kink under the logarithm is known: only a smooth rest is collocated.
         apex_slope = self.tip.apex_slope * slope
         kink = apex_slope * _kink_coefficients(n) / eigenvalue
         kink_edge = apex_slope * 2.0 / math.pi**2 * (1.0 + 1.0 / math.log(2.0))
@@ -98,27 +122,29 @@ class Strip(ContactCurve):
         return _LinearSolution(q, f, b[:, 0], b[:, 1] + kink, kink, shape_edge, apex_slope)
 
     def _node_count(self, a: float) -> int:
-        # exp. convergence: the remainder is analytic 2h off the axis, and singular at a wall or the
-        # tip's end
+        """Return the number of collocation points at the half-width a [h]."""
+        # Collocation converges exponentially: the remainder is analytic up to 2 h off the real
+        # axis, and singular at a wall and at the end of the tip.
         end_terms = sum(
             math.sqrt(a / max(end_distance - a, 1e-4 * a))
             for end_distance in (self.tip.max_radius / self.h, self.wall)
         )
-        least_count = (
-            100 if self.tip.apex_slope else 18
-        )  # between walls a corner leaves a |q|^3 behind
+        # Between walls a kink leaves a term |q|^3, which converges more slowly.
+        least_count = 100 if self.tip.apex_slope else 18
         return least_count + math.ceil(6.0 * a + 12.0 * end_terms)
 
     def _position_in_strip(self, q: np.ndarray, a: float) -> tuple[np.ndarray, float]:
-        """x(q) [h], and dx/dq in the middle."""
+        """Return x(q) [h], and dx/dq in the middle."""
         if math.isinf(self.wall):
             return a * q, a
         c = math.pi / (2.0 * self.wall)
         return np.arcsin(math.sin(c * a) * q) / c, math.sin(c * a) / c
 
     def _smooth_kernel(self, x: np.ndarray, t: np.ndarray, a: float) -> np.ndarray:
-        """What base, uniform mode and ln 2S take off -ln|q - q'| at x, pressed at t; shape (len(x),
-        len(t)).
+        """Return what is subtracted from -ln|q - q'|, at x under pressures at t [h].
+
+        It consists of the effect of the lower layers, the uniform mode and ln 2S; the shape is
+        (len(x), len(t)).
         """
         max_half_width = 2.0 ** math.ceil(math.log2(max(0.5 * float(x.max() + t.max()), 1.0)))
         if math.isinf(self.wall):
@@ -137,26 +163,25 @@ class Strip(ContactCurve):
 
     @staticmethod
     def interpolation_variable(a: Sizes) -> Sizes:
-        """The logarithm of the half-width: the depth of a narrow contact goes with it."""
+        """Return the logarithm of the half-width, which enters the depth of narrow contacts."""
         return np.log(a)
 
     @staticmethod
     def size_of_variable(x: float) -> float:
-        """The half-width [h] with that logarithm."""
+        """Return the half-width [h] of a logarithm."""
         return math.exp(x)
 
     def solution(self, delta: float, a: float, linear: _LinearSolution | None = None) -> Solution:
-        """Turn the linear solutions at the half-width a [h] into physical quantities."""
+        """Convert the linear solutions at the half-width a [h] to physical quantities."""
         depth = delta / self.h
         lin = linear or self.linear_solution(a)
         b = depth * lin.unit_depth - lin.tip_shape
-        smooth_coefficients = (
-            b + lin.kink_part
-        )  # of y without the wedge's 2/pi^2 arcosh(1/q) sin(theta)
+        # Coefficients of y without the term of a wedge, apex_slope 2/pi^2 arcosh(1/q) sin(theta).
+        # The solution for the kink differs from that term by a constant, which follows from y = 0
+        # at the edge.
+        smooth_coefficients = b + lin.kink_part
         if lin.apex_slope:
-            smooth_coefficients[0] -= np.sum(
-                smooth_coefficients
-            )  # the constant by which the kink's solution differs from the wedge's
+            smooth_coefficients[0] -= np.sum(smooth_coefficients)
         unit = 0.5 * math.pi * self.E_star
         force = unit * self.h * math.pi * float(b[0])
         stiffness = unit * math.pi * float(lin.unit_depth[0])
@@ -171,17 +196,18 @@ class Strip(ContactCurve):
 def _pressure(
     strip: Strip, a: float, b: np.ndarray, apex_slope: float, x: np.ndarray
 ) -> np.ndarray:
-    """p(x) = (pi E*/2) y(q)/sin(theta) dq/dx [F/L^2], y(1) = 0 for smooth tips; b: of y without the
-    corner's wedge.
+    """Return p(x) = (pi E*/2) y(q)/sin(theta) dq/dx [F/L^2] at x [h]; y(1) = 0 for smooth tips.
+
+    `b` are the coefficients of y without the term of a wedge.
     """
     is_inside = x < a
     q, slope, edge_distance = _strip_coordinates(strip, x[is_inside], a)
     theta = 2.0 * np.arcsin(np.sqrt(0.5 * edge_distance))
     sin_theta = np.sqrt(edge_distance * (1.0 + q))
     m = np.arange(b.size)
-    if (
-        strip.tip.punch_radius is None
-    ):  # cos(2 m theta) - 1: no division of a rounding error by sin(theta)
+    if strip.tip.punch_radius is None:
+        # The coefficients add up to 0. With cos(2 m theta) - 1 no rounding error is divided by
+        # sin(theta).
         y = -2.0 * np.sin(np.outer(theta, m)) ** 2 @ b
     else:
         y = np.cos(2.0 * np.outer(theta, m)) @ b
@@ -195,9 +221,7 @@ def _pressure(
 
 
 def _u_z(strip: Strip, lin: _LinearSolution, a: float, depth: float, x: np.ndarray) -> np.ndarray:
-    """u_z(x) [L]: f - depth inside the contact, outside what the logarithm and the remainder make
-    of y.
-    """
+    """Return u_z(x) [L]: f - depth inside the contact, and outside that of the pressure."""
     value = np.where(x <= strip.wall * (1.0 + 1e-12), depth, math.nan)
     value[x <= a] -= strip.profile(x[x <= a])
     is_outside = (x > a) & ~np.isnan(value)
@@ -209,18 +233,19 @@ def _u_z(strip: Strip, lin: _LinearSolution, a: float, depth: float, x: np.ndarr
 def _sinking_outside(
     strip: Strip, lin: _LinearSolution, a: float, depth: float, x: np.ndarray
 ) -> np.ndarray:
+    """Return the displacement into the body [h] at x > a [h].
+
+    With q = (z + 1/z)/2, z < 1, the logarithm maps T_2m to pi/2m z^2m and T_0 to pi ln 2z.
+    """
     q = _strip_coordinates(strip, x, a)[0]
-    z = 1.0 / (
-        q + np.sqrt(np.maximum(q * q - 1.0, 0.0))
-    )  # the logarithm makes pi/2m z^2m of T_2m, pi ln 2z of T_0
+    z = 1.0 / (q + np.sqrt(np.maximum(q * q - 1.0, 0.0)))
     b = depth * lin.unit_depth - lin.tip_shape
     n = b.size
     m = np.arange(1, n)
     value = math.pi * np.log(2.0 * z) * b[0]
     value += np.power.outer(z, 2 * m) @ (math.pi / (2.0 * m) * (b + lin.kink_part)[1:])
-    value -= (
-        lin.apex_slope * 2.0 / math.pi * ((z + 1.0 / z) * np.arctan(z) - 1.0)
-    )  # of all of the kink but its T_0
+    # The kink without its coefficient of T_0.
+    value -= lin.apex_slope * 2.0 / math.pi * ((z + 1.0 / z) * np.arctan(z) - 1.0)
     T = np.cos(2.0 * np.outer(np.arccos(lin.q), np.arange(n)))
     return value - math.pi / n * strip._smooth_kernel(
         x, strip._position_in_strip(lin.q, a)[0], a
@@ -230,7 +255,7 @@ def _sinking_outside(
 def _strip_coordinates(
     strip: Strip, x: np.ndarray, a: float
 ) -> tuple[np.ndarray, np.ndarray | float, np.ndarray]:
-    """q(x), dq/dx and 1 - q (without cancellation at the edge)."""
+    """Return q(x), dq/dx and 1 - q, the latter without cancellation at the edge."""
     if math.isinf(strip.wall):
         return x / a, 1.0 / a, (a - x) / a
     c = math.pi / (2.0 * strip.wall)
@@ -240,9 +265,7 @@ def _strip_coordinates(
 
 
 def _energy_integral(lin: _LinearSolution, b: np.ndarray, depth: float) -> float:
-    """∫ y (delta - f) d theta over [0, pi]; products with the corner's |q| and arcosh in closed
-    form.
-    """
+    """Return ∫ y (depth - f) d theta over [0, pi], with the terms of a kink in closed form."""
     n = b.size
     theta = np.arccos(lin.q)
     y = np.cos(2.0 * np.outer(theta, np.arange(n))) @ b
@@ -258,7 +281,7 @@ def _energy_integral(lin: _LinearSolution, b: np.ndarray, depth: float) -> float
 
 
 def _kink_coefficients(n: int) -> np.ndarray:
-    """|q| = 2/pi + 4/pi sum_m (-1)^(m+1)/(4m^2-1) T_2m(q), the first n coefficients."""
+    """Return n coefficients of |q| = 2/pi + 4/pi sum_m (-1)^(m+1)/(4m^2-1) T_2m(q)."""
     m = np.arange(n)
     c = -4.0 / math.pi * (-1.0) ** m / (4.0 * m * m - 1.0)
     c[0] *= 0.5
@@ -267,8 +290,9 @@ def _kink_coefficients(n: int) -> np.ndarray:
 
 @lru_cache(maxsize=64)
 def _strip_modes(max_half_width: float, stack: Stack, wall: float) -> tuple[np.ndarray, np.ndarray]:
-    """k_n = n pi/W [1/h] and M(k_n)/n, to where M is below rounding, good for half-widths up to
-    reach.
+    """Return the wavenumbers k_n = n pi/W [1/h] and M(k_n)/n up to where M is below rounding.
+
+    They are accurate for half-widths up to `max_half_width` [h].
     """
     n, weight = wall_mode_nodes(max_half_width, wall)
     k = n * math.pi / wall
@@ -277,10 +301,11 @@ def _strip_modes(max_half_width: float, stack: Stack, wall: float) -> tuple[np.n
 
 @lru_cache(maxsize=64)
 def _layer_modes(max_half_width: float, stack: Stack) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes s and weights of ∫ (M - exp(-2s))/s cos(sx) cos(st) ds, good for half-widths up to
-    reach.
+    """Return nodes s and weights of ∫_0^inf (M - exp(-2s))/s cos(sx) cos(st) ds.
+
+    They are accurate for half-widths up to `max_half_width` [h]. The subtracted part is known,
+    ∫_0^inf (1 - exp(-2s))/s cos(us) ds = ln sqrt(1 + 4/u^2); `_smooth_kernel` adds its term
+    ln sqrt(u^2 + 4).
     """
-    # compared with ∫_0^inf (1 - exp(-2s))/s cos(us) ds = ln sqrt(1 + 4/u^2), whose ln sqrt(u^2 + 4)
-    # is added elsewhere
     s, w = wavenumber_nodes(max_half_width, stack.min_wavenumber)
     return s, w * (stack.compliance_complement(s) - np.exp(-2.0 * s)) / s

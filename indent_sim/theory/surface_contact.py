@@ -28,8 +28,8 @@ class CandidateSetTooSmall(ValueError):
 
     def __init__(self) -> None:
         super().__init__(
-            "the contact covers all points of the surface: the tip comes deeper than its "
-            "history says"
+            "the contact covers all points of the surface, which were chosen for the largest "
+            "contact of the history"
         )
 
 
@@ -70,7 +70,7 @@ class RelaxingSurface:
 
     @property
     def is_ordered(self) -> bool:
-        """Whether a contact consists of the first points."""
+        """True if a contact consists of the first points."""
         return len(self.radii) > 0
 
     def contact_radius(self, p: np.ndarray) -> float:

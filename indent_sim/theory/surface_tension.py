@@ -1,36 +1,35 @@
-"""Indentation of an elastic half-space, layer or stack whose surface is under tension, axisymmetric
-and frictionless.
+"""Axisymmetric frictionless indentation of an elastic layer or stack with a surface tension.
 
-A surface tension gamma pulls a curved surface flat with the pressure gamma lap u_z. A tip's
-pressure of wavenumber k then displaces the surface by C/(1 + gamma k^2 C) p instead of C p, with C
-= (2/E*) L(k)/k of the stack (`stack`), so
+A surface tension gamma acts on a curved surface like the pressure gamma lap u_z, which flattens it.
+A tip's pressure p of wavenumber k then displaces the surface by C/(1 + gamma k^2 C) p instead of
+C p, with the compliance C = (2/E*) L(k)/k of the `stack`. L is thus replaced by
 
-    L_gamma = L/(1 + b k L),  b = 2 gamma/E*,
+    L_gamma = L/(1 + b k L) = 1/(1 + b k) - M/((1 + b k L)(1 + b k)),   b = 2 gamma/E*,  M = 1 - L,
 
-takes the place of L. With L_gamma = 1/(1 + b k) - M/((1 + b k L)(1 + b k)) the equation of `layer`
-becomes
+and the integral equation of `layer` becomes, for 0 <= x <= a,
 
-    (1/pi) ∫_-a^a phi(t) k0(x - t) dt - (2/pi) ∫_0^a phi(t) K(x, t) dt = (E*/pi) (delta - g(x)),  0
-    <= x <= a,
+    (1/pi) ∫_-a^a phi(t) k0(x - t) dt - (2/pi) ∫_0^a phi(t) K(x, t) dt = (E*/pi) (delta - g(x)),
+    K(x, t) = ∫_0^inf M/((1 + b k L)(1 + b k)) cos kx cos kt dk,
+    k0(s) = ∫_0^inf cos ks/(1 + b k) dk = G(|s|/b)/b,   G(z) = ∫_0^inf cos t/(t + z) dt.
 
-K = ∫_0^inf M/((1 + b k L)(1 + b k)) cos kx cos kt dk, which is smooth, and k0(s) = ∫_0^inf cos
-ks/(1 + b k) dk = G(|s|/b)/b with G(z) = ∫_0^inf cos t/(t + z) dt, which has a logarithm at s = 0
-and a width b. In t = a cos(theta) the even solutions are
+K is smooth, k0 has a logarithm at s = 0 and the width b. With t = a cos(theta) the even solutions
+are
 
-    phi = c/sin(theta) + sum_n d_n sin((2n + 1) theta),
+    phi = c/sin(theta) + sum_n d_n sin((2n + 1) theta):
 
-a line force along the edge and the pressures p = (E*/2a) sum_n (2n + 1) d_n P_n(2 r^2/a^2 - 1),
-which end there without a peak. A smooth tip has c = 0: the surface leaves it without a kink.
-Collocation finds c and d_n.
+a line force along the edge, and the pressures p = (E*/2a) sum_n (2n + 1) d_n P_n(2 r^2/a^2 - 1),
+which remain finite there. A smooth tip has c = 0, since the surface leaves it without a kink. The
+coefficients c and d_n are found by collocation.
 
-Where the contact is much smaller than gamma/E* the surface is a membrane: under a paraboloid p = 2
+If the contact is much smaller than gamma/E*, the surface is a membrane: under a paraboloid p = 2
 gamma/R, F = 2 pi gamma a^2/R and, on a half-space, delta = a^2/R (ln(4 gamma/(E* a)) + 1/2 -
 0.5772...).
 
 Small strain, gap at the reference radius. delta > 0 pushes in; force, pressure > 0 push. Any
-consistent units. Sources: Hajji (1978), J. Appl. Mech. 45, 320; Long & Wang (2013), Proc. R. Soc. A
-469, 20120567; Abramowitz & Stegun 5.2.13 (G); Sneddon (1966), Mixed Boundary Value Problems, 2.1
-(the transforms).
+consistent units; lengths [h] are in units of the top layer's thickness h.
+Sources: Hajji (1978), J. Appl. Mech. 45, 320; Long & Wang (2013), Proc. R. Soc. A 469, 20120567;
+Abramowitz & Stegun 5.2.13 for G; Sneddon (1966), Mixed Boundary Value Problems, section 2.1, for
+the transforms.
 """
 
 from __future__ import annotations
@@ -49,23 +48,27 @@ from indent_sim.theory.layer import Layer
 from indent_sim.theory.quadrature import Nodes, gauss_legendre, join_nodes, wavenumber_nodes
 from indent_sim.theory.solution import Solution
 
-# functions of phi: and more for each sqrt(a/b), as phi ends in a layer of width b
+# Basis functions of phi: a smallest number, further ones per sqrt(a/b), since phi has a boundary
+# layer of width b at the edge, and a largest number.
 LEAST_FUNCTIONS = 16
 FUNCTIONS_PER_ROOT = 1.5
 MAX_FUNCTIONS = 100
-# Of the force, against three times as many functions: 1.4e-4 at most was found under a tip with
-# kinks (a profile of straight pieces), 3e-6 under a sharp punch, 3e-9 under smooth tips
+# Stated relative errors of the force. Against three times as many functions the largest differences
+# were 1.4e-4 under a tip with slope discontinuities (a polygon), 3e-6 under a sharp punch and 3e-9
+# under smooth tips.
 KINKED_ERROR = 5e-4
 SHARP_EDGE_ERROR = 1e-5
 SMOOTH_ERROR = 1e-8
-PANEL_POINTS = 10  # Gauss points on a panel of the angle
-INNERMOST_POINTS = 20  # and where the logarithm is, towards which they crowd as v^3
-OUTSIDE_POINTS = 24  # Chebyshev's points beside the contact, where the surface is looked at
+# Gauss points on a panel of the angle, and on the innermost one, graded as v^3 to the logarithm.
+PANEL_POINTS = 10
+INNERMOST_POINTS = 20
+OUTSIDE_POINTS = 24  # Degree of the polynomial for the surface displacement outside the contact.
 
 
 class LinearSolution(NamedTuple):
-    """The coefficients (c, d_0, d_1, ...) of phi [h], in units of E*/pi, at one contact radius, for
-    unit depth and for the tip's shape: phi = delta one - shape.
+    """Coefficients (c, d_0, d_1, ...) of phi at one contact radius, in units of h and E*/pi.
+
+    Those for unit depth and for the tip's shape add up to phi = depth unit_depth - tip_shape.
     """
 
     unit_depth: np.ndarray
@@ -73,28 +76,31 @@ class LinearSolution(NamedTuple):
 
     @property
     def indentation_of_radius(self) -> float:
-        """Depth [h] of a smooth tip with this contact radius: no line force along the edge."""
+        """Depth [h] of a smooth tip with this contact radius: the line force at the edge is 0."""
         return float(self.tip_shape[0] / self.unit_depth[0])
 
 
 @dataclass(frozen=True)
 class LayerWithSurfaceTension(ContactCurve):
-    """A layer under a tip of revolution, its surface under tension. b: twice gamma/E* [h]."""
+    """Load curve of a tip of revolution on a layer with a surface tension.
+
+    b = 2 gamma/E* [h] is the length over which the tension dominates.
+    """
 
     b: float = 0.0
 
     @classmethod
     def from_layer(cls, layer: Layer, surface_tension: float) -> LayerWithSurfaceTension:
-        """The contact of an infinitely wide layer with a surface tension [F/L] > 0."""
+        """Return the load curve of an infinitely wide layer with a surface tension [F/L] > 0."""
         b = 2.0 * surface_tension / (layer.E_star * layer.h)
         return cls(layer.tip, layer.scaled_stack, layer.E_star, layer.h, math.inf, b)
 
     def profile(self, x: np.ndarray) -> np.ndarray:
-        """g [h] of the tip."""
+        """Return the Abel transform g [h] of the tip's profile at x [h]."""
         return self.tip.g(x * self.h) / self.h
 
     def linear_solution(self, a: float) -> LinearSolution:
-        """Solve for unit depth and for the tip's shape at the contact radius a [h]."""
+        """Solve by collocation for unit depth and for the tip's shape at the radius a [h]."""
         function_count = self._function_count(a)
         theta = (np.arange(function_count) + 0.5) * math.pi / (2 * function_count)
         x = a * np.cos(theta)
@@ -105,7 +111,10 @@ class LayerWithSurfaceTension(ContactCurve):
         return LinearSolution(*np.linalg.solve(matrix, right_side).T)
 
     def _function_count(self, a: float) -> int:
-        """How many functions; the same for a range of radii, in which a search finds one curve."""
+        """Return the number of basis functions at the contact radius a [h].
+
+        It is constant over ranges of radii, so that a search for a radius sees a smooth curve.
+        """
         width_ratio = 2.0 ** math.ceil(math.log2(a / self.b))
         base_count = LEAST_FUNCTIONS * (3 if self.has_slope_discontinuities else 1)
         return min(
@@ -114,28 +123,29 @@ class LayerWithSurfaceTension(ContactCurve):
 
     @property
     def error(self) -> float:
-        """The relative error of its force, stated."""
+        """Stated relative error of the force."""
         if self.has_slope_discontinuities:
             return KINKED_ERROR
         return SHARP_EDGE_ERROR if self.tip.punch_radius is not None else SMOOTH_ERROR
 
     @property
     def has_slope_discontinuities(self) -> bool:
-        """Whether the slope of the tip jumps, or bends, somewhere: phi is then found more slowly."""
+        """True if the tip's slope is not smooth somewhere, which slows the convergence of phi."""
         return bool(self.tip.slope_discontinuities) or self.tip.apex_slope > 0.0
 
     def _tip_shape(self, a: float, theta: np.ndarray) -> np.ndarray:
-        """g [h] at angles; of a tip with kinks what as many cos(2 m theta) make of it."""
+        """Return g [h] at the angles theta.
+
+        For a tip with slope discontinuities this is the projection of g on as many functions
+        cos(2 m theta) as there are angles.
+        """
         breaks = [
             math.acos(b / (a * self.h)) for b in self.tip.slope_discontinuities if b < a * self.h
         ]
         if not self.has_slope_discontinuities:
             return self.profile(a * np.cos(theta))
-        edges = [
-            0.0,
-            *reversed(breaks),
-            0.5 * math.pi,
-        ]  # beside a break g rises like the root, towards the edge
+        # Outside a discontinuity, towards the edge, g rises like the root of the distance from it.
+        edges = [0.0, *reversed(breaks), 0.5 * math.pi]
         point_count = 2 * theta.size
         parts = [
             _graded_nodes(hi, lo, point_count)
@@ -152,9 +162,7 @@ class LayerWithSurfaceTension(ContactCurve):
         return np.asarray(np.cos(np.outer(theta, m)) @ moments)
 
     def _kernel_row(self, a: float, angle: float, count: int) -> np.ndarray:
-        """(1/pi) ∫ phi(t) k0(a cos(angle) - t) dt of each function of phi; an angle i eta stands
-        for a cosh(eta).
-        """
+        """Return (1/pi) ∫ phi(t) k0(a cos(angle) - t) dt of each basis function, shape (count,)."""
         levels = max(2, math.ceil(math.log2(1.0 + a / self.b)) + 3)
         angle_offsets, weight = _logarithmic_nodes(angle, levels, count)
         distances = (
@@ -164,7 +172,7 @@ class LayerWithSurfaceTension(ContactCurve):
         return a / math.pi * ((weight * kernel) @ _basis_functions(angle + angle_offsets, count))
 
     def _layer_matrix(self, a: float, x: np.ndarray, count: int) -> np.ndarray:
-        """(2/pi) ∫ phi(t) K(x, t) dt of each function, shape (len(x), count)."""
+        """Return (2/pi) ∫_0^a phi(t) K(x, t) dt of each basis function, shape (len(x), count)."""
         max_radius = 2.0 ** math.ceil(math.log2(max(a, float(x.max()), 1.0)))
         k, weight = wavenumber_nodes(max_radius, self.scaled_stack.min_wavenumber)
         M = self.scaled_stack.compliance_complement(k)
@@ -178,7 +186,7 @@ class LayerWithSurfaceTension(ContactCurve):
         return 2.0 / math.pi * np.cos(np.outer(x, k)) @ (weight[:, None] * modes)
 
     def solution(self, delta: float, a: float, linear: LinearSolution | None = None) -> Solution:
-        """Turn the linear solutions at the contact radius a [h] into physical quantities."""
+        """Convert the linear solutions at the contact radius a [h] to physical quantities."""
         depth = delta / self.h
         linear = linear or self.linear_solution(a)
         phi = depth * linear.unit_depth - linear.tip_shape
@@ -186,7 +194,8 @@ class LayerWithSurfaceTension(ContactCurve):
             phi[0] = 0.0
         theta, weight = gauss_legendre(0.0, 0.5 * math.pi, 4 * phi.size)
         basis = _basis_functions(theta, phi.size)
-        basis_integrals = a * weight @ basis  # ∫_0^a phi dt of each
+        # ∫_0^a phi dt of each basis function.
+        basis_integrals = a * weight @ basis
         energy = (
             self.E_star
             * self.h**3
@@ -194,21 +203,23 @@ class LayerWithSurfaceTension(ContactCurve):
             * float(weight @ ((basis @ phi) * (depth - self.profile(a * np.cos(theta)))))
         )
         force = 2.0 * self.E_star * self.h**2 * float(basis_integrals @ phi)
-        stiffness = 2.0 * self.E_star * self.h
+        stiffness = 2.0 * self.E_star * self.h * float(basis_integrals @ linear.unit_depth)
         pressure = field_of_position(_pressure, self, a, phi)
         u_z = field_of_position(_u_z, self, a, phi, depth)
-        slope = stiffness * float(basis_integrals @ linear.unit_depth)
         return Solution(
-            float(delta), force, float(a * self.h), self.area(a), energy, slope, pressure, u_z
+            float(delta), force, float(a * self.h), self.area(a), energy, stiffness, pressure, u_z
         )
 
     def outside_displacement(self, a: float, phi: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """What the left of the equation is at places x > a [h]: of the surface beside the contact."""
+        """Return the left side of the integral equation at positions x > a [h].
+
+        `_u_z` has the surface displacement outside the contact as an integral of it.
+        """
         rows = np.array([self._outside_row(a, position, phi.size) for position in x])
         return (rows - self._layer_matrix(a, x, phi.size)) @ phi
 
     def _outside_row(self, a: float, x: float, count: int) -> np.ndarray:
-        """As `_row`, for a place x > a [h]: angles crowd towards the edge."""
+        """Return `_kernel_row` for a position x > a [h], with nodes graded towards the edge."""
         theta, weight = _logarithmic_nodes(
             0.0, max(2, math.ceil(math.log2(1.0 + a / min(self.b, x - a))) + 3), count
         )
@@ -217,16 +228,17 @@ class LayerWithSurfaceTension(ContactCurve):
 
 
 def _graded_nodes(begin: float, end: float, count: int) -> Nodes:
-    """Nodes and weights between two places that crowd at the first one as v^2."""
+    """Return nodes and weights between two positions, graded as v^2 towards the first one."""
     v, w = gauss_legendre(0.0, 1.0, count)
     return begin + (end - begin) * v**2, abs(end - begin) * 2.0 * v * w
 
 
 def auxiliary_integral(z: np.ndarray) -> np.ndarray:
-    """G(z) = ∫_0^inf cos t/(t + z) dt = Re e^(iz) E1(iz) for z > 0."""
+    """Return G(z) = ∫_0^inf cos t/(t + z) dt = Re e^(iz) E1(iz) for z > 0."""
     from scipy.special import exp1
 
-    is_far = z > 1e4  # where the next term is 1e-15 of it
+    # The asymptotic series has two terms here: the next one is 1e-15 of the value.
+    is_far = z > 1e4
     near_argument = np.where(is_far, 1.0, z)
     square = np.maximum(z, 1.0) ** 2
     return np.where(
@@ -237,8 +249,9 @@ def auxiliary_integral(z: np.ndarray) -> np.ndarray:
 
 
 def _basis_functions(theta: np.ndarray, count: int) -> np.ndarray:
-    """phi dt/(a d theta) of each function at angles (len(theta), count): 1, then sin((2n + 1)
-    theta) sin(theta).
+    """Return phi dt/(a d theta) of each basis function at angles, shape (len(theta), count).
+
+    These are 1, then sin((2n + 1) theta) sin(theta).
     """
     n = np.arange(count - 1)
     return np.column_stack(
@@ -248,11 +261,19 @@ def _basis_functions(theta: np.ndarray, count: int) -> np.ndarray:
 
 @lru_cache(maxsize=4096)
 def _logarithmic_nodes(angle: float, levels: int, count: int) -> Nodes:
-    """Nodes and weights on [0, pi] for a logarithm at an angle, and functions of count
-    oscillations.
+    """Return nodes and weights on [0, pi] for a logarithm at an angle.
 
-    The nodes are told as seen from the angle: where they crowd, far closer than the angle has
-    digits, the difference of two angles would be zero, and the logarithm infinite.
+    The nodes are relative to the angle: near it they are closer than the rounding of the angle, so
+    that the difference of two angles would be zero, and the logarithm infinite.
+
+    Parameters
+    ----------
+    angle
+        Angle of the logarithm.
+    levels
+        Number of times that the panels are halved towards it.
+    count
+        Number of basis functions, whose oscillations the panels resolve.
     """
     longest = 2.0 * PANEL_POINTS / (3.0 * count)
     parts = []
@@ -274,8 +295,9 @@ def _logarithmic_nodes(angle: float, levels: int, count: int) -> Nodes:
 def _pressure(
     layer: LayerWithSurfaceTension, a: float, phi: np.ndarray, r: np.ndarray
 ) -> np.ndarray:
-    """p(r) = (E*/2a) sum_n (2n + 1) d_n P_n(2 r^2/a^2 - 1) [F/L^2]; infinite where there is a line
-    force.
+    """Return p(r) = (E*/2a) sum_n (2n + 1) d_n P_n(2 r^2/a^2 - 1) [F/L^2].
+
+    It is infinite at the edge where there is a line force.
     """
     n = np.arange(phi.size - 1)
     p = np.where((r == a) & (phi[0] > 0.0), np.inf, 0.0)
@@ -290,8 +312,9 @@ def _pressure(
 def _u_z(
     layer: LayerWithSurfaceTension, a: float, phi: np.ndarray, depth: float, r: np.ndarray
 ) -> np.ndarray:
-    """u_z(r) = -(2/pi) ∫_0^r s(x)/sqrt(r^2 - x^2) dx [L], s = delta - g inside the contact and
-    `sinking` beside it.
+    """Return u_z(r) = -(2/pi) ∫_0^r s(x)/sqrt(r^2 - x^2) dx [L].
+
+    s is delta - g inside the contact and `outside_displacement` outside.
     """
     q, w = gauss_legendre(0.0, 1.0, 64)
     outside_sinking = None

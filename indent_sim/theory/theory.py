@@ -1,4 +1,4 @@
-"""Reference theory of a body under a tip: its solutions at depths or forces, and textbook formulas."""
+"""Reference theory of a body under a tip: solutions at depths or forces, and textbook formulas."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class Theory:
         return solutions if len(solutions) == len(deltas) else None
 
     def expect_depths(self, deltas: Sequence[float]) -> None:
-        """Announce depths that will be requested one by one: the first request solves all of them."""
+        """Announce depths that will be requested one by one; the first request solves them all."""
         self._expected_solutions.clear()
         self._expected_solutions.update(dict.fromkeys(deltas))
 
@@ -173,9 +173,8 @@ class Theory:
         """Return the JKR contact with a work of adhesion, or None if the theory has none."""
         if work in self._jkr_of_work:
             return self._jkr_of_work[work]
-        from indent_sim.theory.adhesion import (
-            Jkr,  # with scipy's searches, which no other scene needs
-        )
+        # Imported here because only adhesive scenes need scipy.optimize.
+        from indent_sim.theory.adhesion import Jkr
         from indent_sim.theory.punches import LayerPunches
 
         jkr = Jkr(LayerPunches(self.contact), work) if isinstance(self.contact, Layer) else None

@@ -1,16 +1,19 @@
-"""Contact of a relaxing body step by step, for any history of depths, forces or a spring's base,
-with reloading.
+"""Contact of a viscoelastic body by time stepping, for any history of depths or forces.
 
-The surface of a linear body carries pressures p >= 0 at n places. Weighted with areas, the gaps are
+The surface of a linear body carries pressures p >= 0 at n points. Weighted with areas, the gaps are
 
-    heights - delta areas + A phi >= 0,   F = areas . p,   p = int G(t - s) dphi(s),
+    heights - delta areas + A phi >= 0,   F = areas . p,   p(t) = int G(t - s) dphi(s),
 
-phi being the pressures of the elastic body with the same surface. With G a sum of exponentials and
-phi linear over a step, p = alpha phi + H with what the history leaves, so that every step is one
-elastic contact of the compliance A/alpha, error of the order of the step squared. A spring between
-the tip and what moves it, z = delta + c F, adds c areas areas^T.
+where phi are the pressures of the elastic body with the same surface displacements. For a sum of
+exponentials G and phi linear over a step, p = alpha phi + H with the history H, so that every step
+is an elastic contact problem of the compliance A/alpha. The error is of second order in the step.
+A spring between the tip and its base, z = delta + c F, adds c areas areas^T to the compliance.
+
+Unlike Ting's solution (`lee_radok_ting`) this holds for histories with reloading, too.
 
 delta > 0 pushes in, force > 0 pushes. Lengths [L], forces [F], any unit of time.
+Source: Taylor, Pister & Goudreau (1970), Int. J. Numer. Methods Eng. 2, 45, for the recursion of
+exponentials.
 """
 
 from __future__ import annotations
@@ -29,19 +32,31 @@ from indent_sim.theory.surface_contact import (
     SurfaceContactLCP,
 )
 
-# Steps of the first length after a kink, and steps that a piece of the history has at least
+# Steps of one length at the beginning of a segment before their length doubles, and steps that a
+# segment has at least.
 KINK_STEPS = 40
 LEAST_STEPS_PER_SEGMENT = 150
-MAX_HISTORY_STEPS = 2000  # steps of a history, about, but for one in each of its pieces
-STEPS_PER_RELAXATION_TIME = 20.0  # first steps in the shortest relaxation time
-# of a prescribed force, relative, and the steps that find it
-FORCE_TOLERANCE = 1e-12
-MAX_SEARCH_STEPS = 60
+# Steps of a history, about, beside at least one in each segment.
+MAX_HISTORY_STEPS = 2000
+STEPS_PER_RELAXATION_TIME = 20.0  # The first steps per shortest relaxation time.
+FORCE_TOLERANCE = 1e-12  # Relative error of a prescribed force.
+MAX_SEARCH_STEPS = 60  # Newton steps of the search for the depth of a force.
 
 
 class ViscoelasticTimeStepper:
-    """The response of a relaxing body to a history of its base's way z [L] (`compliance` [L/F] of
-    the spring between it and the tip; 0: of the depth) or of the force [F] (`of_force`).
+    """Response of a viscoelastic body to a history of depths, of a spring's base, or of forces.
+
+    Parameters
+    ----------
+    surface
+        Compliance of the unrelaxed body at the points of its surface.
+    modulus
+        Relaxation function G(t), 1 at t = 0.
+    compliance
+        Compliance c [L/F] of a spring between tip and base, whose displacement z = delta + c F is
+        then prescribed; 0 for prescribed depths.
+    is_force_controlled
+        Whether the history consists of forces [F].
     """
 
     def __init__(
@@ -58,9 +73,8 @@ class ViscoelasticTimeStepper:
         n = len(surface.areas)
         self._fractions = np.array(modulus.fractions)
         self._relaxation_times = np.array(modulus.times)
-        self._branch_pressures = np.zeros(
-            (len(self._fractions), n)
-        )  # stress left in each exponential
+        # Pressures that each exponential retains, (exponentials, points).
+        self._branch_pressures = np.zeros((len(self._fractions), n))
         self._elastic_pressures: np.ndarray = np.zeros(n)
         self._longest_step = 0.0
         self._contact_of_alpha: dict[float, SurfaceContactLCP] = {}
@@ -68,8 +82,21 @@ class ViscoelasticTimeStepper:
     def responses(
         self, times: Sequence[float], values: Sequence[float], rows_per_segment: Sequence[int] = ()
     ) -> Iterator[Response]:
-        """One Response at every time, straight lines between them, or about so many `rows_per_segment` in each;
-        two equal times are a jump.
+        """Yield the responses along a history of straight segments.
+
+        Parameters
+        ----------
+        times
+            Times of the ends of the segments; two equal times are a jump.
+        values
+            Values of z [L], or of the force [F], at these times.
+        rows_per_segment
+            About how many responses each segment yields; by default one, at its end.
+
+        Yields
+        ------
+        Response
+            The first one is that of the first time.
         """
         self._longest_step = (times[-1] - times[0]) / MAX_HISTORY_STEPS
         yield self._step(times[0], 0.0, values[0])
@@ -91,8 +118,9 @@ class ViscoelasticTimeStepper:
                     last_reported = step_end
 
     def _step_intervals(self, start: float, end: float) -> list[tuple[float, float]]:
-        """The steps of a piece: short ones first, where relaxation may be quick, doubling to its
-        longest.
+        """Return the steps of a segment: short ones first, then doubled up to the longest one.
+
+        Relaxation may be fast after the kink at the beginning of a segment.
         """
         span = end - start
         longest_step = min(max(span / LEAST_STEPS_PER_SEGMENT, self._longest_step), span)
@@ -111,7 +139,7 @@ class ViscoelasticTimeStepper:
         return list(pairwise(ends))
 
     def _step(self, t: float, dt: float, value: float) -> Response:
-        """Go on to a time, where z, or the force, has this value."""
+        """Advance by dt to the time t, at which z, or the force, has a value."""
         x = np.array([dt]) / self._relaxation_times if len(self._relaxation_times) else np.zeros(0)
         decay = np.exp(-x)
         gain = np.where(x > 0, -np.expm1(-x) / np.where(x > 0, x, 1.0), 1.0)
@@ -135,7 +163,10 @@ class ViscoelasticTimeStepper:
         return Response(t, delta, float(self.surface.areas @ p), contact.contact_radius, np.nan)
 
     def _contact_problem(self, alpha: float) -> SurfaceContactLCP:
-        """The contact of a step; steps of one length have one, which is factored once."""
+        """Return the contact problem of the compliance A/alpha.
+
+        Steps of one length share it, so that its matrix is factored once.
+        """
         key = round(alpha, 14)
         if key not in self._contact_of_alpha:
             areas = self.surface.areas
@@ -150,8 +181,9 @@ class ViscoelasticTimeStepper:
     def _depth_under_force(
         self, contact: SurfaceContactLCP, open_gaps: np.ndarray, force: float
     ) -> tuple[float, np.ndarray]:
-        """Depth and pressures under a force: Newton on F(delta), which is convex; at first touch
-        for none.
+        """Return the depth and the pressures of a force by Newton's method on F(delta).
+
+        F(delta) is convex. Without a force the depth is that of first contact.
         """
         areas = self.surface.areas
         delta = float((open_gaps / areas).min()) if self._elastic_pressures.any() else 0.0
@@ -165,7 +197,8 @@ class ViscoelasticTimeStepper:
         for _ in range(MAX_SEARCH_STEPS):
             try:
                 p = contact.solve_pressures(open_gaps - delta * areas)
-            except CandidateSetTooSmall:  # far too deep
+            except CandidateSetTooSmall:
+                # The depth is far too large.
                 delta = 0.5 * (lower_depth + delta)
                 continue
             force_deficit = force - float(areas @ p)
@@ -174,5 +207,5 @@ class ViscoelasticTimeStepper:
             lower_depth = delta if force_deficit > 0.0 else lower_depth
             delta += force_deficit / contact.stiffness
         raise SearchNotConverged(
-            f"the depth of a force of {force:g} was not found in {MAX_SEARCH_STEPS} steps"
+            f"the depth of the force {force:g} was not found in {MAX_SEARCH_STEPS} Newton steps"
         )

@@ -42,7 +42,10 @@ def by_theory(key: str, row: int) -> float:
 
     def force(factor: float) -> float:
         scene = changed(LAYER, key, factor)
-        return scene.plan.theory.at(scene.physics.deltas[row]).force * scene.physics.scales.force
+        return (
+            scene.plan.theory.solution_at_depth(scene.physics.deltas[row]).force
+            * scene.physics.scales.force
+        )
 
     section, name = key.split(".")
     slopes = [(force(1 + h) - force(1 - h)) / (2 * h * LAYER[section][name]) for h in (0.01, 0.02)]

@@ -107,8 +107,7 @@ def test_no_such_time_or_body(given: tuple[float, float, float]) -> None:
         poroelastic_fraction_remaining(*given)
 
 
-# ---- constants
-# -----------------------------------------------------------------------------------------------------
+# ---- constants ----
 
 
 def test_constants_without_storage() -> None:
@@ -147,8 +146,7 @@ def test_no_such_solid(wrong: dict[str, float]) -> None:
         replace(STOKES, **wrong)
 
 
-# ---- a tip
-# ---------------------------------------------------------------------------------------------------------
+# ---- a tip ----
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""The axisymmetric layer theory against converged reference numbers, limits and conservation laws."""
+"""Axisymmetric layer theory against converged reference numbers, limits and conservation laws."""
 
 import math
 import time

@@ -131,7 +131,7 @@ def test_a_depth_that_is_no_number_is_refused_among_many(wrong):
 
 
 def test_a_depth_that_is_not_found_is_an_error(monkeypatch):
-    """Nothing is returned for it: a theory whose depths are not found together is asked for each."""
+    """No wrong numbers are returned; `Theory` then solves for each depth on its own."""
     contact, deepest = SMOOTH["a film much thinner than the contact"]
     monkeypatch.setattr(contact_curve, "MAX_SECANT_STEPS", 1)
     with pytest.raises(ArithmeticError, match="not found"):

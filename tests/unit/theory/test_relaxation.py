@@ -1,4 +1,4 @@
-"""Viscoelastic indentation: closed forms of Lee-Radok and Ting, and each against stepping in time."""
+"""Viscoelastic indentation: closed forms of Lee-Radok and Ting, both against time stepping."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def test_a_power_law_is_a_sum_of_exponentials(exponent: float) -> None:
 def test_the_complex_modulus_is_the_transform_of_the_other(
     modulus: ShearRelaxation | PowerLaw,
 ) -> None:
-    """i omega int_0^inf (G - G_inf) e^(-i omega t) dt + G_inf; of a power law along t = -i s/omega."""
+    """i omega int_0^inf (G - G_inf) e^(-i omega t) dt + G_inf; a power law along t = -i s/omega."""
     omega = 1.7
     if isinstance(modulus, PowerLaw):
         x, step = np.linspace(-40, 5, 4000, retstep=True)  # s = e^x: int s^-b e^-s ds
@@ -125,7 +125,7 @@ def test_the_complex_modulus_is_the_transform_of_the_other(
 
 
 def test_a_tip_that_comes_back_is_no_cycle() -> None:
-    with pytest.raises(ValueError, match="no single cycle"):
+    with pytest.raises(ValueError, match="single cycle"):
         LeeRadokTing(SOLID, [0, 1, 2, 3], [0, 1, 0.5, 0.8], HERTZ)
     held = LeeRadokTing(
         SOLID, [0, 1, 1.2, 9], [0, 1, 0.8, 0.8], HERTZ
@@ -209,7 +209,7 @@ def test_a_contact_that_is_no_disc() -> None:
 
 
 def test_what_does_not_settle_is_no_pressure(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing is returned by a search that was cut off, nor by theory where the contact is a ring."""
+    """Nothing is returned by a search that was cut off, nor by theory if the contact is a ring."""
     layer, _, a = layer_of(0.05)
     disc = layer_surface(layer, a)
     with pytest.raises(SearchNotConverged, match="no disc"):
