@@ -225,7 +225,10 @@ class TestWithoutARun:
                 broken = [check for check in found["checks"] if check["verdict"] == "broken"]
                 assert done.returncode == 7 and [check["name"] for check in broken] == ["directory"]
             else:
-                assert done.returncode == 2 and "working directory is gone; change" in done.stderr
+                assert (
+                    done.returncode == 2
+                    and "working directory does not exist any more; change" in done.stderr
+                )
 
     def test_doctor_tells_what_is_broken(self, indent_sim, monkeypatch):
         monkeypatch.setattr(doctor, "NEEDED_PACKAGES", ("numpy", "no_such_package"))
