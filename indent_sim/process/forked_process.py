@@ -68,7 +68,7 @@ class ForkedProcess:
 
     @property
     def is_running(self) -> bool:
-        """Whether the process exists; False in other processes than its parent."""
+        """True if the process exists; False in other processes than its parent."""
         return self._child is not None and self._child.is_own_child and self._child.status is None
 
     def start(self) -> None:
@@ -259,7 +259,7 @@ class _Child:
 
     @property
     def is_own_child(self) -> bool:
-        """Whether this process is the parent."""
+        """True if this process is the parent."""
         return self.parent_pid == os.getpid()
 
     @property

@@ -44,7 +44,7 @@ class FailureConsensus:
         self._comm = comm.Dup() if comm.size > 1 else None
 
     def all_ranks_failed(self) -> bool:
-        """Whether all other ranks reach this call within RANK_TIMEOUT; made by a failed rank."""
+        """True if all other ranks reach this call within RANK_TIMEOUT; made by a failed rank."""
         return self.count_failures(1) is not None
 
     def count_failures(self, own_failures: int) -> int | None:
@@ -80,12 +80,12 @@ class FailureConsensus:
 
 
 def is_parallel() -> bool:
-    """Whether this process was started as one of several ranks."""
+    """True if this process was started as one of several ranks."""
     return any(os.environ.get(name, "1") not in ("", "0", "1") for name in RANK_COUNT_VARIABLES)
 
 
 def is_root() -> bool:
-    """Whether this process was started as rank 0, or without a launcher."""
+    """True if this process was started as rank 0, or without a launcher."""
     return all(os.environ.get(name, "0") in ("", "0") for name in RANK_VARIABLES)
 
 
