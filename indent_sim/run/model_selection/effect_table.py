@@ -381,7 +381,9 @@ def _incompressible(solver: VariantSolver, tolerance: float) -> EffectSource:
         return UnknownEffect("there is no theory of this body")
     ratio = solver.ratio_over_parameter(
         theory_variant,
-        lambda x: change_materials(theory_variant, partial(variants.incompressible_law, less=x)),
+        lambda x: change_materials(
+            theory_variant, partial(variants.incompressible_law, nu_deficit=x)
+        ),
     )
     return ThresholdSearch(
         "nu",

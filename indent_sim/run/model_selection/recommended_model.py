@@ -124,7 +124,7 @@ def _transient_requirements(
     effects = tuple(time_effects.get(row.name) or limit_effects[row.name] for row in EFFECT_ROWS)
     effects += tuple(effect for name, effect in time_effects.items() if name == "drainage")
     if not time_dependence.has_bath:
-        waived = tuple(limit.waived_effect for limit in time_dependence.nearest_limits)
+        waived = tuple(limit.neglected_effect for limit in time_dependence.nearest_limits)
         model, best = _cheapest_model(
             time_dependence.elastic_variant, limit_effects, waived, tolerance
         )
@@ -140,7 +140,7 @@ def _transient_requirements(
             if lacks and limit_effects[name].is_possible
         )
     )
-    deviation = f": {_deviation_text(model)}" if model.waived_effects else ""
+    deviation = f": {_deviation_text(model)}" if model.neglected_effects else ""
     sentence = f"Model the scene as it is, in time{deviation}. {_limit_sentence(time_dependence)}"
     return Requirements(effects, variants.minimal_document(config), model.percent, sentence)
 
@@ -189,7 +189,7 @@ def _cheapest_model(
     """The cheapest model within the tolerance, and its scene, else the last that can be run, which
     is the best there is; passed: what the config has left out of the scene.
     """
-    model = _Model(waived_effects=waived)
+    model = _Model(neglected_effects=waived)
     best = config
     for candidate in _candidate_models(config, effects, waived):
         if variant := candidate.apply(config):
@@ -204,7 +204,7 @@ def _cheapest_model(
 class _Model:
     """A model: what it changes of the scene, and the effects that it does without."""
 
-    waived_effects: tuple[Effect, ...]
+    neglected_effects: tuple[Effect, ...]
     body: str = ""  # one of BODIES; empty: the scene's own
     change_strain: Callable[[Config], Config] | None = (
         None  # that makes it finite or small; None: as the scene is
@@ -217,12 +217,14 @@ class _Model:
         """Its force over that with all that it drops, in per cent; None where only a range is
         known.
         """
-        if any(effect.percent is None for effect in self.waived_effects):
+        if any(effect.percent is None for effect in self.neglected_effects):
             return None
         return float(
             100
             * (
-                np.prod([1 / (1 + (effect.percent or 0.0) / 100) for effect in self.waived_effects])
+                np.prod(
+                    [1 / (1 + (effect.percent or 0.0) / 100) for effect in self.neglected_effects]
+                )
                 - 1
             )
         )
@@ -231,7 +233,7 @@ class _Model:
         """Whether what it drops is less than a relative tolerance, however it adds up where only
         ranges are known.
         """
-        sizes = [effect.max_change for effect in self.waived_effects]
+        sizes = [effect.max_change for effect in self.neglected_effects]
         if self.percent is not None:  # none of them made good by another alone
             return (
                 abs(self.percent) <= 100 * tolerance and max(sizes, default=0.0) <= 100 * tolerance
@@ -372,7 +374,7 @@ def _recommendation_text(
     else:
         sentence += (
             f": {_deviation_text(model)}."
-            if model.waived_effects
+            if model.neglected_effects
             else ": nothing simpler is within the tolerance."
         )
     slip_effect = (
