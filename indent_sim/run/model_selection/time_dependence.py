@@ -100,7 +100,7 @@ class TimeDependentEffects:
 
     @property
     def _baths(self) -> tuple[float, ...]:
-        """Potentials of the bath along the history."""
+        """Values of the bath, between which it always lies."""
         return self.physics.drainage.bath_values
 
     @cached_property
@@ -206,8 +206,8 @@ class TimeDependentEffects:
     def _transient_scene(self) -> Config:
         """The scene on the stand-in for its body, up to the last rise of its load path.
 
-        Contact, solver, output and, on an unchanged element size at the contact, mesh have default
-        settings.
+        Contact, solver and output have default settings. The element size at the contact is that
+        of the scene, and its mesh otherwise has default settings.
         """
         config = self.config
         default_sections = {
@@ -335,16 +335,17 @@ def _make_effect(name: str, change: float, limit_change: float, source: str) -> 
 
 def elastic_limits(effect: Effect) -> tuple[ElasticLimit, ElasticLimit]:
     """Both limits of an effect "drainage" or "rate", compared with the scene."""
-    first_name, second_name = LIMITS[effect.name]
-    first = ElasticLimit(effect.name, first_name, effect.percent)
-    second = ElasticLimit(effect.name, second_name, None)
+    first, second = LIMITS[effect.name]
     if effect.percent is None or effect.low is None or effect.high is None:
-        return replace(first, percent=None), second
+        return ElasticLimit(effect.name, first, None), ElasticLimit(effect.name, second, None)
     range_end = effect.low if effect.low < 0 else effect.high
+    second_percent = None
     if range_end > -100:
         second_percent = 100 * ((100 + effect.percent) / (100 + range_end) - 1)
-        second = replace(second, percent=second_percent)
-    return first, second
+    return (
+        ElasticLimit(effect.name, first, effect.percent),
+        ElasticLimit(effect.name, second, second_percent),
+    )
 
 
 def _cut_after_last_rise(loading: Loading) -> Loading:
