@@ -55,12 +55,12 @@ class PlannedRun:
 
     @property
     def has_prescribed_forces(self) -> bool:
-        """Whether the load path prescribes forces."""
+        """True if the load path prescribes forces."""
         return self.scene.physics.path.control == "force"
 
     @property
     def accepts_any_depth(self) -> bool:
-        """Whether forces at any depths follow without a load path: by theory or condensation."""
+        """True if forces at any depths follow without a load path: by theory or condensation."""
         return not self.scene.is_meshed or self.scene.solver.method == "condensed"
 
     @property

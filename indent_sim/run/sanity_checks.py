@@ -4,8 +4,7 @@ Without adhesion the force is not tensile, and a tip below the undeformed surfac
 force grows with the depth and is the derivative of the energy Pi, hence 0 <= Pi <= F delta. The
 surface stays outside the tip, also where no contact is modelled. The force agrees with theory where
 theory is exact, and in its order of magnitude where theory is nearly so. These bounds do not say
-how
-accurate a row is; `underresolved_rows` names rows whose contact has too few elements.
+how accurate a row is; `underresolved_rows` names rows whose contact has too few elements.
 
 Some bounds do not apply to every scene. With adhesion the force may be tensile, and it jumps where
 the tip snaps in or off. With flow or relaxation depth and force depend on time, and rules that
@@ -197,8 +196,7 @@ def _check_new_solution(scene: Scene, state: State, earlier: PreviousRows) -> st
     """A new depth has a new solution.
 
     A solution without iterations is accepted only if the extrapolated state was correct and the
-    force
-    differs from the previous one.
+    force differs from the previous one.
     """
     previous = earlier.last
     is_new = previous is None or abs(state.delta - previous.delta) > DEPTH_TOLERANCE * abs(
@@ -265,7 +263,7 @@ def _check_force_growth(scene: Scene, state: State, earlier: PreviousRows) -> st
     """The force does not fall with the depth, within the error bars of both rows."""
     last = earlier.last
     if scene.physics.has_friction and last and (earlier.has_turned or state.delta < last.delta):
-        return None  # with friction the force is smaller in unloading
+        return None  # friction makes the force smaller in unloading
     fall = (
         MAX_LINEAR_FALL
         if scene.physics.small_strain and scene.physics.gap == "reference"
@@ -347,7 +345,7 @@ ELASTIC_RULES: Rules = (
 
 
 def _is_first_touch(scene: Scene, state: State) -> bool:
-    """Whether E* radius_at(delta) delta, an estimate of the force, is negligible on this path."""
+    """True if E* radius_at(delta) delta, an estimate of the force, is negligible on this path."""
     depth = state.delta / scene.physics.scales.depth
     deepest = scene.physics.max_depth
     if depth <= 0 or deepest <= depth:
@@ -385,7 +383,7 @@ def _allowed_penetration(scene: Scene, state: State) -> float:
 
 
 def _may_be_unstable(scene: Scene) -> bool:
-    """Whether the material law may be unstable at the expected strains: the force may fall."""
+    """True if the material law may be unstable at the expected strains: the force may fall."""
     return any(warning.key == "stability" for warning in scene.plan.model_warnings)
 
 

@@ -39,7 +39,7 @@ log = logging.getLogger("indent_sim")
 
 @dataclass
 class RefinementLevel:
-    """One mesh of adaptive refinement.
+    """Mesh of adaptive refinement.
 
     Attributes
     ----------

@@ -37,8 +37,8 @@ from indent_sim.scene.scene import Scene, resolve
 
 # Longest run of a scene for its requirements [s].
 MAX_SECONDS = 600.0
-# Of the rows whose forces are equal to this relative tolerance, the first is that of the largest
-# force: a prescribed force is often held.
+# Forces that agree to this relative tolerance count as equal. The first row of the largest force
+# is used, because a prescribed force is often held.
 FORCE_TOLERANCE = 1e-6
 # Fluid does not flow any more after this multiple of the diffusion time H^2/D.
 EQUILIBRATION_FACTOR = 1e3
@@ -334,7 +334,7 @@ def _make_effect(name: str, change: float, limit_change: float, source: str) -> 
 
 
 def elastic_limits(effect: Effect) -> tuple[ElasticLimit, ElasticLimit]:
-    """Both limits of an effect "drainage" or "rate", compared with the scene."""
+    """First and second limit of an effect "drainage" or "rate", compared with the scene."""
     first, second = LIMITS[effect.name]
     if effect.percent is None or effect.low is None or effect.high is None:
         return ElasticLimit(effect.name, first, None), ElasticLimit(effect.name, second, None)
