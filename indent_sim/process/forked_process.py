@@ -138,6 +138,7 @@ class ForkedProcess:
         self._child = None
 
     def _receive_answer(self, child: _Child) -> Any:
+        """Wait for the answer of a call; see `begin_call`."""
         if child is not self._child:
             raise ProcessCrash("was stopped before its answer arrived")
         try:
@@ -300,6 +301,7 @@ class _Child:
         return ProcessCrash(message, 128 - code if code < 0 else code or 1)
 
     def _wait_for_exit(self, wait_options: int) -> None:
+        """Call os.waitpid, and keep the status if the process has ended."""
         if self.wait_status is None:
             try:
                 pid, status = os.waitpid(self.pid, wait_options)

@@ -96,6 +96,7 @@ class PlannedRun:
 
     @property
     def _stiffness_unit(self) -> float:
+        """Stiffness E*/h_contact, to which that of the contact law is relative."""
         return self.scene.physics.material.E_star / self.scene.sizes.h_contact
 
 

@@ -78,11 +78,9 @@ def theory_comparison(
     }
     # Without a mesh the rows are the curve of theory.
     curve = theory.contact.solutions_up_to(solution, THEORY_POINTS) if scene.is_meshed else []
-    friction_text = (
-        f" {'with' if correction else 'without'} friction"
-        if FRICTION_WHY in scene.theory_differences
-        else ""
-    )
+    friction_text = ""
+    if FRICTION_WHY in scene.theory_differences:
+        friction_text = " with friction" if correction else " without friction"
     why = "; ".join([*differences, *_mirror_notes(scene)]) or theory.reason
     entries = {"name": theory.name + friction_text, "exact": not differences, "why": why}
     comparisons: dict[str, Any] = {
