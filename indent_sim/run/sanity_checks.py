@@ -119,11 +119,11 @@ def _applicable_rules(is_pressed: bool, is_time_dependent: bool, may_snap_throug
     Parameters
     ----------
     is_pressed
-        Whether the depth exceeds that of first touch.
-    evolves
-        Whether the body is time-dependent.
-    snaps
-        Whether the tip may snap in or off.
+        The depth exceeds that of first touch.
+    is_time_dependent
+        The body depends on time.
+    may_snap_through
+        The tip may snap in or off.
     """
     excluded = {
         *(REPULSIVE_RULES if may_snap_through else ()),
@@ -394,9 +394,8 @@ def _force_ratio_range(scene: Scene, theory: Solution) -> tuple[float, float]:
         scene.physics.contact, scene.physics.material, scene.plan.theory, theory.delta, theory.a
     )
     if scene.exact_theory:
-        return force_fraction / (
-            SAME_PROBLEM_FACTOR * mesh_factor
-        ), SAME_PROBLEM_FACTOR * mesh_factor
+        highest = SAME_PROBLEM_FACTOR * mesh_factor
+        return force_fraction / highest, highest
     height = scene.physics.body.height
     lateral_extent = scene.physics.body.lateral_extent(scene.physics.center)
     is_half_space_like = (

@@ -202,7 +202,7 @@ def _next_refinement(
     ----------
     resolve
         Returns the scene with a given number of elements in the contact radius.
-    fineness
+    resolution
         The resolution of this level.
     error
         The largest relative error of its rows.
