@@ -189,7 +189,7 @@ def test_what_no_slip_would_change_is_solved_by_a_factorisation(monkeypatch: Any
 
     expected, stick = found(direct), found(iterative)
     assert expected and stick and stick.percent == pytest.approx(expected.percent, rel=1e-6)
-    monkeypatch.setattr("indent_sim.run.error_estimation.sticking.machine_memory", lambda: 1e8)
+    monkeypatch.setattr("indent_sim.run.error_estimation.no_slip_runs.machine_memory", lambda: 1e8)
     assert found(iterative) is None
 
 

@@ -755,14 +755,14 @@ class TestAnotherScene:
         before = content_of(theory_run)
         for end, code in ((NotConverged("no way"), 5), (KeyboardInterrupt(), 130)):
 
-            def ends(simulation, progress, end=end):
-                simulation._keep(
-                    next(simulation._walk.states(simulation.scene.physics.path, lambda step: False))
+            def ends(run, progress, end=end):
+                run._record_state(
+                    next(run._solver.states(run.scene.physics.path, lambda step: False))
                 )
                 raise end
 
             with monkeypatch.context() as patched:
-                patched.setattr("indent_sim.run.single_run.Simulation.follow", ends)
+                patched.setattr("indent_sim.run.single_run.SingleRun.solve_path", ends)
                 done = indent_sim("run", "scene.yaml", "--output", "out")
             assert done.exit_code == code and "the finished run in out is unchanged" in done.stderr
             assert content_of(theory_run) == before
