@@ -257,7 +257,9 @@ def test_every_iteration_is_counted() -> None:
         readings.complete_state(state)
         for state in walk.states(base.physics.path, lambda step: False)
     ]
-    assert sum(state.krylov_iterations or 0 for state in states) == walk.equilibrium.effort.krylov
+    assert (
+        sum(state.krylov_iterations or 0 for state in states) == walk.equilibrium.statistics.krylov
+    )
 
 
 def test_a_worn_preconditioner_is_built_anew_before_a_step_fails(monkeypatch: Any) -> None:
