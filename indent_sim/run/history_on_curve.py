@@ -103,7 +103,7 @@ class HistoryResult:
     warnings: list[str] = field(default_factory=list)
 
     def in_units(self, scales: Scales) -> HistoryResult:
-        """The same in the user's units."""
+        """The result in the user's units."""
         depth = scales.depth
         force = scales.force
         units = {

@@ -30,7 +30,7 @@ class PlannedRun:
         return cls(config, resolve(config))
 
     def add_estimation_cost(self, error_bars: bool = False) -> Self:
-        """The same with the time and memory of all auxiliary runs of the error estimate."""
+        """Add the time and memory of all auxiliary runs of the error estimate."""
         if not (error_bars or self.scene.plan.resolution):
             return self
         from indent_sim.run.error_estimation.predicted_cost import predict_total_cost

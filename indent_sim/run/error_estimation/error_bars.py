@@ -249,7 +249,7 @@ class ErrorBars:
         return abs(interpolate_force(coarse_state, state.delta, coarse_states) - state.force)
 
     def _transient_force_difference(self, state: State, coarse_state: State) -> float:
-        """The same for a time-dependent row, by the linearised force at its depth.
+        """Force difference of a time-dependent row, by the linearised force at its depth.
 
         The error by drainage films is known on both meshes and is a part of its own.
         """
