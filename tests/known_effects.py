@@ -203,7 +203,7 @@ def beside(document: Document, found: Requirements) -> Iterator[Row]:
             known = reference.at_threshold(effect)
             if known is not None:
                 yield Row(
-                    f"{effect.name}: {effect.needs.split(' from ')[1]}",
+                    f"{effect.name}: {effect.needs.split(' from ', 1)[1]}",
                     100 * WITHIN,
                     None,
                     None,
@@ -261,7 +261,7 @@ class Reference:
         """The effect in per cent where the parameter is as said; None for one that is so by its
         definition.
         """
-        key, value = effect.needs.split(" from ")[1].split(" = ", 1)
+        key, value = effect.needs.split(" from ", 1)[1].split(" = ", 1)
         x = float(value.split()[0])
         E_nu = {"E": x, "nu": 0.3}
         match key:

@@ -1,1 +1,1 @@
-"""The process itself, no mechanics: errors and exit codes, MPI ranks, signals, clock and memory."""
+"""The operating-system process: errors and exit codes, MPI ranks, signals, time and memory."""

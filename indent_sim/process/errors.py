@@ -1,4 +1,4 @@
-"""The ways a run can end badly; each knows its exit code."""
+"""Expected failures, each with the exit code of the command line."""
 
 from __future__ import annotations
 
@@ -10,36 +10,57 @@ from typing import Any
 
 
 def printable(text: str, line_breaks: bool = False) -> str:
-    """Text of a stranger as a terminal or a picture may show it, on one line unless line breaks are
-    kept.
+    """Text from outside the program, made safe for a terminal or a picture.
 
-    Characters that control a terminal or turn the direction of text become their escapes, as \\x1b.
+    Characters that control a terminal or turn the direction of text become escapes such as \\x1b.
+
+    Parameters
+    ----------
+    text
+        Text of a config, a file name or a library's message.
+    line_breaks
+        Keep line breaks; otherwise the text becomes a single line.
     """
-    if not line_breaks and any(sign in text for sign in "\n\r\t\v\f\x85\u2028\u2029"):
+    if not line_breaks and any(character in text for character in "\n\r\t\v\f\x85\u2028\u2029"):
         text = " ".join(text.split())
     unsafe = {
-        sign
-        for sign in set(text) - set("\n\t\u200c\u200d")
-        if unicodedata.category(sign) in ("Cc", "Cf", "Cs")
+        character
+        for character in set(text) - set("\n\t\u200c\u200d")
+        if unicodedata.category(character) in ("Cc", "Cf", "Cs")
     }
     return "".join(
-        sign.encode("unicode_escape").decode() if sign in unsafe else sign for sign in text
+        character.encode("unicode_escape").decode() if character in unsafe else character
+        for character in text
     )
 
 
 class IndentSimError(Exception):
-    """Base of all expected failures; `exit_code` is what the shell sees."""
+    """Base class of all expected failures.
+
+    Attributes
+    ----------
+    exit_code
+        Exit code of the command.
+    partial_result
+        Results that exist in spite of the failure; they are written to the JSON object of the
+        command.
+    """
 
     exit_code = 1
-    partial_result: Mapping[str, Any] = MappingProxyType(
-        {}
-    )  # what the command found all the same, for its JSON object
+    partial_result: Mapping[str, Any] = MappingProxyType({})
 
 
 class UsageError(IndentSimError):
-    """CONFIG missing or unreadable, output folder unwritable, foreign or in use.
+    """The command cannot start: no readable config, or no output folder that may be written.
 
-    problem: what is wrong; `remedy` and `file` where they are known, for scripts too.
+    Attributes
+    ----------
+    problem
+        Description of the error.
+    remedy
+        Advice how to avoid it; empty if there is none.
+    file
+        The file or folder concerned; empty if there is none.
     """
 
     exit_code = 2
@@ -56,10 +77,20 @@ class UsageError(IndentSimError):
 
 @dataclass
 class ConfigError(IndentSimError):
-    """A scene that is wrong or cannot exist: which key, what is wrong, what would be right.
+    """A scene is wrong or cannot exist.
 
-    `key` is the dotted path (`indenter.R`); `file` and `line` are filled in by whoever knows them.
-    meant: the word that was probably meant, in place of the last one of the key, or of its value.
+    Attributes
+    ----------
+    key
+        Dotted path of the key, such as `indenter.R`; empty for the whole file.
+    problem
+        Description of the error; it continues a sentence whose subject is the key.
+    remedy
+        Advice how to correct it; empty if there is none.
+    file, line
+        Place of the key; set by the reader of the file, which alone knows it.
+    suggestion
+        Word that was probably intended, in place of the last part of the key or of its value.
     """
 
     key: str
@@ -73,7 +104,7 @@ class ConfigError(IndentSimError):
 
     @property
     def errors(self) -> list[ConfigError]:
-        """The errors that are told, a line each."""
+        """The single errors, each of which is reported on a line."""
         return [self]
 
     def __str__(self) -> str:
@@ -95,7 +126,7 @@ class ConfigError(IndentSimError):
 
 
 class ConfigErrors(ConfigError):
-    """Several config errors of one file, reported together, a line each."""
+    """Several config errors of one file, reported together, each on a line."""
 
     def __init__(self, errors: list[ConfigError]):
         first = errors[0]
@@ -104,12 +135,12 @@ class ConfigErrors(ConfigError):
 
     @property
     def errors(self) -> list[ConfigError]:
-        """Each of them."""
+        """The single errors."""
         return self._errors
 
     @staticmethod
     def combine(errors: Sequence[ConfigError]) -> ConfigError:
-        """One error as it is, several together, each once."""
+        """Combine errors into one, without duplicates; a single error stays as it is."""
         unique = list({str(error): error for error in errors}.values())
         return ConfigErrors(unique) if len(unique) > 1 else unique[0]
 
@@ -121,30 +152,30 @@ class ConfigErrors(ConfigError):
 
 
 class MeshFileError(ConfigError):
-    """A mesh file that is no body, or that cannot be read."""
+    """A mesh file cannot be read, or its mesh is not that of a body."""
 
     exit_code = 4
 
 
 class MeshError(IndentSimError):
-    """gmsh could not build the geometry or the mesh, or crashed."""
+    """Gmsh could not build the geometry or the mesh, or crashed."""
 
     exit_code = 4
 
 
 class NotConverged(IndentSimError):
-    """A load step has no converged solution, or the disk filled up; what came before is kept."""
+    """A load step has no converged solution, or the disk is full; earlier rows are kept."""
 
     exit_code = 5
 
 
 class VerificationError(IndentSimError):
-    """A result failed its own audit, or two results differ."""
+    """A result failed its verification, or two results differ."""
 
     exit_code = 6
 
 
 class BackendError(IndentSimError):
-    """dolfinx, PETSc, gmsh or MPI is missing or broken."""
+    """A library is missing or does not work: dolfinx, PETSc, gmsh or MPI."""
 
     exit_code = 7

@@ -1,9 +1,8 @@
-"""An object on its way from one process to another through a pipe; large arrays by a temporary
-file, which the other maps.
+"""Transfer of objects between processes: by a pipe, and large arrays by a mapped temporary file.
 
-What is mapped lies in the file until it is looked at, and its pages go back when the memory is
-wanted: an array may be larger than what a process has room for. The file has no name, so nothing is
-left of it whenever a process is killed.
+The pages of a mapped file are read when they are used and can be released again, so an array may be
+larger than the memory of the process. The file has no name: the system removes it even if a process
+is killed.
 """
 
 from __future__ import annotations
@@ -17,12 +16,28 @@ from multiprocessing.reduction import recv_handle, send_handle
 from tempfile import TemporaryFile, gettempdir
 from typing import Any
 
-BUFFER_ALIGNMENT = 64  # bytes from one array's begin to the next are a multiple of these
+# Every array in the file begins at a multiple of so many bytes.
+BUFFER_ALIGNMENT = 64
 
 
 def send(pipe: Connection, value: Any, mapped: bool = False) -> None:
-    """Send an object, its arrays by a file in TMPDIR where they are `mapped`; OSError where that
-    has no room.
+    """Send an object that can be pickled.
+
+    Parameters
+    ----------
+    pipe
+        One end of a pipe.
+    value
+        The object.
+    mapped
+        Send its arrays by a file in TMPDIR.
+
+    Raises
+    ------
+    OSError
+        If there is no space for the file; the pipe stays as it was.
+    ConnectionError
+        If the other end of the pipe is closed.
     """
     buffers: list[pickle.PickleBuffer] = []
     pickled = pickle.dumps(value, protocol=5, buffer_callback=buffers.append if mapped else None)
@@ -45,9 +60,9 @@ def send(pipe: Connection, value: Any, mapped: bool = False) -> None:
 
 
 def receive(pipe: Connection) -> Any:
-    """The object that was sent; arrays that are mapped cannot be written to.
+    """Receive an object; its mapped arrays are read-only.
 
-    EOFError where the other end closed.
+    Raises EOFError or ConnectionError if the other end of the pipe is closed.
     """
     sizes = pipe.recv()
     pickled = pipe.recv_bytes()
@@ -57,6 +72,7 @@ def receive(pipe: Connection) -> Any:
 
 
 def _map_buffers(file: int, sizes: list[int]) -> list[memoryview]:
+    """The buffers of the given sizes [bytes] in a mapped file, which is closed."""
     try:
         file_view = memoryview(mmap(file, 0, access=ACCESS_READ))
     finally:

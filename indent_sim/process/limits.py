@@ -1,7 +1,7 @@
-"""Limits of a process: memory, open files, room for temporary files.
+"""Resource limits of a process: memory, open files, threads and space for temporary files.
 
-MPI, gmsh and PETSc end or hang without a word where they get too little of it, so a run asks before
-it loads them; what runs out later is told as an expected failure.
+If a limit is too low, MPI, gmsh and PETSc abort or hang without a message. Therefore a run checks
+the limits before it loads them. Resources that run out later become expected failures.
 """
 
 from __future__ import annotations
@@ -18,63 +18,81 @@ from pathlib import Path
 from indent_sim.process.errors import BackendError, IndentSimError, NotConverged, UsageError
 from indent_sim.process.usage import address_space
 
-MIN_OPEN_FILES = 48  # open at a time; a small run was seen to need up to 32
-# processes and threads beside this one; Open MPI and the linear algebra were seen to need 15
+# A small run was observed to have up to 32 files open at a time.
+MIN_OPEN_FILES = 48
+# Open MPI and the linear algebra were observed to start 15 processes and threads.
 MIN_TASKS = 20
-MIN_ADDRESS_SPACE = 800e6  # bytes of address space; the libraries alone were seen to need 700 MB
-OUT_OF_MEMORY_SIGNS = (
-    "error code 55\n",
-    "PetscMalloc",
-    "INFOG(1)=-13",
-)  # PETSc and MUMPS in the messages of petsc4py
+# The libraries alone were observed to use 700 MB of address space [bytes].
+MIN_ADDRESS_SPACE = 800e6
+# Parts of the messages of petsc4py if PETSc or MUMPS has too little memory.
+OUT_OF_MEMORY_SIGNS = ("error code 55\n", "PetscMalloc", "INFOG(1)=-13")
 DISK_FULL_ERRORS = (errno.ENOSPC, errno.EDQUOT)
 
 
 def require_resources() -> None:
-    """BackendError or NotConverged where the limits of this process are too narrow for any run,
-    UsageError where it has no working directory.
+    """Check that the limits of this process allow a run.
+
+    Raises
+    ------
+    BackendError
+        If a limit is too low for any run.
+    NotConverged
+        If the disk of the temporary files is full.
+    UsageError
+        If the working directory has been removed.
     """
     try:
         os.getcwd()
     except OSError as error:
         raise UsageError(
-            "the working directory is gone", "change to a folder that is there"
+            "the working directory does not exist any more", "change to an existing folder"
         ) from error
     _require_limit("open files", "ulimit -n", resource.RLIMIT_NOFILE, MIN_OPEN_FILES)
     _require_limit("MB of memory", "ulimit -v", resource.RLIMIT_AS, MIN_ADDRESS_SPACE / 1e6, 1e6)
     _require_tasks()
     folder = Path(os.environ.get("TMPDIR") or "/tmp")
     if not folder.is_dir():
-        return  # libraries make it, or take another
-    import tempfile  # which no help or list needs
+        return  # Libraries create it, or use another one.
+    # Commands without a run do not need this module.
+    import tempfile
 
     try:
         with tempfile.TemporaryFile(dir=folder) as file:
-            file.write(bytes(2**20))  # Open MPI keeps its session there
+            # Open MPI keeps the files of its session there.
+            file.write(bytes(2**20))
             file.flush()
     except OSError as error:
         kind = NotConverged if error.errno in DISK_FULL_ERRORS else BackendError
         raise kind(
-            f"cannot keep temporary files in {folder}: {error.strerror}; TMPDIR names another "
+            f"cannot write temporary files in {folder}: {error.strerror}; set TMPDIR to another "
             "folder"
         ) from error
 
 
 def _require_limit(
-    resource_name: str, limit: str, limit_number: int, needed: float, unit: float = 1.0
+    resource_name: str, command: str, limit_number: int, required: float, unit: float = 1.0
 ) -> None:
+    """Check one limit in a unit; `command` is the shell command that sets it."""
     allowed, _ = resource.getrlimit(limit_number)
-    if allowed != resource.RLIM_INFINITY and allowed / unit < needed:
+    if allowed != resource.RLIM_INFINITY and allowed / unit < required:
         raise BackendError(
-            f"{allowed / unit:.0f} {resource_name} are allowed ({limit}); a run needs at least {needed:.0f}"
+            f"only {allowed / unit:.0f} {resource_name} are allowed ({command}); a run needs at "
+            f"least {required:.0f}"
         )
 
 
 def limit_resources(seconds: float, memory: float) -> None:
-    """Allow this process so much CPU time in all [s] and so much memory beyond what it has [bytes].
+    """Limit the CPU time and the memory of this process.
 
-    SIGXCPU ends it after that time; without memory it meets MemoryError, or dies of what a library
-    makes of that.
+    After that time SIGXCPU ends the process. Without memory MemoryError is raised, or a library
+    aborts the process.
+
+    Parameters
+    ----------
+    seconds
+        Total CPU time [s].
+    memory
+        Memory in addition to that in use [bytes].
     """
     for number, limit in (
         (resource.RLIMIT_CPU, math.ceil(seconds)),
@@ -87,8 +105,9 @@ def limit_resources(seconds: float, memory: float) -> None:
 
 
 def _require_tasks() -> None:
-    """BackendError where no more processes and threads can be started; others of the user count
-    too, so it is tried.
+    """Check that enough threads can be started.
+
+    The limit is one of all processes of the user, so threads are started to find out.
     """
     all_started = threading.Event()
     started: list[threading.Thread] = []
@@ -99,19 +118,22 @@ def _require_tasks() -> None:
             started.append(thread)
     except RuntimeError as error:
         message = (
-            f"{len(started)} more processes and threads can be started (ulimit -u); a run "
+            f"only {len(started)} more processes and threads can be started (ulimit -u); a run "
             f"needs {MIN_TASKS}"
         )
         raise BackendError(message) from error
     finally:
         all_started.set()
-        for thread in started:  # a process will be forked, which copies none
+        # The process is forked later, which does not copy threads.
+        for thread in started:
             thread.join()
 
 
 def write_error(target: object, error: OSError) -> IndentSimError:
-    """What to raise where something cannot be written: NotConverged on a full disk, else
-    UsageError.
+    """Error to raise if a file or folder cannot be written.
+
+    It is NotConverged if the disk is full, otherwise UsageError. `target` is the path or a
+    description of it.
     """
     kind = NotConverged if error.errno in DISK_FULL_ERRORS else UsageError
     return kind(f"cannot write {target}: {error.strerror or error}")
@@ -119,8 +141,10 @@ def write_error(target: object, error: OSError) -> IndentSimError:
 
 @contextmanager
 def translate_resource_errors() -> Iterator[None]:
-    """Memory, files or a disk that run out inside the block, and PETSc that refuses what the
-    environment says, as the expected failures that they are.
+    """Raise exhausted resources inside the block as expected failures.
+
+    Resources are memory, open files and disk space. An error of PETSc is an expected failure, too,
+    if PETSC_OPTIONS of the environment may be its cause.
     """
     try:
         yield
@@ -131,6 +155,7 @@ def translate_resource_errors() -> Iterator[None]:
 
 
 def _resource_error(error: BaseException) -> IndentSimError | None:
+    """The expected failure that stands for an exception; None if it is another error."""
     is_memory = isinstance(error, MemoryError) or any(
         sign in str(error) for sign in OUT_OF_MEMORY_SIGNS
     )
@@ -139,18 +164,18 @@ def _resource_error(error: BaseException) -> IndentSimError | None:
     match number:
         case errno.ENOMEM:
             return NotConverged(
-                "the memory that this process may have is used up; a coarser mesh needs less"
+                "the memory available to this process is used up; a coarser mesh needs less"
             )
         case errno.EMFILE | errno.ENFILE:
             return BackendError(f"too many open files{place} (ulimit -n)")
         case errno.ENOSPC | errno.EDQUOT:
             return NotConverged(f"cannot write{place}: {os.strerror(number)}")
     options = os.environ.get("PETSC_OPTIONS")
-    if options and "PETSc" in type(error).__module__ + str(
-        error
-    ):  # without it that is a bug of this program
+    # Without options from the environment, an error of PETSc is a bug of this program.
+    if options and "PETSc" in type(error).__module__ + str(error):
         reason = str(error).strip().splitlines()[-1].removeprefix("[0] ")
         return BackendError(
-            f"PETSc stopped with PETSC_OPTIONS={options!r} in the environment: {reason}; try without"
+            f"PETSc stopped with PETSC_OPTIONS={options!r} in the environment: {reason}; try "
+            "without these options"
         )
     return None

@@ -1,4 +1,4 @@
-"""MPI ranks: what rank 0 does alone, its failures shared over a communicator."""
+"""MPI ranks: work of rank 0 alone, and failures that all ranks have to learn of."""
 
 from __future__ import annotations
 
@@ -9,45 +9,57 @@ from collections.abc import Callable
 from math import inf
 from typing import Any, TypeVar
 
-# How many ranks there are and which one this is, as mpirun and srun tell it before MPI is up
+# Environment variables by which mpirun and srun pass the number of ranks and the own rank, before
+# MPI is initialized.
 RANK_COUNT_VARIABLES = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MPI_LOCALNRANKS")
 RANK_VARIABLES = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK", "MPI_LOCALRANKID")
-RANK_TIMEOUT = 10.0  # s that a rank which failed waits for the others
+# A rank that has failed waits so long for the others [s].
+RANK_TIMEOUT = 10.0
 T = TypeVar("T")
 
 
 class SerialComm:
-    """The communicator of a process without others: what needs no MPI does not load it."""
+    """Communicator of a single process; it saves runs by theory from loading MPI."""
 
     rank = 0
     size = 1
 
     def bcast(self, value: Any, root: int = 0) -> Any:
-        """The value itself."""
+        """Return the value."""
         return value
 
     def allgather(self, value: Any) -> list[Any]:
-        """The value itself."""
+        """Return a list with the value."""
         return [value]
 
 
 class FailureConsensus:
-    """Where ranks find out which of them failed (collective): on a communicator of its own, which
-    what the others wait for does not disturb.
+    """Lets all ranks learn how many of them failed (collective).
+
+    It has its own copy of the communicator, so that pending messages of other calls do not
+    interfere.
     """
 
     def __init__(self, comm: Any):
         self._comm = comm.Dup() if comm.size > 1 else None
 
     def all_ranks_failed(self) -> bool:
-        """Whether every rank gets here, having failed, before patience ends."""
+        """True if all other ranks reach this call within RANK_TIMEOUT; made by a failed rank."""
         return self.count_failures(1) is not None
 
     def count_failures(self, own_failures: int) -> int | None:
-        """How many ranks get here having failed (`own_failures`: 1 of this one, or 0), once all do.
+        """Number of failed ranks, after all ranks have called this method.
 
-        None where this one has and others do not come before its patience ends: they wait for it
-        elsewhere, for ever.
+        Parameters
+        ----------
+        own_failures
+            1 if this rank has failed, else 0.
+
+        Returns
+        -------
+        int or None
+            None if this rank has failed and others do not call within RANK_TIMEOUT; they wait for
+            it in another collective call, and would do so forever.
         """
         send_buffer = array("i", [own_failures])
         total = array("i", [own_failures])
@@ -62,24 +74,38 @@ class FailureConsensus:
         return total[0]
 
     def free(self) -> None:
-        """Give the communicator back (collective)."""
+        """Free the communicator (collective)."""
         if self._comm is not None:
             self._comm.Free()
 
 
 def is_parallel() -> bool:
-    """Whether this process was started as one of several ranks."""
+    """True if this process was started as one of several ranks."""
     return any(os.environ.get(name, "1") not in ("", "0", "1") for name in RANK_COUNT_VARIABLES)
 
 
 def is_root() -> bool:
-    """Whether this process was started as rank 0; every process is that no launcher numbered."""
+    """True if this process was started as rank 0, or without a launcher."""
     return all(os.environ.get(name, "0") in ("", "0") for name in RANK_VARIABLES)
 
 
 def run_on_root(comm: Any, action: Callable[..., T], *args: Any) -> T | None:
-    """Do something on rank 0 alone; its exception is raised on every rank, its result stays on rank
-    0.
+    """Call a function on rank 0 only (collective).
+
+    Parameters
+    ----------
+    comm
+        Communicator.
+    action
+        The function.
+    *args
+        Its arguments.
+
+    Returns
+    -------
+    object or None
+        The result of the function on rank 0, None on other ranks. An exception is raised on all
+        ranks.
     """
     result = None
     failure = None

@@ -1,4 +1,4 @@
-"""Tables that fit a screen, as text and as HTML: what a notebook shows of an object."""
+"""Tables that fit on a screen, as text and HTML; a notebook displays objects by them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 from indent_sim.process.errors import printable
 
-# of a table, and of one of its cells
+# Larger tables and cells are abbreviated.
 MAX_ROWS = 20
 MAX_CELL_CHARACTERS = 60
 ELLIPSIS = "…"
@@ -17,9 +17,7 @@ ELLIPSIS = "…"
 
 @dataclass(frozen=True)
 class ReprTable:
-    """A heading, a table below it, of whose rows the first and the last are shown, and what stands
-    below.
-    """
+    """A table with a title and a footer; of many rows only the first and the last are shown."""
 
     title: str
     header: Sequence[str]
@@ -28,7 +26,7 @@ class ReprTable:
 
     @property
     def text(self) -> str:
-        """As plain text, its columns aligned."""
+        """The table as plain text with aligned columns."""
         cells = [list(self.header), *self._cells()]
         widths = [max(map(len, column)) for column in zip(*cells, strict=True)] if self.rows else []
         lines = [
@@ -40,7 +38,7 @@ class ReprTable:
 
     @property
     def html(self) -> str:
-        """As an HTML table."""
+        """The table as HTML."""
         header_cells = "".join(f"<th>{escape(name)}</th>" for name in self.header)
         rows = ["".join(f"<td>{escape(cell)}</td>" for cell in row) for row in self._cells()]
         body = "".join(f"<tr>{row}</tr>" for row in rows)
@@ -53,7 +51,7 @@ class ReprTable:
         return f"<p><b>{escape(printable(self.title))}</b></p>{table}{footer}"
 
     def _cells(self) -> list[list[str]]:
-        """The rows that are shown, as words; a row of dots for those that are not."""
+        """The texts of the rows that are shown; a row of ellipses replaces the others."""
         count = len(self.rows)
         if count <= MAX_ROWS:
             return [[cell_text(value) for value in row] for row in self.rows]
@@ -65,12 +63,10 @@ class ReprTable:
 
 
 def cell_text(value: Any) -> str:
-    """A value in a cell: numbers to six digits, nothing for what is not known, long words
-    shortened.
-    """
+    """Text of a value: a number has six digits, None and NaN are empty, long text is cut."""
     if value is None or value != value:
         return ""
     text = f"{value:.6g}" if isinstance(value, float) else printable(str(value))
-    return (
-        text if len(text) <= MAX_CELL_CHARACTERS else f"{text[: MAX_CELL_CHARACTERS - 1]}{ELLIPSIS}"
-    )
+    if len(text) <= MAX_CELL_CHARACTERS:
+        return text
+    return f"{text[: MAX_CELL_CHARACTERS - 1]}{ELLIPSIS}"

@@ -1,6 +1,4 @@
-"""SIGINT, SIGTERM and SIGHUP as an exception, so that a run keeps what it has and says how it
-ended.
-"""
+"""SIGINT, SIGTERM and SIGHUP as an exception, so that a run keeps its rows and reports its end."""
 
 from __future__ import annotations
 
@@ -18,7 +16,7 @@ STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Interrupted(KeyboardInterrupt):
-    """SIGINT, SIGTERM or SIGHUP arrived; exit code 128 + signal."""
+    """SIGINT, SIGTERM or SIGHUP arrived; the exit code is 128 + the number of the signal."""
 
     def __init__(self, number: int):
         super().__init__(f"stopped by {signal.Signals(number).name}")
@@ -26,20 +24,23 @@ class Interrupted(KeyboardInterrupt):
         self.exit_code = 128 + number
 
     def __reduce__(self) -> tuple[type[Interrupted], tuple[int]]:
-        return Interrupted, (self.number,)  # other ranks learn of it
+        # The exception is pickled to tell other ranks.
+        return Interrupted, (self.number,)
 
 
-# Signals belong to the process, and so do
-_raised_signals: list[int] = []  # those that raised Stopped
-_deferred_signals: list[
-    list[int]
-] = []  # those that arrived in each of the blocks that hold them back
-_interruptible_ranks: list[int] = []  # and the ranks of the blocks in which they raise it
+# Signals belong to the whole process, and so does this state.
+# Signals that raised Interrupted in the outermost block of `raise_on_signals`.
+_raised_signals: list[int] = []
+# Signals that arrived in each of the nested blocks of `defer_signals`.
+_deferred_signals: list[list[int]] = []
+# Ranks of the nested blocks of `raise_on_signals`.
+_interruptible_ranks: list[int] = []
 
 
 def raise_pending_signal() -> None:
-    """Raise Stopped when a signal has arrived whose exception somebody swallowed; to be called now
-    and then.
+    """Raise Interrupted if a library has suppressed the exception of a signal.
+
+    Long calculations call it between their steps.
     """
     if _raised_signals:
         raise Interrupted(_raised_signals[0])
@@ -47,8 +48,9 @@ def raise_pending_signal() -> None:
 
 @contextmanager
 def reraise_signal() -> Iterator[None]:
-    """Stopped again, where a library turned what was raised in its callbacks into an error of its
-    own.
+    """Raise Interrupted in place of the error that a library made of it.
+
+    PETSc, for example, raises its own error if a callback has raised an exception.
     """
     try:
         yield
@@ -59,30 +61,38 @@ def reraise_signal() -> Iterator[None]:
 
 @contextmanager
 def raise_on_signals(rank: int = 0) -> Iterator[None]:
-    """SIGNALS raise Stopped on rank 0, which keeps what there is and takes the others along.
+    """Raise Interrupted inside the block when a signal of STOP_SIGNALS arrives.
 
-    A SIGHUP that is ignored stays so: that is what `nohup` asks for.
+    Only rank 0 is interrupted; it writes its results and ends the other ranks, which ignore the
+    signals. An ignored SIGHUP stays ignored, as `nohup` requires.
     """
 
-    def stop(number: int, frame: FrameType | None) -> None:
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        """Raise Interrupted, unless signals are deferred."""
         if _deferred_signals:
             _deferred_signals[-1].append(number)
             return
         _raised_signals.append(number)
-        signal.signal(signal.SIGINT, signal.SIG_DFL)  # who presses Ctrl-C again means it
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # mpirun and batch systems repeat themselves
+        # A second Ctrl-C ends the process at once, while mpirun and batch systems repeat SIGTERM
+        # without such an intention.
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
         raise Interrupted(number)
 
-    def lost(raised: Any) -> None:
-        if not isinstance(raised.exc_value, Interrupted):  # else `check` will say so
-            old_hook(raised)
+    def report_unraisable(unraisable: Any) -> None:
+        """Report an exception that Python cannot raise, unless it is Interrupted.
+
+        That one is raised later by `raise_pending_signal`.
+        """
+        if not isinstance(unraisable.exc_value, Interrupted):
+            old_hook(unraisable)
 
     _raised_signals.clear()
-    # of what is raised while a process forks, or in a __del__
+    # Python cannot raise exceptions that occur while a process forks, or in a __del__.
     old_hook = sys.unraisablehook
-    sys.unraisablehook = lost
-    handler: Any = stop if rank == 0 else signal.SIG_IGN
+    sys.unraisablehook = report_unraisable
+    handler: Any = interrupt if rank == 0 else signal.SIG_IGN
     handled_signals = [
         number
         for number in STOP_SIGNALS
@@ -98,39 +108,38 @@ def raise_on_signals(rank: int = 0) -> Iterator[None]:
         _interruptible_ranks.pop()
         _raised_signals.clear()
         sys.unraisablehook = old_hook
-        for number, old in old_handlers.items():
-            signal.signal(number, old)
+        for number, old_handler in old_handlers.items():
+            signal.signal(number, old_handler)
 
 
 def die_with_parent(parent: int) -> None:
-    """Ask Linux to kill this forked process when its parent is killed: nobody would read what it
-    computes.
-    """
+    """Let Linux kill this forked process when its parent ends, which would read its answers."""
+    pr_set_pdeathsig = 1  # value of PR_SET_PDEATHSIG in linux/prctl.h
     with suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+        ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
+    # The parent may have ended before.
     if os.getppid() != parent:
         signal.raise_signal(signal.SIGKILL)
 
 
 @contextmanager
 def defer_signals() -> Iterator[None]:
-    """Hold back the signals that stop a run until the block is done, so that no file is left half
-    written.
-    """
+    """Defer the signals that stop a run until the end of the block, so that files are complete."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     arrived: list[int] = []
-    handler_defers = (
-        _interruptible_ranks and not _raised_signals
-    )  # then what handles them holds them back itself: thousands of rows are quick
+    # The handler of `raise_on_signals` defers signals itself. Without changing handlers, thousands
+    # of rows are written quickly.
+    handler_defers = _interruptible_ranks and not _raised_signals
     signals = (
         []
         if handler_defers
         else [s for s in STOP_SIGNALS if signal.getsignal(s) not in (None, signal.SIG_IGN)]
     )
     old_handlers = {
-        number: signal.signal(number, lambda got, frame: arrived.append(got)) for number in signals
+        number: signal.signal(number, lambda number, frame: arrived.append(number))
+        for number in signals
     }
     _deferred_signals.append(arrived)
     try:

@@ -1,4 +1,4 @@
-"""Time and memory of this process, of those it forked, and of the machine."""
+"""Time and memory used by this process and its forked processes, and memory of the machine."""
 
 from __future__ import annotations
 
@@ -14,44 +14,51 @@ from pathlib import Path
 
 @dataclass
 class ChildUsage:
-    """What forked processes used for this one: CPU time [s], and their largest memory beyond what
-    they share [MB].
+    """CPU time and memory that forked processes used for this process.
+
+    Attributes
+    ----------
+    cpu
+        Total CPU time [s].
+    memory
+        Largest memory of a process in addition to that shared with this one [MB].
     """
 
     cpu: float = 0.0
     memory: float = 0.0
 
     def add_call(self, cpu: float, memory: float) -> None:
-        """Count one call that a forked process answered."""
+        """Add the CPU time [s] and memory [MB] of one call."""
         self.cpu += cpu
         self.memory = max(self.memory, memory)
 
 
-CHILD_USAGE = ChildUsage()  # of this process, as its CPU time is
+# Like the CPU time of the operating system, it belongs to the process.
+CHILD_USAGE = ChildUsage()
 
 
 def cpu_time() -> float:
-    """CPU time of this process so far [s], with that of the calls which forked processes answered."""
+    """CPU time of this process so far [s], including the calls in forked processes."""
     return time.process_time() + CHILD_USAGE.cpu
 
 
 def current_memory() -> float:
-    """Memory of this process now [MB]; its peak where the system does not say."""
+    """Memory of this process now [MB]; without Linux its peak."""
     return _proc_status("VmRSS:") or _own_peak_memory()
 
 
 def address_space() -> float:
-    """Addresses that this process uses now [bytes], what it shares with others among them."""
+    """Address space of this process now [bytes], including shared memory; 0 without Linux."""
     return (_proc_status("VmSize:") or 0.0) * 1024**2
 
 
 def peak_memory() -> float:
-    """Largest memory of this process so far [MB], with the largest of its forked processes."""
+    """Peak memory of this process [MB], plus the largest of its forked processes."""
     return _own_peak_memory() + CHILD_USAGE.memory
 
 
 def reset_peak_memory() -> None:
-    """Begin anew with the largest memory; what was freed goes back to the system."""
+    """Begin a new peak of the memory, after returning freed memory to the system."""
     CHILD_USAGE.memory = 0.0
     with suppress(OSError, AttributeError):
         ctypes.CDLL(None).malloc_trim(0)
@@ -60,11 +67,16 @@ def reset_peak_memory() -> None:
 
 
 def _own_peak_memory() -> float:
-    """The kernel's ru_maxrss would include the memory of whoever started this process."""
+    """Peak memory of this process [MB].
+
+    It is read from /proc if possible, because ru_maxrss includes the memory of the process that
+    started this one.
+    """
     return _proc_status("VmHWM:") or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def _proc_status(name: str) -> float | None:
+    """A size in /proc/self/status [MB], by the beginning of its line; None without Linux."""
     with suppress(OSError, ValueError):
         for line in Path("/proc/self/status").read_text().splitlines():
             if line.startswith(name):
@@ -73,29 +85,36 @@ def _proc_status(name: str) -> float | None:
 
 
 def machine_memory() -> float:
-    """Physical memory of this machine, or what this process may have of it [bytes]."""
+    """Physical memory of the machine [bytes], or the limit of this process if that is smaller."""
     physical = float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
     allowed, _ = resource.getrlimit(resource.RLIMIT_AS)
     return physical if allowed == resource.RLIM_INFINITY else min(physical, float(allowed))
 
 
 def duration_text(seconds: float) -> str:
-    """A time in words, in the unit that fits."""
+    """A duration [s] as text in seconds, minutes or hours."""
     minutes = seconds / 60
     hours = seconds / 3600
-    return (
-        f"{seconds:.0f} s"
-        if minutes < 2
-        else f"{minutes:.0f} min"
-        if hours < 2
-        else f"{hours:.1f} h"
-    )
+    if minutes < 2:
+        return f"{seconds:.0f} s"
+    if hours < 2:
+        return f"{minutes:.0f} min"
+    return f"{hours:.1f} h"
 
 
 @dataclass
 class ProgressEstimate:
-    """How long each of several steps takes, and how long the others will; the first step seen
-    begins the count.
+    """Measures the duration of steps and estimates that of the remaining ones.
+
+    The mean duration does not include the first step, in which kernels are compiled.
+
+    Attributes
+    ----------
+    completed_steps
+        Number of steps so far.
+    first_step_end, last_step_end
+        Monotonic time at the end of the first and of the last step [s]; before a step 0 and the
+        time of creation.
     """
 
     completed_steps: int = 0
@@ -103,31 +122,46 @@ class ProgressEstimate:
     last_step_end: float = field(default_factory=time.monotonic)
 
     def record_step(self, remaining_steps: int) -> tuple[float, str]:
-        """Seconds of the step that has just ended, and in words how long so many more take; nothing
-        after one step.
+        """Record the end of a step.
+
+        Parameters
+        ----------
+        remaining_steps
+            Number of steps that follow.
+
+        Returns
+        -------
+        step_seconds
+            Duration of the step that has ended [s].
+        remaining_text
+            Estimate of the remaining time, such as "12 s left"; empty after the first and the last
+            step.
         """
         now = time.monotonic()
         step_seconds = now - self.last_step_end
         self.last_step_end = now
-        self.completed_steps = self.completed_steps + 1
+        self.completed_steps += 1
         self.first_step_end = self.first_step_end or now
-        mean_seconds = (
-            (now - self.first_step_end) / (self.completed_steps - 1)
-            if self.completed_steps > 1
-            else 0.0
-        )
-        return (
-            step_seconds,
-            f"{duration_text(mean_seconds * remaining_steps)} left"
-            if remaining_steps and mean_seconds
-            else "",
-        )
+        if self.completed_steps == 1:
+            return step_seconds, ""
+        mean_seconds = (now - self.first_step_end) / (self.completed_steps - 1)
+        if not (remaining_steps and mean_seconds):
+            return step_seconds, ""
+        return step_seconds, f"{duration_text(mean_seconds * remaining_steps)} left"
 
 
 @dataclass
 class Clock:
-    """Seconds spent in each stage of a run: of wall time, and of CPU time, with that of the process
-    that meshes.
+    """Time spent in each stage of a run.
+
+    Attributes
+    ----------
+    started
+        Value of time.perf_counter at the start of the run [s].
+    stages
+        Wall time of each stage [s].
+    cpu
+        CPU time of each stage [s], including the process that meshes.
     """
 
     started: float = field(default_factory=time.perf_counter)
@@ -137,10 +171,10 @@ class Clock:
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Add the time of the block to a stage."""
-        begin = time.perf_counter()
-        cpu = cpu_time()
+        start = time.perf_counter()
+        cpu_start = cpu_time()
         try:
             yield
         finally:
-            self.stages[name] = self.stages.get(name, 0.0) + time.perf_counter() - begin
-            self.cpu[name] = self.cpu.get(name, 0.0) + cpu_time() - cpu
+            self.stages[name] = self.stages.get(name, 0.0) + time.perf_counter() - start
+            self.cpu[name] = self.cpu.get(name, 0.0) + cpu_time() - cpu_start

@@ -1,3 +1,3 @@
-"""The version of this program, as results and `--version` name it."""
+"""Version of the program, written to results and printed by `--version`."""
 
 VERSION = "0.1.0"

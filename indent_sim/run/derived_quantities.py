@@ -24,10 +24,8 @@ class DerivedQuantities:
     """Computes the derived quantities of successive states, all nondimensional.
 
     The stiffness is that of the tangent. It is that of a flat punch in place of the contact by
-    theory
-    and on a condensed axisymmetric body: the tangent of a mesh depends on which of its points touch
-    and
-    jumps by a per cent where the next one does.
+    theory and on a condensed axisymmetric body: the tangent of a mesh depends on which of its
+    points touch and jumps by a per cent where the next one does.
 
     Parameters
     ----------
@@ -76,7 +74,7 @@ class DerivedQuantities:
     def _hertz_modulus(self, state: State) -> float:
         """The modulus with which the half-space formula gives the force of the state."""
         physics = self.scene.physics
-        # For a prescribed force of zero the force of the state is round-off.
+        # The force of the state is round-off if a force of zero is prescribed.
         if physics.path.control == "force" and physics.path.values[state.step - 1] == 0:
             return nan
         (force,) = hertz_forces(self.scene, [state.delta]) if state.force > 0 else [None]
@@ -152,8 +150,7 @@ def hertz_fit(scene: Scene, states: Sequence[State]) -> dict[str, Any] | None:
     -------
     dict or None
         `E`: the modulus [user's units]; `percent`: its difference from that of the material below
-        the
-        tip; `against`: the name of that material if there are several.
+        the tip; `against`: the name of that material if there are several.
     """
     if scene.plan.adhesion:
         return None

@@ -55,7 +55,7 @@ MIN_TIME_FRACTION = 1e-3
 
 @dataclass(frozen=True)
 class HistoryRow:
-    """One row of a history or of an equilibrium curve; NaN where a number is undefined.
+    """Row of a history or of an equilibrium curve; NaN where a number is undefined.
 
     `calibration_error` is the error of the force by the calibration of the instrument.
     """
@@ -71,7 +71,7 @@ class HistoryRow:
 
 @dataclass(frozen=True)
 class DynamicStiffness:
-    """One row of dynamic.csv: in-phase and out-of-phase stiffness of the contact at a frequency."""
+    """Row of dynamic.csv: in-phase and out-of-phase stiffness of the contact at a frequency."""
 
     frequency: float
     storage: float
@@ -103,7 +103,7 @@ class HistoryResult:
     warnings: list[str] = field(default_factory=list)
 
     def in_units(self, scales: Scales) -> HistoryResult:
-        """The same in the user's units."""
+        """The result in the user's units."""
         depth = scales.depth
         force = scales.force
         units = {
@@ -498,7 +498,7 @@ class _HistoryEvaluation:
             "force_control": _contact_entry(by_force),
             "depth_control": _contact_entry(by_depth),
         }
-        # On a mesh the depth of the least force has an error.
+        # The depth of the least force has an error if it comes from a mesh.
         if isinstance(self.punches, FittedPunches):
             depth_differences = (
                 abs(Jkr(neighbour, jkr.work).pull_off(inf).delta - by_force.delta)

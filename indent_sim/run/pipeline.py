@@ -129,8 +129,7 @@ def simulate(
         until the estimated error of the force is small enough.
     overwrite
         Replace the rows of another config or the finished run of another scene. A finished run of
-        the
-        same scene is replaced without it, as soon as the new run is finished.
+        the same scene is replaced without it, as soon as the new run is finished.
 
     Raises
     ------
@@ -455,8 +454,7 @@ def states(
     """Solve a scene without writing files and yield one State per requested depth or force.
 
     On one process the memory of the solution is released when the iterator is exhausted or closed;
-    on
-    several ranks only when it is exhausted.
+    on several ranks only when it is exhausted.
 
     Parameters
     ----------
@@ -575,8 +573,7 @@ def condense(scene: Scene, comm: Comm = None) -> CondensedBody:
     """Factor the stiffness matrix of a linear body once and condense it to its contact surface.
 
     Collective over `comm`, by default this process alone. Raises ConfigError if the solver method
-    of
-    the scene is not "condensed".
+    of the scene is not "condensed".
     """
     if scene.solver.method != "condensed":
         raise ConfigError(
@@ -590,7 +587,7 @@ def condense(scene: Scene, comm: Comm = None) -> CondensedBody:
         fe.release(_released_meshes.pop())
     mesh = fe.distribute(run_on_root(comm, scene.grid), scene.physics.domain, comm)
     body = CondensedBody(scene, fe.create_equilibrium(scene, mesh))
-    # On several ranks the garbage collectors do not drop the body at the same time.
+    # Garbage collectors of several ranks do not drop the body at the same time.
     if comm.size == 1:
         weakref.finalize(body, _released_meshes.append, mesh).atexit = False
     return body

@@ -30,7 +30,7 @@ class PlannedRun:
         return cls(config, resolve(config))
 
     def add_estimation_cost(self, error_bars: bool = False) -> Self:
-        """The same with the time and memory of all auxiliary runs of the error estimate."""
+        """Add the time and memory of all auxiliary runs of the error estimate."""
         if not (error_bars or self.scene.plan.resolution):
             return self
         from indent_sim.run.error_estimation.predicted_cost import predict_total_cost
@@ -55,12 +55,12 @@ class PlannedRun:
 
     @property
     def has_prescribed_forces(self) -> bool:
-        """Whether the load path prescribes forces."""
+        """True if the load path prescribes forces."""
         return self.scene.physics.path.control == "force"
 
     @property
     def accepts_any_depth(self) -> bool:
-        """Whether forces at any depths follow without a load path: by theory or condensation."""
+        """True if forces at any depths follow without a load path: by theory or condensation."""
         return not self.scene.is_meshed or self.scene.solver.method == "condensed"
 
     @property
@@ -96,6 +96,7 @@ class PlannedRun:
 
     @property
     def _stiffness_unit(self) -> float:
+        """Stiffness E*/h_contact, to which that of the contact law is relative."""
         return self.scene.physics.material.E_star / self.scene.sizes.h_contact
 
 

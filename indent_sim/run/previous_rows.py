@@ -20,10 +20,11 @@ class PreviousRows:
 
     def __init__(self, states: Iterable[State] = ()):
         self.last: State | None = None
-        self.has_turned = False  # back to a smaller depth
+        self.has_turned = False  # the path has gone back to a smaller depth
         self.max_depth = -inf
         self.largest_force = 0.0
-        self._largest_force_row: RowForce | None = None  # by the lower end of its error bar
+        # The row whose error bar has the largest lower end.
+        self._largest_force_row: RowForce | None = None
         self._columns: np.ndarray = np.empty((3, 64))  # the entries of `RowForce` by row
         self._count = 0
         for state in states:

@@ -40,7 +40,7 @@ class Remedy:
 
 
 def has_remedies(scene: Scene) -> bool:
-    """Whether remedies are tried for a scene.
+    """True if remedies are tried for a scene.
 
     They are for a two-dimensional mesh at finite strain with prescribed depths and without time.
     """

@@ -30,8 +30,7 @@ def underresolved_rows(scene: Scene, states: Sequence[State]) -> list[str]:
     """Warn of rows whose contact has too few elements, unless the plan has warned of it.
 
     Where the contact grows by itself, in time or under a force, its smallest radius is known only
-    from
-    the rows.
+    from the rows.
 
     Parameters
     ----------
@@ -125,12 +124,10 @@ def long_step_warnings(scene: Scene, states: Sequence[State]) -> list[str]:
     """Warn of load increments that are too long to resolve where the surface slips on the tip.
 
     An increment in which the contact radius grows from a_0 to a treats all new contact as slipping
-    at
-    once. The relative error of the stick radius is about (a - a_0)/a, that of the dissipation half
-    of
-    (a - a_0)/(a - stick radius); that of the force is small. Rows with less than half of the
-    largest
-    contact radius are left out, since the first row is a single increment from rest in every run.
+    at once. The relative error of the stick radius is about (a - a_0)/a, that of the dissipation
+    half of (a - a_0)/(a - stick radius); that of the force is small. Rows with less than half of
+    the largest contact radius are left out, since the first row is a single increment from rest in
+    every run.
 
     Parameters
     ----------

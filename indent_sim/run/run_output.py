@@ -133,6 +133,7 @@ class RunOutput:
             self._close_folder(*error)
 
     def _close_folder(self, *error: Any) -> None:
+        """Close the result folder with the exception that ended the run, and keep its report."""
         if self._folder is not None:
             self._folder.__exit__(*error)
             self.report = dict(self._folder.report)

@@ -4,8 +4,7 @@ Without adhesion the force is not tensile, and a tip below the undeformed surfac
 force grows with the depth and is the derivative of the energy Pi, hence 0 <= Pi <= F delta. The
 surface stays outside the tip, also where no contact is modelled. The force agrees with theory where
 theory is exact, and in its order of magnitude where theory is nearly so. These bounds do not say
-how
-accurate a row is; `underresolved_rows` names rows whose contact has too few elements.
+how accurate a row is; `underresolved_rows` names rows whose contact has too few elements.
 
 Some bounds do not apply to every scene. With adhesion the force may be tensile, and it jumps where
 the tip snaps in or off. With flow or relaxation depth and force depend on time, and rules that
@@ -120,11 +119,11 @@ def _applicable_rules(is_pressed: bool, is_time_dependent: bool, may_snap_throug
     Parameters
     ----------
     is_pressed
-        Whether the depth exceeds that of first touch.
-    evolves
-        Whether the body is time-dependent.
-    snaps
-        Whether the tip may snap in or off.
+        The depth exceeds that of first touch.
+    is_time_dependent
+        The body depends on time.
+    may_snap_through
+        The tip may snap in or off.
     """
     excluded = {
         *(REPULSIVE_RULES if may_snap_through else ()),
@@ -197,8 +196,7 @@ def _check_new_solution(scene: Scene, state: State, earlier: PreviousRows) -> st
     """A new depth has a new solution.
 
     A solution without iterations is accepted only if the extrapolated state was correct and the
-    force
-    differs from the previous one.
+    force differs from the previous one.
     """
     previous = earlier.last
     is_new = previous is None or abs(state.delta - previous.delta) > DEPTH_TOLERANCE * abs(
@@ -265,7 +263,7 @@ def _check_force_growth(scene: Scene, state: State, earlier: PreviousRows) -> st
     """The force does not fall with the depth, within the error bars of both rows."""
     last = earlier.last
     if scene.physics.has_friction and last and (earlier.has_turned or state.delta < last.delta):
-        return None  # with friction the force is smaller in unloading
+        return None  # friction makes the force smaller in unloading
     fall = (
         MAX_LINEAR_FALL
         if scene.physics.small_strain and scene.physics.gap == "reference"
@@ -347,7 +345,7 @@ ELASTIC_RULES: Rules = (
 
 
 def _is_first_touch(scene: Scene, state: State) -> bool:
-    """Whether E* radius_at(delta) delta, an estimate of the force, is negligible on this path."""
+    """True if E* radius_at(delta) delta, an estimate of the force, is negligible on this path."""
     depth = state.delta / scene.physics.scales.depth
     deepest = scene.physics.max_depth
     if depth <= 0 or deepest <= depth:
@@ -385,7 +383,7 @@ def _allowed_penetration(scene: Scene, state: State) -> float:
 
 
 def _may_be_unstable(scene: Scene) -> bool:
-    """Whether the material law may be unstable at the expected strains: the force may fall."""
+    """True if the material law may be unstable at the expected strains: the force may fall."""
     return any(warning.key == "stability" for warning in scene.plan.model_warnings)
 
 
@@ -396,9 +394,8 @@ def _force_ratio_range(scene: Scene, theory: Solution) -> tuple[float, float]:
         scene.physics.contact, scene.physics.material, scene.plan.theory, theory.delta, theory.a
     )
     if scene.exact_theory:
-        return force_fraction / (
-            SAME_PROBLEM_FACTOR * mesh_factor
-        ), SAME_PROBLEM_FACTOR * mesh_factor
+        highest = SAME_PROBLEM_FACTOR * mesh_factor
+        return force_fraction / highest, highest
     height = scene.physics.body.height
     lateral_extent = scene.physics.body.lateral_extent(scene.physics.center)
     is_half_space_like = (

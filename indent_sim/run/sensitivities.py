@@ -22,7 +22,7 @@ from indent_sim.run.explicit_config import explicit_config
 from indent_sim.scene.scene import Scene, resolve
 
 MESH_ERROR = 1e-3  # relative error of a force with automatic element sizes
-RELATIVE_STEP = 0.02  # of a key; the second difference uses twice this step
+RELATIVE_STEP = 0.02  # relative change of a key; the second difference uses twice this step
 # Steps of a key that are tried, in this order.
 CENTRAL_STEPS = (-2.0, -1.0, 1.0, 2.0)
 BACKWARD_STEPS = (-4.0, -2.0, -1.0, 0.0)
@@ -30,14 +30,12 @@ Derivatives = dict[str, dict[str, list[float]]]
 
 
 def sensitivities(config: Config, keys: Sequence[str], step: float = RELATIVE_STEP) -> Derivatives:
-    """dF/dkey at every row of a scene, in the user's units per unit of the key.
+    """Derivatives dF/dkey at every row of a scene, in the user's units per unit of the key.
 
     Differences over relative steps h and 2 h are extrapolated, D = (4 D_h - D_2h)/3. They are
-    central
-    where the scene exists on both sides, else backward. The error is |D_h - D_2h|/3 plus F/key
-    times the
-    relative error of the forces, which is MESH_ERROR if no accuracy is requested. Depths and their
-    number do not change.
+    central if the scene exists on both sides, otherwise backward. The error is |D_h - D_2h|/3 plus
+    F/key times the relative error of the forces, which is MESH_ERROR if no accuracy is requested.
+    Depths and their number do not change.
 
     Parameters
     ----------

@@ -103,7 +103,7 @@ class SingleRun:
         )
         audit = (earlier.report.get("audit") or {}) if earlier else {}
         self._worst_audit = float(audit.get("force_against_reaction") or 0.0)
-        self._next_checkpoint = 0.0  # on the monotonic clock [s]
+        self._next_checkpoint = 0.0  # time on the monotonic clock [s]
         self._first_step = len(self.states)  # number of rows that the solver has already passed
         self._assemble()
 
@@ -140,7 +140,7 @@ class SingleRun:
         precompute_theory_forces(scene)
         dofs = self._solver.equilibrium.observed_body.dofs
         versions = fe.versions()
-        if grid is not None:  # on rank 0, which writes
+        if grid is not None:  # only rank 0 has it, which writes
             mesh_size = {"cells": len(grid.cells), "points": len(grid.points)}
             petsc_options = (
                 {"PETSC_OPTIONS": options} if (options := os.environ.get("PETSC_OPTIONS")) else {}
@@ -393,8 +393,8 @@ class SingleRun:
             backend().release(self._mesh)
 
     def _wants_surface(self, step: int) -> bool:
-        """Whether the surface table of a step is computed."""
-        # With few rows all tables are computed, so that a killed run has its last one too.
+        """True if the surface table of a step is computed."""
+        # All tables are computed if there are few rows, so that a killed run has its last one, too.
         has_few_rows = self.scene.is_meshed and len(self.scene.physics.deltas) <= 100
         is_written = {"all": True, "last": has_few_rows or step in self._kept_steps}
         return is_written.get(self.output_settings.surface, False)
@@ -531,7 +531,7 @@ class SingleRun:
             )
         ) is None:
             return
-        fields = gathered.items()  # on rank 0, empty elsewhere
+        fields = gathered.items()  # empty except on rank 0
         values = {name: field * units.get(name, scales.pressure) for name, field in fields}
         grows = self.scene.physics.path.is_increasing
         self.run_output.write_fields(
@@ -554,7 +554,7 @@ def backend() -> Any:
             from indent_sim.fe import solver
     except ImportError as missing:
         raise BackendError(f"{missing}; `indent-sim doctor` says what is missing") from missing
-    # In a program of one run the libraries stay loaded; freezing them shortens the garbage
+    # Libraries stay loaded in a program of one run; freezing them shortens the garbage
     # collection at its end.
     if is_new and not gc.isenabled():
         gc.freeze()

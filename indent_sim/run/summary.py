@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from indent_sim.model.state import PullOff, State
 from indent_sim.model.symbols import PULL_OFF
@@ -17,9 +17,6 @@ from indent_sim.run.theory_comparison import theory_comparison
 from indent_sim.run.work_and_loops import energy_balance
 from indent_sim.scene.predictions import ExpectedAdhesion
 from indent_sim.scene.scene import Scene
-
-if TYPE_CHECKING:
-    pass  # with scipy's searches
 
 # Relative difference up to which forces count as equal: it exceeds the tolerance of the solver.
 FORCE_TOLERANCE = 1e-6
@@ -104,8 +101,7 @@ def row_of_interest(states: Sequence[State], is_force_prescribed: bool) -> State
     """The row with the largest force; the last row if no force is positive.
 
     Of several rows with this force it is the first one, or where forces are prescribed the deepest
-    one,
-    which is the end of a creep test.
+    one, which is the end of a creep test.
     """
     largest_force = max(state.force for state in states)
     if not largest_force > 0:

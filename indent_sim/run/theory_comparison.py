@@ -22,10 +22,10 @@ from indent_sim.theory.theory import Theory
 if TYPE_CHECKING:
     from indent_sim.theory.adhesion import AdhesiveContact  # loads scipy.optimize
 
-FORMULA_POINTS = 50  # of the stored curve of a formula
+FORMULA_POINTS = 50  # points of the stored curve of a formula
 
 
-THEORY_POINTS = 20  # of the stored curve of theory
+THEORY_POINTS = 20  # points of the stored curve of theory
 
 
 def theory_comparison(
@@ -34,10 +34,9 @@ def theory_comparison(
     """Small-strain theory at the deepest state, and its curve; None without theory.
 
     Theory is evaluated at the depth of the run, or at its force where forces are prescribed, with
-    the
-    friction of the scene where its effect is known. `force_deviation` or `delta_deviation` is run /
-    theory - 1; `exact` is true when the body is that of the theory. With adhesion the theory is
-    JKR's.
+    the friction of the scene where its effect is known. `force_deviation` or `delta_deviation` is
+    run / theory - 1; `exact` is true when the body is that of the theory. With adhesion the theory
+    is JKR's.
 
     Parameters
     ----------
@@ -79,11 +78,9 @@ def theory_comparison(
     }
     # Without a mesh the rows are the curve of theory.
     curve = theory.contact.solutions_up_to(solution, THEORY_POINTS) if scene.is_meshed else []
-    friction_text = (
-        f" {'with' if correction else 'without'} friction"
-        if FRICTION_WHY in scene.theory_differences
-        else ""
-    )
+    friction_text = ""
+    if FRICTION_WHY in scene.theory_differences:
+        friction_text = " with friction" if correction else " without friction"
     why = "; ".join([*differences, *_mirror_notes(scene)]) or theory.reason
     entries = {"name": theory.name + friction_text, "exact": not differences, "why": why}
     comparisons: dict[str, Any] = {

@@ -58,8 +58,7 @@ def hysteresis_loop(states: Sequence[State]) -> HysteresisLoop | None:
     """The hysteresis loop of a path; None without unloading.
 
     The area is that of straight lines through the rows. Its error is of second order in their
-    distance:
-    a third of the change if every second row between turning points is left out.
+    distance: a third of the change if every second row between turning points is left out.
     """
     rows = [(state.delta, state.force) for state in states]
     if rows[0][0] > 0:  # loading begins at first touch

@@ -124,11 +124,11 @@ class Draining:
 
     @property
     def content(self) -> float:
-        return float(self.body.matter.flow.content().sum())
+        return float(self.body.bulk_terms.flow.vertex_content_values().sum())
 
     @property
     def outflow(self) -> float:
-        return float(self.body.matter.valve.outflow())
+        return float(self.body.bulk_terms.seal.total_outflow())
 
     def pressure_at(self, x: float) -> float:
         """The mean of p at the vertices with this first coordinate."""
@@ -136,7 +136,7 @@ class Draining:
         places = (
             np.abs(unknowns.collapsed_space("pore").tabulate_dof_coordinates()[:, 0] - x) < 1e-9
         )
-        return float(self.body.problem.body.local_array()[unknowns.places("pore")[places]].mean())
+        return float(self.body.problem.body.local_array()[unknowns.dofs("pore")[places]].mean())
 
 
 def ladder(first: float, end: float, per_doubling: int = 4) -> Iterator[float]:

@@ -55,7 +55,7 @@ def test_a_surface_moved_up_into_the_tip_overlaps_it() -> None:
     base = made(CYLINDER, contact=contact, mesh=mesh, solver={"method": "newton"})
     found = solver.create_equilibrium(base, meshed(base))
     x = found.problem.x.copy()
-    x.array[found.problem.unknowns.places("u").reshape(-1, 2)[:, 1]] = 0.05
+    x.array[found.problem.unknowns.dofs("u").reshape(-1, 2)[:, 1]] = 0.05
     found.problem.body.set_solution(x)
     assert 0.05 - 0.03**2 < found.state_values()["overlap"] <= 0.05
 

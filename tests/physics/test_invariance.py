@@ -208,7 +208,7 @@ def test_rigid_motions_strain_nothing(body: dict[str, Any], symmetry: str) -> No
     X = problem.unknowns.collapsed_space("u").tabulate_dof_coordinates()[:, :dim]
     for motion in rigid_motions(dim, base.physics.domain.symmetry == "axisymmetric", X):
         x = problem.x.copy()
-        x.array[problem.unknowns.places("u")] = motion.ravel()
+        x.array[problem.unknowns.dofs("u")] = motion.ravel()
         problem.body.set_solution(x)
         problem.assemble_residual(problem.b)
         assert np.abs(problem.b.array).max() < 1e-12

@@ -189,7 +189,7 @@ def test_what_no_slip_would_change_is_solved_by_a_factorisation(monkeypatch: Any
 
     expected, stick = found(direct), found(iterative)
     assert expected and stick and stick.percent == pytest.approx(expected.percent, rel=1e-6)
-    monkeypatch.setattr("indent_sim.run.error_estimation.sticking.machine_memory", lambda: 1e8)
+    monkeypatch.setattr("indent_sim.run.error_estimation.no_slip_runs.machine_memory", lambda: 1e8)
     assert found(iterative) is None
 
 
@@ -257,7 +257,9 @@ def test_every_iteration_is_counted() -> None:
         readings.complete_state(state)
         for state in walk.states(base.physics.path, lambda step: False)
     ]
-    assert sum(state.krylov_iterations or 0 for state in states) == walk.equilibrium.effort.krylov
+    assert (
+        sum(state.krylov_iterations or 0 for state in states) == walk.equilibrium.statistics.krylov
+    )
 
 
 def test_a_worn_preconditioner_is_built_anew_before_a_step_fails(monkeypatch: Any) -> None:

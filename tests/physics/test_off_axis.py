@@ -120,7 +120,7 @@ def test_a_curved_wall_at_finite_strain_feels_how_far_it_moves_out() -> None:
         )
         for image in (X @ turn.T, X * [1.1, 1.1, 1.0]):
             x = problem.x.copy()
-            x.array[problem.unknowns.places("u")] = (image - X).ravel()
+            x.array[problem.unknowns.dofs("u")] = (image - X).ravel()
             problem.body.set_solution(x)
             energies.append(fem.assemble_scalar(fem.form(wall.energy)))
     _, small, turned, stretched = energies

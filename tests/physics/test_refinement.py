@@ -100,7 +100,7 @@ def test_what_no_mesh_can_mend_ends_with_exit_code_6_and_the_rows(tmp_path: Path
 
 
 def test_a_machine_that_is_too_small_ends_the_refinement(tmp_path: Path, monkeypatch: Any) -> None:
-    monkeypatch.setattr("indent_sim.run.error_estimation.accuracy.ATTEMPTS", 1)
+    monkeypatch.setattr("indent_sim.run.error_estimation.refinement.MAX_LEVELS", 1)
     monkeypatch.setitem(resolution.ERROR_CONSTANT, 2, 0.02)
     with pytest.raises(VerificationError, match="1 meshes were not enough"):
         simulate(tmp_path / "run", accuracy=0.001)
@@ -148,8 +148,10 @@ def test_a_later_attempt_that_is_resumed_has_the_same_bars(
     differences to 1e-6.
     """
     monkeypatch.setitem(resolution.ERROR_CONSTANT, 2, 0.02)
-    monkeypatch.setattr("indent_sim.run.error_estimation.accuracy.GREATEST", 1.3)  # in small steps
-    monkeypatch.setattr("indent_sim.run.error_estimation.accuracy.ATTEMPTS", 9)
+    monkeypatch.setattr(
+        "indent_sim.run.error_estimation.refinement.MAX_REFINEMENT", 1.3
+    )  # in small steps
+    monkeypatch.setattr("indent_sim.run.error_estimation.refinement.MAX_LEVELS", 9)
     told: list[int] = []
 
     def stop(state: Any, step: int, total: int) -> None:

@@ -190,9 +190,11 @@ def test_walls_beside_a_punch_change_sign() -> None:
     }
     found, (first, last, again) = row(punch, "side_walls"), (1.2, 0.691, 0.635)
     assert (
-        found.percent is None and "followed to 0.3" in found.source
+        found.percent is None and "tried as far as 0.3" in found.source
     )  # no nearer than the punch is wide
-    assert found.needs.endswith(f"wall at radius = {first} or nearer, but for {last} to {again}")
+    assert found.needs.endswith(
+        f"wall at radius = {first} or nearer, except from {last} to {again}"
+    )
     walls = {"shape": "cylinder", "height": 1.0, "sides": "roller"}
     change = [
         100 * (force(punch | {"body": walls | {"radius": r}}) / force(punch) - 1)
@@ -502,7 +504,10 @@ def test_friction_of_a_scene_without() -> None:
 def test_an_experiment_stays_with_the_curve_that_determines_it() -> None:
     found = of(HALF_SPACE | {"experiment": EXPERIMENT})
     assert found.config["experiment"]["adhesion"]["work"] == 2e-3
-    assert found.config["material"]["model"] == "linear_elastic" and "no model here" in found.words
+    assert (
+        found.config["material"]["model"] == "linear_elastic"
+        and "no available model" in found.words
+    )
 
 
 @pytest.fixture

@@ -225,7 +225,10 @@ class TestWithoutARun:
                 broken = [check for check in found["checks"] if check["verdict"] == "broken"]
                 assert done.returncode == 7 and [check["name"] for check in broken] == ["directory"]
             else:
-                assert done.returncode == 2 and "working directory is gone; change" in done.stderr
+                assert (
+                    done.returncode == 2
+                    and "working directory does not exist any more; change" in done.stderr
+                )
 
     def test_doctor_tells_what_is_broken(self, indent_sim, monkeypatch):
         monkeypatch.setattr(doctor, "NEEDED_PACKAGES", ("numpy", "no_such_package"))
@@ -752,14 +755,14 @@ class TestAnotherScene:
         before = content_of(theory_run)
         for end, code in ((NotConverged("no way"), 5), (KeyboardInterrupt(), 130)):
 
-            def ends(simulation, progress, end=end):
-                simulation._keep(
-                    next(simulation._walk.states(simulation.scene.physics.path, lambda step: False))
+            def ends(run, progress, end=end):
+                run._record_state(
+                    next(run._solver.states(run.scene.physics.path, lambda step: False))
                 )
                 raise end
 
             with monkeypatch.context() as patched:
-                patched.setattr("indent_sim.run.single_run.Simulation.follow", ends)
+                patched.setattr("indent_sim.run.single_run.SingleRun.solve_path", ends)
                 done = indent_sim("run", "scene.yaml", "--output", "out")
             assert done.exit_code == code and "the finished run in out is unchanged" in done.stderr
             assert content_of(theory_run) == before

@@ -211,8 +211,9 @@ class TestAnotherFFCx:
         program = """
 from ffcx.codegeneration import jit
 own = jit.get_cached_module
-from indent_sim.fe import kernels, solver
-assert jit.get_cached_module is own and kernels.watch_the_cache() and jit.get_cached_module is kernels.lookup
+from indent_sim.fe import kernel_cache, solver
+assert jit.get_cached_module is own and kernel_cache.lock_ffcx_cache()
+assert jit.get_cached_module is kernel_cache.find_cached_module
 """
         subprocess.run([sys.executable, "-c", program], check=True)
 

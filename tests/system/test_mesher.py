@@ -197,10 +197,10 @@ def halving():
 
 class TestForked:
     def test_it_answers_and_its_exceptions_are_ours(self, halving):
-        assert halving.ask(3.0)() == 1.5
+        assert halving.begin_call(3.0)() == 1.5
         with pytest.raises(MeshError, match="200 is too large"):
-            halving.ask(200)()
-        assert halving.ask(5.0)() == 2.5
+            halving.begin_call(200)()
+        assert halving.begin_call(5.0)() == 2.5
 
     @pytest.mark.parametrize(
         ("number", "how"),
@@ -214,8 +214,8 @@ class TestForked:
         self, halving, capfd, number, how
     ):
         with pytest.raises(ProcessCrash, match=how):
-            halving.ask(number)()
-        assert halving.ask(3.0)() == 1.5
+            halving.begin_call(number)()
+        assert halving.begin_call(3.0)() == 1.5
         assert capfd.readouterr() == ("", "")
 
     def test_a_crash_between_two_calls_goes_unnoticed(self, halving):
@@ -224,16 +224,16 @@ class TestForked:
         os.waitid(
             os.P_PID, halving._child.pid, os.WEXITED | os.WNOWAIT
         )  # on a busy machine that takes a while
-        assert halving.ask(3.0)() == 1.5
+        assert halving.begin_call(3.0)() == 1.5
 
     def test_an_answer_that_nobody_waits_for_is_no_other_calls(self, halving):
-        late = halving.ask(8.0)
-        assert halving.ask(4.0)() == 2.0
+        late = halving.begin_call(8.0)
+        assert halving.begin_call(4.0)() == 2.0
         with pytest.raises(ProcessCrash):
             late()
 
     def test_a_signal_ends_the_waiting_and_the_process(self, halving):
-        answer = halving.ask(60.0)
+        answer = halving.begin_call(60.0)
         pid = halving._child.pid
         before = signal.signal(signal.SIGALRM, signal.default_int_handler)
         signal.setitimer(signal.ITIMER_REAL, 0.2)
@@ -242,26 +242,30 @@ class TestForked:
                 answer()
         finally:
             signal.signal(signal.SIGALRM, before)
-        assert not Path(f"/proc/{pid}").exists() and halving.ask(3.0)() == 1.5
+        assert not Path(f"/proc/{pid}").exists() and halving.begin_call(3.0)() == 1.5
 
     def test_it_holds_no_lock(self, halving, tmp_path):
         """A result folder would stay in use for as long as the process lives."""
         with open(tmp_path / ".lock", "w") as held:
             fcntl.flock(held, fcntl.LOCK_EX)
-            assert halving.ask(2.0)() == 1.0
+            assert halving.begin_call(2.0)() == 1.0
         with open(tmp_path / ".lock") as again:
             fcntl.flock(again, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
     def test_a_fork_of_its_owner_has_its_own(self, halving):
-        assert halving.ask(2.0)() == 1.0
+        assert halving.begin_call(2.0)() == 1.0
         pid = os.fork()
         if pid == 0:
             right = (
-                not halving.is_running and halving.ask(6.0)() == 3.0 and halving.ask(8.0)() == 4.0
+                not halving.is_running
+                and halving.begin_call(6.0)() == 3.0
+                and halving.begin_call(8.0)() == 4.0
             )
             halving.stop()
             os._exit(0 if right else 1)
-        assert os.waitpid(pid, 0)[1] == 0 and halving.is_running and halving.ask(2.0)() == 1.0
+        assert (
+            os.waitpid(pid, 0)[1] == 0 and halving.is_running and halving.begin_call(2.0)() == 1.0
+        )
 
     def test_it_leaves_the_garbage_of_its_owner_alone(self, tmp_path):
         """To destroy a mesh or a matrix there would be a call of an MPI that it is no part of: it
@@ -288,8 +292,9 @@ class TestForked:
     def test_it_ends_when_its_owner_is_killed(self):
         script = """
 import os, signal
-from test_mesher import half, Forked
-forked = Forked(half, lambda: None); forked.ask(60.0)
+from indent_sim.process.forked_process import ForkedProcess
+from test_mesher import half
+forked = ForkedProcess(half, lambda: None); forked.begin_call(60.0)
 print(forked._child.pid, flush=True); os.kill(os.getpid(), signal.SIGKILL)
 """
         here = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}

@@ -137,14 +137,14 @@ SCENES |= EVERY_METHOD
 PROGRAM = f"""
 import json, sys
 from mpi4py import MPI
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.run.pipeline import states
 from indent_sim.scene.scene import resolve
 
 comm = MPI.COMM_WORLD
 result = {{}}
 for name, data in json.loads(sys.argv[1]).items():
-    walked = list(states(resolve(from_mapping(data)), comm))
+    walked = list(states(resolve(config_from_mapping(data)), comm))
     rows = [[getattr(state, name) for name in {NUMBERS!r}] + [state.newton_iterations, state.converged]
             for state in walked]
     everywhere = comm.gather(rows)
@@ -328,22 +328,23 @@ def test_same_curves_where_linear_elements_are_aggregated(mpirun: Mpirun) -> Non
 
 AGGREGATED = """
 from indent_sim.fe.solve import multigrid
-multigrid.FACTORED = 0
+multigrid.LARGEST_FACTORED = 0
 """
 PACKED = """
 import json, sys
 from mpi4py import MPI
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.fe import solver
 from indent_sim.mesh import gmsh
-from indent_sim.process.ranks import on_root
+from indent_sim.process.ranks import run_on_root
 from indent_sim.scene.scene import resolve
 
 comm, found = MPI.COMM_WORLD, {}
 for name, mapping in json.loads(sys.argv[1]).items():
-    scene = resolve(from_mapping(mapping))
-    part = scene.physics.part
-    walk = solver.create_load_stepper(scene, solver.distribute(on_root(comm, gmsh.build_mesh, part, scene.sizes), part, comm))
+    scene = resolve(config_from_mapping(mapping))
+    domain = scene.physics.domain
+    grid = run_on_root(comm, gmsh.build_mesh, domain, scene.sizes)
+    walk = solver.create_load_stepper(scene, solver.distribute(grid, domain, comm))
     for state in walk.states(scene.physics.path, lambda step: False):
         pass
     points = comm.bcast(walk.points)
@@ -359,16 +360,17 @@ if comm.rank == 0:
 PULLED_OFF = """
 import json, sys
 from mpi4py import MPI
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.fe import solver
 from indent_sim.mesh import gmsh
-from indent_sim.process.ranks import on_root
+from indent_sim.process.ranks import run_on_root
 from indent_sim.scene.scene import resolve
 
 comm = MPI.COMM_WORLD
-scene = resolve(from_mapping(json.loads(sys.argv[1])))
-part = scene.physics.part
-walk = solver.create_load_stepper(scene, solver.distribute(on_root(comm, gmsh.build_mesh, part, scene.sizes), part, comm))
+scene = resolve(config_from_mapping(json.loads(sys.argv[1])))
+domain = scene.physics.domain
+grid = run_on_root(comm, gmsh.build_mesh, domain, scene.sizes)
+walk = solver.create_load_stepper(scene, solver.distribute(grid, domain, comm))
 rows = [state.force for state in walk.states(scene.physics.path, lambda step: False)]
 found = comm.allgather(walk.find_pull_off())
 assert all((one.state.force, one.equilibria) == (found[0].state.force, found[0].equilibria) for one in found)
@@ -413,20 +415,22 @@ RELAXED = """
 import json, sys
 from dataclasses import replace
 from mpi4py import MPI
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.fe import solver
 from indent_sim.mesh import gmsh
-from indent_sim.model.materials import Exponentials
-from indent_sim.process.ranks import on_root
+from indent_sim.model.relaxation import PronySeries
+from indent_sim.process.ranks import run_on_root
 from indent_sim.scene.scene import resolve
 
 comm, found = MPI.COMM_WORLD, {}
 for name, mapping in json.loads(sys.argv[1]).items():
-    scene = resolve(from_mapping(mapping))
-    law, part = Exponentials(0.3, (0.4, 0.3), (0.1, 1.0)), scene.physics.part
-    part = replace(part, regions=tuple(replace(region, relaxing=law) for region in part.regions))
-    scene = scene.with_physics(part=part)
-    mesh = solver.distribute(on_root(comm, gmsh.build_mesh, part, scene.sizes), part, comm)
+    scene = resolve(config_from_mapping(mapping))
+    series = PronySeries(0.3, (0.4, 0.3), (0.1, 1.0))
+    domain = scene.physics.domain
+    regions = tuple(replace(region, relaxation_series=series) for region in domain.regions)
+    domain = replace(domain, regions=regions)
+    scene = scene.replace_physics(domain=domain)
+    mesh = solver.distribute(run_on_root(comm, gmsh.build_mesh, domain, scene.sizes), domain, comm)
     body = solver.create_equilibrium(scene, mesh)
 
     def step(depth, dt):
@@ -561,15 +565,15 @@ from mpi4py import MPI
 from indent_sim.cli import commands
 from indent_sim.process import ranks as process
 from indent_sim.process.errors import NotConverged
-from indent_sim.run.derived_quantities import Readings
-read, ranks, how = Readings.read, sys.argv.pop(1), sys.argv.pop(1)
-def fail(readings, state, *more):
+from indent_sim.run.derived_quantities import DerivedQuantities
+complete, ranks, how = DerivedQuantities.complete_state, sys.argv.pop(1), sys.argv.pop(1)
+def fail(quantities, state):
     if state.step == 2 and str(MPI.COMM_WORLD.rank) in ranks:
         if how == "killed":
             os.kill(os.getpid(), signal.SIGKILL)
         raise {"expected": NotConverged, "bug": RuntimeError}[how]("injected")
-    return read(readings, state, *more)
-Readings.read, process.RANK_TIMEOUT = fail, 2.0
+    return complete(quantities, state)
+DerivedQuantities.complete_state, process.RANK_TIMEOUT = fail, 2.0
 commands.main()
 """
 
@@ -603,13 +607,13 @@ MISSING = """
 import sys
 from mpi4py import MPI
 from indent_sim.cli import commands
-from indent_sim.run.derived_quantities import Readings
-hertz, rank = Readings._hertz, int(sys.argv.pop(1))
-def fail(readings, state):
+from indent_sim.run.derived_quantities import DerivedQuantities
+hertz, rank = DerivedQuantities._hertz_modulus, int(sys.argv.pop(1))
+def fail(quantities, state):
     if MPI.COMM_WORLD.rank == rank:
         raise KeyError("injected")
-    return hertz(readings, state)
-Readings._hertz = fail
+    return hertz(quantities, state)
+DerivedQuantities._hertz_modulus = fail
 commands.main()
 """
 
@@ -660,36 +664,37 @@ def test_a_signal_while_a_row_is_written_is_everybodys(
 HELD = """
 import json, sys
 from indent_sim.mesh import gmsh
-from indent_sim.process.ranks import is_first
-if is_first():
-    gmsh.start()
+from indent_sim.mesh.mesher_process import start_mesher
+from indent_sim.process.ranks import is_root
+if is_root():
+    start_mesher()
 from pathlib import Path
 from mpi4py import MPI
 from indent_sim.config.scene_file import load
 from indent_sim.fe import compat
-from indent_sim.run import chain, simulation
+from indent_sim.run import pipeline, single_run
 
-simulation.backend()
-comm, given, seen, parts = MPI.COMM_WORLD, [], [], []
-create, build = compat.create_mesh, gmsh.begin
+single_run.backend()
+comm, given, seen, domains = MPI.COMM_WORLD, [], [], []
+create, start = compat.create_mesh, gmsh.start_meshing
 def create_mesh(comm, cells, points, dim):
     given.append((len(points), len(cells)))
     return create(comm, cells, points, dim)
-def begin(part, sizes):
-    answer = build(part, sizes)
+def start_meshing(domain, sizes):
+    answer = start(domain, sizes)
     def grid():
         seen.append(answer())
         return seen[0]
     return grid
-compat.create_mesh, gmsh.begin = create_mesh, begin
-walk = chain.Simulation.__init__
+compat.create_mesh, gmsh.start_meshing = create_mesh, start_meshing
+run = pipeline.SingleRun.__init__
 def init(self, config, scene, *rest):
-    parts.append(scene.physics.part)
-    walk(self, config, scene, *rest)
-chain.Simulation.__init__ = init
-outcome = chain.simulate(load(Path(sys.argv[1])), comm, directory=Path(f"out{comm.size}"))
-piece = getattr(parts[0], "piece", None)
-mine = {"given": given[0], "skin": len(piece.grid.cells) if piece else 0, "whole": piece.size.cells if piece else 0,
+    domains.append(scene.physics.domain)
+    run(self, config, scene, *rest)
+pipeline.SingleRun.__init__ = init
+outcome = pipeline.simulate(load(Path(sys.argv[1])), comm, directory=Path(f"out{comm.size}"))
+mesh = getattr(domains[0], "mesh", None)
+mine = {"given": given[0], "skin": len(mesh.grid.cells) if mesh else 0, "whole": mesh.statistics.cells if mesh else 0,
         "mapped": [not rows.flags.writeable for grid in seen for rows in (grid.points, grid.cells, grid.regions)]}
 everybody = comm.gather(mine)
 if comm.rank == 0:

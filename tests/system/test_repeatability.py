@@ -13,11 +13,11 @@ ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = """
 from dolfinx import fem, mesh
 from mpi4py import MPI
-from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.run.pipeline import states
 from indent_sim.scene.scene import resolve
 
-scene = resolve(from_mapping({
+scene = resolve(config_from_mapping({
     "body": {"shape": "cylinder", "radius": 1.0, "height": 1.0},
     "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3},
     "indenter": {"shape": "paraboloid", "R": 1.0},

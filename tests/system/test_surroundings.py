@@ -243,7 +243,7 @@ class TestLimits:
         done = shell(place, line)
         assert (
             done.returncode == 5
-            and "cannot keep temporary files in /tmp: No space left" in done.stderr
+            and "cannot write temporary files in /tmp: No space left" in done.stderr
         ), done.stderr
         assert "Traceback" not in done.stderr
 

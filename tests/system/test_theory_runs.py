@@ -55,8 +55,8 @@ def test_no_library_of_a_mesh_is_loaded(config: Path, tmp_path: Path, command: s
 import sys
 sys.modules.update(dict.fromkeys({OF_A_MESH!r}))  # importing any of these fails now
 from indent_sim.cli.commands import program
-from indent_sim.process import forked
-forked.Forked.start = None
+from indent_sim.process.forked_process import ForkedProcess
+ForkedProcess.start = None
 program(sys.argv[1:], standalone_mode=False)
 """
     words = [

@@ -62,8 +62,7 @@ def coarser_scene(scene: Scene, previous_scene: Scene | None = None) -> tuple[fl
     """Choose the scene of the coarser run and its grid refinement ratio.
 
     An imported mesh has given element sizes: its coarser run is refined once less, or once more if
-    the
-    mesh is not refined at all.
+    the mesh is not refined at all.
 
     Parameters
     ----------

@@ -14,15 +14,14 @@ error that a mesh of this resolution has in general.
     p_max    max(SAFETY_FACTOR |p_q - p|/(q^2 - 1), PEAK_ERROR n^-2 p), 2 = PRESSURE_ORDER
 
 n is the number of elements in the contact radius of the row (for p_max beneath a punch's rounded
-edge in the part on the arc), F_a the adhesive force (see `ErrorBars._jkr_adhesive_force`). The
-rule has eight numbers: the refinement ratio q, SAFETY_FACTOR,
-ORDER_OF_CONVERGENCE, MIN_ERROR_FRACTION, RADIUS_ERROR, PRESSURE_ORDER, PEAK_ERROR, and EDGE_ERROR
-of `model_warnings` for the edge of a sharp punch in three dimensions or a contact that ends where
-the tip's slope jumps. ERROR_CONSTANT is the one by which `accuracy` chooses its meshes. Errors that
-do not depend on the mesh are added, each measured by an auxiliary run or known in advance: see
-`ErrorBudget`. The bar of a force is never narrower than its distance from a theory that is exact
-for the body. `scripts/make_error_bar_table` measures coverage and width with and without each
-number of the rule.
+edge in the part on the arc), F_a the adhesive force (see `ErrorBars._jkr_adhesive_force`). The rule
+has eight numbers: the refinement ratio q, SAFETY_FACTOR, ORDER_OF_CONVERGENCE, MIN_ERROR_FRACTION,
+RADIUS_ERROR, PRESSURE_ORDER, PEAK_ERROR, and EDGE_ERROR of `model_warnings` for the edge of a sharp
+punch in three dimensions or a contact that ends where the tip's slope jumps. ERROR_CONSTANT is the
+one by which `accuracy` chooses its meshes. Errors that do not depend on the mesh are added, each
+measured by an auxiliary run or known in advance: see `ErrorBudget`. The bar of a force is never
+narrower than its distance from a theory that is exact for the body. `scripts/make_error_bar_table`
+measures coverage and width with and without each number of the rule.
 
 Roache, J. Fluids Eng. 116, 405 (1994); Annu. Rev. Fluid Mech. 29, 123 (1997), whose safety factors
 are 3 for two grids and 1.25 for three; Verification and Validation in Computational Science and
@@ -72,8 +71,7 @@ class ErrorBars:
     """Estimates the errors of one row after another by comparison with the coarser run.
 
     Where forces are prescribed, the error of the force is that at the depth of the row, and the
-    error
-    of the depth follows from it by the slope of the curve.
+    error of the depth follows from it by the slope of the curve.
 
     Parameters
     ----------
@@ -219,10 +217,8 @@ class ErrorBars:
         """Relative error of a contact that ends within an element of the tip's slope discontinuity.
 
         The contact of elements that end there is narrower or wider than the true one, as at the
-        edge of a
-        sharp punch: the error is EDGE_ERROR times the ratio of their size and the radius. Under
-        profiles
-        and rounded punches errors of 0.02 to 0.1 of that ratio were measured
+        edge of a sharp punch: the error is EDGE_ERROR times the ratio of their size and the radius.
+        Under profiles and rounded punches errors of 0.02 to 0.1 of that ratio were measured
         (tests/physics/test_accuracy.py). Elements at the edge of a sharp punch are refined.
         """
         tip = self._physics.indenter
@@ -253,7 +249,7 @@ class ErrorBars:
         return abs(interpolate_force(coarse_state, state.delta, coarse_states) - state.force)
 
     def _transient_force_difference(self, state: State, coarse_state: State) -> float:
-        """The same for a time-dependent row, by the linearised force at its depth.
+        """Force difference of a time-dependent row, by the linearised force at its depth.
 
         The error by drainage films is known on both meshes and is a part of its own.
         """
@@ -376,8 +372,7 @@ class ErrorBars:
         """Ratio of the element at the end of the contact and the width that carries the peak.
 
         The width is the contact radius, or its part on the arc where the contact ends at a punch's
-        rounded
-        edge.
+        rounded edge.
 
         Parameters
         ----------
@@ -422,8 +417,7 @@ class ErrorBars:
         """Error of a number by the finite time in which a suddenly applied bath rises.
 
         A bath that rises for twice as long changes a number as much as this one does, once it has
-        risen.
-        For a prescribed force the error follows from that of the depth.
+        risen. For a prescribed force the error follows from that of the depth.
         """
         if self._bath_states is None:
             return 0.0
@@ -441,8 +435,7 @@ class ErrorBars:
         """Error of the slip by a long increment that halving the increment may not show.
 
         It is the relative change of the contact radius in the increment, for the dissipation (per
-        area) the
-        square of it. Neither is known after one increment from rest.
+        area) the square of it. Neither is known after one increment from rest.
         """
         previous = self._run_states.get(state.step - 1)
         value = getattr(state, name)
@@ -463,7 +456,7 @@ class ErrorBars:
     # ---- contact between the points of the mesh
 
     def _is_contact_missed(self, state: State) -> bool:
-        """Whether the depth is so small that no integration point is in contact."""
+        """True if the depth is so small that no integration point is in contact."""
         return state.delta > 0 and state.force == 0 and not self._physics.is_time_dependent
 
     def _missed_contact_parts(self, state: State) -> dict[str, float]:

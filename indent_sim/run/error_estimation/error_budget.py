@@ -84,13 +84,10 @@ def ridge_pressure(turn: float, refinements: int) -> float:
 
     For a tip that is flat there, two facets that meet at the angle theta act as a cone of the slope
     theta/2, whose pressure grows as E* theta/4 arccosh(l/r) towards the ridge (Sneddon 1965, Int.
-    J.
-    Eng. Sci. 3, 47; Johnson, Contact Mechanics, 5.2). l is the length of a facet. No pressure is
+    J. Eng. Sci. 3, 47; Johnson, Contact Mechanics, 5.2). l is the length of a facet. No pressure is
     evaluated nearer to the ridge than a quarter of an element, which gives the largest value. On
-    meshes
-    of caps under balls and plates, refined one to three times, p_max was 0.57 to 0.67, 0.67 to 0.72
-    and
-    0.83 to 0.87 of E* theta too large; the formula gives 0.69, 0.87 and 1.04.
+    meshes of caps under balls and plates, refined one to three times, p_max was 0.57 to 0.67, 0.67
+    to 0.72 and 0.83 to 0.87 of E* theta too large; the formula gives 0.69, 0.87 and 1.04.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ class ErrorRequest:
 
     @property
     def has_error_bars(self) -> bool:
-        """Whether rows have error estimates."""
+        """True if rows have error estimates."""
         return self.error_bars or self.accuracy is not None
 
 

@@ -88,8 +88,7 @@ def estimate_film_error(
     -------
     FilmError or None
         None without films: no fluid, or a gel that swells in its bath. NaN errors where the
-        undrained
-        body has no equilibrium.
+        undrained body has no equilibrium.
     """
     physics = scene.physics
     if not _has_films(scene):
@@ -119,7 +118,7 @@ def estimate_film_error(
 
 
 def _has_films(scene: Scene) -> bool:
-    """Whether drainage films cost accuracy; those of a gel that swells in its bath do not."""
+    """True if drainage films cost accuracy; those of a gel that swells in its bath do not."""
     physics = scene.physics
     path = scene.physics.path
     return (

@@ -28,8 +28,7 @@ def solve_no_slip_effect(run: CoarserRun, follow: Callable[[Scene], States]) -> 
     """Change of the largest force of a run by no slip instead of no friction, on the same mesh.
 
     The slip reference `mid` gives the value; the smallest and the largest value of all slip
-    references
-    are its bounds.
+    references are its bounds.
 
     Parameters
     ----------
@@ -42,8 +41,7 @@ def solve_no_slip_effect(run: CoarserRun, follow: Callable[[Scene], States]) -> 
     -------
     NoSlipEffect or None
         None where the effect is not defined (friction or adhesion in the scene, no contact, a body
-        that
-        is held by pins alone) or where one of the runs fails.
+        that is held by pins alone) or where one of the runs fails.
     """
     deepest = max((state.delta for state in run.states_by_step.values()), default=0.0)
     if run.scene is None:

@@ -39,7 +39,7 @@ log = logging.getLogger("indent_sim")
 
 @dataclass
 class RefinementLevel:
-    """One mesh of adaptive refinement.
+    """Mesh of adaptive refinement.
 
     Attributes
     ----------
@@ -202,7 +202,7 @@ def _next_refinement(
     ----------
     resolve
         Returns the scene with a given number of elements in the contact radius.
-    fineness
+    resolution
         The resolution of this level.
     error
         The largest relative error of its rows.

@@ -31,8 +31,8 @@ class StepRefinement:
         """Error of a number of a step: SAFETY_FACTOR times its change by halved increments.
 
         Twice that change is Richardson's estimate for order 1, 2.6 times for order 0.7, with which
-        a path
-        converges whose new contact sticks where the increment began. NaN if the step is missing.
+        a path converges whose new contact sticks where the increment began. NaN if the step is
+        missing.
         """
         return SAFETY_FACTOR * value_difference(self.full_steps, self.half_steps, state.step, name)
 

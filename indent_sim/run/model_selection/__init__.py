@@ -1,1 +1,1 @@
-"""What a scene requires: the effects that a model may leave out, and the cheapest model."""
+"""Model selection: effects on the force that a model may neglect, and the simplest model."""

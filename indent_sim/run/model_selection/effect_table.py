@@ -1,4 +1,8 @@
-"""The table of requirements: what a model may leave out, each row a scene with it and one without."""
+"""Table of the effects that a model may neglect.
+
+Each row has a function that chooses two scenes to compare, one with the effect and one without, for
+a scene and a relative tolerance.
+"""
 
 from __future__ import annotations
 
@@ -49,82 +53,84 @@ from indent_sim.theory.layer import Layer
 from indent_sim.theory.punches import LayerPunches
 from indent_sim.theory.roots import increasing_root
 
-SAMPLE_FRICTIONS: tuple[Friction, ...] = (
-    0.1,
-    0.3,
-    "stick",
-)  # that tell what may come of friction where a scene has none
-# Of a punch's radius: as near as a wall is followed, for at the punch itself the body is
-# compressed, another problem
+# Friction coefficients that are tried if a scene has no friction.
+SAMPLE_FRICTIONS: tuple[Friction, ...] = (0.1, 0.3, "stick")
+# Smallest radius of a wall around a flat punch, relative to that of the punch. At a ratio of 1 the
+# whole body is compressed, which is another problem.
 MIN_WALL_RATIO = 1.01
-RANGE_MARGIN = 1e-3  # of the force, by which a range is wider than half of itself to either side
-RADIUS_CHANGE = 0.02  # relative change of R that says how the force grows with it
-# Of a contact with adhesion, where its search begins; of the depth, instead of one below 0
-FIRST_TENSION_FRACTION = (
-    0.01  # of E* delta, where the search for a surface tension that matters begins
-)
+# The range of friction extends beyond the sampled one by half of its width and this relative force.
+RANGE_MARGIN = 1e-3
+# Relative change of R for the derivative of the force.
+RADIUS_CHANGE = 0.02
+# The search for a significant surface tension begins at this fraction of E* delta.
+FIRST_TENSION_FRACTION = 0.01
+# The search for the contact radius with adhesion begins above that without, by this fraction.
 RADIUS_MARGIN = 1e-3
+# Depths of that search are at least this fraction of the prescribed depth.
 MIN_DEPTH_FRACTION = 1e-6
-# Of a flat punch's radius: that of its edge where it is too sharp to solve at finite strain, whose
-# effect hangs little on it: at nu = 0.3, delta/a = 0.1 it is 1.18 to 1.23 % for edges of 0.005 to
-# 0.1, 1.6 % for a sharp one
+# Radius of the edge of a flat punch at finite strain, relative to that of the punch: a sharper edge
+# cannot be solved. The effect of finite strain depends little on it: for nu = 0.3 and
+# delta/a = 0.1 it is 1.18 to 1.23 % with edges of 0.005 to 0.1, and 1.6 % with a sharp edge.
 EDGE_ROUNDING = 0.05
-MAX_MODULUS_RATIO = (
-    1e3  # times the modulus of a film, of the substrate from which on a softer one is followed
-)
-SUBSTRATE_NU = 0.3  # Poisson's ratio of that substrate
+# The modulus of a substrate is varied downwards from this multiple of that of the layer.
+MAX_MODULUS_RATIO = 1e3
+# Poisson's ratio of that substrate.
+SUBSTRATE_NU = 0.3
 
 
 def _paraboloid(solver: VariantSolver, tolerance: float) -> EffectSource:
+    """Sphere instead of the paraboloid with the same radius of curvature."""
     tip = solver.config.indenter
     if not isinstance(tip, Paraboloid | Sphere):
-        return no_effect(f"a {tip.shape.replace('_', ' ')} is no sphere")
+        return no_effect(f"the tip is a {tip.shape.replace('_', ' ')}, not a sphere or paraboloid")
     return VariantPair(
         solver.replace_tip(Sphere(tip.R)),
         solver.replace_tip(Paraboloid(tip.R)),
-        f"a sphere over a paraboloid{solver.stand_in_text}",
+        f"a sphere relative to a paraboloid{solver.stand_in_text}",
     )
 
 
 def _blunt_tip(solver: VariantSolver, tolerance: float) -> EffectSource:
+    """Rounding of an apex or of the edge of a punch."""
     tip: Any = solver.tip
     key = "edge_radius" if isinstance(tip, FlatPunch) else "tip_radius"
     if not hasattr(tip, key):
-        return no_effect(f"a {tip.shape} has neither apex nor edge")
+        return no_effect(f"a {tip.shape.replace('_', ' ')} has neither a sharp apex nor an edge")
     sharp = replace(tip, **{key: 0.0})
     if getattr(tip, key) > 0:
         return VariantPair(
             solver.plain_scene,
             solver.replace_tip(sharp),
-            f"the rounded tip over the sharp one{solver.stand_in_text}",
+            f"the rounded tip relative to a sharp one{solver.stand_in_text}",
         )
     if (
         isinstance(tip, Profile)
         or solver.theory_variant is None
         or (solver.is_spherical and isinstance(tip, FlatPunch))
     ):
-        return UnknownEffect("no theory of this tip and body")
+        return UnknownEffect("there is no theory of this tip and body")
     sharp_variant = replace_sections(solver.theory_variant, indenter=sharp)
     ratio = solver.ratio_over_parameter(
         sharp_variant,
         lambda radius: replace_sections(sharp_variant, indenter=replace(tip, **{key: radius})),
     )
-    end = 0.999 * tip.radius if isinstance(tip, FlatPunch) else inf
+    max_radius = 0.999 * tip.radius if isinstance(tip, FlatPunch) else inf
     return ThresholdSearch(
         f"indenter.{key}",
         ratio,
-        min(0.1 * solver.delta, end / 2),
+        min(0.1 * solver.delta, max_radius / 2),
         f"theory{solver.stand_in_text}",
-        max_value=end,
+        max_value=max_radius,
     )
 
 
 def _thickness(solver: VariantSolver, tolerance: float) -> EffectSource:
+    """Finite thickness of the body, relative to a half-space."""
     body = solver.config.body
     layer = solver.layer_scene
     if body.dim == 2:
         return UnknownEffect(
-            "in plane strain a half-space has no depth: the thickness always decides"
+            "in plane strain the depth of a half-space is indefinite: the thickness always matters"
         )
     if isinstance(body, HalfSpace):
         return _half_space_height(solver)
@@ -132,36 +138,41 @@ def _thickness(solver: VariantSolver, tolerance: float) -> EffectSource:
         assert solver.half_space_scene is not None
         change = solver.scene_force / solver.force(solver.half_space_scene) - 1
         return FixedEffect(
-            change, change, f"the body as it is over a half-space{solver.stand_in_text}", change
+            change,
+            change,
+            f"the body as it is relative to a half-space{solver.stand_in_text}",
+            change,
         )
-    source = f"theory of a layer over that of a half-space{solver.stand_in_text}"
+    source = f"theory of a layer relative to that of a half-space{solver.stand_in_text}"
     return VariantPair(
         layer,
         half_space_variant(layer),
-        source if solver.is_isotropic else "a layer over a half-space",
+        source if solver.is_isotropic else "a layer relative to a half-space",
     )
 
 
 def _half_space_height(solver: VariantSolver) -> EffectSource:
+    """Thickness from which on the force is that of a half-space; x is the inverse height."""
     if solver.config.body.layers:
         return no_effect("the last layer is a half-space")
     scales = solver.scene.physics.scales
     a = solver.scene.physics.indenter.radius_at(solver.delta / scales.depth) * scales.length
-    change = solver.ratio_over_parameter(
+    ratio = solver.ratio_over_parameter(
         solver.plain_scene,
         lambda x: replace_sections(solver.plain_scene, body=InfiniteLayer(1 / x)),
     )
     return ThresholdSearch(
         "body.height",
-        change,
+        ratio,
         0.05 / a,
         "theory of a layer on a rigid base",
         lambda x: 1 / x,
-        " down",
+        " or less",
     )
 
 
 def _side_walls(solver: VariantSolver, tolerance: float) -> EffectSource:
+    """Sides of the body, relative to an infinitely wide layer."""
     body = solver.config.body
     layer = solver.layer_scene
     if isinstance(body, HalfSpace):
@@ -177,28 +188,29 @@ def _side_walls(solver: VariantSolver, tolerance: float) -> EffectSource:
         )
         wide_variant = replace_sections(solver.plain_scene, body=wide_strip, center=None)
         return VariantPair(
-            solver.plain_scene, wide_variant, "the strip over one with its walls far away"
+            solver.plain_scene, wide_variant, "the strip relative to one with distant walls"
         )
     if layer is None:
-        return no_effect("in the row of the thickness, which takes the body as it is")
+        return no_effect("included in the row of the thickness, which compares the whole body")
     changes = [_side_wall_change(solver, sides) for sides in solver.side_supports]
     if not solver.has_cylinder_stand_in:
         return FixedEffect(
             changes[0],
             changes[0],
-            f"the body with its sides over a layer without{solver.stand_in_text}",
+            f"the body with its sides relative to an infinitely wide layer{solver.stand_in_text}",
             changes[0],
         )
     source = (
-        f"between none and {' or '.join(solver.side_supports)} sides all around at the distance of "
-        "the nearest"
+        f"between no sides and {' or '.join(solver.side_supports)} sides all around at the "
+        "distance of the nearest side"
     )
     return FixedEffect(min(0.0, *changes), max(0.0, *changes), source)
 
 
 def _side_wall_change(solver: VariantSolver, sides: Support) -> float:
-    """Relative change of the force by sides: by theory for rollers, from which others differ on one
-    mesh.
+    """Relative change of the force by sides.
+
+    Roller sides are compared with none by theory, and other sides with rollers on one mesh.
     """
     body: Any = solver.plain_scene.body
     supported, rollers = (
@@ -214,29 +226,37 @@ def _side_wall_change(solver: VariantSolver, sides: Support) -> float:
 
 
 def _layer_wall_search(solver: VariantSolver) -> EffectSource:
+    """Radius of a frictionless wall in an infinitely wide layer; x is the inverse radius."""
     layer: Any = solver.plain_scene.body
     cylinder = partial(
         Cylinder, height=layer.height, base=layer.base, sides="roller", layers=layer.layers
     )
-    change = solver.ratio_over_parameter(
+    ratio = solver.ratio_over_parameter(
         solver.plain_scene, lambda x: replace_sections(solver.plain_scene, body=cylinder(1 / x))
     )
-    key = "a frictionless wall at radius"
     tip = solver.tip
-    nearest = MIN_WALL_RATIO * tip.radius if isinstance(tip, FlatPunch) else 0.0
-    end = 1 / nearest if nearest else inf
-    first = min(0.3 / layer.height, end)
-    return ThresholdSearch(key, change, first, "theory of both", lambda x: 1 / x, " or nearer", end)
+    min_radius = MIN_WALL_RATIO * tip.radius if isinstance(tip, FlatPunch) else 0.0
+    max_value = 1 / min_radius if min_radius else inf
+    return ThresholdSearch(
+        "a frictionless wall at radius",
+        ratio,
+        min(0.3 / layer.height, max_value),
+        "theory of a layer with and without the wall",
+        lambda x: 1 / x,
+        " or nearer",
+        max_value,
+    )
 
 
 def _substrate(solver: VariantSolver, tolerance: float) -> EffectSource:
+    """Matter below the first layer, or below a body on a rigid base."""
     body: Any = solver.config.body
     layer = solver.layer_scene
     if isinstance(body, HalfSpace) and not body.layers:
         return no_effect("there is nothing below a half-space")
     if layer is None:
         return no_effect(
-            "this body stands on something rigid; what it is made of is in the row of the layers"
+            "the body rests on a rigid base; its materials are compared in the row of the layers"
         )
     if len(layer.layers) > 1:
         first = layer.layers[0].material
@@ -244,49 +264,54 @@ def _substrate(solver: VariantSolver, tolerance: float) -> EffectSource:
         return VariantPair(
             layer,
             first_layer,
-            f"theory of all layers over that of the first as a half-space{solver.stand_in_text}",
+            f"theory of all layers relative to a half-space of the first{solver.stand_in_text}",
         )
     if not solver.is_isotropic or body.base != "fixed":
-        return UnknownEffect("theory knows no half-space below such a layer")
+        return UnknownEffect("there is no theory of such a layer on a half-space")
     film = layer.layers[0].material
     (E, _) = solver.materials[0].constants
 
-    def above(x: float) -> Config:
+    def substrate_variant(x: float) -> Config:
+        """The layer on a half-space of modulus MAX_MODULUS_RATIO E/x."""
         layers = (
             BodyLayer(body.height, film),
             BodyLayer(None, LinearElastic(E=MAX_MODULUS_RATIO / x * E, nu=SUBSTRATE_NU)),
         )
         return replace_sections(layer, body=HalfSpace(layers=layers), material=None)
 
-    source = f"theory of a film on a half-space of nu = {SUBSTRATE_NU:g}"
     return ThresholdSearch(
         "a substrate of E",
-        solver.ratio_over_parameter(layer, above),
+        solver.ratio_over_parameter(layer, substrate_variant),
         1.0,
-        source,
+        f"theory of the layer on a half-space of nu = {SUBSTRATE_NU:g}",
         lambda x: MAX_MODULUS_RATIO / x * E,
-        " down",
+        " or less",
     )
 
 
 def _layers(solver: VariantSolver, tolerance: float) -> EffectSource:
+    """Layers or regions, relative to a homogeneous body of the material that the tip touches."""
     if len(solver.config.layers) < 2 and not getattr(solver.config.body, "regions", None):
-        return no_effect("the body is of one piece")
+        return no_effect("the body is homogeneous")
     is_meshed = isinstance(solver.config.body, MeshFromFile)
-    touched: Any = solver.touched_material if is_meshed else None
+    touched_law: Any = solver.touched_material if is_meshed else None
     if not is_meshed:
-        touched = variants.linear_law(solver.config.layers[0].material)  # type: ignore[arg-type]
-    homogeneous = change_materials(solver.plain_scene, lambda material: touched)
+        touched_law = variants.linear_law(
+            solver.config.layers[0].material  # type: ignore[arg-type]
+        )
+    homogeneous = change_materials(solver.plain_scene, lambda material: touched_law)
     return VariantPair(
         solver.plain_scene,
         homogeneous,
-        f"the body with its layers over one of what the tip touches{solver.stand_in_text}",
+        "the body with its layers relative to a homogeneous one of the material under the tip"
+        f"{solver.stand_in_text}",
     )
 
 
 def _inclusions(solver: VariantSolver, tolerance: float) -> EffectSource:
+    """Inclusions, relative to inclusions of the surrounding material on the same mesh."""
     if not solver.config.body.inclusions:
-        return no_effect("the body has none")
+        return no_effect("the body has no inclusions")
     if solver.linear_scene.body.inclusions:
         variant = solver.meshed_variant(solver.linear_scene)
         stand_in = solver.stand_in_text
@@ -295,15 +320,17 @@ def _inclusions(solver: VariantSolver, tolerance: float) -> EffectSource:
             change_materials(solver.single_step_scene, variants.linear_law), mesh=solver.config.mesh
         )
         stand_in = ", in three dimensions"
-    source = f"the body with its inclusions over one without, on one mesh{stand_in}"
+    source = f"the body with its inclusions relative to one without, on one mesh{stand_in}"
     return VariantPair(variant, variants.remove_inclusion_contrast(variant), source)
 
 
 def _anisotropy(solver: VariantSolver, tolerance: float) -> EffectSource:
+    """Transverse isotropy, relative to an isotropic material."""
     if solver.is_isotropic:
         return no_effect("the material is isotropic")
     source = (
-        f"over an isotropic material with its E and nu, those across the axis{solver.stand_in_text}"
+        "relative to an isotropic material with the E and nu of the plane of isotropy"
+        f"{solver.stand_in_text}"
     )
     return VariantPair(
         solver.linear_scene, change_materials(solver.linear_scene, variants.isotropic_law), source
@@ -311,15 +338,19 @@ def _anisotropy(solver: VariantSolver, tolerance: float) -> EffectSource:
 
 
 def _small_strain(solver: VariantSolver, tolerance: float) -> EffectSource:
+    """Finite strain and gap in the deformed configuration, relative to small strain."""
     if not solver.is_isotropic:
-        return UnknownEffect("no law of finite strain is anisotropic")
+        return UnknownEffect("there is no anisotropic law of finite strain")
     tip, edge_text = _round_punch_edge(solver.tip)
     law = "its own law" if not solver.scene.physics.small_strain else "neo-Hookean"
     small, finite = (
         replace_sections(variant, indenter=tip)
         for variant in (solver.linear_scene, solver.hyperelastic_scene)
     )
-    source = f"{law}, gap: current, over small strain, gap: reference, on one mesh{edge_text}{solver.stand_in_text}"
+    source = (
+        f"finite strain ({law}, gap: current) relative to small strain (gap: reference), on one "
+        f"mesh{edge_text}{solver.stand_in_text}"
+    )
     finite_variant = solver.meshed_variant(finite, gap="current", **solver.friction_or_adhesion)
     return VariantPair(
         finite_variant, solver.meshed_variant(small, **solver.friction_or_adhesion), source
@@ -327,9 +358,7 @@ def _small_strain(solver: VariantSolver, tolerance: float) -> EffectSource:
 
 
 def _round_punch_edge(tip: Indenter) -> tuple[Indenter, str]:
-    """A tip with the edge of a sharp flat punch rounded, as finite strain needs it, and that in
-    words.
-    """
+    """The tip with a rounded edge if it is a sharp flat punch, and a text that says so."""
     if not isinstance(tip, FlatPunch) or tip.edge_radius >= EDGE_ROUNDING * tip.radius:
         return tip, ""
     text = f", the punch's edge rounded by {EDGE_ROUNDING:g} of its radius in both"
@@ -337,6 +366,7 @@ def _round_punch_edge(tip: Indenter) -> tuple[Indenter, str]:
 
 
 def _incompressible(solver: VariantSolver, tolerance: float) -> EffectSource:
+    """Incompressibility, relative to the given Poisson's ratio; x is 0.5 - nu."""
     if not solver.is_isotropic:
         return UnknownEffect("the material is not isotropic")
     if any(material.constants.nu != 0.5 for material in solver.materials):
@@ -344,34 +374,37 @@ def _incompressible(solver: VariantSolver, tolerance: float) -> EffectSource:
         return VariantPair(
             incompressible_variant,
             solver.linear_scene,
-            f"nu = 0.5 at the same E{solver.stand_in_text}",
+            f"nu = 0.5 relative to the given nu, at the same E{solver.stand_in_text}",
         )
     theory_variant = solver.theory_variant
     if theory_variant is None:
-        return UnknownEffect("no theory of this body")
-    change = solver.ratio_over_parameter(
+        return UnknownEffect("there is no theory of this body")
+    ratio = solver.ratio_over_parameter(
         theory_variant,
-        lambda x: change_materials(theory_variant, partial(variants.incompressible_law, less=x)),
+        lambda x: change_materials(
+            theory_variant, partial(variants.incompressible_law, nu_deficit=x)
+        ),
     )
     return ThresholdSearch(
         "nu",
-        change,
+        ratio,
         0.01,
         f"theory{solver.stand_in_text}",
         lambda x: 0.5 - x,
-        " down",
+        " or less",
         max_value=0.5,
         digits=4,
     )
 
 
 def _surface_tension(solver: VariantSolver, tolerance: float) -> EffectSource:
+    """Surface tension; without one, x is the tension."""
     body: Any = solver.config.body
     if isinstance(body, MeshFromFile) or body.dim == 2:
         return no_effect(
-            "a mesh from a file has none"
+            "a mesh from a file has no surface tension"
             if body.dim == 3
-            else "there is no theory of it in plane strain"
+            else "there is no theory of surface tension in plane strain"
         )
     if body.surface_tension:
         variant = replace_sections(
@@ -381,19 +414,20 @@ def _surface_tension(solver: VariantSolver, tolerance: float) -> EffectSource:
         return VariantPair(
             solver.plain_scene,
             variant,
-            f"the body with its surface tension over one without{solver.stand_in_text}",
+            f"the body with its surface tension relative to one without{solver.stand_in_text}",
         )
     theory_variant = solver.layer_scene or solver.half_space_scene
     if theory_variant is None:
-        return UnknownEffect("no theory of this tip and body")
-    start = (
+        return UnknownEffect("there is no theory of this tip and body")
+    initial_tension = (
         FIRST_TENSION_FRACTION
         * solver.scene.physics.material.E_star
         * solver.scene.physics.scales.pressure
         * solver.delta
     )
 
-    def tensed(gamma: float) -> Config:
+    def tension_variant(gamma: float) -> Config:
+        """The scene with a surface tension."""
         body = replace(
             theory_variant.body,  # type: ignore[union-attr]
             surface_tension=gamma,  # type: ignore[arg-type]
@@ -402,154 +436,176 @@ def _surface_tension(solver: VariantSolver, tolerance: float) -> EffectSource:
 
     return ThresholdSearch(
         "body.surface_tension",
-        solver.ratio_over_parameter(theory_variant, tensed),
-        start,
+        solver.ratio_over_parameter(theory_variant, tension_variant),
+        initial_tension,
         f"theory{solver.stand_in_text}",
     )
 
 
 def _friction(solver: VariantSolver, tolerance: float) -> EffectSource:
+    """Friction of the scene, relative to a frictionless contact."""
     friction = solver.friction_or_adhesion.get("friction")
     correction = solver.scene.plan.friction
     if not friction:
-        return no_effect("the scene has none")
+        return no_effect("the scene has no friction")
     if correction:
         change = correction.force - 1
         return FixedEffect(
-            change, change, f"friction {friction} over none: half-space, exact", change
+            change,
+            change,
+            f"friction {friction} relative to none: exact solution of a half-space",
+            change,
         )
     return VariantPair(
         *_friction_pair(solver, friction),
-        f"friction {friction} over none, on one mesh{solver.stand_in_text}",
+        f"friction {friction} relative to none, on one mesh{solver.stand_in_text}",
     )
 
 
 def _friction_pair(solver: VariantSolver, friction: Friction) -> tuple[Config, Config]:
+    """The scenes with and without friction, on one mesh."""
     return solver.meshed_variant(solver.linear_scene, friction=friction), solver.meshed_variant(
         solver.linear_scene
     )
 
 
 def _stick(solver: VariantSolver, tolerance: float) -> EffectSource:
-    """No slip, and where the scene has no friction what may come of any."""
+    """No slip, relative to a frictionless contact.
+
+    If the scene has no friction, the range is that of all friction coefficients.
+    """
     source = f"on one mesh{solver.stand_in_text}"
     if solver.friction_or_adhesion.get("friction"):
-        return VariantPair(*_friction_pair(solver, "stick"), f"no slip over no friction, {source}")
+        return VariantPair(
+            *_friction_pair(solver, "stick"), f"no slip relative to no friction, {source}"
+        )
     changes = [
         solver.force_ratio(*_friction_pair(solver, friction)) - 1 for friction in SAMPLE_FRICTIONS
     ]
     half_range = (max(changes) - min(changes)) / 2 + RANGE_MARGIN
     change = changes[-1]
     planned_effect = solver.scene.plan.stick
-    if planned_effect is not None and planned_effect.percent is not None:  # exact
+    # The plan has the exact effect where theory knows it.
+    if planned_effect is not None and planned_effect.percent is not None:
         change = planned_effect.percent / 100
         source = planned_effect.source
-    text = f"no slip: {source}; the range holds friction from {SAMPLE_FRICTIONS[0]:g} on"
+    text = (
+        f"no slip: {source}; the range contains all friction coefficients from "
+        f"{SAMPLE_FRICTIONS[0]:g} on"
+    )
     return FixedEffect(
         min(change, *changes) - half_range, max(change, *changes) + half_range, text, change
     )
 
 
 def _adhesion(solver: VariantSolver, tolerance: float) -> EffectSource:
+    """Adhesion of the contact law or of the experiment; without one, x is a work of adhesion."""
     attraction = solver.friction_or_adhesion.get("adhesion")
     if attraction:
-        details = f"the contact law with its range over the one without, on one mesh{solver.stand_in_text}"
         return VariantPair(
             solver.meshed_variant(solver.linear_scene, adhesion=attraction),
             solver.meshed_variant(solver.linear_scene),
-            details,
+            "the contact law with its attraction relative to one without, on one mesh"
+            f"{solver.stand_in_text}",
         )
     experiment = solver.config.experiment
     if solver.config.body.surface_tension:
-        return UnknownEffect("not known together with a surface tension")
+        return UnknownEffect("there is no theory of adhesion together with surface tension")
     if experiment and experiment.adhesion:
         adhesive_variant = history_variant(solver, "adhesion")
         adhesion_report = solver.history_result(adhesive_variant).report["adhesion"]
-        details = f", pull-off {adhesion_report['pull_off']['force_control']['force'] / solver.scene_force:.2g} of this force"
-        details += (
-            f", Tabor number {adhesion_report['tabor']:.2g}" if "tabor" in adhesion_report else ""
-        )
+        pull_off = adhesion_report["pull_off"]["force_control"]["force"]
+        details = f", pull-off at {pull_off / solver.scene_force:.2g} of the force without adhesion"
+        if "tabor" in adhesion_report:
+            details += f", Tabor number {adhesion_report['tabor']:.2g}"
         return VariantPair(
             adhesive_variant,
             history_variant(solver),
             f"the JKR limit{details}{solver.stand_in_text}",
         )
     if isinstance(solver.tip, FlatPunch | Plate) and not solver.is_spherical:
-        return no_effect("a flat punch touches the same disc with adhesion as without")
+        return no_effect("the contact area of a flat punch does not change by adhesion")
     return _adhesion_work_search(solver, tolerance)
 
 
 def _adhesion_work_search(solver: VariantSolver, tolerance: float) -> EffectSource:
+    """Work of adhesion from which on the force of the JKR limit differs."""
     contact = solver.theory.contact if solver.theory else None
     if solver.theory_scene is None or not isinstance(contact, Layer):
-        return UnknownEffect("the JKR limit is that of a disc")
+        return UnknownEffect("the JKR limit is known for circular contacts only")
     scales = solver.theory_scene.physics.scales
     punches = LayerPunches(contact)
     delta = solver.theory_scene.physics.deltas[-1]
     unit = scales.pressure * scales.length
-    contact_without = contact.solutions_at_depths([delta])[0]
+    nonadhesive = contact.solutions_at_depths([delta])[0]
 
-    def pulled(work: float) -> float:
-        jkr = Jkr(punches, work / unit)  # the stable contact is the one wider than without adhesion
-        begin = contact_without.a * (1 + RADIUS_MARGIN)
-        wider = increasing_root(
+    def force_ratio(work: float) -> float:
+        """Force with a work of adhesion, relative to that without, at the same depth."""
+        jkr = Jkr(punches, work / unit)
+        # The contact radius of the stable equilibrium is larger than that without adhesion.
+        radius = increasing_root(
             lambda a: max(jkr.equilibrium_at(a).delta, MIN_DEPTH_FRACTION * delta),
             delta,
-            begin,
+            nonadhesive.a * (1 + RADIUS_MARGIN),
             punches.max_radius,
         )
-        return jkr.equilibrium_at(wider).force / contact_without.force
+        return jkr.equilibrium_at(radius).force / nonadhesive.force
 
     return ThresholdSearch(
         "work",
-        pulled,
-        0.01 * tolerance * contact_without.force * unit / contact_without.a,
+        force_ratio,
+        0.01 * tolerance * nonadhesive.force * unit / nonadhesive.a,
         f"the JKR limit{solver.stand_in_text}",
     )
 
 
 def _rate(solver: VariantSolver, tolerance: float) -> EffectSource:
+    """Stress relaxation, relative to the instantaneous modulus."""
     law = next((material.relaxation for _, material in solver.config.materials()), None)
     if solver.config.body.surface_tension:
-        return UnknownEffect("a surface tension does not relax")
+        return UnknownEffect("surface tension does not relax, so the force has no common factor")
     if law is None:
         needs = (
             f"above {100 * tolerance:g} % from a fraction of the modulus that relaxes before the "
             "deepest point"
         )
         return UnknownEffect(
-            "Lee & Radok: the force falls by that fraction at most", f"{needs} = {tolerance:.2g}"
+            "Lee and Radok (1960): the force decreases by at most this fraction",
+            f"{needs} = {tolerance:.2g}",
         )
     if history := solver.config.loading.prescribed_history:
-        source = f"the history over that of an elastic body{_deborah_text(history, law)}{solver.stand_in_text}"
+        source = (
+            "the history relative to that of an elastic body"
+            f"{_deborah_text(history, law)}{solver.stand_in_text}"
+        )
         return VariantPair(history_variant(solver, "relaxation"), history_variant(solver), source)
     if law.power_law is not None:
-        return UnknownEffect("a power law has no modulus without a time")
+        return UnknownEffect("the modulus of a power law depends on time, which the scene lacks")
     return FixedEffect(
         remaining_modulus_fraction(law, None) - 1,
         0.0,
-        "between the instantaneous and the last modulus",
+        "between the instantaneous and the long-term modulus",
     )
 
 
 def _deborah_text(history: History, law: Relaxation) -> str:
-    """The relaxation's mean time over that of the way in, in words."""
+    """Deborah number as text: mean relaxation time over the time to the deepest point."""
     points = history.points
     t = max(points, key=lambda point: (point[1], -point[0]))[0] - points[0][0]
-    total = sum(fraction for fraction, _ in law.prony or ())
-    return (
-        f", Deborah number {sum(f * tau for f, tau in law.prony or ()) / total / t:.2g}"
-        if total and t > 0
-        else ""
-    )
+    total_fraction = sum(fraction for fraction, _ in law.prony or ())
+    if not (total_fraction and t > 0):
+        return ""
+    weighted_times = sum(fraction * tau for fraction, tau in law.prony or ())
+    return f", Deborah number {weighted_times / total_fraction / t:.2g}"
 
 
 def _cantilever(solver: VariantSolver, tolerance: float) -> EffectSource:
+    """Compliance of cantilever and frame, whose base displacement is taken as the depth."""
     experiment = solver.config.experiment
     if experiment is not None and experiment.compliance > 0:
         if solver.config.loading.force_history:
-            return no_effect("the force is prescribed, whatever holds the tip")
-        source = f"the way of the base taken for the depth{solver.stand_in_text}"
+            return no_effect("the force is prescribed and does not depend on the cantilever")
+        source = f"the displacement of the base taken as the depth{solver.stand_in_text}"
         return VariantPair(
             history_variant(solver, "cantilever", "frame"), history_variant(solver), source
         )
@@ -558,45 +614,48 @@ def _cantilever(solver: VariantSolver, tolerance: float) -> EffectSource:
         * solver.scene_force
         / (solver.delta - _depth_at_fraction(solver, 1 - tolerance))
     )
-    needs = f"above {100 * tolerance:g} % from stiffness = {stiffness:.2g} down"
-    return UnknownEffect("the way of the base taken for the depth", needs)
+    needs = f"above {100 * tolerance:g} % from stiffness = {stiffness:.2g} or less"
+    return UnknownEffect("the displacement of the base taken as the depth", needs)
 
 
 def _contact_point(solver: VariantSolver, tolerance: float) -> EffectSource:
+    """Error of the depth at first contact."""
     offset = solver.delta - _depth_at_fraction(solver, 1 - tolerance)
     return UnknownEffect(
-        "the curve's own slope",
+        "slope of the force over the depth",
         f"above {100 * tolerance:g} % from an error of the depth = {offset:.2g}",
     )
 
 
 def _depth_at_fraction(solver: VariantSolver, force_fraction: float) -> float:
-    """The depth at which the force is a share of the deepest one."""
-    start = solver.delta * force_fraction ** (2 / 3)
+    """Depth at which the force is a fraction of that of the deepest row."""
+    # Hertz: the force grows with the depth to the power 3/2.
+    initial_depth = solver.delta * force_fraction ** (2 / 3)
     return increasing_root(
-        lambda d: solver.force_at_depth(d) / solver.scene_force,
+        lambda depth: solver.force_at_depth(depth) / solver.scene_force,
         force_fraction,
-        start,
+        initial_depth,
         1.01 * solver.delta,
     )
 
 
 def _calibration(solver: VariantSolver, tolerance: float) -> EffectSource:
+    """Uncertainty of the spring constant and of the radius of the tip."""
     calibration = solver.config.experiment.calibration if solver.config.experiment else None
     radius_exponent, source = _radius_exponent(solver)
     if calibration is None:
-        R = f" or R = {tolerance / radius_exponent:.2g}" if radius_exponent else ""
-        return UnknownEffect(
-            source, f"above {100 * tolerance:g} % from calibration.stiffness = {tolerance:.2g}{R}"
-        )
+        needs = f"above {100 * tolerance:g} % from calibration.stiffness = {tolerance:.2g}"
+        if radius_exponent:
+            needs += f" or R = {tolerance / radius_exponent:.2g}"
+        return UnknownEffect(source, needs)
     uncertainty = hypot(calibration.stiffness, radius_exponent * calibration.R)
     return FixedEffect(-uncertainty, uncertainty, source)
 
 
 def _radius_exponent(solver: VariantSolver) -> tuple[float, str]:
-    """d ln F/d ln R of a tip that has one, and what the force owes to an uncertain instrument."""
+    """Exponent d ln F/d ln R, 0 for a tip without radius, and a text on errors of calibration."""
     tip = solver.tip
-    source = "an error of the spring is one of the force"
+    source = "a relative error of the spring constant is one of the force"
     if not isinstance(tip, Paraboloid | Sphere | Hyperboloid):
         return 0.0, source
     ratio = solver.force_ratio(
@@ -618,4 +677,7 @@ BODY_ROWS = (
 )
 CONTACT_ROWS = (_incompressible, _blunt_tip, _surface_tension, _friction, _stick, _adhesion)
 SOURCE_FUNCTIONS = (*BODY_ROWS, *CONTACT_ROWS, _rate, _cantilever, _contact_point, _calibration)
-EFFECT_ROWS = tuple(EffectRow(said.__name__.removeprefix("_"), said) for said in SOURCE_FUNCTIONS)
+EFFECT_ROWS = tuple(
+    EffectRow(find_source.__name__.removeprefix("_"), find_source)
+    for find_source in SOURCE_FUNCTIONS
+)

@@ -1,9 +1,9 @@
-"""Effects that a model may leave out, in per cent of the force.
+"""Effects that a model may neglect, in per cent of the force.
 
-An effect is 100 (force with it / force without it - 1) at the deepest row, both at one depth and
-both forces of scenes that this program solves: by theory where it is exact, else on one mesh, whose
-error is in both. What the scene has no parameter of is followed over that parameter, and said as
-the value from which on it matters.
+An effect is 100 (F_with/F_without - 1), with the forces F at the deepest row and at the same depth.
+Both are solutions of scenes: by theory if it is exact for both, otherwise on the same mesh, whose
+discretisation error largely cancels. If the scene does not have the effect, its parameter is varied
+up to the threshold at which the effect exceeds the tolerance.
 """
 
 from __future__ import annotations
@@ -20,25 +20,36 @@ from indent_sim.process.errors import ConfigError, NotConverged
 from indent_sim.run.model_selection.variant_solver import VariantSolver
 from indent_sim.theory.solution import SOLUTION_ERRORS
 
-# between values of a parameter that is followed: a change of sign is seen that lasts as long
+# Ratio of successive values of a varied parameter. An effect that exceeds the tolerance only
+# between two of them is not found.
 FIRST_STEP_RATIO = 1.5
-MIN_STEP_RATIO = 1.03  # of steps towards where nothing is solved
-MAX_PARAMETER_RANGE = (
-    1e6  # times nearer to nothing than where a parameter is followed from, if need be
-)
-MAX_FORCE_CHANGE = 0.5  # relative change of the force up to which an effect is followed
-THRESHOLD_TOLERANCE = (
-    0.01  # relative, of a threshold's parameter: between, an effect is a straight line
-)
+# The ratio shrinks to this value towards parameters for which a scene cannot be solved.
+MIN_STEP_RATIO = 1.03
+# A parameter is varied by at most this factor in either direction.
+MAX_PARAMETER_RANGE = 1e6
+# A parameter is varied until the force has changed by this fraction.
+MAX_FORCE_CHANGE = 0.5
+# Relative width of the interval of a threshold, in which the effect is interpolated linearly.
+THRESHOLD_TOLERANCE = 0.01
 
 
 @dataclass(frozen=True)
 class Effect:
-    """What an effect does to the force [per cent]: between low and high, None where that side has
-    no bound, and the number itself where it is one.
+    """Relative change of the force by an effect.
 
-    source: where that comes from; needs: the value of a parameter that the scene lacks from which
-    on it matters.
+    Attributes
+    ----------
+    name
+        Name of the effect.
+    percent
+        Change of the force [per cent]; None if only a range is known.
+    low, high
+        Bounds of the change [per cent]; None if there is no bound.
+    source
+        Description of the solutions that were compared, or the reason why the change is unknown.
+    needs
+        Threshold of a parameter that the scene does not have, such as "above 1 % from work =
+        4.6e-06"; empty if there is none.
     """
 
     name: str
@@ -50,7 +61,7 @@ class Effect:
 
     @property
     def max_change(self) -> float:
-        """The largest change that is possible [per cent]; infinite where nothing is known."""
+        """Largest possible absolute change [per cent]; infinite if nothing is known."""
         if self.percent is None and (self.low is None or self.high is None):
             return 0.0 if self.needs else inf
         return max(
@@ -58,7 +69,7 @@ class Effect:
         )
 
     def scaled(self, gain: float) -> Effect:
-        """The effect on a force that is smaller by this factor."""
+        """The effect with its changes multiplied by a factor."""
         percent, low, high = (
             None if change is None else gain * change
             for change in (self.percent, self.low, self.high)
@@ -67,14 +78,23 @@ class Effect:
 
     @property
     def is_possible(self) -> bool:
-        """Whether the scene could have the effect at all."""
+        """True if the scene has the effect, or could have it with another parameter."""
         return bool(self.percent != 0.0 or self.needs or self.low or self.high)
 
 
 def solve_effect(name: str, find: Callable[[], Effect]) -> Effect:
-    """An effect as it is found; where something could not be solved that is said, with the reason."""
+    """Evaluate an effect; if a scene cannot be solved, its source states the reason.
+
+    Parameters
+    ----------
+    name
+        Name of the effect.
+    find
+        Computes the effect; it may raise NotConverged, ConfigError or an error of a theory.
+    """
     try:
-        with np.errstate(all="ignore"):  # theories try depths beyond a tip's end
+        # Theories try depths beyond the end of a tip, where numbers are not finite.
+        with np.errstate(all="ignore"):
             return find()
     except (NotConverged, ConfigError, *SOLUTION_ERRORS) as error:
         return Effect(name, None, None, None, f"not solved: {error}")
@@ -82,7 +102,7 @@ def solve_effect(name: str, find: Callable[[], Effect]) -> Effect:
 
 @dataclass(frozen=True)
 class FixedEffect:
-    """The change of the force from elsewhere: relative, between two, and a number where it is one."""
+    """A known effect: bounds of the relative change of the force, and the change if it is known."""
 
     low: float
     high: float
@@ -90,24 +110,22 @@ class FixedEffect:
     change: float | None = None
 
 
-def no_effect(why: str) -> FixedEffect:
-    """That the scene has no such thing."""
-    return FixedEffect(0.0, 0.0, why, 0.0)
+def no_effect(reason: str) -> FixedEffect:
+    """An effect that the scene cannot have."""
+    return FixedEffect(0.0, 0.0, reason, 0.0)
 
 
 @dataclass(frozen=True)
 class UnknownEffect:
-    """That the force is not known with it or without it, and why; needs: what is known of its
-    parameter.
-    """
+    """An unknown effect, since the force with or without it is unknown; `needs` as in Effect."""
 
-    why: str
+    reason: str
     needs: str = ""
 
 
 @dataclass(frozen=True)
 class VariantPair:
-    """The scene with it, and without."""
+    """An effect as the ratio of the forces of two scenes, one with the effect and one without."""
 
     with_effect: Config
     without_effect: Config
@@ -116,10 +134,28 @@ class VariantPair:
 
 @dataclass(frozen=True)
 class ThresholdSearch:
-    """A parameter that the scene lacks: force with some of it over that without, small where x is.
+    """Search of the threshold of an effect that the scene does not have.
 
-    key: its name; value(x): what is said of it; side: where it matters, in words; first: an x to
-    begin with; end: the largest there is.
+    The effect is a function of a variable x > 0 and vanishes as x tends to 0.
+
+    Attributes
+    ----------
+    parameter
+        Name of the parameter in texts.
+    force_ratio
+        F_with/F_without as a function of x.
+    initial
+        Value of x at which the search begins.
+    source
+        Description of the solutions that are compared.
+    displayed_value
+        Value of the parameter as a function of x.
+    direction
+        Text after the threshold, such as " or less"; empty if larger values have the effect.
+    max_value
+        Largest value of x.
+    digits
+        Digits of the first threshold in texts; further ones have one more.
     """
 
     parameter: str
@@ -137,16 +173,33 @@ EffectSource = FixedEffect | UnknownEffect | VariantPair | ThresholdSearch
 
 @dataclass(frozen=True)
 class EffectRow:
-    """A row of the table: the name of an effect, and the scenes with it and without, or where
-    following it starts.
+    """A row of the table of effects.
+
+    Attributes
+    ----------
+    name
+        Name of the effect.
+    find_source
+        Chooses the scenes to compare, for a scene and a relative tolerance.
     """
 
     name: str
     find_source: Callable[[VariantSolver, float], EffectSource]
 
     def effect(self, solver: VariantSolver, tolerance: float) -> Effect:
-        """What it does to the force; a scene that could not be solved is said to be that, with the
-        reason.
+        """The effect on a scene.
+
+        Parameters
+        ----------
+        solver
+            The scene, which solves its variants.
+        tolerance
+            Relative change of the force from which on an effect matters.
+
+        Returns
+        -------
+        Effect
+            If a scene cannot be solved, its source states the reason.
         """
         return solve_effect(
             self.name,
@@ -156,52 +209,72 @@ class EffectRow:
     def _evaluate(
         self, effect_source: EffectSource, solver: VariantSolver, tolerance: float
     ) -> Effect:
+        """Compute the effect from its source."""
         match effect_source:
-            case UnknownEffect(why, needs):
-                return Effect(self.name, None, None, None, why, needs)
-            case FixedEffect(low, high, source, number):
-                return Effect(self.name, number and 100 * number, 100 * low, 100 * high, source)
-            case VariantPair(with_it, without, source):
-                percent = 100 * (solver.force_ratio(with_it, without) - 1)
+            case UnknownEffect(reason, needs):
+                return Effect(self.name, None, None, None, reason, needs)
+            case FixedEffect(low, high, source, change):
+                return Effect(self.name, change and 100 * change, 100 * low, 100 * high, source)
+            case VariantPair(with_effect, without_effect, source):
+                percent = 100 * (solver.force_ratio(with_effect, without_effect) - 1)
                 return Effect(self.name, percent, percent, percent, source)
         return self._threshold_effect(effect_source, tolerance)
 
     def _threshold_effect(self, search: ThresholdSearch, tolerance: float) -> Effect:
+        """Effect whose thresholds are known, and ranges beyond them in which it is small again."""
         samples, stop_reason = sample_changes(search, tolerance)
         last_text = f"{search.displayed_value(samples[-1][0]):.{search.digits}g}"
         indexed_crossings = enumerate(threshold_crossings(search, samples, tolerance))
         thresholds = [
             f"{search.displayed_value(x):.{search.digits + (k > 0)}g}" for k, x in indexed_crossings
         ]
-        not_reached = f"{search.parameter}: below {100 * tolerance:g} % as far as it was followed"
-        needs = (
-            f"above {100 * tolerance:g} % from {search.parameter} = {thresholds[0]}{search.direction}"
-            if thresholds
-            else not_reached
-        )
-        source = f"{search.source}, followed to {last_text}{stop_reason}"
-        ends = [*thresholds[1:], last_text][: 2 * (len(thresholds) // 2)]
+        if thresholds:
+            needs = (
+                f"above {100 * tolerance:g} % from {search.parameter} = {thresholds[0]}"
+                f"{search.direction}"
+            )
+        else:
+            needs = f"{search.parameter}: below {100 * tolerance:g} % at all values that were tried"
+        source = f"{search.source}, tried as far as {last_text}{stop_reason}"
+        range_ends = [*thresholds[1:], last_text][: 2 * (len(thresholds) // 2)]
         small_ranges = " and ".join(
-            f"{a} to {b}" for a, b in zip(ends[::2], ends[1::2], strict=True)
+            f"from {start} to {end}"
+            for start, end in zip(range_ends[::2], range_ends[1::2], strict=True)
         )
-        return Effect(
-            self.name,
-            None,
-            None,
-            None,
-            source,
-            needs + (f", but for {small_ranges}" if small_ranges else ""),
-        )
+        if small_ranges:
+            needs += f", except {small_ranges}"
+        return Effect(self.name, None, None, None, source, needs)
 
 
+# Value of x and relative change of the force.
 Sample = tuple[float, float]
 Samples = list[Sample]
 
 
 def sample_changes(search: ThresholdSearch, tolerance: float) -> tuple[Samples, str]:
-    """Relative changes of the force over the parameter's x, from where they are small to where they
-    are as large as is followed or nothing is solved, and why there, in words; NotConverged where
-    nothing is solved at all.
+    """Sample the relative change of the force over the variable x of a parameter.
+
+    Samples begin where the change is below the tolerance, and end where it exceeds
+    MAX_FORCE_CHANGE, where x has its largest value, or where a scene cannot be solved.
+
+    Parameters
+    ----------
+    search
+        The parameter.
+    tolerance
+        Relative change of the force from which on the effect matters.
+
+    Returns
+    -------
+    samples
+        Values of x in ascending order and the relative changes of the force.
+    stop_reason
+        Text on the scene that could not be solved; empty if there is none.
+
+    Raises
+    ------
+    NotConverged
+        If no value of x has a change below the tolerance.
     """
     x = search.initial
     stop_reason = ""
@@ -210,7 +283,10 @@ def sample_changes(search: ThresholdSearch, tolerance: float) -> tuple[Samples, 
         x /= FIRST_STEP_RATIO**2
         change = search.force_ratio(x) - 1
         if x < search.initial / MAX_PARAMETER_RANGE:
-            raise NotConverged(f"{search.parameter} is felt however little there is of it")
+            raise NotConverged(
+                f"{search.parameter} changes the force by more than the tolerance at all values "
+                "that were tried"
+            )
     samples = [(x, change)]
     step = FIRST_STEP_RATIO
     while (
@@ -222,7 +298,7 @@ def sample_changes(search: ThresholdSearch, tolerance: float) -> tuple[Samples, 
         try:
             change = search.force_ratio(next_x) - 1
         except (NotConverged, ConfigError, *SOLUTION_ERRORS) as error:
-            stop_reason = f"; beyond, {error}"
+            stop_reason = f"; beyond that not solved: {error}"
             step = step**0.5
             continue
         x = next_x
@@ -231,7 +307,7 @@ def sample_changes(search: ThresholdSearch, tolerance: float) -> tuple[Samples, 
 
 
 def threshold_crossings(search: ThresholdSearch, samples: Samples, tolerance: float) -> list[float]:
-    """Where the change becomes as large as the tolerance, or small again, of either sign, in order."""
+    """Values of x, ascending, at which the absolute change passes the tolerance."""
     level_intervals = [
         (low, high, level) for low, high in pairwise(samples) for level in (tolerance, -tolerance)
     ]
@@ -248,7 +324,10 @@ def threshold_crossings(search: ThresholdSearch, samples: Samples, tolerance: fl
 def _bisect_threshold(
     change: Callable[[float], float], level: float, low: Sample, high: Sample
 ) -> float:
-    """Where a change passes a level between two samples: halving, and a straight line at last."""
+    """Value of x at which a change passes a level between two samples.
+
+    The interval is bisected to THRESHOLD_TOLERANCE, and the change is interpolated in it.
+    """
     while high[0] > low[0] * (1 + THRESHOLD_TOLERANCE):
         x = (low[0] * high[0]) ** 0.5
         middle = x, change(x)

@@ -1,4 +1,4 @@
-"""What a scene requires: its effects, and the cheapest model of it within a tolerance."""
+"""Requirements of a scene: the effects on its force, and the simplest model within a tolerance."""
 
 from __future__ import annotations
 
@@ -33,19 +33,18 @@ from indent_sim.run.model_selection.variants import Document, replace_sections
 from indent_sim.scene.regions import remove_unused_material
 from indent_sim.scene.scene import Scene, resolve
 
-BODY_VARIANTS = {"half_space": variants.half_space_variant, "layer": variants.layer_variant}
-BODY_VARIANTS |= {"no inclusions": variants.remove_inclusions}
-UNBOUNDED_NAMES = {
-    "half_space": "a half-space",
-    "layer": "an infinitely wide layer",
-}  # of them, in words
-BATH_TEXT = "fluid from a bath swells or shrinks it, and no elastic body has its force"
-SCENE_ONLY_EFFECTS = (
-    "rate",
-    "adhesion",
-    "cantilever",
-    "calibration",
-)  # effects that no model here has, but the scene's own
+# Simpler bodies, from the simplest on.
+BODY_VARIANTS = {
+    "half_space": variants.half_space_variant,
+    "layer": variants.layer_variant,
+    "no inclusions": variants.remove_inclusions,
+}
+# Names of those without a mesh in texts.
+UNBOUNDED_NAMES = {"half_space": "a half-space", "layer": "an infinitely wide layer"}
+BATH_TEXT = "a bath swells or shrinks the body, so that no elastic body has the same force"
+# Effects that only the scene itself can have, and no model that is chosen here.
+SCENE_ONLY_EFFECTS = ("rate", "adhesion", "cantilever", "calibration")
+# Parts of a history on the elastic curve that cause an effect.
 EXPERIMENT_PARTS = {
     "adhesion": ("adhesion",),
     "rate": ("relaxation",),
@@ -55,9 +54,19 @@ EXPERIMENT_PARTS = {
 
 @dataclass(frozen=True)
 class Requirements:
-    """The effects, and the cheapest model that is within a tolerance: its config, and by how many
-    per cent its force is off that with all effects it could have; None where only a range is
-    known.
+    """Requirements of a scene.
+
+    Attributes
+    ----------
+    effects
+        Effects on its force.
+    config
+        Recommended model: the simplest one within the tolerance, as a scene.
+    percent
+        Deviation of its force from that with all effects that a model can have [per cent]; None if
+        only a range is known.
+    words
+        Sentences on the recommended model.
     """
 
     effects: tuple[Effect, ...]
@@ -73,10 +82,26 @@ class Requirements:
 
 
 def require(config: Config, within: float = 0.01) -> Requirements:
-    """What a scene requires for a force within a relative tolerance; nothing is written.
+    """Find the simplest model of a scene whose force is within a tolerance; writes no files.
 
-    Raises ConfigError for a scene that cannot be run or never touches the body, BackendError
-    without a solver.
+    Parameters
+    ----------
+    config
+        The scene.
+    within
+        Relative tolerance of the force.
+
+    Returns
+    -------
+    Requirements
+        The effects on the force, and the recommended model.
+
+    Raises
+    ------
+    ConfigError
+        If the scene cannot be run, or the tip never touches the body.
+    BackendError
+        If a solver is required that is not installed.
     """
     try:
         scene = resolve(config)
@@ -89,31 +114,31 @@ def require(config: Config, within: float = 0.01) -> Requirements:
 
 
 def _variant_solver(config: Config, scene: Scene) -> VariantSolver:
+    """Solver of the variants of a scene; ConfigError if the tip never touches the body."""
     solver = VariantSolver(config, scene)
     if solver.delta <= 0:
-        problem = "never presses the tip into the body: no force depends on anything"
+        problem = "never presses the tip into the body, so that there is no force to compare"
         raise ConfigError("loading", problem, "give a depth > 0")
     return solver
 
 
 def _elastic_requirements(config: Config, solver: VariantSolver, tolerance: float) -> Requirements:
-    """What a scene requires whose body does not change with time."""
-    effects = {
-        requirement.name: requirement.effect(solver, tolerance) for requirement in EFFECT_ROWS
-    }
-    model, best = _cheapest_model(config, effects, (), tolerance)
-    sentence = _recommendation_text(model, best, effects, tolerance)
+    """Requirements of a scene whose body does not depend on time."""
+    effects = {row.name: row.effect(solver, tolerance) for row in EFFECT_ROWS}
+    model, variant = _simplest_model(config, effects, (), tolerance)
+    text = _recommendation_text(model, variant, effects, tolerance)
     return Requirements(
-        tuple(effects.values()), variants.minimal_document(best), model.percent, sentence
+        tuple(effects.values()), variants.minimal_document(variant), model.percent, text
     )
 
 
 def _transient_requirements(
     config: Config, time_dependence: TimeDependentEffects, tolerance: float
 ) -> Requirements:
-    """What a scene requires whose body changes with time: what that does to the force, and the
-    other rows of the elastic body that is nearest; the scene itself where no elastic body is
-    within the tolerance.
+    """Requirements of a scene whose body drains, swells or relaxes in shear.
+
+    Effects that do not concern time are those of the nearest elastic limits. If no elastic model is
+    within the tolerance, the scene itself is recommended.
     """
     time_effects = {effect.name: effect for effect in time_dependence.effects}
     limit_effects = _limit_body_effects(
@@ -124,33 +149,37 @@ def _transient_requirements(
     effects = tuple(time_effects.get(row.name) or limit_effects[row.name] for row in EFFECT_ROWS)
     effects += tuple(effect for name, effect in time_effects.items() if name == "drainage")
     if not time_dependence.has_bath:
-        waived = tuple(limit.waived_effect for limit in time_dependence.nearest_limits)
-        model, best = _cheapest_model(
-            time_dependence.elastic_variant, limit_effects, waived, tolerance
+        neglected = tuple(limit.neglected_effect for limit in time_dependence.nearest_limits)
+        model, variant = _simplest_model(
+            time_dependence.elastic_variant, limit_effects, neglected, tolerance
         )
         if model.is_within(tolerance):
-            sentence = f"{_recommendation_text(model, best, limit_effects, tolerance)} {_limit_sentence(time_dependence)}"
-            return Requirements(effects, variants.minimal_document(best), model.percent, sentence)
-    is_small = any(law.is_small_strain for law in variants.materials(config))
-    lacking = {"paraboloid": isinstance(config.indenter, Paraboloid), "small_strain": is_small}
+            text = (
+                f"{_recommendation_text(model, variant, limit_effects, tolerance)} "
+                f"{_limit_sentence(time_dependence)}"
+            )
+            return Requirements(effects, variants.minimal_document(variant), model.percent, text)
+    is_small_strain = any(law.is_small_strain for law in variants.materials(config))
+    neglects_effect = {
+        "paraboloid": isinstance(config.indenter, Paraboloid),
+        "small_strain": is_small_strain,
+    }
     model = _Model(
         tuple(
             limit_effects[name]
-            for name, lacks in lacking.items()
-            if lacks and limit_effects[name].is_possible
+            for name, is_neglected in neglects_effect.items()
+            if is_neglected and limit_effects[name].is_possible
         )
     )
-    deviation = f": {_deviation_text(model)}" if model.waived_effects else ""
-    sentence = f"Model the scene as it is, in time{deviation}. {_limit_sentence(time_dependence)}"
-    return Requirements(effects, variants.minimal_document(config), model.percent, sentence)
+    deviation = f": {_deviation_text(model)}" if model.neglected_effects else ""
+    text = f"Model the scene as it is, in time{deviation}. {_limit_sentence(time_dependence)}"
+    return Requirements(effects, variants.minimal_document(config), model.percent, text)
 
 
 def _limit_body_effects(
     time_dependence: TimeDependentEffects, rows: Mapping[str, EffectRow], tolerance: float
 ) -> dict[str, Effect]:
-    """Other effects of an evolving scene: those of its nearest elastic body, at the depth of its
-    largest force.
-    """
+    """Effects on the nearest elastic limit of a scene, at the depth of its largest force."""
     if time_dependence.has_bath:
         return {name: Effect(name, None, None, None, f"not solved: {BATH_TEXT}") for name in rows}
     config = time_dependence.variant_at_depth
@@ -158,91 +187,110 @@ def _limit_body_effects(
     solver = _variant_solver(config, resolve(config))
     limit_effects = {name: row.effect(solver, tolerance) for name, row in rows.items()}
     return {
-        name: replace(effect, source=f"{effect.source}; of the {names} body, elastic")
+        name: replace(effect, source=f"{effect.source}; for the {names} elastic body")
         for name, effect in limit_effects.items()
     }
 
 
 def _limit_sentence(time_dependence: TimeDependentEffects) -> str:
-    """How far the elastic limits are off the scene, in words."""
+    """Sentence on the deviations of the elastic limits from the scene."""
+    if time_dependence.has_bath:
+        return f"{BATH_TEXT[0].upper()}{BATH_TEXT[1:]}."
     deviations = [
         f"the {limit.name} body {_limit_deviation_text(limit)}"
         for effect in time_dependence.effects
         for limit in elastic_limits(effect)
     ]
-    return (
-        f"{BATH_TEXT[0].upper()}{BATH_TEXT[1:]}."
-        if time_dependence.has_bath
-        else f"Off the scene's force: {', '.join(deviations)}."
-    )
+    return f"Elastic bodies deviate from the force of the scene: {', '.join(deviations)}."
 
 
 def _limit_deviation_text(limit: ElasticLimit) -> str:
+    """Deviation of the force of an elastic limit from that of the scene, such as "by +5 %"."""
     if limit.percent is None or limit.percent <= -100:
-        return "by an unknown part"
+        return "by an unknown amount"
     return f"by {100 * (100 / (100 + limit.percent) - 1):+.2g} %"
 
 
-def _cheapest_model(
-    config: Config, effects: Mapping[str, Effect], waived: tuple[Effect, ...], tolerance: float
+def _simplest_model(
+    config: Config, effects: Mapping[str, Effect], neglected: tuple[Effect, ...], tolerance: float
 ) -> tuple[_Model, Config]:
-    """The cheapest model within the tolerance, and its scene, else the last that can be run, which
-    is the best there is; passed: what the config has left out of the scene.
+    """The simplest model within the tolerance, and its scene.
+
+    If no model is within the tolerance, it is the one with most effects that can be run.
+
+    Parameters
+    ----------
+    config
+        The scene.
+    effects
+        Effects on its force by name.
+    neglected
+        Effects that the scene itself already neglects.
+    tolerance
+        Relative tolerance of the force.
     """
-    model = _Model(waived_effects=waived)
-    best = config
-    for candidate in _candidate_models(config, effects, waived):
+    model = _Model(neglected_effects=neglected)
+    model_scene = config
+    for candidate in _candidate_models(config, effects, neglected):
         if variant := candidate.apply(config):
             model = candidate
-            best = variant
+            model_scene = variant
             if candidate.is_within(tolerance):
                 break
-    return model, best
+    return model, model_scene
 
 
 @dataclass(frozen=True)
 class _Model:
-    """A model: what it changes of the scene, and the effects that it does without."""
+    """A model of a scene.
 
-    waived_effects: tuple[Effect, ...]
-    body: str = ""  # one of BODIES; empty: the scene's own
-    change_strain: Callable[[Config], Config] | None = (
-        None  # that makes it finite or small; None: as the scene is
-    )
+    Attributes
+    ----------
+    neglected_effects
+        The effects that it neglects.
+    body
+        Key of BODY_VARIANTS; empty for the body of the scene.
+    change_strain
+        Changes the scene to finite or small strain; None if it stays as it is.
+    has_sphere
+        A sphere replaces a paraboloid.
+    is_plain_contact
+        The contact law has neither friction nor adhesion.
+    """
+
+    neglected_effects: tuple[Effect, ...]
+    body: str = ""
+    change_strain: Callable[[Config], Config] | None = None
     has_sphere: bool = False
-    is_plain_contact: bool = False  # without the friction or the adhesion of the contact law
+    is_plain_contact: bool = False
 
     @property
     def percent(self) -> float | None:
-        """Its force over that with all that it drops, in per cent; None where only a range is
-        known.
+        """Deviation of its force from that with all neglected effects [per cent].
+
+        Effects are multiplied, F_model/F = prod 1/(1 + effect). It is None if only a range of one
+        of them is known.
         """
-        if any(effect.percent is None for effect in self.waived_effects):
+        if any(effect.percent is None for effect in self.neglected_effects):
             return None
-        return float(
-            100
-            * (
-                np.prod([1 / (1 + (effect.percent or 0.0) / 100) for effect in self.waived_effects])
-                - 1
-            )
-        )
+        factors = [1 / (1 + (effect.percent or 0.0) / 100) for effect in self.neglected_effects]
+        return float(100 * (np.prod(factors) - 1))
 
     def is_within(self, tolerance: float) -> bool:
-        """Whether what it drops is less than a relative tolerance, however it adds up where only
-        ranges are known.
-        """
-        sizes = [effect.max_change for effect in self.waived_effects]
-        if self.percent is not None:  # none of them made good by another alone
-            return (
-                abs(self.percent) <= 100 * tolerance and max(sizes, default=0.0) <= 100 * tolerance
-            )
-        return sum(sizes) <= 100 * tolerance
+        """True if the neglected effects are below a relative tolerance, each and all together."""
+        changes = [effect.max_change for effect in self.neglected_effects]
+        if self.percent is None:
+            return sum(changes) <= 100 * tolerance
+        # Two large effects that cancel are not negligible.
+        return abs(self.percent) <= 100 * tolerance and max(changes, default=0.0) <= 100 * tolerance
 
     def apply(self, config: Config) -> Config | None:
-        """The scene with this model; None where it cannot be run."""
+        """The scene with this model; None if it cannot be run."""
         with suppress(ConfigError):
-            config = BODY_VARIANTS[self.body](config) if self.body else config
-            if self.body in UNBOUNDED_NAMES:  # whose theory has no mesh
+            if self.body:
+                config = BODY_VARIANTS[self.body](config)
+            # Unbounded bodies are solved by theory, without a mesh.
+            if self.body in UNBOUNDED_NAMES:
                 output = dataclasses.replace(config.output, fields="auto")
                 default_sections = {
                     "solver": SolverSettings(),
@@ -252,83 +300,84 @@ class _Model:
                 config = replace_sections(config, **default_sections, accuracy=None, output=output)
             if self.has_sphere and isinstance(config.indenter, Paraboloid):
                 config = replace_sections(config, indenter=Sphere(config.indenter.R))
-            config = (
-                replace_sections(config, contact=AutoContact()) if self.is_plain_contact else config
-            )
-            config = self.change_strain(config) if self.change_strain else config
+            if self.is_plain_contact:
+                config = replace_sections(config, contact=AutoContact())
+            if self.change_strain:
+                config = self.change_strain(config)
             resolve(config)
             return config
         return None
 
 
 def _candidate_models(
-    config: Config, effects: Mapping[str, Effect], waived: tuple[Effect, ...]
+    config: Config, effects: Mapping[str, Effect], neglected: tuple[Effect, ...]
 ) -> Iterator[_Model]:
-    """The models of a scene, from the cheapest on; the last one has every effect that a model can
-    have but those that the scene has `waived` over.
+    """The models of a scene in the order of their cost.
+
+    The last one has every effect that a model can have, except those that the scene itself
+    neglects.
     """
     is_finite = not all(layer.material.is_small_strain for layer in config.layers if layer.material)
     contact_extra = config.contact.path_key
     knows_finite = effects["small_strain"].percent is not None
-    is_parabola = isinstance(config.indenter, Paraboloid)
-    curve_sources = curve_parts(config)
-    transforms = [
+    is_paraboloid = isinstance(config.indenter, Paraboloid)
+    scene_parts = curve_parts(config)
+    # Only the elastic load curve of small strain has these effects.
+    curve_effects = [
         effects[name]
         for name, part_names in EXPERIMENT_PARTS.items()
-        if curve_sources & {*part_names} and effects[name].max_change > 0
+        if scene_parts & {*part_names} and effects[name].max_change > 0
     ]
     must_be_linear = any(
-        effect.max_change >= effects["small_strain"].max_change for effect in transforms
+        effect.max_change >= effects["small_strain"].max_change for effect in curve_effects
     )
     bodies = (*BODY_VARIANTS, "")
     choices = (False, True)
     walls = () if isinstance(config.body, UnboundedBody) else ("side_walls",)
-    lost_effects = {
+    # Unbounded bodies keep the layers.
+    body_effects = {
         "half_space": ("inclusions", "thickness", *walls),
         "layer": ("inclusions", *walls),
-    }  # layers are kept
+        "no inclusions": ("inclusions",),
+        "": (),
+    }
     for is_finite_variant, body, has_sphere, plain_contact in product(
         choices, bodies, choices, (True, False)
     ):
-        is_endless = body in UNBOUNDED_NAMES and (is_finite_variant or not plain_contact)
+        # Theory solves unbounded bodies at small strain without friction and adhesion only.
+        is_without_theory = body in UNBOUNDED_NAMES and (is_finite_variant or not plain_contact)
         is_inapplicable = (
-            (body and not _can_become(body, config))
-            or (has_sphere and not is_parabola)
+            (body and not _is_simpler_body(body, config))
+            or (has_sphere and not is_paraboloid)
             or not (plain_contact or contact_extra)
         )
         is_unknown = is_finite_variant and not (knows_finite or is_finite)
-        if (
-            is_endless or is_inapplicable or is_unknown or (is_finite_variant and must_be_linear)
-        ):  # as an experiment's curve is
+        lacks_curve = is_finite_variant and must_be_linear
+        if is_without_theory or is_inapplicable or is_unknown or lacks_curve:
             continue
-        names = lost_effects.get(body, ("inclusions",) if body else ())
-        dropped_effects = [
-            effects[name]
-            for name in (*names, *(["paraboloid"] if is_parabola and not has_sphere else []))
-        ]
-        strain_effects = (
-            transforms
-            if is_finite_variant
-            else [effects["small_strain"]]
-            if knows_finite or is_finite
-            else []
-        )
-        kept_fraction = (
-            abs(1 + (effects["adhesion"].percent or 0.0) / 100)
-            if contact_extra == "adhesion" and not plain_contact
-            else 1.0
-        )
-        gain = (
-            1 / kept_fraction if kept_fraction else inf
-        )  # what is small beside the force with adhesion may not be beside that without
-        dropped = [*strain_effects, *(effect.scaled(gain) for effect in dropped_effects)]
-        dropped += [effects[contact_extra]] if contact_extra and plain_contact else []
+        geometry_effects = [effects[name] for name in body_effects[body]]
+        if is_paraboloid and not has_sphere:
+            geometry_effects.append(effects["paraboloid"])
+        neglected_effects: list[Effect] = []
+        if is_finite_variant:
+            neglected_effects += curve_effects
+        elif knows_finite or is_finite:
+            neglected_effects.append(effects["small_strain"])
+        # Effects are relative to the force without adhesion, which may be much larger than the
+        # force with adhesion.
+        force_fraction = 1.0
+        if contact_extra == "adhesion" and not plain_contact:
+            force_fraction = abs(1 + (effects["adhesion"].percent or 0.0) / 100)
+        gain = 1 / force_fraction if force_fraction else inf
+        neglected_effects += [effect.scaled(gain) for effect in geometry_effects]
+        if contact_extra and plain_contact:
+            neglected_effects.append(effects[contact_extra])
         change_strain = (
             variants.finite_strain_variant if is_finite_variant else variants.small_strain_variant
         )
-        possible_effects = tuple(effect for effect in dropped if effect.is_possible)
+        possible_effects = tuple(effect for effect in neglected_effects if effect.is_possible)
         yield _Model(
-            (*waived, *possible_effects),
+            (*neglected, *possible_effects),
             body,
             None if is_finite_variant == is_finite else change_strain,
             has_sphere,
@@ -337,12 +386,13 @@ def _candidate_models(
 
 
 def curve_parts(config: Config) -> set[str]:
-    """What of a scene is made of its curve: parts of its experiment, and its relaxation."""
+    """Parts of a scene that act on its elastic load curve: those of the experiment, relaxation."""
     names = {name for name, value in vars(config.experiment or Experiment()).items() if value}
     return names | {"relaxation" for _, material in config.materials() if material.relaxation}
 
 
-def _can_become(body: str, config: Config) -> bool:
+def _is_simpler_body(body: str, config: Config) -> bool:
+    """True if a body of BODY_VARIANTS is simpler than that of the scene, and can replace it."""
     if body == "no inclusions" or (
         isinstance(config.body, UnboundedBody) and body == config.body.shape
     ):
@@ -354,30 +404,36 @@ def _can_become(body: str, config: Config) -> bool:
 def _recommendation_text(
     model: _Model, config: Config, effects: Mapping[str, Effect], tolerance: float
 ) -> str:
-    """What to model, in a sentence, and what no model here can tell."""
+    """Sentences on the recommended model, its deviation, and effects that no model has.
+
+    Parameters
+    ----------
+    model
+        The model.
+    config
+        Its scene.
+    effects
+        Effects on the force of the original scene by name.
+    tolerance
+        Relative tolerance of the force.
+    """
     body = UNBOUNDED_NAMES.get(config.body.shape, "the body as it is")
-    body += " without its inclusions" if model.body == "no inclusions" else ""
-    strain = (
-        "small strain"
-        if all(law.is_small_strain for law in variants.materials(config))
-        else "finite strain"
-    )
+    if model.body == "no inclusions":
+        body += " without its inclusions"
+    is_small_strain = all(law.is_small_strain for law in variants.materials(config))
+    strain = "small strain" if is_small_strain else "finite strain"
     tip = config.indenter.shape.replace("_", " ")
     contact_extra = config.contact.path_key
-    sentence = f"Model {body} under a {tip} at {strain}, " + (
-        f"with its {contact_extra}" if contact_extra else "without friction"
-    )
+    contact = f"with its {contact_extra}" if contact_extra else "without friction"
+    text = f"Model {body} under a {tip} at {strain}, {contact}: "
     if not model.is_within(tolerance):
-        sentence += f": {_deviation_text(model)}; no model here has all of the effects at once."
+        text += f"{_deviation_text(model)}; no available model has all of the effects at once."
+    elif model.neglected_effects:
+        text += f"{_deviation_text(model)}."
     else:
-        sentence += (
-            f": {_deviation_text(model)}."
-            if model.waived_effects
-            else ": nothing simpler is within the tolerance."
-        )
-    slip_effect = (
-        "friction" if effects["friction"].is_possible else "stick"
-    )  # what may come of any only where there is none
+        text += "nothing simpler is within the tolerance."
+    # The row "stick" tells the effect of any friction only if the scene has none.
+    slip_effect = "friction" if effects["friction"].is_possible else "stick"
     names = [
         name
         for name in (slip_effect, *SCENE_ONLY_EFFECTS)
@@ -388,25 +444,25 @@ def _recommendation_text(
         for name in names
         if effects[name].max_change > 100 * tolerance and (effects[name].low or effects[name].high)
     ]
-    curve_sources = curve_parts(config)
-    computed = [name for name in significant if curve_sources & set(EXPERIMENT_PARTS.get(name, ()))]
+    scene_parts = curve_parts(config)
+    computed = [name for name in significant if scene_parts & set(EXPERIMENT_PARTS.get(name, ()))]
     if computed:
-        sentence += f" Its experiment adds {_joined_names(computed)}."
+        text += f" Its experiment adds the effects of {_joined_names(computed)}."
     if unknown := [name for name in significant if name not in computed]:
-        sentence += (
-            f" Beside it, more than {100 * tolerance:g} % may come of {_joined_names(unknown)}."
+        text += (
+            f" Effects that it does not have may exceed {100 * tolerance:g} %: "
+            f"{_joined_names(unknown)}."
         )
-    return sentence
+    return text
 
 
 def _deviation_text(model: _Model) -> str:
-    """How far a model is off, in words."""
-    return (
-        "that is off by less than the tolerance"
-        if model.percent is None
-        else f"that is off by {model.percent:+.2g} %"
-    )
+    """Deviation of the force of a model as text."""
+    if model.percent is None:
+        return "its force is off by less than the tolerance"
+    return f"its force is off by {model.percent:+.2g} %"
 
 
 def _joined_names(names: list[str]) -> str:
+    """Names of effects in a sentence."""
     return ", ".join(names).replace("_", " ")

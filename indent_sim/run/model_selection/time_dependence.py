@@ -1,9 +1,9 @@
-"""What time makes of the force of a body that drains, or whose shear relaxes, between the elastic
-bodies of its limits.
+"""Effects of drainage and of relaxation in shear on the force, and their elastic limits.
 
-At the row of the largest force, on one mesh and without friction: the scene along its history,
-beside elastic bodies at the depth of that row. Drained and undrained are the limits of `drainage`,
-unrelaxed and relaxed those of `rate`; an effect is what is over the first of them.
+The scene is solved along its history, and its elastic limits at the depth of the row with the
+largest force, all on one mesh and without friction. The limits of the effect `drainage` are the
+drained and the undrained body, those of `rate` the unrelaxed and the relaxed body. An effect is
+100 (F/F_first - 1), with the force F of the scene and F_first of the first limit.
 """
 
 from __future__ import annotations
@@ -35,17 +35,32 @@ from indent_sim.scene.prescribed_history import remaining_modulus_fraction
 from indent_sim.scene.problem_definition import largest_diffusivity
 from indent_sim.scene.scene import Scene, resolve
 
-MAX_SECONDS = 600.0  # s: of a scene that is solved to say what it requires
-FORCE_TOLERANCE = 1e-6  # relative: of rows of a prescribed force, of which the first counts
-EQUILIBRATION_FACTOR = 1e3  # H^2/D, after which fluid no longer flows
-NEGLIGIBLE_BATH_PRESSURE = 1e-9  # of E, the pressure of a bath that is none
+# Longest run of a scene for its requirements [s].
+MAX_SECONDS = 600.0
+# Forces that agree to this relative tolerance count as equal. The first row of the largest force
+# is used, because a prescribed force is often held.
+FORCE_TOLERANCE = 1e-6
+# Fluid does not flow any more after this multiple of the diffusion time H^2/D.
+EQUILIBRATION_FACTOR = 1e3
+# Smaller pressures of a bath, relative to E, are zero.
+NEGLIGIBLE_BATH_PRESSURE = 1e-9
+# First and second elastic limit of each effect.
 LIMITS = {"drainage": ("drained", "undrained"), "rate": ("unrelaxed", "relaxed")}
 
 
 @dataclass(frozen=True)
 class ElasticLimit:
-    """An elastic body in place of one that evolves: which effect it leaves out, which limit it is,
-    and by how many per cent the scene's force is off its own; None where that is not known.
+    """An elastic limit of a time-dependent body.
+
+    Attributes
+    ----------
+    effect
+        Name of the effect that it neglects.
+    name
+        Name of the limit.
+    percent
+        100 (F/F_limit - 1) with the force F of the scene and F_limit of the limit [per cent]; None
+        if it is unknown.
     """
 
     effect: str
@@ -53,15 +68,23 @@ class ElasticLimit:
     percent: float | None
 
     @property
-    def waived_effect(self) -> Effect:
-        """What a model of that body leaves out."""
+    def neglected_effect(self) -> Effect:
+        """The effect that a model of this elastic body neglects."""
         return Effect(
             self.effect, self.percent, self.percent, self.percent, f"the {self.name} body"
         )
 
 
 class TimeDependentEffects:
-    """What time makes of the force of a scene; every force is solved once."""
+    """Effects of time on the force of a scene; every force is computed once.
+
+    Attributes
+    ----------
+    config, physics
+        The scene and its nondimensional problem.
+    has_bath
+        A bath swells or shrinks the body, which then has no elastic limits.
+    """
 
     def __init__(self, config: Config, scene: Scene):
         self.config = config
@@ -77,11 +100,12 @@ class TimeDependentEffects:
 
     @property
     def _baths(self) -> tuple[float, ...]:
+        """Values of the bath, between which it always lies."""
         return self.physics.drainage.bath_values
 
     @cached_property
     def effects(self) -> tuple[Effect, ...]:
-        """Its rows of the table."""
+        """The effects "drainage" and "rate", if the body drains or relaxes in shear."""
         rows = []
         if self.physics.permeable_regions:
             rows.append(solve_effect("drainage", self._drainage_effect))
@@ -91,9 +115,9 @@ class TimeDependentEffects:
 
     @property
     def nearest_limits(self) -> tuple[ElasticLimit, ...]:
-        """Of each effect the limit whose force is nearest."""
+        """The limit of each effect whose force is nearest to that of the scene."""
         return tuple(
-            min(elastic_limits(effect), key=lambda limit: limit.waived_effect.max_change)
+            min(elastic_limits(effect), key=lambda limit: limit.neglected_effect.max_change)
             for effect in self.effects
         )
 
@@ -110,7 +134,7 @@ class TimeDependentEffects:
 
     @property
     def variant_at_depth(self) -> Config:
-        """The same, at the depth of its largest force alone."""
+        """The elastic variant in a single step to the depth of the largest force."""
         try:
             loading = Loading(delta=self._largest_force_row.delta, steps=1)
         except NotConverged:
@@ -118,10 +142,12 @@ class TimeDependentEffects:
         return replace_sections(self.elastic_variant, loading=loading)
 
     def _drainage_effect(self) -> Effect:
+        """The force of the scene relative to its drained body."""
         if self.has_bath:
             return self._swelling_effect()
         source = (
-            f"the scene over its drained body, the range up to its undrained one{self._row_text}"
+            "the scene relative to its drained body, the range up to its undrained body"
+            f"{self._row_text}"
         )
         change = self._largest_force_row.force / self._limit_force("drained") - 1
         return _make_effect(
@@ -132,15 +158,15 @@ class TimeDependentEffects:
         )
 
     def _swelling_effect(self) -> Effect:
-        """Beside what its force becomes in the bath of that row, at that depth."""
+        """The force relative to swelling equilibrium in the bath of the row, at the same depth."""
         source = (
-            "the scene over the same at rest in its bath, the range from before any fluid "
-            f"came{self._row_text}"
+            "the scene relative to its swelling equilibrium, the range from the body before any "
+            f"flow{self._row_text}"
         )
         equilibrated = self._equilibrated_force
         instantaneous = self._limit_force("undrained") if self._largest_force_row.delta > 0 else 0.0
         if not equilibrated > 0:
-            raise NotConverged("at rest in its bath it does not push")
+            raise NotConverged("the force in swelling equilibrium is not positive")
         return _make_effect(
             "drainage",
             self._largest_force_row.force / equilibrated - 1,
@@ -149,9 +175,10 @@ class TimeDependentEffects:
         )
 
     def _rate_effect(self) -> Effect:
+        """The force of the scene, or of its drained body, relative to its unrelaxed body."""
         source = (
-            "the scene over that of an elastic body, the range down to its relaxed "
-            f"one{self._row_text}"
+            "the scene relative to its unrelaxed body, the range down to its relaxed body"
+            f"{self._row_text}"
         )
         drained_limit = ("drained",) if self.physics.permeable_regions else ()
         force = (
@@ -167,16 +194,20 @@ class TimeDependentEffects:
 
     @property
     def _row_text(self) -> str:
+        """Text on the row of the largest force, to be appended to the source of an effect."""
+        row = self._largest_force_row
         friction_text = ", without friction" if self._solver.friction_or_adhesion else ""
         return (
-            f", at t = {self._largest_force_row.t:.4g}, delta = {self._largest_force_row.delta:.4g}, on one "
-            f"mesh{friction_text}{self._solver.stand_in_text}"
+            f", at t = {row.t:.4g}, delta = {row.delta:.4g}, on one mesh{friction_text}"
+            f"{self._solver.stand_in_text}"
         )
 
     @cached_property
     def _transient_scene(self) -> Config:
-        """The scene on the body that stands for its own, all but that as usual, as far as its force
-        may grow.
+        """The scene on the stand-in for its body, up to the last rise of its load path.
+
+        Contact, solver and output have default settings. The element size at the contact is that
+        of the scene, and its mesh otherwise has default settings.
         """
         config = self.config
         default_sections = {
@@ -199,33 +230,33 @@ class TimeDependentEffects:
         )
         transient = self._solver.replace_body(transient)
         scene = resolve(transient)
-        h = scene.sizes.h_contact * scene.physics.scales.length
-        return (
-            transient
-            if self._solver.has_imported_mesh
-            else replace_sections(transient, mesh=MeshSettings(h_contact=h))
-        )
+        if self._solver.has_imported_mesh:
+            return transient
+        h_contact = scene.sizes.h_contact * scene.physics.scales.length
+        return replace_sections(transient, mesh=MeshSettings(h_contact=h_contact))
 
     @cached_property
     def _largest_force_row(self) -> State:
-        """The row of the largest force, the first of those."""
+        """The first row of the largest force; NotConverged if the force is not positive."""
         rows = _solve_rows(self._transient_scene)
-        largest = max(row.force for row in rows)
-        top = next(row for row in rows if row.force >= largest - FORCE_TOLERANCE * abs(largest))
-        if not top.force > 0:
-            raise NotConverged("the tip does not push")
-        return top
+        max_force = max(row.force for row in rows)
+        min_force = max_force - FORCE_TOLERANCE * abs(max_force)
+        largest_row = next(row for row in rows if row.force >= min_force)
+        if not largest_row.force > 0:
+            raise NotConverged("the largest force is not positive")
+        return largest_row
 
     def _limit_force(self, *limits: str) -> float:
-        """Force at that row with other laws: of an elastic body at its depth, of one that still
-        relaxes on its way.
+        """Force of the body with the laws of limits, at the row of the largest force.
+
+        A body that still depends on time follows the history up to this row.
         """
         if limits not in self._cache:
             config = self._replace_laws(self._transient_scene, limits)
-            evolves = any(law.is_time_dependent for _, law in config.materials())
+            is_time_dependent = any(law.is_time_dependent for _, law in config.materials())
             loading = (
                 self._loading_to_row()
-                if evolves
+                if is_time_dependent
                 else Loading(delta=self._largest_force_row.delta, steps=1)
             )
             self._cache[limits] = _solve_rows(replace_sections(config, loading=loading))[-1].force
@@ -233,90 +264,92 @@ class TimeDependentEffects:
 
     @cached_property
     def _equilibrated_force(self) -> float:
-        """Force at the depth of that row when no fluid flows any more in the bath of its time."""
+        """Force in swelling equilibrium, at the depth and in the bath of the largest force."""
         t = self._largest_force_row.t
         delta = self._largest_force_row.delta
         drainage = self._transient_scene.drainage or Drainage()
-        end = EQUILIBRATION_FACTOR * self.physics.body.height**2 / largest_diffusivity(self.physics)
-        hold = Loading(history=((0.0, delta), (end, delta)), times=(end,), per_doubling=2)
-        bath = replace(drainage, bath=drainage.bath_at(t or 0.0))
-        return _solve_rows(replace_sections(self._transient_scene, loading=hold, drainage=bath))[
-            -1
-        ].force
+        duration = (
+            EQUILIBRATION_FACTOR * self.physics.body.height**2 / largest_diffusivity(self.physics)
+        )
+        hold = Loading(history=((0.0, delta), (duration, delta)), times=(duration,), per_doubling=2)
+        constant_bath = replace(drainage, bath=drainage.bath_at(t or 0.0))
+        scene = replace_sections(self._transient_scene, loading=hold, drainage=constant_bath)
+        return _solve_rows(scene)[-1].force
 
     def _replace_laws(self, config: Config, limits: tuple[str, ...]) -> Config:
-        """A scene of this body with the laws of limits."""
+        """A scene with the material laws of limits."""
         history = self.config.loading.prescribed_history
 
-        def soft(law: Material) -> Material:
+        def relax(law: Material) -> Material:
+            """The law with the modulus that remains at the end of the history."""
             return relaxed_law(law.canonical(), remaining_modulus_fraction(law.relaxation, history))
 
-        changes = {
+        limit_laws = {
             "drained": drained_law,
             "undrained": undrained_law,
             "unrelaxed": instantaneous_law,
-            "relaxed": soft,
+            "relaxed": relax,
         }
 
-        def changed(law: Material) -> Material:
+        def replace_law(law: Material) -> Material:
+            """The law in all limits."""
             for limit in limits:
-                law = rounded_law(changes[limit](law))
+                law = rounded_law(limit_laws[limit](law))
             return law
 
-        laws = [changed(law) for _, law in config.materials()]
+        laws = [replace_law(law) for _, law in config.materials()]
         drainage = config.drainage if any(law.flow for law in laws) else None
         per_doubling = (
             config.loading.per_doubling if any(law.is_time_dependent for law in laws) else None
         )
         return change_materials(
             config,
-            changed,
+            replace_law,
             drainage=drainage,
             loading=replace(config.loading, per_doubling=per_doubling),
         )
 
     def _loading_to_row(self) -> Loading:
-        """The way to that row of a body whose depth is prescribed."""
+        """Depth history up to the row of the largest force; NotConverged for prescribed forces."""
         loading = self._transient_scene.loading
-        top = self._largest_force_row
-        if loading.history is None or top.t is None:
+        row = self._largest_force_row
+        if loading.history is None or row.t is None:
             raise NotConverged(
-                "under prescribed forces a body that both drains and relaxes is not taken apart"
+                "drainage and relaxation of one body cannot be separated under prescribed forces"
             )
-        earlier_points = tuple(point for point in loading.history if point[0] <= top.t)
-        is_at_once = top.t == loading.history[0][0]
-        last_point = () if earlier_points[-1][0] == top.t else ((top.t, top.delta),)
+        earlier_points = tuple(point for point in loading.history if point[0] <= row.t)
+        is_initial_jump = row.t == loading.history[0][0]
+        last_point = () if earlier_points[-1][0] == row.t else ((row.t, row.delta),)
         return replace(
             loading,
-            history=loading.history if is_at_once else (*earlier_points, *last_point),
-            times=(top.t,),
+            history=loading.history if is_initial_jump else (*earlier_points, *last_point),
+            times=(row.t,),
         )
 
 
 def _make_effect(name: str, change: float, limit_change: float, source: str) -> Effect:
-    """An effect by relative changes of the force: the scene's, and that of the other limit."""
+    """An effect from the relative force changes of the scene and of the second limit."""
     low, high = sorted((0.0, 100 * limit_change))
     return Effect(name, 100 * change, low, high, source)
 
 
 def elastic_limits(effect: Effect) -> tuple[ElasticLimit, ElasticLimit]:
-    """The scene beside both limits of an effect."""
+    """First and second limit of an effect "drainage" or "rate", compared with the scene."""
     first, second = LIMITS[effect.name]
     if effect.percent is None or effect.low is None or effect.high is None:
         return ElasticLimit(effect.name, first, None), ElasticLimit(effect.name, second, None)
     range_end = effect.low if effect.low < 0 else effect.high
-    second_percent = (
-        100 * ((100 + effect.percent) / (100 + range_end) - 1) if range_end > -100 else None
-    )
-    return ElasticLimit(effect.name, first, effect.percent), ElasticLimit(
-        effect.name, second, second_percent
+    second_percent = None
+    if range_end > -100:
+        second_percent = 100 * ((100 + effect.percent) / (100 + range_end) - 1)
+    return (
+        ElasticLimit(effect.name, first, effect.percent),
+        ElasticLimit(effect.name, second, second_percent),
     )
 
 
 def _cut_after_last_rise(loading: Loading) -> Loading:
-    """A loading in time up to where its value rises for the last time: what follows pushes no
-    harder.
-    """
+    """A loading in time up to the last rise of its value, after which the force is not larger."""
     (quantity,) = loading.given_path_keys
     points = getattr(loading, quantity)
     rises = [
@@ -325,17 +358,21 @@ def _cut_after_last_rise(loading: Loading) -> Loading:
         if following[1] > previous[1]
     ]
     end = max(rises, default=0) + 1
-    while points[end - 1][0] == points[0][0]:  # a jump from rest, and what holds it
+    # A jump at the beginning is followed by a hold, without which there is no time.
+    while points[end - 1][0] == points[0][0]:
         end += 1
     return replace(loading, times="auto", **{quantity: points[:end]})  # type: ignore[arg-type]
 
 
 def _solve_rows(config: Config) -> list[State]:
-    """The rows of a scene; NotConverged where it is too long, or ends before its end."""
+    """The rows of a scene; NotConverged if it takes too long, or one of them does not converge."""
     scene = resolve(config)
     seconds = scene.plan.prediction.get("seconds", 0.0)
     if seconds > MAX_SECONDS:
-        raise NotConverged(f"a run of about {seconds:.2g} s: `run` it, and its limits")
+        raise NotConverged(
+            f"the run would take about {seconds:.2g} s; run the scene and its elastic limits "
+            "instead"
+        )
     rows = list(states(scene, with_surface=False))
     if not rows[-1].converged:
         raise NotConverged(rows[-1].reason)

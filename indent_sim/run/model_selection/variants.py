@@ -1,4 +1,4 @@
-"""Variations of a scene: its config with a simpler or a richer model in place of its own."""
+"""Variants of a scene: its config with simpler or richer models of material, body or tip."""
 
 from __future__ import annotations
 
@@ -21,29 +21,35 @@ from indent_sim.model.spherical_bodies import Ball, Cap
 from indent_sim.model.unbounded_bodies import HalfSpace, InfiniteLayer
 from indent_sim.scene import elastic_limit_laws
 
-Document = dict[str, Any]  # a scene as nested mappings, shaped like its file
+# A scene as nested mappings, as in its file.
+Document = dict[str, Any]
 LawChange = Callable[[Material], Material]
 
-DEFAULT_SECTIONS = (
-    "units",
-    "contact",
-    "mesh",
-    "solver",
-    "output",
-)  # sections left out of a scene where all is as usual
+# Sections that a minimal document omits if they have only default values.
+DEFAULT_SECTIONS = ("units", "contact", "mesh", "solver", "output")
+# Any scene in which these sections have their default values.
 MINIMAL_SCENE: Document = {
     "body": {"shape": "half_space"},
     "indenter": {"shape": "sphere", "R": 1.0},
-}
-MINIMAL_SCENE |= {
     "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.0},
     "loading": {"delta": 0.1},
 }
 
 
 def replace_sections(config: Config, **changes: Any) -> Config:
-    """The config with some sections replaced, checked as that of a file; ConfigError for one that
-    cannot exist.
+    """The config with some sections replaced.
+
+    Parameters
+    ----------
+    config
+        The scene.
+    **changes
+        New sections by name.
+
+    Raises
+    ------
+    ConfigError
+        If the scene cannot exist; it is checked as that of a file.
     """
     variant = Config(**{name: getattr(config, name) for name in Config.model_fields} | changes)
     variant._source = Source(config.source.name)
@@ -51,44 +57,46 @@ def replace_sections(config: Config, **changes: Any) -> Config:
 
 
 def materials(config: Config) -> list[Material]:
-    """All materials of a scene, those of the layers first."""
-    laws = (
-        [layer.material for layer in config.layers]
-        if not isinstance(config.body, MeshFromFile)
-        else []
-    )
+    """All materials of a scene, beginning with those of the layers."""
+    laws: list[Material | None] = []
+    if not isinstance(config.body, MeshFromFile):
+        laws += [layer.material for layer in config.layers]
     laws += [inclusion.material for inclusion in config.body.inclusions or ()]
-    laws += (
-        [config.material, *regions.values()]
-        if (regions := getattr(config.body, "regions", None))
-        else []
-    )
+    if regions := getattr(config.body, "regions", None):
+        laws += [config.material, *regions.values()]
     return [material.canonical() for material in laws or [config.material] if material]
 
 
 def change_materials(config: Config, change: LawChange, **sections: Any) -> Config:
-    """The config with each of its materials changed: that of the section, of layers, inclusions and
-    regions; and with other sections replaced.
+    """The config with all of its materials changed.
+
+    Parameters
+    ----------
+    config
+        The scene.
+    change
+        Applied to the materials of the section `material`, the layers, inclusions and regions.
+    **sections
+        Other sections to replace, by name.
     """
 
-    def changed(part: Layer | Inclusion) -> Layer | Inclusion:
-        return replace(part, material=change(part.material)) if part.material else part
+    def change_item(item: Layer | Inclusion) -> Layer | Inclusion:
+        """Change the material of a layer or an inclusion, if it has one of its own."""
+        return replace(item, material=change(item.material)) if item.material else item
 
     item_lists = {name: getattr(config.body, name) for name in ("layers", "inclusions")}
-    parts: Document = {
-        name: tuple(map(changed, items)) for name, items in item_lists.items() if items
+    body_changes: Document = {
+        name: tuple(map(change_item, items)) for name, items in item_lists.items() if items
     }
     if regions := getattr(config.body, "regions", None):
-        parts["regions"] = {name: change(material) for name, material in regions.items()}
-    body = replace(config.body, **parts)
+        body_changes["regions"] = {name: change(material) for name, material in regions.items()}
+    body = replace(config.body, **body_changes)
     material = config.material and change(config.material)
     return replace_sections(config, body=body, material=material, **sections)
 
 
 def set_gel_stretch(config: Config) -> Config:
-    """The config with the stretch of its gels as a number: that in the first bath, where it is
-    auto.
-    """
+    """The config with the stretch of its gels as a number, by default that in the first bath."""
     bath = config.initial_bath
     return change_materials(
         config, lambda law: law.with_free_swelling(bath) if isinstance(law, Gel) else law
@@ -96,58 +104,54 @@ def set_gel_stretch(config: Config) -> Config:
 
 
 def instantaneous_law(material: Material) -> Material:
-    """The material of the instantaneous constants, which does not relax."""
+    """The material without relaxation, with its instantaneous constants."""
     return replace(material, relaxation=None)
 
 
 def drained_law(material: Material) -> Material:
-    """The material in whose pores nothing flows any more."""
+    """The drained elastic material of a poroelastic one."""
     return replace(material, flow=None)
 
 
 def undrained_law(material: Material) -> Material:
-    """The elastic material from whose pores nothing flows yet; any other as it is."""
+    """The undrained elastic material of a poroelastic one; other materials stay as they are."""
     return elastic_limit_laws.undrained_law(material.canonical()) if material.flow else material
 
 
 def rounded_law(material: Material) -> Material:
-    """A material whose numbers came of others, which have no more than twelve digits."""
+    """The material with its numbers rounded to twelve digits."""
     numbers = {field.name: getattr(material, field.name) for field in fields(material)}
     rounded = {name: float(f"{x:.12g}") for name, x in numbers.items() if isinstance(x, float)}
     return replace(material, **rounded)  # type: ignore[arg-type]
 
 
 def linear_law(material: Material) -> Material:
-    """The linear elastic material of equal constants; an anisotropic one is that already."""
+    """The linear elastic material with the same E and nu; an anisotropic one stays as it is."""
     law = material.canonical()
-    return (
-        law
-        if law.is_small_strain and not law.is_isotropic
-        else LinearElastic(**_rounded_constants(law))
-    )
+    if law.is_small_strain and not law.is_isotropic:
+        return law
+    return LinearElastic(**_rounded_constants(law))
 
 
 def hyperelastic_law(material: Material) -> Material:
-    """The finite-strain law of a material: its own, or neo-Hookean with the same constants."""
+    """The finite-strain law of a material: its own, or neo-Hookean with the same E and nu."""
     law = material.canonical()
     return NeoHookean(**_rounded_constants(law)) if law.is_small_strain else material
 
 
 def isotropic_law(material: Material) -> Material:
-    """The linear elastic material with the E and nu of a transversely isotropic one, those across
-    its axis.
-    """
+    """The isotropic material with the E and nu in the plane of isotropy of an anisotropic one."""
     law = material.canonical()
     return LinearElastic(E=law.E, nu=law.nu) if isinstance(law, TransverselyIsotropic) else material
 
 
-def incompressible_law(material: Material, less: float = 0.0) -> Material:
-    """A linear elastic material with nu = 0.5, or less, in place of its own."""
-    return LinearElastic(E=material.canonical().constants.E, nu=0.5 - less)
+def incompressible_law(material: Material, nu_deficit: float = 0.0) -> Material:
+    """The linear elastic material with the same E and nu = 0.5 - nu_deficit."""
+    return LinearElastic(E=material.canonical().constants.E, nu=0.5 - nu_deficit)
 
 
 def _rounded_constants(law: Material) -> dict[str, Any]:
-    """E and nu to twelve digits, as what came of other constants has no more."""
+    """E and nu to twelve digits, without the rounding errors of their conversion."""
     return {
         name: float(f"{value:.12g}") for name, value in zip(("E", "nu"), law.constants, strict=True)
     }
@@ -162,40 +166,39 @@ def remove_inclusions(config: Config) -> Config:
 
 
 def remove_inclusion_contrast(config: Config) -> Config:
-    """The scene with its inclusions of the matter that is around them: on the mesh of the scene
-    that has them.
-    """
+    """The scene with inclusions of the surrounding material, so that its mesh stays the same."""
     body: Any = config.body
-    depths = list(accumulate(layer.thickness or inf for layer in config.layers))
+    interface_depths = list(accumulate(layer.thickness or inf for layer in config.layers))
 
-    def around(inclusion: Inclusion) -> Inclusion:
-        below = (
+    def replace_material(inclusion: Inclusion) -> Inclusion:
+        """The inclusion with the material of the layer that contains its center."""
+        depth = (
             body.spherical_body.wall_clearance(inclusion)
             if isinstance(body, Cap | Ball)
             else -inclusion.center[2]
         )
-        layer = next((k for k, depth in enumerate(depths) if below < depth), -1)
+        layer = next((k for k, bottom in enumerate(interface_depths) if depth < bottom), -1)
         return replace(inclusion, material=config.layers[layer].material)  # type: ignore[arg-type]
 
     return replace_sections(
-        config, body=replace(body, inclusions=tuple(map(around, body.inclusions)))
+        config, body=replace(body, inclusions=tuple(map(replace_material, body.inclusions)))
     )
 
 
 def half_space_variant(config: Config) -> Config:
-    """The scene on the half-space of its body's matter: the last of its layers goes on without end."""
+    """The scene on a half-space of the same materials, whose last layer is infinitely thick."""
     layers = config.body.layers
     tension = config.body.surface_tension
-    deep = layers and (*layers[:-1], replace(layers[-1], thickness=None))
+    half_space_layers = layers and (*layers[:-1], replace(layers[-1], thickness=None))
     return replace_sections(
         remove_inclusions(config),
-        body=HalfSpace(layers=deep, surface_tension=tension),
+        body=HalfSpace(layers=half_space_layers, surface_tension=tension),
         center=None,
     )
 
 
 def layer_variant(config: Config) -> Config:
-    """The scene on the infinitely wide layer that its body is without its sides."""
+    """The scene on an infinitely wide layer, which is its body without sides."""
     body: Any = config.body
     layer = InfiniteLayer(
         body.height, base=body.base, layers=body.layers, surface_tension=body.surface_tension
@@ -204,8 +207,9 @@ def layer_variant(config: Config) -> Config:
 
 
 def finite_strain_variant(config: Config) -> Config:
-    """A scene whose materials and gap are of finite strain: solved whole, and no curve determines
-    its experiment.
+    """The scene with materials and gap of finite strain.
+
+    It has default solver settings, and no experiment, which needs an elastic load curve.
     """
     return _reset_gap(
         change_materials(config, hyperelastic_law, solver=SolverSettings(), experiment=None)
@@ -213,19 +217,20 @@ def finite_strain_variant(config: Config) -> Config:
 
 
 def small_strain_variant(config: Config) -> Config:
-    """A scene whose materials and gap are of small strain."""
+    """The scene with materials and gap of small strain."""
     return _reset_gap(change_materials(config, linear_law))
 
 
 def _reset_gap(config: Config) -> Config:
+    """The scene with the default gap of its materials."""
     has_gap = any(field.name == "gap" for field in fields(config.contact))
-    return (
-        replace_sections(config, contact=replace(config.contact, gap="auto")) if has_gap else config
-    )
+    if not has_gap:
+        return config
+    return replace_sections(config, contact=replace(config.contact, gap="auto"))
 
 
 def minimal_document(config: Config) -> Document:
-    """A scene as its file has it, without the sections in which all is as usual."""
+    """The scene as in its file, without sections that have only default values."""
     defaults = to_mapping(config_from_mapping(MINIMAL_SCENE))
     document = {
         name: section for name, section in to_mapping(config).items() if section not in ({}, "")
