@@ -12,18 +12,45 @@ import logging
 import os
 import signal
 import sys
-import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NoReturn
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
 from indent_sim.cli import terminal
+from indent_sim.cli.options import (
+    FRACTION,
+    PATH,
+    NumberInRange,
+    columns_option,
+    complete_fields,
+    json_option,
+    parse_layout,
+    parse_limits,
+    parse_pairs,
+    parse_shard,
+    parse_tolerances,
+    parse_words,
+    parse_zoom,
+    quiet_option,
+    set_option,
+    units_option,
+)
+from indent_sim.cli.output import (
+    FORMAT_KEY,
+    OutputFormat,
+    exit_with_usage_error,
+    print_done,
+    print_json,
+    print_stderr,
+    print_stdout,
+    report_failure,
+)
 from indent_sim.process import errors
-from indent_sim.process.errors import ConfigError, IndentSimError, UsageError, printable
+from indent_sim.process.errors import ConfigError, IndentSimError, UsageError
 from indent_sim.process.limits import require_resources, translate_resource_errors, write_error
 from indent_sim.process.ranks import FailureConsensus, SerialComm
 from indent_sim.process.signals import raise_on_signals, raise_pending_signal
@@ -35,8 +62,6 @@ if TYPE_CHECKING:
     from indent_sim.results.reader import Results
     from indent_sim.run.pipeline import Outcome
 
-# Format of the result on stdout.
-OutputFormat = Literal["text", "json"]
 # Messages on stderr, and the log level of the program's own logger for each.
 Verbosity = Literal["all", "warnings"]
 LOG_LEVELS = {"all": logging.INFO, "warnings": logging.WARNING}
@@ -52,11 +77,10 @@ LISTED_SECTIONS = {
 TEMPLATES = ("cell", "gel", "film", "nanoindentation", "rubber", "study")
 # Schema in the folder of a scene of `init`; the first line of the scene refers to it.
 SCHEMA_FILE = "scene.schema.json"
+# Points of a curve of `fit --design` unless --points is given.
+DESIGN_POINTS = 300
 # The garbage collector is enabled from this row of a run on; before, there is hardly any garbage.
 ROWS_WITHOUT_GC = 50
-# Key of the output format in click's context. It is json if --json was given, also to a command
-# that has no such option.
-FORMAT_KEY = "indent_sim.output_format"
 
 
 class Program(click.Group):
@@ -111,266 +135,6 @@ def _open_closed_streams() -> None:
             setattr(sys, name, os.fdopen(number, "w" if number else "r", closefd=False))
 
 
-def exit_with_usage_error(error: click.ClickException, output_format: OutputFormat) -> NoReturn:
-    """Exit like click after an invalid option, with a JSON object if one was requested."""
-    if output_format == "json":
-        print_failure(error, error.exit_code, UsageError.__name__)
-    error.show()
-    raise click.exceptions.Exit(error.exit_code) from error
-
-
-def report_failure(error: BaseException) -> int:
-    """Print the failure to stderr and, with --json, to stdout; return the exit code."""
-    code = getattr(error, "exit_code", 130 if isinstance(error, KeyboardInterrupt) else 1)
-    if isinstance(error, KeyboardInterrupt):
-        print_stderr(str(error) or "interrupted")
-    elif isinstance(error, IndentSimError):
-        print_stderr(str(error) if isinstance(error, ConfigError) else f"error: {error}")
-    else:
-        trace = "".join(traceback.format_exception(error))
-        print_stderr(
-            f"{trace}this is a bug in indent-sim; please report it with the traceback above"
-        )
-    ctx = click.get_current_context(silent=True)
-    if ctx is not None and ctx.meta.get(FORMAT_KEY) == "json":
-        print_failure(error, code, type(error).__name__)
-    return int(code)
-
-
-def print_json(value: Any) -> None:
-    """Print a value as JSON to stdout."""
-    from indent_sim.results.json_text import to_json
-
-    print_stdout(to_json(value))
-
-
-def print_done(entries: dict[str, Any]) -> None:
-    """Print the JSON object of a command that succeeded."""
-    print_json({"status": "done", "exit_code": 0} | entries)
-
-
-def print_failure(error: BaseException, code: int, kind: str) -> None:
-    """Print the JSON object of a command that failed, with its partial result if there is one."""
-    status = "interrupted" if code > 128 else "failed"
-    failure = {
-        "status": status,
-        "exit_code": code,
-        "error": error_as_json(error, kind),
-        **getattr(error, "partial_result", {}),
-    }
-    if isinstance(error, errors.ConfigErrors):
-        failure["errors"] = [error_as_json(part, kind) for part in error.errors]
-    # If the object cannot be written, e.g. to a full disk, the exit code still reports the failure.
-    with suppress(errors.NotConverged):
-        print_json(failure)
-
-
-def error_as_json(error: BaseException, kind: str) -> dict[str, Any]:
-    """Return an error as JSON: type, message, and position and remedy as far as known."""
-    message = error.format_message() if isinstance(error, click.ClickException) else str(error)
-    location: dict[str, Any] = dict.fromkeys(("file", "line", "key", "remedy"))
-    if isinstance(error, ConfigError | UsageError):
-        message = printable(error.problem)
-        location = {name: getattr(error, name, None) or None for name in location}
-    return {
-        "type": kind.removesuffix("s") if kind == "ConfigErrors" else kind,
-        "message": message,
-        **location,
-    }
-
-
-def print_stdout(text: str) -> None:
-    """Print to stdout; a closed pipe is no error, a full disk is one."""
-    try:
-        with suppress(UnicodeEncodeError):
-            return click.echo(text)
-        # The name of a folder may consist of any bytes.
-        click.echo(os.fsencode(text))
-    except OSError as error:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        if not isinstance(error, BrokenPipeError):
-            raise errors.NotConverged(
-                f"cannot write to stdout: {error.strerror or error}"
-            ) from error
-
-
-def print_stderr(text: str) -> None:
-    """Print to stderr; a closed pipe and a full disk are no errors.
-
-    Control characters, which file names and titles may contain, are printed in escaped form.
-    """
-    try:
-        click.echo(printable(text, line_breaks=True), err=True)
-    except OSError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
-
-
-class NumberInRange(click.FloatRange):
-    """Number in a range; NaN is in no range."""
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
-        """Return the number of a text."""
-        number: float = super().convert(value, param, ctx)
-        if number != number:
-            self.fail(f"'{value}' is not a number.", param, ctx)
-        return number
-
-
-PATH = click.Path(path_type=Path)
-FRACTION = NumberInRange(0, 1, min_open=True, max_open=True)
-OVERWRITE_HELP = (
-    "Replace the run in the folder: that of another CONFIG, or a finished one of another scene."
-)
-SET_HELP = "Replace one key, e.g. contact.method=penalty."
-
-
-def _complete_keys(ctx: click.Context, option: click.Parameter, typed_text: str) -> list[str]:
-    """Return the keys of a scene that begin with the typed text, for completion in a shell."""
-    from indent_sim.config.schema import file_order, sections
-
-    keys = {
-        f"{section}.{name}="
-        for section, kinds in sections().items()
-        for kind in kinds
-        for name in file_order(kind)
-    }
-    return sorted(key for key in keys if key.startswith(typed_text))
-
-
-def _complete_fields(ctx: click.Context, option: click.Parameter, typed_text: str) -> list[str]:
-    """Return field names that complete the text after its last comma."""
-    from indent_sim.results.pictures.fields import FIELDS
-
-    before, comma, word = typed_text.rpartition(",")
-    return [f"{before}{comma}{name}" for name in FIELDS if name.startswith(word)]
-
-
-SET_ATTRIBUTES: dict[str, Any] = {
-    "multiple": True,
-    "metavar": "KEY=VALUE",
-    "shell_complete": _complete_keys,
-    "help": SET_HELP,
-}
-set_option = click.option("--set", "overrides", **SET_ATTRIBUTES)
-
-
-def _parse_shard(
-    ctx: click.Context, option: click.Parameter, text: str | None
-) -> tuple[int, int] | None:
-    """Return the two numbers of I/N."""
-    if text is None:
-        return None
-    index, slash, count = text.partition("/")
-    if not (slash and index.isdecimal() and count.isdecimal() and 1 <= int(index) <= int(count)):
-        raise click.BadParameter(f"'{text}' is not I/N with 1 <= I <= N, for example 2/8")
-    return int(index), int(count)
-
-
-def _parse_words(ctx: click.Context, option: click.Parameter, text: str | None) -> tuple[str, ...]:
-    """Return words separated by commas."""
-    words = tuple(word.strip() for word in text.split(",")) if text is not None else ()
-    if not all(words):
-        raise click.BadParameter(f"'{text}' contains an empty word")
-    return words
-
-
-def _parse_pairs(ctx: click.Context, option: click.Parameter, text: str | None) -> dict[str, str]:
-    """Return NAME=VALUE pairs separated by commas."""
-    pairs = [word.partition("=") for word in _parse_words(ctx, option, text)]
-    if wrong := next(
-        (name for name, equals, value in pairs if not (name.strip() and equals and value.strip())),
-        None,
-    ):
-        raise click.BadParameter(f"'{wrong}' is not NAME=VALUE")
-    return {name.strip(): value.strip() for name, _, value in pairs}
-
-
-def _parse_layout(
-    ctx: click.Context, option: click.Parameter, text: str | None
-) -> tuple[int, int] | None:
-    """Return the two numbers of ROWSxCOLUMNS."""
-    if text is None:
-        return None
-    rows, x, columns = text.lower().partition("x")
-    if not (x and rows.isdecimal() and columns.isdecimal() and int(rows) and int(columns)):
-        raise click.BadParameter(f"'{text}' is not ROWSxCOLUMNS, for example 1x3")
-    return int(rows), int(columns)
-
-
-def _parse_limits(
-    ctx: click.Context, option: click.Parameter, text: str | None
-) -> tuple[float, float] | None:
-    """Return the two numbers of A:B."""
-    if text is None:
-        return None
-    try:
-        low, high = map(float, text.split(":"))
-    except ValueError:
-        raise click.BadParameter(f"'{text}' is not A:B, for example 0:250") from None
-    return low, high
-
-
-def _parse_zoom(ctx: click.Context, option: click.Parameter, text: str | None) -> float | None:
-    """Return the zoom in contact radii; infinity for "all"."""
-    if text is None:
-        return None
-    try:
-        radii = float("inf") if text == "all" else float(text)
-    except ValueError:
-        radii = -1.0
-    if not radii > 0:
-        raise click.BadParameter(f"'{text}' is neither a number > 0 nor all")
-    return radii
-
-
-def _parse_tolerances(ctx: click.Context, option: click.Parameter, text: str) -> dict[str, float]:
-    """Return tolerances by column; the key "" has the tolerance X of all columns."""
-    tolerances: dict[str, float] = {}
-    for word in _parse_words(ctx, option, text):
-        name, _, value = word.rpartition("=")
-        try:
-            tolerances[name.strip()] = tolerance = float(value)
-        except ValueError:
-            raise click.BadParameter(f"'{word}' is neither a number nor COLUMN=NUMBER") from None
-        if not 0 <= tolerance <= 1:
-            raise click.BadParameter(f"'{word}' is not in the range from 0 to 1")
-    return tolerances
-
-
-WHAT_HELP = (
-    "Panels, separated by commas: force, time, pressure, pressure_x, pressure_y, profile, "
-    "fields, film; for a study one of curves, force, a, p_max, penetration."
-)
-LIMITS_HELP = "Range of the colours of a field, and of pressures, in the unit shown."
-# Segments of a measured curve.
-SEGMENTS = ("approach", "hold", "retract", "all")
-SEGMENT_HELP = "Part of the curve; hold: approach and hold."
-DESIGN_HELP = (
-    "Before a measurement: intervals of the keys that a curve of this scene would give; needs "
-    "--noise."
-)
-NOISE_HELP = "With --design: standard deviation of a force over the largest force."
-DESIGN_POINTS = 300
-WITHIN_HELP = "Accepted relative error of the force."
-COLUMNS_HELP = "Columns, by title or by number from 1."
-columns_option = click.option(
-    "--columns", callback=_parse_words, metavar="DEPTH,FORCE[,TIME]", help=COLUMNS_HELP
-)
-UNITS_HELP = "Units of a file that gives none, e.g. length=m,force=N."
-units_option = click.option("--units", callback=_parse_pairs, help=UNITS_HELP)
-QUIET_HELP = "Print only warnings and errors to stderr, no progress."
-quiet_option = click.option(
-    "--quiet", "verbosity", flag_value="warnings", default="all", help=QUIET_HELP
-)
-json_option = click.option(
-    "--json", "output_format", flag_value="json", default="text", help="Print one JSON object."
-)
-RTOL_HELP = "Relative tolerance of all columns, or of single ones, e.g. force=1e-3,a=2e-2."
-TOLERANCE_FORM = "X|COLUMN=X,..."
-
-
 @click.group(cls=Program, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(VERSION, prog_name="indent-sim")
 def program() -> None:
@@ -386,7 +150,13 @@ def program() -> None:
     is_flag=True,
     help="Continue an interrupted run; a finished run is left as it is.",
 )
-@click.option("--overwrite", is_flag=True, help=OVERWRITE_HELP)
+@click.option(
+    "--overwrite",
+    is_flag=True,
+    help=(
+        "Replace the run in the folder: that of another CONFIG, or a finished one of another scene."
+    ),
+)
 @click.option(
     "--error-bars", is_flag=True, help="Estimate the error of every force by a coarser mesh."
 )
@@ -427,7 +197,7 @@ def run(
 )
 @click.option(
     "--shard",
-    callback=_parse_shard,
+    callback=parse_shard,
     metavar="I/N",
     help="Do only every N-th run, beginning with the I-th, and write no table.",
 )
@@ -442,7 +212,7 @@ def run(
 @quiet_option
 @json_option
 def study(file: Path, verbosity: Verbosity, output_format: OutputFormat, **options: Any) -> None:
-    """Run a scene with varied keys: many runs, one table of errors and costs. Prints the folder."""
+    """Run a scene with varied keys and tabulate errors and costs. Prints the folder."""
     _refuse_parallel_run()
     require_resources()
     from indent_sim import studies
@@ -476,9 +246,9 @@ def study(file: Path, verbosity: Verbosity, output_format: OutputFormat, **optio
 def plan(
     config: Path, overrides: tuple[str, ...], error_bars: bool, output_format: OutputFormat
 ) -> None:
-    """Show what would be modelled, and why; for a study, its runs and their cost.
+    """Show the model of a scene with reasons, or the runs of a study.
 
-    Writes nothing.
+    Also predicts the cost. Writes nothing.
     """
     if _is_study(config):
         return _plan_study(config, overrides, error_bars, output_format)
@@ -498,7 +268,13 @@ def plan(
 @program.command()
 @click.argument("config", type=PATH)
 @set_option
-@click.option("--within", type=FRACTION, default=0.01, show_default=True, help=WITHIN_HELP)
+@click.option(
+    "--within",
+    type=FRACTION,
+    default=0.01,
+    show_default=True,
+    help="Accepted relative error of the force.",
+)
 @click.option(
     "--curve", metavar="FILE", type=PATH, help="Measured curve that gives depth and modulus."
 )
@@ -513,9 +289,9 @@ def require(
     output_format: OutputFormat,
     **reading_options: Any,
 ) -> None:
-    """Show the effect of each part of the model on the force, in per cent. Writes nothing.
+    """Show the effects on the force and the cheapest sufficient model. Writes nothing.
 
-    Ends with the cheapest model within the tolerance, as a scene that can be run. With --curve,
+    Effects are in per cent of the force; the model is a scene that can be run. With --curve,
     effects are those at the depth of a measured curve, and other models are fitted to this curve:
     which one is needed, which one is not excluded, and the modulus that it would give.
     """
@@ -559,8 +335,20 @@ def _print_curve_requirements(
 @program.command()
 @click.argument("curves", metavar="CURVE_OR_FOLDER...", nargs=-1, type=PATH)
 @click.option("--scene", type=PATH, help="Scene that is the model; its loading is not used.")
-@click.option("--design", "design_scene", metavar="SCENE", type=PATH, help=DESIGN_HELP)
-@click.option("--noise", type=NumberInRange(0, 1, min_open=True), metavar="X", help=NOISE_HELP)
+@click.option(
+    "--design",
+    "design_scene",
+    metavar="SCENE",
+    type=PATH,
+    help="Before a measurement: intervals of the keys that a curve of this scene would give; needs "
+    "--noise.",
+)
+@click.option(
+    "--noise",
+    type=NumberInRange(0, 1, min_open=True),
+    metavar="X",
+    help="With --design: standard deviation of a force over the largest force.",
+)
 @click.option(
     "--points",
     type=click.IntRange(30, 100_000),
@@ -580,10 +368,10 @@ def _print_curve_requirements(
 @units_option
 @click.option(
     "--segment",
-    type=click.Choice(SEGMENTS),
+    type=click.Choice(("approach", "hold", "retract", "all")),
     default="approach",
     show_default=True,
-    help=SEGMENT_HELP,
+    help="Part of the curve; hold: approach and hold.",
 )
 @click.option(
     "--contact-point",
@@ -614,9 +402,9 @@ def fit(
     overrides: tuple[str, ...],
     **options: Any,
 ) -> None:
-    """Fit keys of a scene to measured curves: text tables of any kind, AFM files.
+    """Fit keys of a scene to measured curves. Prints the folder.
 
-    Prints the folder.
+    Curves are text tables of any kind, or AFM files.
 
     Contact point and baseline are always fitted, too. A second call with the same folder continues
     with the curves that have no result. With --design, before a measurement: the intervals that a
@@ -734,15 +522,15 @@ def _reading_options(columns: tuple[str, ...], units: dict[str, str]) -> ReadOpt
 @click.argument("second", metavar="B", type=PATH)
 @click.option(
     "--rtol",
-    callback=_parse_tolerances,
-    metavar=TOLERANCE_FORM,
+    callback=parse_tolerances,
+    metavar="X|COLUMN=X,...",
     default="1e-6",
     show_default=True,
-    help=RTOL_HELP,
+    help="Relative tolerance of all columns, or of single ones, e.g. force=1e-3,a=2e-2.",
 )
 @click.option(
     "--columns",
-    callback=_parse_words,
+    callback=parse_words,
     help="Columns to compare [delta, force, a and those of --rtol].",
 )
 @json_option
@@ -775,22 +563,27 @@ def compare(
 
 @program.command()
 @click.argument("paths", metavar="RESULT_OR_CURVE...|STUDY", nargs=-1, required=True, type=PATH)
-@click.option("--what", callback=_parse_words, help=WHAT_HELP)
+@click.option(
+    "--what",
+    callback=parse_words,
+    help="Panels, separated by commas: force, time, pressure, pressure_x, pressure_y, profile, "
+    "fields, film; for a study one of curves, force, a, p_max, penetration.",
+)
 @click.option(
     "--field",
     "fields",
-    callback=_parse_words,
-    shell_complete=_complete_fields,
+    callback=parse_words,
+    shell_complete=complete_fields,
     help="Fields, separated by commas [von_mises].",
 )
 @click.option(
     "--steps",
-    callback=_parse_words,
+    callback=parse_words,
     help="Steps, separated by commas, or last or all [that of the largest force].",
 )
 @click.option(
     "--units",
-    callback=_parse_pairs,
+    callback=parse_pairs,
     help="Units of the axes, e.g. length=nm,force=pN,pressure=kPa.",
 )
 @click.option(
@@ -798,7 +591,7 @@ def compare(
 )
 @click.option(
     "--layout",
-    callback=_parse_layout,
+    callback=parse_layout,
     metavar="ROWSxCOLUMNS",
     help="Arrangement of the panels, e.g. 1x3.",
 )
@@ -809,10 +602,15 @@ def compare(
     metavar="N",
     help="Resolution in dots per inch [160; for a PDF 300].",
 )
-@click.option("--limits", callback=_parse_limits, metavar="A:B", help=LIMITS_HELP)
+@click.option(
+    "--limits",
+    callback=parse_limits,
+    metavar="A:B",
+    help="Range of the colours of a field, and of pressures, in the unit shown.",
+)
 @click.option(
     "--zoom",
-    callback=_parse_zoom,
+    callback=parse_zoom,
     metavar="X|all",
     help="Half width of the view of a field in contact radii, or all for the whole body.",
 )
@@ -940,9 +738,9 @@ def _write_tab(runs: list[Results], options: dict[str, Any], output: Path) -> No
     help="Write ro-crate-metadata.json for archives, too.",
 )
 def report(folder: Path, output: Path | None, crate: Literal["", "crate"]) -> None:
-    """Write an HTML report of a result, a study or a fit, and print its path.
+    """Write an HTML report of a result, a study or a fit. Prints its path.
 
-    It has the scene, pictures, errors and provenance in one file.
+    One file contains the scene, pictures, errors and provenance.
     """
     from indent_sim.results import html_report, research_crate
     from indent_sim.results.result_files import is_own_file
@@ -1036,7 +834,7 @@ def init(kind: str, output: Path | None) -> None:
 @program.command("list")
 @click.argument("kind", type=click.Choice(list(LISTED_SECTIONS)), required=False)
 def list_(kind: str | None) -> None:
-    """List the alternatives of each section of a scene, with parameters and units."""
+    """List what a scene can consist of, with parameters and units."""
     kinds = [kind] if kind else list(LISTED_SECTIONS)
     print_stdout(
         "\n\n".join(f"{name}\n{terminal.section_text(LISTED_SECTIONS[name])}" for name in kinds)
