@@ -10,13 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from indent_sim.config.messages import closest_match
+from indent_sim.config.path_checks import directory_problem
 from indent_sim.config.scene_file import (
     STUDY_SECTIONS,
     SourceLocation,
     plain_document,
     read_document,
 )
-from indent_sim.config.schema import Source, allowed_keys_at, directory_problem
+from indent_sim.config.schema import Source, allowed_keys_at
 from indent_sim.config.strict_yaml import MAX_DEPTH, KeyPath, key_path, key_text
 from indent_sim.process.errors import ConfigError, ConfigErrors, UsageError
 from indent_sim.studies.parameter_points import (

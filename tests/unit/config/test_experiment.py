@@ -44,7 +44,7 @@ HYPERELASTIC = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
             "loading.force_history",
             "there is no adhesion",
         ),
-        ({"relaxation": SLOW}, {}, "material.relaxation", "needs a time"),
+        ({"relaxation": SLOW}, {}, "material.relaxation", "needs a load path in time"),
         ({"relaxation": {}, "history": RAMP}, {}, "material.relaxation", "one of its two laws"),
         (
             {"relaxation": SLOW | {"of": "bulk"}, "history": RAMP},
@@ -256,7 +256,7 @@ def test_what_relaxes_does_so_alike_everywhere() -> None:
 def test_times_are_those_of_the_history(times: list[float], words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         config_from_mapping(SCENE | {"loading": {"history": RAMP, "times": times}})
-    with pytest.raises(ConfigError, match="is for a history"):
+    with pytest.raises(ConfigError, match="applies to a history"):
         config_from_mapping(SCENE | {"loading": {"delta": 0.01, "times": [1.0]}})
 
 

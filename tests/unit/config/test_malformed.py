@@ -470,7 +470,7 @@ MALFORMED = [
         round_body("shape: cap\n  base_radius: 2.0\n  contact_angle: 178.0"),
         3,
         "body",
-        "almost a whole ball on a point",
+        "almost a ball that rests on a point",
     ),
     (round_body("shape: cap\n  base_radius: 2.0\n  height: 1e-3"), 3, "body", "nearly flat"),
     (

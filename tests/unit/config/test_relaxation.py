@@ -31,7 +31,7 @@ TWO = [{"thickness": 0.5, "material": SOFT | {"relaxation": ALL}}, {"thickness":
 @pytest.mark.parametrize(
     ("sections", "key", "words"),
     [
-        ({"loading": {"delta": 0.02}}, "material.relaxation", "needs a time"),
+        ({"loading": {"delta": 0.02}}, "material.relaxation", "needs a load path in time"),
         ({"material": NEO}, "material.relaxation.of", "depends on the volume; use mooney_rivlin"),
         ({"body": SCENE["body"] | {"layers": TWO}}, "body.layers[0].material.relaxation.of", "of: shear"),
         ({"contact": {"method": "nitsche"}}, "contact.method", "stress of the body, which relaxes"),
