@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from indent_sim.config.schema import Config, MeshSettings
 
 
+# Keys of `mesh` that set element sizes.
 MESH_SIZE_KEYS = (
     "h_contact",
     "h_axis",
@@ -59,9 +60,9 @@ def mesh_file_errors(config: Config) -> Iterator[ConfigError]:
                 "leave it out, or give h_contact",
             )
         return
-    why = "is for bodies that the program meshes, but this body has a mesh from a file"
+    problem = "is for bodies that the program meshes, but this body has a mesh from a file"
     for key in _given_mesh_keys(mesh, "symmetry"):
-        yield ConfigError(key, why, "leave it out, or refine it with mesh.refinements")
+        yield ConfigError(key, problem, "leave it out, or refine it with mesh.refinements")
     if problem := path_problem(body.file, "the scene's folder"):
         yield ConfigError("body.file", problem, "put the mesh into the folder of the scene file")
     if body.kinematics == "axisymmetric" and any(config.center or ()):

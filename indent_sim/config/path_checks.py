@@ -1,4 +1,4 @@
-"""Checks of file and folder names in scene files, which may come from other people."""
+"""Checks of paths in scene files, which may come from other people."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 # Largest length of a name of a folder [bytes]. File systems allow 255; the program appends suffixes
 # to the names of temporary folders.
 MAX_NAME_BYTES = 200
+# Largest length of a path [characters].
 MAX_PATH_LENGTH = 1000
 
 
@@ -25,7 +26,7 @@ def directory_errors(config: Config) -> Iterator[ConfigError]:
 
 
 def directory_problem(directory: str) -> str:
-    """Return the problem of a result folder that a file names; "" if there is none.
+    """Return the problem of a result folder that is given in a file, or "".
 
     The folder has to be below the working directory, because scene and study files come from other
     people. The command line may name any other folder.
@@ -33,8 +34,9 @@ def directory_problem(directory: str) -> str:
     if problem := path_problem(directory, "the working directory"):
         return problem
     try:
-        here = os.path.realpath(".")
-        leads_out = os.path.commonpath([here, os.path.realpath(directory)]) != here
+        working_directory = os.path.realpath(".")
+        paths = [working_directory, os.path.realpath(directory)]
+        leads_out = os.path.commonpath(paths) != working_directory
     except OSError:
         # The working directory was deleted; writing a result will fail.
         return ""
