@@ -340,8 +340,10 @@ def _print_curve_requirements(
     "design_scene",
     metavar="SCENE",
     type=PATH,
-    help="Before a measurement: intervals of the keys that a curve of this scene would give; needs "
-    "--noise.",
+    help=(
+        "Before a measurement: intervals of the keys that a curve of this scene would give; needs "
+        "--noise."
+    ),
 )
 @click.option(
     "--noise",
@@ -896,7 +898,7 @@ def _pause_garbage_collector() -> Iterator[None]:
     try:
         yield
     finally:
-        # Without freezing, all objects would be searched at once, and most processes end here.
+        # Freezing avoids a search of all objects; most processes end here.
         gc.freeze()
         gc.enable()
 
@@ -940,7 +942,7 @@ def abort_all_ranks_together(comm: Any) -> Iterator[None]:
         is_interrupted = isinstance(error, KeyboardInterrupt)
         # The message comes first, because mpirun may kill this process at any time.
         code = getattr(error, "exit_code", 1) if comm.rank else report_failure(error)
-        # After an interrupt rank 0 does not wait for the others: its files are closed, it ends all.
+        # Rank 0 does not wait for the others after an interrupt: its files are closed, it ends all.
         if (
             (comm.rank or not is_interrupted)
             and consensus.all_ranks_failed()
@@ -990,7 +992,7 @@ def _quiet_libraries(level: int) -> Iterator[None]:
     own_logger.setLevel(level)
     own_logger.propagate = False
     own_logger.addHandler(own_handler)
-    # Without a handler, a library that calls `logging.info` installs one that prints all messages.
+    # A library that calls `logging.info` would install a handler that prints all messages.
     root_logger.addHandler(library_handler)
     try:
         yield

@@ -267,7 +267,7 @@ def plan_text(planned_run: PlannedRun, width: int = 120) -> str:
     """
     from rich.table import Table
 
-    # In plain strings rich would interpret brackets as markup.
+    # Rich would interpret brackets in plain strings as markup.
     from rich.text import Text
 
     plan = planned_run.plan

@@ -133,7 +133,7 @@ def _coating_errors(config: Config, body: Cap | Ball) -> Iterator[ConfigError]:
         problem = f"has {len(sizes)} sizes, but the body has {len(coatings)} layers around its core"
         yield ConfigError("mesh.h_layers", problem, "give one for each layer, or leave it out")
     if isinstance(body, Cap) and bool(body.height) == bool(body.contact_angle):
-        # Without a valid height the shape of the cap is unknown.
+        # The shape of a cap without a valid height is unknown.
         return
     total_thickness = sum(layer.thickness or 0.0 for layer in coatings)
     sphere = body.spherical_body

@@ -125,7 +125,7 @@ class Conversion:
         self._units = units if isinstance(units, Mapping) else {}
         body = body if isinstance(body := document.get("body"), Mapping) else {}
         is_flat = body.get("shape") == "strip" or body.get("kinematics") == "plane_strain"
-        # In plane strain forces are per unit length.
+        # Forces in plane strain are per unit length.
         self._force = KIND_EXPONENTS["force per length" if is_flat else "force"]
 
     def convert_node(self, node: schema.SchemaNode, list_unit: Unit | UnitRow | None = None) -> Any:

@@ -245,7 +245,7 @@ def _document_value(value: Any) -> Any:
 def _read_content(name: str) -> bytes:
     """Return the bytes of a file; UsageError if it cannot be read."""
     try:
-        # With O_NONBLOCK a pipe is opened without waiting for its writer; it is then refused.
+        # O_NONBLOCK opens a pipe without waiting for its writer; the pipe is then refused.
         with open(
             name, "rb", opener=lambda path, flags: os.open(path, flags | os.O_NONBLOCK)
         ) as stream:

@@ -197,7 +197,7 @@ class Config(BaseModel):
     # Required unless every layer or region has its own material.
     material: Annotated[Material | None, TaggedBy("model")] = None
     indenter: Annotated[Indenter, TaggedBy("shape")]
-    # In the file it is `indenter.center`.
+    # The key in a file is `indenter.center`.
     center: Annotated[tuple[Coordinate, ...], LENGTH] | None = None
     contact: Annotated[Contact, TaggedBy("method")] = AutoContact()
     drainage: Drainage | None = None

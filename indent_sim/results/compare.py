@@ -362,7 +362,7 @@ def _force_tables(paths: tuple[Path, Path], A: Table, B: Table) -> tuple[Table, 
     history = read_table(experiment_file, ("force",), ("t", "delta", "a"), WORD_COLUMNS)
     if not np.isfinite(history["t"]).all():
         return A, B
-    # In experiment.csv, force_error was the error of the instrument, not of the solution.
+    # The column force_error of experiment.csv was the error of the instrument, not of the solution.
     history = {name: column for name, column in history.items() if name != "force_error"}
     history |= {"step": np.arange(1.0, len(history["t"]) + 1)}
     return (A, history) if "t" in A else (history, B)

@@ -37,7 +37,7 @@ LOG_NUMBER_RATIO = 20.0
 LOG_RESULT_RATIO = 30.0
 # A map needs so many values of each of its two keys.
 MIN_MAP_VALUES = 3
-# On a logarithmic axis with a larger ratio of its ends, ticks at 1, 2 and 5 of a decade are enough.
+# A logarithmic axis with a larger ratio of its ends has ticks only at 1, 2 and 5 of a decade.
 FEW_TICKS_RATIO = 6.0
 MAP_LEVELS = 12
 # Width and height of a small multiple [inches].

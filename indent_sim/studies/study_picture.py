@@ -42,7 +42,7 @@ from indent_sim.studies.study_table import Row
 MAX_NAMED_POINTS = 8
 # Points nearer than these fractions of the panel's width and height have no room for two numbers.
 LABEL_DISTANCE = (0.03, 0.045)
-# With more groups than these, the picture grows by this height [inches] for each further group.
+# Each group beyond this number makes the picture higher by this height [inches].
 GROUPS_AT_BASE_HEIGHT = 4
 HEIGHT_PER_GROUP = 0.2
 # Longer names in a legend are cut.
