@@ -412,7 +412,7 @@ class TestStopped:
             patch.setattr(LoadStepper, "states", failing_at(SOME + 1))
             failed = indent_sim()
             again = indent_sim("--resume")
-        assert failed.exit_code == again.exit_code == 5 and "--resume goes on" in again.stderr
+        assert failed.exit_code == again.exit_code == 5 and "--resume continues" in again.stderr
         assert len(read(tmp_path / "out")) == SOME
         assert (
             indent_sim("--resume", "--set", "solver.max_iterations=99").exit_code == 3

@@ -238,7 +238,7 @@ def test_what_relaxes_does_so_alike_everywhere() -> None:
         "layers": [{"thickness": 0.5, "material": one} for one in unlike],
     }
     given = {"body": body, "indenter": SCENE["indenter"], "loading": {"history": RAMP}}
-    with pytest.raises(ConfigError, match=r"not that of body.layers\[1\].material") as refused:
+    with pytest.raises(ConfigError, match=r"differs from body.layers\[1\].material") as refused:
         config_from_mapping(given)
     assert refused.value.key == "body.layers[0].material.relaxation"
     body["layers"][1]["material"] = unlike[0]  # type: ignore[index]

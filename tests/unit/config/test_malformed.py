@@ -234,7 +234,7 @@ MALFORMED = [
         edited("rtol: 1e-10", "petsc: {ksp_type: [cg]}"),
         26,
         "solver.petsc",
-        "was removed: a scene sets",
+        "was removed; the keys of solver",
     ),
     # ranges
     (edited("R: 1.0", "R: -1"), 14, "indenter.R", "must be > 0, got -1"),
