@@ -99,7 +99,6 @@ def _row_units(units: Mapping[str, str], is_flat: bool) -> dict[str, str]:
 def conclusion_lines(outcome: Outcome) -> list[str]:
     """Return the last lines of a run: theory, pictures, warnings and its last row."""
     report = outcome.report
-    theory = _report_section(outcome.report, "theory")
     lines = []
     rows = len(outcome.states)
     resumed_rows = outcome.resumed_after
@@ -107,7 +106,26 @@ def conclusion_lines(outcome: Outcome) -> list[str]:
         lines.append(f"nothing left to compute: all {rows} rows existed already")
     elif resumed_rows:
         lines.append(f"resumed: {resumed_rows} of the {rows} rows existed already")
-    lines += _error_estimate_lines(outcome)
+    lines += [*_error_estimate_lines(outcome), *_theory_lines(report)]
+    if fit := report.get("hertz"):
+        modulus_error = f"{fit['percent']:+.3g} %{fit.get('against', '')}"
+        lines.append(f"a Hertz fit of this curve reads E = {fit['E']:.4g} ({modulus_error})")
+    lines += _section_sentence(_report_section(report, "stick"))
+    lines += [
+        *_largest_pull_lines(_report_section(report, "adhesion")),
+        *_experiment_lines(_report_section(report, "experiment")),
+    ]
+    if "time" in report:
+        lines.append(f"history solved by {report['time']['method']}: {report['time']['why']}")
+    pictures = (outcome.directory / name for name in ("force_indentation.png", "experiment.png"))
+    lines += [f"picture: {picture}" for picture in pictures if picture.exists()]
+    return lines + warning_lines(outcome) + _final_row_lines(outcome)
+
+
+def _theory_lines(report: Report) -> list[str]:
+    """Return the lines of the reference theory and of usual formulas for half-space and film."""
+    theory = _report_section(report, "theory")
+    lines = []
     if theory and report.get("method") == "theory":
         lines.append(f"solved by theory: {theory['why']}")
     elif theory:
@@ -131,19 +149,7 @@ def conclusion_lines(outcome: Outcome) -> list[str]:
             f"{kind} formulas at {prescribed} {theory[prescribed]:.6g}: "
             f"{computed} {', '.join(formula_texts)}"
         )
-    if fit := report.get("hertz"):
-        modulus_error = f"{fit['percent']:+.3g} %{fit.get('against', '')}"
-        lines.append(f"a Hertz fit of this curve reads E = {fit['E']:.4g} ({modulus_error})")
-    lines += _section_sentence(_report_section(report, "stick"))
-    lines += [
-        *_largest_pull_lines(_report_section(report, "adhesion")),
-        *_experiment_lines(_report_section(report, "experiment")),
-    ]
-    if "time" in report:
-        lines.append(f"history solved by {report['time']['method']}: {report['time']['why']}")
-    pictures = (outcome.directory / name for name in ("force_indentation.png", "experiment.png"))
-    lines += [f"picture: {picture}" for picture in pictures if picture.exists()]
-    return lines + warning_lines(outcome) + _final_row_lines(outcome)
+    return lines
 
 
 def _final_row_lines(outcome: Outcome) -> list[str]:
