@@ -67,7 +67,7 @@ def test_the_report_of_a_run(tmp_path):
         "given as 1 kPa",
         "model: linear_elastic",
         "Sneddon",
-        "What to keep in mind",
+        "Warnings",
     )
     assert [word for word in words if word not in text] == []
     assert text.count("<svg") == 3
