@@ -99,7 +99,8 @@ def _check_working_directory() -> HealthCheck:
 def _check_python() -> HealthCheck:
     """Check the version of Python."""
     version_text = f"{platform.python_version()} at {sys.executable}"
-    if sys.version_info >= (3, 11):
+    is_recent_enough = sys.version_info >= (3, 11)
+    if is_recent_enough:
         return HealthCheck("python", version_text)
     return HealthCheck("python", version_text, "broken", "3.11 or later is needed")
 

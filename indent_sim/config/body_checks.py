@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import accumulate
 from math import inf, isclose
-from typing import TYPE_CHECKING
 
 from indent_sim.config.key_types import types_by_tag
+from indent_sim.config.scene_sections import SceneSections, key_of_inclusion, key_of_layer
 from indent_sim.model.body import AnyBody, Cylinder
 from indent_sim.model.inclusions import (
     POSITION_TOLERANCE,
@@ -20,10 +20,6 @@ from indent_sim.model.spherical_bodies import Ball, Cap
 from indent_sim.model.unbounded_bodies import HalfSpace
 from indent_sim.model.walled_bodies import Box, Strip
 from indent_sim.process.errors import ConfigError
-
-if TYPE_CHECKING:
-    from indent_sim.config.schema import Config
-
 
 # Largest base radius over height of a cap. The center of the sphere of a flatter cap is so far away
 # that positions on it lose digits.
@@ -41,17 +37,7 @@ MIN_CLEARANCE_FRACTION = 0.01
 MIRROR_PLANE = "the mirror plane"
 
 
-def key_of_layer(layer: int) -> str:
-    """Return the key of a layer of the body, counted from the top."""
-    return f"body.layers[{layer}]"
-
-
-def key_of_inclusion(number: int) -> str:
-    """Return the key of an inclusion of the body."""
-    return f"body.inclusions[{number}]"
-
-
-def cap_errors(config: Config) -> Iterator[ConfigError]:
+def cap_errors(config: SceneSections) -> Iterator[ConfigError]:
     """Yield errors of the height and the contact angle of a cap."""
     body = config.body
     if not isinstance(body, Cap):
@@ -82,7 +68,7 @@ def cap_errors(config: Config) -> Iterator[ConfigError]:
         )
 
 
-def layer_errors(config: Config) -> Iterator[ConfigError]:
+def layer_errors(config: SceneSections) -> Iterator[ConfigError]:
     """Yield errors of the materials and of the thicknesses of layers."""
     layers = config.body.layers or ()
     bare_layers = [k for k, layer in enumerate(layers) if layer.material is None]
@@ -125,7 +111,7 @@ def layer_errors(config: Config) -> Iterator[ConfigError]:
             yield ConfigError("body.layers", problem, "make their thicknesses add up to the height")
 
 
-def _coating_errors(config: Config, body: Cap | Ball) -> Iterator[ConfigError]:
+def _coating_errors(config: SceneSections, body: Cap | Ball) -> Iterator[ConfigError]:
     """Yield errors of the thicknesses of coatings and of the element sizes in them."""
     coatings = (body.layers or ())[:-1]
     sizes = config.mesh.h_layers
@@ -155,7 +141,7 @@ def _coating_errors(config: Config, body: Cap | Ball) -> Iterator[ConfigError]:
         yield ConfigError("body.layers", problem, f"use at least {limit:.3g}")
 
 
-def surface_tension_errors(config: Config) -> Iterator[ConfigError]:
+def surface_tension_errors(config: SceneSections) -> Iterator[ConfigError]:
     """Yield errors of a surface tension together with other effects."""
     if not config.body.surface_tension:
         return
@@ -178,7 +164,7 @@ def surface_tension_errors(config: Config) -> Iterator[ConfigError]:
         yield ConfigError(key, problem, remedy)
 
 
-def inclusion_errors(config: Config) -> Iterator[ConfigError]:
+def inclusion_errors(config: SceneSections) -> Iterator[ConfigError]:
     """Yield errors of inclusions that leave a layer or are too near to another surface."""
     inclusions = config.body.inclusions or ()
     if config.mesh.h_inclusions is not None and len(config.mesh.h_inclusions) != len(inclusions):
@@ -283,7 +269,7 @@ def _coating_face_problem(body: AnyBody, inclusion: Inclusion) -> str:
     return ""
 
 
-def _level_faces(config: Config) -> list[tuple[str, float]]:
+def _level_faces(config: SceneSections) -> list[tuple[str, float]]:
     """Return names and z [length] of the horizontal faces from the top.
 
     The mirror plane of a ball is no obstacle for an inclusion centered on it.

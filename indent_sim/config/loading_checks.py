@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import pairwise
 from math import inf
-from typing import TYPE_CHECKING
 
+from indent_sim.config.scene_sections import SceneSections
 from indent_sim.model.gel import Gel
 from indent_sim.model.loading import PATH_KEYS
 from indent_sim.process.errors import ConfigError
 
-if TYPE_CHECKING:
-    from indent_sim.config.schema import Config
 
-
-def load_path_errors(config: Config) -> Iterator[ConfigError]:
+def load_path_errors(config: SceneSections) -> Iterator[ConfigError]:
     """Yield errors of the load path."""
     loading = config.loading
     attraction = config.contact.adhesion
@@ -42,7 +39,7 @@ def load_path_errors(config: Config) -> Iterator[ConfigError]:
         )
 
 
-def history_errors(config: Config) -> Iterator[ConfigError]:
+def history_errors(config: SceneSections) -> Iterator[ConfigError]:
     """Yield errors of a history."""
     path_in_time = config.loading.prescribed_history
     times = config.loading.times

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from math import isclose
-from typing import TYPE_CHECKING
 
+from indent_sim.config.scene_sections import SceneSections
 from indent_sim.model.contact import Nitsche
 from indent_sim.model.drainage import Drainage
 from indent_sim.model.gel import Gel
@@ -16,15 +16,11 @@ from indent_sim.model.materials import Material, ShearRelaxingLaw
 from indent_sim.model.relaxation import Relaxation
 from indent_sim.process.errors import ConfigError
 
-if TYPE_CHECKING:
-    from indent_sim.config.schema import Config
-
-
 # Largest relative difference of kT over the molecular volume of two equal solvents.
 SOLVENT_RTOL = 1e-6
 
 
-def material_errors(config: Config) -> Iterator[ConfigError]:
+def material_errors(config: SceneSections) -> Iterator[ConfigError]:
     """Yield errors of the constants of each material."""
     for key, material in config.materials():
         try:
@@ -35,7 +31,7 @@ def material_errors(config: Config) -> Iterator[ConfigError]:
             yield ConfigError(key, str(error))
 
 
-def flow_errors(config: Config) -> Iterator[ConfigError]:
+def flow_errors(config: SceneSections) -> Iterator[ConfigError]:
     """Yield errors of the pore flow: missing keys, and keys that cannot be combined with it."""
     flows = {f"{key}.flow": material for key, material in config.materials() if material.flow}
     if config.loading.per_doubling is not None and not any(
@@ -94,7 +90,7 @@ def flow_errors(config: Config) -> Iterator[ConfigError]:
         )
 
 
-def _has_own_bath(config: Config) -> bool:
+def _has_own_bath(config: SceneSections) -> bool:
     """Return whether the stretch of a gel is that of its bath."""
     return any(
         isinstance(material, Gel) and material.stretch == "auto"
@@ -102,7 +98,7 @@ def _has_own_bath(config: Config) -> bool:
     )
 
 
-def _gel_errors(config: Config) -> Iterator[ConfigError]:
+def _gel_errors(config: SceneSections) -> Iterator[ConfigError]:
     """Yield errors of gels, which all have the bath of the scene and its solvent."""
     gels = {key: material for key, material in config.materials() if isinstance(material, Gel)}
     for key, gel in gels.items():
@@ -157,7 +153,7 @@ def _flow_law_errors(key: str, material: Material) -> Iterator[ConfigError]:
         )
 
 
-def relaxation_errors(config: Config) -> Iterator[ConfigError]:
+def relaxation_errors(config: SceneSections) -> Iterator[ConfigError]:
     """Yield errors of the relaxation of the materials."""
     laws = dict(config.materials())
     frequencies = config.experiment and config.experiment.frequencies
@@ -194,7 +190,9 @@ def relaxation_errors(config: Config) -> Iterator[ConfigError]:
         yield ConfigError(key, "needs a load path in time", remedy)
 
 
-def _shear_relaxation_errors(config: Config, laws: Mapping[str, Material]) -> Iterator[ConfigError]:
+def _shear_relaxation_errors(
+    config: SceneSections, laws: Mapping[str, Material]
+) -> Iterator[ConfigError]:
     """Yield errors of keys that cannot be combined with relaxation of the shear modulus alone."""
     for key, law in laws.items():
         if law.relaxation and law.relaxation.of == "all":
@@ -226,7 +224,9 @@ def _shear_relaxation_errors(config: Config, laws: Mapping[str, Material]) -> It
         yield ConfigError("contact.adhesion", problem, "leave one of the two out")
 
 
-def _relaxation_law_errors(config: Config, key: str, given: Relaxation) -> Iterator[ConfigError]:
+def _relaxation_law_errors(
+    config: SceneSections, key: str, given: Relaxation
+) -> Iterator[ConfigError]:
     """Yield errors of a relaxation itself, and of a history with which it cannot be combined."""
     if (given.prony is None) == (given.power_law is None):
         yield ConfigError(key, "needs exactly one of its two laws", "give prony or power_law")

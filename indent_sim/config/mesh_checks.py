@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from indent_sim.config.path_checks import path_problem
+from indent_sim.config.scene_sections import MeshSettings, SceneSections
 from indent_sim.model.imported_body import MeshFromFile
 from indent_sim.process.errors import ConfigError
-
-if TYPE_CHECKING:
-    from indent_sim.config.schema import Config, MeshSettings
-
 
 # Keys of `mesh` that set element sizes.
 MESH_SIZE_KEYS = (
@@ -27,7 +23,7 @@ MESH_SIZE_KEYS = (
 )
 
 
-def accuracy_errors(config: Config) -> list[ConfigError]:
+def accuracy_errors(config: SceneSections) -> list[ConfigError]:
     """Return errors of given element sizes if `accuracy` is to choose them."""
     given = _given_mesh_keys(config.mesh, "refinements") if config.accuracy is not None else []
     return [
@@ -45,7 +41,7 @@ def _given_mesh_keys(mesh: MeshSettings, extra_key: str) -> list[str]:
     ]
 
 
-def mesh_file_errors(config: Config) -> Iterator[ConfigError]:
+def mesh_file_errors(config: SceneSections) -> Iterator[ConfigError]:
     """Yield errors of a mesh from a file.
 
     It has its own element sizes, it alone has refinements, and its file is in the scene's folder.

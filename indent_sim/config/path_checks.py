@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
+from indent_sim.config.scene_sections import SceneSections
 from indent_sim.process.errors import ConfigError, printable
-
-if TYPE_CHECKING:
-    from indent_sim.config.schema import Config
-
 
 # Largest length of a name of a folder [bytes]. File systems allow 255; the program appends suffixes
 # to the names of temporary folders.
@@ -19,7 +15,7 @@ MAX_NAME_BYTES = 200
 MAX_PATH_LENGTH = 1000
 
 
-def directory_errors(config: Config) -> Iterator[ConfigError]:
+def directory_errors(config: SceneSections) -> Iterator[ConfigError]:
     """Yield the error of the result folder."""
     if config.output.directory and (problem := directory_problem(config.output.directory)):
         yield ConfigError("output.directory", problem, "choose any other folder with --output")

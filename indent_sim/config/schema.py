@@ -1,7 +1,7 @@
 """Schema of the scene file: its sections with their keys, types, ranges and defaults.
 
-The dataclasses of `model` are the schema of body, material, indenter, contact and loading; those of
-this module are the schema of the other sections. Reader, error messages, JSON Schema and
+The dataclasses of `model` are the schema of body, material, indenter, contact and loading, those of
+`scene_sections` that of the other sections. Reader, error messages, JSON Schema and
 docs/config.md are all derived from it.
 """
 
@@ -9,19 +9,16 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import Annotated, Any, Literal, get_args, get_origin
+from typing import Any, get_args, get_origin
 
-from annotated_types import Ge, Gt, Le, Len, Lt, MinLen
-from pydantic import BaseModel, ConfigDict, PrivateAttr, model_validator
+from pydantic import model_validator
 
 from indent_sim.config import number_limits
 from indent_sim.config.body_checks import (
     cap_errors,
     inclusion_errors,
-    key_of_inclusion,
-    key_of_layer,
     layer_errors,
     surface_tension_errors,
 )
@@ -38,6 +35,14 @@ from indent_sim.config.loading_checks import history_errors, load_path_errors
 from indent_sim.config.material_checks import flow_errors, material_errors, relaxation_errors
 from indent_sim.config.mesh_checks import accuracy_errors, mesh_file_errors
 from indent_sim.config.path_checks import directory_errors
+from indent_sim.config.scene_sections import AccuracyPreset as AccuracyPreset
+from indent_sim.config.scene_sections import KeptStates as KeptStates
+from indent_sim.config.scene_sections import MeshSettings as MeshSettings
+from indent_sim.config.scene_sections import OutputSettings as OutputSettings
+from indent_sim.config.scene_sections import SceneSections
+from indent_sim.config.scene_sections import SolverSettings as SolverSettings
+from indent_sim.config.scene_sections import Source as Source
+from indent_sim.config.scene_sections import Units as Units
 from indent_sim.config.strict_yaml import KeyPath
 from indent_sim.config.tip_checks import (
     center_errors,
@@ -45,31 +50,8 @@ from indent_sim.config.tip_checks import (
     experiment_errors,
     tip_errors,
 )
-from indent_sim.model.body import AnyBody
-from indent_sim.model.contact import AutoContact, Contact
-from indent_sim.model.drainage import Drainage
-from indent_sim.model.experiment import Experiment
-from indent_sim.model.layers import Layer
-from indent_sim.model.loading import Loading
-from indent_sim.model.materials import Material
-from indent_sim.model.tips import Indenter
-from indent_sim.model.units import LENGTH, Auto, Coordinate, Length, PositiveInt, TaggedBy
 from indent_sim.process.errors import ConfigErrors
 
-# Largest relative tolerance of the residual. The contact force of every row must equal the
-# reactions to 1e-8 (run/single_run.py); with a larger tolerance, which would save one iteration, a
-# row could fail this check.
-MAX_RTOL = 1e-9
-# Largest number of uniform refinements of a mesh from a file. Six of them divide a cell of a
-# two-dimensional mesh into 4096.
-MAX_REFINEMENTS = 6
-LINEAR_ELEMENTS_GONE = (
-    "linear elements were removed: with as many unknowns quadratic ones give a force ten "
-    "times as accurate"
-)
-# States of the load path that are written.
-KeptStates = Literal["none", "last", "all"]
-AccuracyPreset = Literal["fast", "balanced", "accurate"]
 # Keys that were once in `experiment`, and their present sections.
 MOVED_KEYS = {"relaxation": "material", "history": "loading", "force_history": "loading"}
 # Problem and remedy of each key that earlier versions had.
@@ -106,157 +88,8 @@ CONSISTENCY_CHECKS = (
 )
 
 
-@dataclass(frozen=True)
-class Units:
-    """Units of plain numbers, by name.
-
-    Quantities with a unit of their own are converted to them.
-    """
-
-    length: str = ""
-    force: str = ""
-
-
-@dataclass(frozen=True)
-class MeshSettings:
-    """Element sizes [length] and the part of the body that is modelled."""
-
-    h_contact: Length | Auto = "auto"
-    h_axis: Length | None = None
-    h_edge: Length | None = None
-    h_corner: Length | None = None
-    h_film: Length | None = None
-    h_inclusions: Annotated[tuple[Annotated[float, Gt(0)], ...], Len(1, 50), LENGTH] | None = None
-    h_layers: Annotated[tuple[Annotated[float, Gt(0)], ...], Len(1, 50), LENGTH] | None = None
-    h_far: Length | Auto = "auto"
-    grading: Annotated[float, Gt(0), Le(1)] | Auto = "auto"
-    order: Annotated[Literal[2], LINEAR_ELEMENTS_GONE] = 2
-    refinements: Annotated[int, Ge(0), Le(MAX_REFINEMENTS)] | None = None
-    symmetry: Literal["auto", "axisymmetric", "plane_strain", "quarter", "half", "full"] = "auto"
-
-
-@dataclass(frozen=True)
-class SolverSettings:
-    """Solution of the equations.
-
-    PETSc's own options are [the environment's](how_do_i.md#tune-petsc).
-    """
-
-    method: Literal["auto", "theory", "condensed", "newton"] = "auto"
-    linear: Literal["auto", "direct", "iterative"] = "auto"
-    rtol: Annotated[float, Gt(0), Le(MAX_RTOL)] = MAX_RTOL
-    max_iterations: PositiveInt = 50
-
-
-@dataclass(frozen=True)
-class OutputSettings:
-    """Output of a run, and its folder."""
-
-    directory: Annotated[str, MinLen(1)] | None = None
-    fields: Literal["auto", "none", "last", "all"] = "auto"
-    nodal_stress: bool = False
-    surface: KeptStates = "last"
-    reactions: bool = False
-    plot: bool = True
-
-
-@dataclass(frozen=True)
-class Source:
-    """Source of every key of a config: file and line, or the `--set` that gave it.
-
-    All sources are equal: two configs with the same values are equal, wherever they were written.
-    """
-
-    name: str = field(default="", compare=False)
-    locations: dict[KeyPath, tuple[str, int | None]] = field(
-        default_factory=dict, compare=False, repr=False
-    )
-    # Quantities as given, and as numbers in the units of the scene.
-    quantities: dict[KeyPath, tuple[str, float]] = field(
-        default_factory=dict, compare=False, repr=False
-    )
-
-    def location(self, path: KeyPath) -> tuple[str, int | None]:
-        """Return file and line of a key, or of the nearest section around it."""
-        for end in range(len(path), -1, -1):
-            if path[:end] in self.locations:
-                return self.locations[path[:end]]
-        return self.name, None
-
-
-class Config(BaseModel):
+class Config(SceneSections):
     """Checked scene file with its defaults; every "auto" is still undecided."""
-
-    model_config = ConfigDict(
-        extra="forbid", frozen=True, strict=True, allow_inf_nan=False, revalidate_instances="always"
-    )
-
-    title: str = ""
-    units: Units = Units()
-    body: Annotated[AnyBody, TaggedBy("shape")]
-    # Required unless every layer or region has its own material.
-    material: Annotated[Material | None, TaggedBy("model")] = None
-    indenter: Annotated[Indenter, TaggedBy("shape")]
-    # The key in a file is `indenter.center`.
-    center: Annotated[tuple[Coordinate, ...], LENGTH] | None = None
-    contact: Annotated[Contact, TaggedBy("method")] = AutoContact()
-    drainage: Drainage | None = None
-    loading: Loading
-    experiment: Experiment | None = None
-    mesh: MeshSettings = MeshSettings()
-    accuracy: Annotated[float, Gt(0), Lt(1)] | AccuracyPreset | None = None
-    solver: SolverSettings = SolverSettings()
-    output: OutputSettings = OutputSettings()
-
-    _source: Source = PrivateAttr(default_factory=Source)
-
-    @property
-    def source(self) -> Source:
-        """Source of every key."""
-        return self._source
-
-    @property
-    def initial_bath(self) -> float:
-        """Value of the bath in the undeformed state."""
-        if not self.drainage:
-            return 0.0
-        history = self.loading.prescribed_history
-        return self.drainage.bath_at(history.points[0][0] if history else 0.0)
-
-    @property
-    def instrument(self) -> Experiment:
-        """Experiment of the scene; an empty one if the file has none."""
-        return self.experiment or Experiment()
-
-    @property
-    def layers(self) -> tuple[Layer, ...]:
-        """Layers of the body from the top, each with its material; at least one."""
-        given = self.body.layers or (Layer(getattr(self.body, "height", None)),)
-        return tuple(
-            dataclasses.replace(layer, material=layer.material or self.material) for layer in given
-        )
-
-    def material_key(self, layer: int) -> str:
-        """Return the key of the material of a layer."""
-        has_material = self.body.layers is not None and self.body.layers[layer].material is not None
-        return f"body.layers[{layer}].material" if has_material else "material"
-
-    def materials(self) -> Iterator[tuple[str, Material]]:
-        """Yield every given material with its key."""
-        keyed_materials = [("material", self.material)]
-        keyed_materials += [
-            (f"{key_of_layer(k)}.material", layer.material)
-            for k, layer in enumerate(self.body.layers or ())
-        ]
-        keyed_materials += [
-            (f"body.regions.{name}", region_material)
-            for name, region_material in (getattr(self.body, "regions", None) or {}).items()
-        ]
-        inclusions = enumerate(self.body.inclusions or ())
-        keyed_materials += [
-            (f"{key_of_inclusion(k)}.material", inclusion.material) for k, inclusion in inclusions
-        ]
-        yield from ((key, material) for key, material in keyed_materials if material is not None)
 
     @model_validator(mode="after")
     def _check_consistency(self) -> Config:
@@ -375,9 +208,14 @@ def allowed_keys_at(path: KeyPath, document: Mapping[str, Any]) -> tuple[str, ..
     return node_at(path, document).allowed_keys()
 
 
-@cache
 def file_order(kind: Any) -> tuple[str, ...]:
     """Return the fields of a dataclass in the order of a file: the tag first."""
+    return _file_order(kind)
+
+
+@cache
+def _file_order(kind: Any) -> tuple[str, ...]:
+    """Return `file_order`, cached; mypy does not regard every class as hashable."""
     tags = [
         name
         for name in TAG_KEYS & set(field_names(kind))

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from indent_sim.config.key_types import field_names
+from indent_sim.config.scene_sections import SceneSections
 from indent_sim.model.body import Cylinder
 from indent_sim.model.experiment import Experiment, JKRAdhesion
 from indent_sim.model.spherical_bodies import Ball, Cap
@@ -14,11 +14,8 @@ from indent_sim.model.unbounded_bodies import UnboundedBody
 from indent_sim.model.walled_bodies import Box, Strip
 from indent_sim.process.errors import ConfigError
 
-if TYPE_CHECKING:
-    from indent_sim.config.schema import Config
 
-
-def contact_errors(config: Config) -> Iterator[ConfigError]:
+def contact_errors(config: SceneSections) -> Iterator[ConfigError]:
     """Yield errors of `epsilon_t` without friction, and of adhesion."""
     adhesion = config.contact.adhesion
     if config.contact.epsilon_t != "auto" and config.contact.is_conservative:
@@ -35,7 +32,7 @@ def contact_errors(config: Config) -> Iterator[ConfigError]:
         yield ConfigError("contact.adhesion.range", problem, remedy)
 
 
-def center_errors(config: Config) -> Iterator[ConfigError]:
+def center_errors(config: SceneSections) -> Iterator[ConfigError]:
     """Yield errors of the position of the tip's axis."""
     center = config.center
     needed = len(config.body.center)
@@ -51,7 +48,7 @@ def center_errors(config: Config) -> Iterator[ConfigError]:
         yield ConfigError("indenter.center", problem, f"give {form}")
 
 
-def tip_errors(config: Config) -> list[ConfigError]:
+def tip_errors(config: SceneSections) -> list[ConfigError]:
     """Return errors of the tip and of its combination with the body."""
     tip = config.indenter
     if getattr(config.body, "kinematics", "") == "axisymmetric" and not tip.is_axisymmetric:
@@ -106,7 +103,7 @@ def tip_errors(config: Config) -> list[ConfigError]:
     return []
 
 
-def experiment_errors(config: Config) -> Iterator[ConfigError]:
+def experiment_errors(config: SceneSections) -> Iterator[ConfigError]:
     """Yield errors of an experiment that do not depend on the solution."""
     experiment = config.experiment
     if experiment is None:
@@ -129,7 +126,7 @@ def experiment_errors(config: Config) -> Iterator[ConfigError]:
         )
 
 
-def _jkr_errors(config: Config, adhesion: JKRAdhesion) -> Iterator[ConfigError]:
+def _jkr_errors(config: SceneSections, adhesion: JKRAdhesion) -> Iterator[ConfigError]:
     """Yield errors where the JKR limit does not apply.
 
     It needs a circular contact whose radius varies with the depth, for Griffith's balance at its

@@ -79,7 +79,7 @@ def test_the_error_of_the_loop_is_that_of_its_lines() -> None:
     way_in = np.linspace(0.0, 1.0, 11)
     rows = states(np.append(way_in, 0.0), np.append(way_in**2, 0.0), np.arange(12.0))
     rows = [State(**vars(one) | {"force": 0.0 if one.step == 12 else one.force}) for one in rows]
-    loop = next(line for line in last_lines(rows) if line.startswith("loop"))
+    loop = next(line for line in last_lines(rows) if line.startswith("hysteresis loop"))
     area, error = (float(loop.split(word)[1].split()[0]) for word in ("area", "±"))
     way_back = 0.5  # straight from the last row of the way in, which a jump would not be
     assert area == pytest.approx(1 / 3 - way_back, abs=2 * error) and error == pytest.approx(

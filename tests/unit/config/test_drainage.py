@@ -58,7 +58,7 @@ SCENE: dict[str, Any] = {
         (
             {"material": WET | {"flow": None}, "loading": {"history": HISTORY, "per_doubling": 4}},
             "per_doubling",
-            "time-dependent body",
+            "time-dependent bodies",
         ),
         (
             {"loading": {"history": HISTORY, "times": [2.0]}},

@@ -106,7 +106,7 @@ HYPERELASTIC = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
             {"adhesion": {"work": 1e-3, "range": 1e-3}},
             {"indenter": {"shape": "cone", "half_angle": 70.0}},
             "experiment.adhesion.range",
-            "no R",
+            "a radius R",
         ),
         (
             {"calibration": {"stiffness": 0.1}, "history": RAMP},

@@ -82,7 +82,7 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
     (
         CYLINDER | layers(0.4, 2.0),
         "body.layers",
-        "the total thickness of the layers is 2.4, and the body is 1 high",
+        "the total thickness of the layers is 2.4, but the body is 1 high",
     ),
     (CYLINDER | layers(0.4), "body.layers", "make their thicknesses add up to the height"),
     (BOX | layers(0.4, -0.6), "body.layers[1].thickness", "must be > 0, got -0.6"),
@@ -132,7 +132,7 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
     (BALL | layers("thin", None), "body.layers[0].thickness", "a number"),
     (BALL | layers(1.0, None), "body.layers", "is 1, which leaves no core"),
     (BALL | layers(0.6, 0.5, None), "body.layers", "is 1.1, which leaves"),
-    (BALL | {"base": "fixed"} | layers(1.2, None), "body.layers", "leaving no core"),
+    (BALL | {"base": "fixed"} | layers(1.2, None), "body.layers", "leaves no core"),
     (CAP | layers(1.0, None), "body.layers", "a core that does not reach the base"),
     (CAP | layers(0.99, None), "body.layers", "a core that does not reach the base"),
     (

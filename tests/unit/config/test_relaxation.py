@@ -38,7 +38,7 @@ TWO = [{"thickness": 0.5, "material": SOFT | {"relaxation": ALL}}, {"thickness":
         ({"contact": {"adhesion": {"work": 1e-3, "range": 0.1}}}, "contact.adhesion", "not verified"),
         ({"solver": {"method": "theory"}}, "solver.method", "no relaxation of the shear modulus"),
         ({"solver": {"method": "condensed"}}, "solver.method", "bulk modulus does not"),
-        ({"experiment": {"frequencies": [1.0]}}, "experiment.frequencies", "needs a load curve"),
+        ({"experiment": {"frequencies": [1.0]}}, "experiment.frequencies", "needs an elastic load curve"),
         ({"experiment": {"cantilever": {"stiffness": 1.0}}}, "experiment.cantilever", "needs an elastic curve"),
         ({"material": RUBBER | {"relaxation": ALL}}, "material.relaxation.of", "of: shear"),
         ({"material": SOFT | {"relaxation": ALL}, "contact": {"friction": 0.3}}, "relaxation.of", "of: shear"),
