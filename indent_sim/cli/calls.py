@@ -27,6 +27,7 @@ from indent_sim.studies.study_plan import plan_study as plan_study
 if TYPE_CHECKING:
     from indent_sim.results.pictures.figures import Axes, Figure
 
+# Options of `plot`.
 PLOT_OPTIONS = (
     "fields",
     "steps",
@@ -37,26 +38,37 @@ PLOT_OPTIONS = (
     "letters",
     "limits",
     "zoom",
-)  # of `plot`
+)
 Result = Results | str | Path
 
 
 def read(path: str | Path) -> Results | Study:
-    """Return a result folder, a force table, a measured curve or the table of a study as arrays.
+    """Read a result folder, a force table, a measured curve or the table of a study as arrays.
 
-    UsageError if there is none, or if it is damaged.
+    Raises
+    ------
+    UsageError
+        The path has none of these, or its content is damaged.
     """
-    return (
-        run_study.read_study(Path(path))
-        if result_files.folder_kind(Path(path)) == "study"
-        else reader.read(path)
-    )
+    if result_files.folder_kind(Path(path)) == "study":
+        return run_study.read_study(Path(path))
+    return reader.read(path)
 
 
 def plan(given: SceneInput, *, error_bars: bool = False) -> Report:
-    """Return the plan of a scene, or the runs of a study with their cost.
+    """Return the plan of a scene, or the runs of a study with their cost; nothing is solved.
 
-    It is the object of `indent-sim plan --json`.
+    Parameters
+    ----------
+    given
+        Scene or study: a file, nested mappings shaped like a file, or the config of a scene.
+    error_bars
+        Include the cost of the additional solutions of error estimates.
+
+    Returns
+    -------
+    Report
+        The object that `indent-sim plan --json` prints.
     """
     if (isinstance(given, Mapping) and is_study(given)) or (
         isinstance(given, str | Path) and _is_study_file(given)
@@ -66,9 +78,19 @@ def plan(given: SceneInput, *, error_bars: bool = False) -> Report:
 
 
 def require(given: SceneInput, within: float = 0.01) -> Report:
-    """Return which effects matter, in per cent, and the cheapest model within a relative tolerance.
+    """Estimate how each effect changes the force, and recommend the cheapest sufficient model.
 
-    It is the object of `indent-sim require --json`; the tolerance is that of the force.
+    Parameters
+    ----------
+    given
+        Scene: a file, nested mappings shaped like a file, or a config.
+    within
+        Accepted relative error of the force, between 0 and 1.
+
+    Returns
+    -------
+    Report
+        The object that `indent-sim require --json` prints.
     """
     from indent_sim.run.model_selection import recommended_model
 
@@ -81,9 +103,21 @@ def compare(
     rtol: comparisons.Tolerances = comparisons.DEFAULT_RTOL,
     columns: Sequence[str] | None = None,
 ) -> Report:
-    """Return two results or measured curves compared row by row.
+    """Compare two results or measured curves row by row.
 
-    It is the object of `indent-sim compare --json`; `differences` is empty if they agree.
+    Parameters
+    ----------
+    first, second
+        Results, or the paths of result folders, force tables or measured curves.
+    rtol
+        Relative tolerance of all columns, or of each by its name.
+    columns
+        Columns to compare; by default depth, force, contact radius and those of `rtol`.
+
+    Returns
+    -------
+    Report
+        The object that `indent-sim compare --json` prints; `differences` is empty if they agree.
     """
     A, B = (result.path if isinstance(result, Results) else result for result in (first, second))
     return json_data(comparisons.compare(A, B, rtol, columns).as_json())
@@ -97,12 +131,28 @@ def study(
     resume: bool = False,
     overwrite: bool = False,
 ) -> Study:
-    """Do a study and give its table. Of a dictionary without a directory the runs are kept as long
-    as the result is.
+    """Run a study and return its table.
 
-    Finished runs in the directory that the study does not ask for are kept with `resume` and
-    replaced with `overwrite`. UsageError, ConfigError (before any run), NotConverged when no run at
-    all gave a result.
+    Parameters
+    ----------
+    given
+        Study: a file, or nested mappings shaped like a file.
+    directory
+        Folder of the study. A study given as mappings without a folder keeps its runs in a
+        temporary one, which is deleted together with the returned object.
+    jobs
+        Number of runs at the same time.
+    resume
+        Keep finished runs, also those that the study does not contain.
+    overwrite
+        Replace finished runs in the folder that the study does not contain.
+
+    Raises
+    ------
+    UsageError, ConfigError
+        The study is not valid; raised before any run.
+    NotConverged
+        No run has a result.
     """
     if (
         directory is not None
@@ -124,11 +174,13 @@ def study(
 
 
 def plot(
-    shown: Result | Study | Sequence[Result], what: str = "", *, ax: Axes | None = None, **wish: Any
+    shown: Result | Study | Sequence[Result],
+    what: str = "",
+    *,
+    ax: Axes | None = None,
+    **options: Any,
 ) -> Figure:
-    """Return the figure of results or of a study.
-
-    A notebook shows it; `figure.savefig(path)` writes it.
+    """Return the figure of results or of a study, which a notebook displays.
 
     Parameters
     ----------
@@ -139,29 +191,30 @@ def plot(
         profile, fields, film. For a study curves [default], or one of force, a, p_max and
         penetration over the varied keys.
     ax
-        Axes of your own figure, into which one panel of `what` is drawn, for fields that of one
-        step.
-    wish
+        Axes of an existing figure, into which one panel of `what` is drawn; fields are drawn at
+        one step.
+    options
         Options of `indent-sim plot`: fields, steps, units, width [mm], font [points], layout (rows,
         columns), letters "a", limits (low, high), zoom.
 
     Raises
     ------
     UsageError
-        The results lack what is asked for, or `ax` is given with more than one panel.
+        The results do not contain a requested quantity, or `ax` is given with several panels.
     """
     from indent_sim.results.pictures import figures, panels
 
     if isinstance(shown, Study):
-        if wish or ax is not None or what not in ("", "curves", *small_multiples.PLOTTED_COLUMNS):
+        study_panels = ("", "curves", *small_multiples.PLOTTED_COLUMNS)
+        if options or ax is not None or what not in study_panels:
             columns = ", ".join(small_multiples.PLOTTED_COLUMNS)
-            problem = f"a study is drawn as curves, or as one of {columns}"
-            raise UsageError(f"{problem}: give one of its runs for other panels")
+            problem = f"a study is plotted as curves, or as one of {columns}"
+            raise UsageError(f"{problem}: plot one of its runs for other panels and options")
         curve_groups = curve_table.group_folder_curves(
             shown.directory / result_files.RUNS, shown.rows, shown.keys
         )
         if not curve_groups.curves:
-            raise UsageError(f"{shown.directory} has no run that is done")
+            raise UsageError(f"{shown.directory} has no finished run")
         figure_context = curves_figure(curve_groups, shown.title)
         if what in small_multiples.PLOTTED_COLUMNS:
             figure_context = small_multiples.column_figure(curve_groups, what, shown.title)
@@ -169,7 +222,7 @@ def plot(
         results = [shown] if isinstance(shown, Results | str | Path) else list(shown)
         runs = [item if isinstance(item, Results) else reader.read(item) for item in results]
         request = panels.plot_request(
-            {"what": _split_words(what or "force")} | _normalize_options(wish)
+            {"what": _split_words(what or "force")} | _normalize_options(options)
         )
         if ax is not None:
             panels.draw_into(ax, runs, request)
@@ -180,31 +233,46 @@ def plot(
         return figure
 
 
-def _normalize_options(wish: Mapping[str, Any]) -> dict[str, Any]:
+def _normalize_options(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return options of a picture as the command line gives them; UsageError for an unknown one."""
-    if unknown := [name for name in wish if name not in PLOT_OPTIONS]:
-        raise UsageError(f"plot has no {unknown[0]}; it has {', '.join(PLOT_OPTIONS)}")
-    options = {name: (value,) if isinstance(value, int) else value for name, value in wish.items()}
+    if unknown := [name for name in options if name not in PLOT_OPTIONS]:
+        raise UsageError(f"plot has no option {unknown[0]}; it has {', '.join(PLOT_OPTIONS)}")
+    as_lists = {
+        name: (value,) if isinstance(value, int) else value for name, value in options.items()
+    }
     return {
-        name: _split_words(value) if name in ("fields", "steps") else wish[name]
-        for name, value in options.items()
+        name: _split_words(value) if name in ("fields", "steps") else options[name]
+        for name, value in as_lists.items()
     }
 
 
-def _split_words(given: str | Sequence[Any]) -> tuple[str, ...]:
-    return (
-        tuple(word.strip() for word in given.split(","))
-        if isinstance(given, str)
-        else tuple(map(str, given))
-    )
+def _split_words(words: str | Sequence[Any]) -> tuple[str, ...]:
+    """Return the words of a text with commas, or the items of a sequence, as texts."""
+    if isinstance(words, str):
+        return tuple(word.strip() for word in words.split(","))
+    return tuple(map(str, words))
 
 
 def sensitivities(scene: SceneInput, keys: str | Sequence[str]) -> derivatives.Derivatives:
-    """Return dF/dkey at every row of a scene: {key: {value: [...], error: [...]}}."""
+    """Return the derivatives dF/dkey of the force at every row of a scene.
+
+    Parameters
+    ----------
+    scene
+        Scene: a file, nested mappings shaped like a file, or a config.
+    keys
+        One or several dotted keys of numbers, e.g. "material.E".
+
+    Returns
+    -------
+    Derivatives
+        {key: {"value": [...], "error": [...]}} with one entry a row.
+    """
     return derivatives.sensitivities(config_of(scene), [keys] if isinstance(keys, str) else keys)
 
 
 def _is_study_file(path: str | Path) -> bool:
+    """Return whether a YAML file contains a study."""
     from indent_sim.config.scene_file import read_document
 
     return is_study(read_document(path)[0])

@@ -1,7 +1,8 @@
-"""The command line: the only place that ends the process or names COMM_WORLD.
+"""Commands of the command line, and the only module that ends the process or uses COMM_WORLD.
 
-stdout carries the result, everything else goes to stderr; under MPI rank 0 alone speaks and all
-ranks end with the same exit code. Heavy imports wait inside the commands.
+The result is printed to stdout, everything else to stderr. Under MPI only rank 0 prints, and all
+ranks end with the same exit code. Commands import large modules themselves, so that a command loads
+only what it needs.
 """
 
 from __future__ import annotations
@@ -11,18 +12,45 @@ import logging
 import os
 import signal
 import sys
-import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NoReturn
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
 from indent_sim.cli import terminal
+from indent_sim.cli.options import (
+    FRACTION,
+    PATH,
+    NumberInRange,
+    columns_option,
+    complete_fields,
+    json_option,
+    parse_layout,
+    parse_limits,
+    parse_pairs,
+    parse_shard,
+    parse_tolerances,
+    parse_words,
+    parse_zoom,
+    quiet_option,
+    set_option,
+    units_option,
+)
+from indent_sim.cli.output import (
+    FORMAT_KEY,
+    OutputFormat,
+    exit_with_usage_error,
+    print_done,
+    print_json,
+    print_stderr,
+    print_stdout,
+    report_failure,
+)
 from indent_sim.process import errors
-from indent_sim.process.errors import ConfigError, IndentSimError, UsageError, printable
+from indent_sim.process.errors import ConfigError, IndentSimError, UsageError
 from indent_sim.process.limits import require_resources, translate_resource_errors, write_error
 from indent_sim.process.ranks import FailureConsensus, SerialComm
 from indent_sim.process.signals import raise_on_signals, raise_pending_signal
@@ -34,14 +62,12 @@ if TYPE_CHECKING:
     from indent_sim.results.reader import Results
     from indent_sim.run.pipeline import Outcome
 
-OutputFormat = Literal["text", "json"]  # of what stdout gets
-Verbosity = Literal["all", "warnings"]  # on stderr
-LOG_LEVELS = {"all": logging.INFO, "warnings": logging.WARNING}  # of our own messages
-THREAD_VARIABLES = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-)  # more only slow these sizes down
+# Messages on stderr, and the log level of the program's own logger for each.
+Verbosity = Literal["all", "warnings"]
+LOG_LEVELS = {"all": logging.INFO, "warnings": logging.WARNING}
+# Numbers of BLAS threads. Several threads slow systems of these sizes down.
+THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+# Sections of a scene by the word of `list`.
 LISTED_SECTIONS = {
     "materials": "material",
     "indenters": "indenter",
@@ -49,10 +75,12 @@ LISTED_SECTIONS = {
     "bodies": "body",
 }
 TEMPLATES = ("cell", "gel", "film", "nanoindentation", "rubber", "study")
-SCHEMA_FILE = "scene.schema.json"  # beside a scene of `init`, whose first line names it
-ROWS_WITHOUT_GC = 50  # rows of a run, before there is garbage to speak of
-# in click's context: json where --json was given, also where the command refuses it
-FORMAT_KEY = "indent_sim.form"
+# Schema in the folder of a scene of `init`; the first line of the scene refers to it.
+SCHEMA_FILE = "scene.schema.json"
+# Points of a curve of `fit --design` unless --points is given.
+DESIGN_POINTS = 300
+# The garbage collector is enabled from this row of a run on; before, there is hardly any garbage.
+ROWS_WITHOUT_GC = 50
 
 
 class Program(click.Group):
@@ -73,14 +101,13 @@ class Program(click.Group):
         self, info_name: str | None, args: list[str], *rest: Any, **extra: Any
     ) -> click.Context:
         """Read the options before the command."""
-        form: OutputFormat = (
-            "json" if "--json" in (args[: args.index("--")] if "--" in args else args) else "text"
-        )
+        options = args[: args.index("--")] if "--" in args else args
+        output_format: OutputFormat = "json" if "--json" in options else "text"
         try:
             ctx = super().make_context(info_name, args, *rest, **extra)
         except click.ClickException as error:
-            exit_with_usage_error(error, form)
-        ctx.meta[FORMAT_KEY] = form
+            exit_with_usage_error(error, output_format)
+        ctx.meta[FORMAT_KEY] = output_format
         return ctx
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -99,10 +126,7 @@ class Program(click.Group):
 
 
 def _open_closed_streams() -> None:
-    """Open /dev/null for each of stdin, stdout and stderr that is closed.
-
-    Libraries need all three.
-    """
+    """Open /dev/null in place of stdin, stdout and stderr that are closed; libraries need them."""
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
             null = os.open(os.devnull, os.O_RDWR)
@@ -111,264 +135,10 @@ def _open_closed_streams() -> None:
             setattr(sys, name, os.fdopen(number, "w" if number else "r", closefd=False))
 
 
-def exit_with_usage_error(error: click.ClickException, form: OutputFormat) -> NoReturn:
-    """Exit like click after an invalid option, with a JSON object if one was requested."""
-    if form == "json":
-        print_failure(error, error.exit_code, UsageError.__name__)
-    error.show()
-    raise click.exceptions.Exit(error.exit_code) from error
-
-
-def report_failure(error: BaseException) -> int:
-    """Print the failure to stderr and, with --json, to stdout; return the exit code."""
-    code = getattr(error, "exit_code", 130 if isinstance(error, KeyboardInterrupt) else 1)
-    if isinstance(error, KeyboardInterrupt):
-        print_stderr(str(error) or "interrupted")
-    elif isinstance(error, IndentSimError):
-        print_stderr(str(error) if isinstance(error, ConfigError) else f"error: {error}")
-    else:
-        trace = "".join(traceback.format_exception(error))
-        print_stderr(
-            f"{trace}this is a bug in indent-sim; please report it with the traceback above"
-        )
-    ctx = click.get_current_context(silent=True)
-    if ctx is not None and ctx.meta.get(FORMAT_KEY) == "json":
-        print_failure(error, code, type(error).__name__)
-    return int(code)
-
-
-def print_json(value: Any) -> None:
-    """Print as JSON to stdout."""
-    from indent_sim.results.json_text import to_json
-
-    print_stdout(to_json(value))
-
-
-def print_done(entries: dict[str, Any]) -> None:
-    """Print the JSON object of a command that succeeded."""
-    print_json({"status": "done", "exit_code": 0} | entries)
-
-
-def print_failure(error: BaseException, code: int, kind: str) -> None:
-    """Print the JSON object of a command that failed, with its partial result if there is one."""
-    status = "interrupted" if code > 128 else "failed"
-    failure = {
-        "status": status,
-        "exit_code": code,
-        "error": error_as_json(error, kind),
-        **getattr(error, "partial_result", {}),
-    }
-    if isinstance(error, errors.ConfigErrors):
-        failure["errors"] = [error_as_json(part, kind) for part in error.errors]
-    with suppress(errors.NotConverged):  # a full disk: the exit code tells
-        print_json(failure)
-
-
-def error_as_json(error: BaseException, kind: str) -> dict[str, Any]:
-    """Return an error as JSON: type, message, and where known position and remedy."""
-    message = error.format_message() if isinstance(error, click.ClickException) else str(error)
-    location: dict[str, Any] = dict.fromkeys(("file", "line", "key", "remedy"))
-    if isinstance(error, ConfigError | UsageError):
-        message = printable(error.problem)
-        location = {name: getattr(error, name, None) or None for name in location}
-    return {
-        "type": kind.removesuffix("s") if kind == "ConfigErrors" else kind,
-        "message": message,
-        **location,
-    }
-
-
-def print_stdout(text: str) -> None:
-    """Print to stdout; a closed pipe is no error, a full disk is one."""
-    try:
-        with suppress(UnicodeEncodeError):
-            return click.echo(text)
-        click.echo(os.fsencode(text))  # the name of a folder may be any bytes
-    except OSError as error:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        if not isinstance(error, BrokenPipeError):
-            raise errors.NotConverged(
-                f"cannot write to stdout: {error.strerror or error}"
-            ) from error
-
-
-def print_stderr(text: str) -> None:
-    """Print to stderr; that nobody listens any more, or that it fills a disk, is no error.
-
-    File names and titles are in it: what would control the terminal is shown, not sent.
-    """
-    try:
-        click.echo(printable(text, line_breaks=True), err=True)
-    except OSError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
-
-
-class NumberInRange(click.FloatRange):
-    """Number in a range; NaN is in none."""
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
-        """Return the number of a text."""
-        number: float = super().convert(value, param, ctx)
-        return number if number == number else self.fail(f"'{value}' is not a number.", param, ctx)
-
-
-PATH = click.Path(path_type=Path)
-FRACTION = NumberInRange(0, 1, min_open=True, max_open=True)
-OVERWRITE_HELP = (
-    "Replace what the folder holds: another CONFIG's run, or a finished run of another scene."
-)
-SET_HELP = "Replace one key, e.g. contact.method=penalty."
-
-
-def _complete_keys(ctx: click.Context, option: click.Parameter, typed_text: str) -> list[str]:
-    """Return the keys of a scene that begin with the typed text, for completion in a shell."""
-    from indent_sim.config.schema import file_order, sections
-
-    kinds = sections()
-    keys = {
-        f"{section}.{name}="
-        for section in kinds
-        for kind in kinds[section]
-        for name in file_order(kind)
-    }
-    return sorted(key for key in keys if key.startswith(typed_text))
-
-
-def _complete_fields(ctx: click.Context, option: click.Parameter, typed_text: str) -> list[str]:
-    """Return field names that complete the text after its last comma."""
-    from indent_sim.results.pictures.fields import FIELDS
-
-    before, comma, word = typed_text.rpartition(",")
-    return [f"{before}{comma}{name}" for name in FIELDS if name.startswith(word)]
-
-
-SET_ATTRIBUTES: dict[str, Any] = {
-    "multiple": True,
-    "metavar": "KEY=VALUE",
-    "shell_complete": _complete_keys,
-    "help": SET_HELP,
-}
-set_option = click.option("--set", "overrides", **SET_ATTRIBUTES)
-
-
-def _parse_shard(
-    ctx: click.Context, option: click.Parameter, text: str | None
-) -> tuple[int, int] | None:
-    """Return I/N as two numbers."""
-    if text is None:
-        return None
-    index, slash, count = text.partition("/")
-    if not (slash and index.isdecimal() and count.isdecimal() and 1 <= int(index) <= int(count)):
-        raise click.BadParameter(f"'{text}' is not I/N with 1 <= I <= N, for example 2/8")
-    return int(index), int(count)
-
-
-def _parse_words(ctx: click.Context, option: click.Parameter, text: str | None) -> tuple[str, ...]:
-    """Return words separated by commas."""
-    words = tuple(word.strip() for word in (text or "").split(",")) if text is not None else ()
-    if not all(words):
-        raise click.BadParameter(f"'{text}' holds an empty word")
-    return words
-
-
-def _parse_pairs(ctx: click.Context, option: click.Parameter, text: str | None) -> dict[str, str]:
-    """Return NAME=VALUE pairs separated by commas."""
-    pairs = [word.partition("=") for word in _parse_words(ctx, option, text)]
-    if wrong := next(
-        (name for name, equals, value in pairs if not (name.strip() and equals and value.strip())),
-        None,
-    ):
-        raise click.BadParameter(f"'{wrong}' is not NAME=VALUE")
-    return {name.strip(): value.strip() for name, _, value in pairs}
-
-
-def _parse_layout(
-    ctx: click.Context, option: click.Parameter, text: str | None
-) -> tuple[int, int] | None:
-    """Return ROWSxCOLUMNS as two numbers."""
-    if text is None:
-        return None
-    rows, x, columns = text.lower().partition("x")
-    if not (x and rows.isdecimal() and columns.isdecimal() and int(rows) and int(columns)):
-        raise click.BadParameter(f"'{text}' is not ROWSxCOLUMNS, for example 1x3")
-    return int(rows), int(columns)
-
-
-def _parse_limits(
-    ctx: click.Context, option: click.Parameter, text: str | None
-) -> tuple[float, float] | None:
-    """Return A:B as two numbers."""
-    if text is None:
-        return None
-    try:
-        low, high = map(float, text.split(":"))
-    except ValueError:
-        raise click.BadParameter(f"'{text}' is not A:B, for example 0:250") from None
-    return low, high
-
-
-def _parse_zoom(ctx: click.Context, option: click.Parameter, text: str | None) -> float | None:
-    """Return the zoom in contact radii; infinity for "all"."""
-    try:
-        radii = None if text is None else float("inf") if text == "all" else float(text)
-    except ValueError:
-        radii = -1.0
-    if radii is not None and not radii > 0:
-        raise click.BadParameter(f"'{text}' is neither a number > 0 nor all")
-    return radii
-
-
-def _parse_tolerances(ctx: click.Context, option: click.Parameter, text: str) -> dict[str, float]:
-    """Return tolerances by column: X for all, under "", and COLUMN=X for one."""
-    tolerances: dict[str, float] = {}
-    for word in _parse_words(ctx, option, text):
-        name, _, value = word.rpartition("=")
-        try:
-            tolerances[name.strip()] = tolerance = float(value)
-        except ValueError:
-            raise click.BadParameter(f"'{word}' is not a number, nor COLUMN=NUMBER") from None
-        if not 0 <= tolerance <= 1:
-            raise click.BadParameter(f"'{word}' is not in the range from 0 to 1")
-    return tolerances
-
-
-WHAT_HELP = (
-    "Panels, with commas: force, time, pressure, pressure_x, pressure_y, profile, "
-    "fields, film; of a study one of "
-    "curves, force, a, p_max, penetration."
-)
-LIMITS_HELP = "Ends of the colours of a field, and of pressures, in the unit shown."
-SEGMENTS = ("approach", "hold", "retract", "all")  # of a measured curve
-SEGMENT_HELP = "Part of the curve; hold: up to its end."
-DESIGN_HELP = (
-    "Before a measurement: what a curve of this scene would tell of the keys; needs --noise."
-)
-NOISE_HELP = "With --design: deviation of a sample's force over the largest force."
-DESIGN_POINTS = 300
-WITHIN_HELP = "Relative error of the force that is accepted."
-COLUMNS_HELP = "Columns, by title or number from 1."
-columns_option = click.option(
-    "--columns", callback=_parse_words, metavar="DEPTH,FORCE[,TIME]", help=COLUMNS_HELP
-)
-UNITS_HELP = "Units where a file says none, e.g. length=m,force=N."
-units_option = click.option("--units", callback=_parse_pairs, help=UNITS_HELP)
-QUIET_HELP = "Warnings and errors alone on stderr, no progress."
-quiet_option = click.option(
-    "--quiet", "told", flag_value="warnings", default="all", help=QUIET_HELP
-)
-json_option = click.option(
-    "--json", "form", flag_value="json", default="text", help="Print one JSON object."
-)
-RTOL_HELP = "Relative tolerance, of all columns or of each, e.g. force=1e-3,a=2e-2."
-TOLERANCE_FORM = "X|COLUMN=X,..."
-
-
 @click.group(cls=Program, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(VERSION, prog_name="indent-sim")
 def program() -> None:
-    """Press rigid indenters into soft bodies and report the force."""
+    """Simulate the indentation of soft bodies by rigid tips."""
 
 
 @program.command()
@@ -378,11 +148,17 @@ def program() -> None:
 @click.option(
     "--resume",
     is_flag=True,
-    help="Go on with a run that was stopped; a finished one stays as it is.",
+    help="Continue an interrupted run; a finished run is left as it is.",
 )
-@click.option("--overwrite", is_flag=True, help=OVERWRITE_HELP)
 @click.option(
-    "--error-bars", is_flag=True, help="Estimate the error of every force, from a coarser mesh."
+    "--overwrite",
+    is_flag=True,
+    help=(
+        "Replace the run in the folder: that of another CONFIG, or a finished one of another scene."
+    ),
+)
+@click.option(
+    "--error-bars", is_flag=True, help="Estimate the error of every force by a coarser mesh."
 )
 @quiet_option
 @json_option
@@ -390,9 +166,9 @@ def run(
     config: Path,
     overrides: tuple[str, ...],
     output: Path | None,
-    told: Verbosity,
-    form: OutputFormat,
-    **how: bool,
+    verbosity: Verbosity,
+    output_format: OutputFormat,
+    **options: bool,
 ) -> None:
     """Simulate one scene; also under mpirun. Prints the result folder."""
     with _pause_garbage_collector():
@@ -401,29 +177,29 @@ def run(
             from indent_sim.config.scene_file import load
             from indent_sim.process.ranks import run_on_root
 
-            read = cache(partial(load, config, overrides))
-            comm = _world_communicator() if _start_mesher(read) else SerialComm()
+            load_config = cache(partial(load, config, overrides))
+            comm = _world_communicator() if _start_mesher(load_config) else SerialComm()
         with abort_all_ranks_together(comm), raise_on_signals(comm.rank):
-            settings = comm.bcast(run_on_root(comm, read))
+            settings = comm.bcast(run_on_root(comm, load_config))
             directory = output or Path(settings.output.directory or Path("results") / config.stem)
-            outcome = _simulate(settings, comm, directory, told, **how)
+            outcome = _simulate(settings, comm, directory, verbosity, **options)
         if comm.rank == 0:
-            _print_conclusion(outcome, form, told)
+            _print_conclusion(outcome, output_format, verbosity)
 
 
 @program.command()
 @click.argument("file", metavar="STUDY", type=PATH)
-@click.option("--resume", is_flag=True, help="Keep the runs that have ended, do the others.")
+@click.option("--resume", is_flag=True, help="Keep finished runs and do the others.")
 @click.option(
     "--overwrite",
     is_flag=True,
-    help="Replace finished runs in the folder that STUDY does not ask for.",
+    help="Replace finished runs in the folder that STUDY does not contain.",
 )
 @click.option(
     "--shard",
-    callback=_parse_shard,
+    callback=parse_shard,
     metavar="I/N",
-    help="Do only every N-th run, from the I-th on; no table.",
+    help="Do only every N-th run, beginning with the I-th, and write no table.",
 )
 @click.option(
     "--jobs",
@@ -435,32 +211,28 @@ def run(
 @click.option("--output", type=PATH, help="Folder of the study [results/<STUDY's stem>].")
 @quiet_option
 @json_option
-def study(file: Path, told: Verbosity, form: OutputFormat, **how: Any) -> None:
-    """Vary one scene: many runs, one table of what accuracy costs. Prints the folder."""
+def study(file: Path, verbosity: Verbosity, output_format: OutputFormat, **options: Any) -> None:
+    """Run a scene with varied keys and tabulate errors and costs. Prints the folder."""
     _refuse_parallel_run()
     require_resources()
     from indent_sim import studies
 
-    with _quiet_libraries(LOG_LEVELS[told]), raise_on_signals():
-        finished_study = studies.execute_study(
-            file, tell=print_stderr if told == "all" else (lambda line: None), **how
-        )
-    print_done(studies.as_json(finished_study)) if form == "json" else print_stdout(
-        str(finished_study.directory)
-    )
-    scoreboard_lines = (
-        [terminal.scoreboard_text(finished_study.scoreboard)] if finished_study.scoreboard else []
-    )
-    for line in (
-        (*scoreboard_lines, *finished_study.notes, *finished_study.recommendations)
-        if told == "all"
-        else ()
-    ):
-        print_stderr(line)
+    print_progress = print_stderr if verbosity == "all" else _discard_line
+    with _quiet_libraries(LOG_LEVELS[verbosity]), raise_on_signals():
+        finished_study = studies.execute_study(file, tell=print_progress, **options)
+    if output_format == "json":
+        print_done(studies.as_json(finished_study))
+    else:
+        print_stdout(str(finished_study.directory))
+    if verbosity == "all":
+        if finished_study.scoreboard:
+            print_stderr(terminal.scoreboard_text(finished_study.scoreboard))
+        for line in (*finished_study.notes, *finished_study.recommendations):
+            print_stderr(line)
     if finished_study.failures:
         print_stderr(
             f"{len(finished_study.failures)} of {len(finished_study.rows)} runs failed; "
-            "the table has their reasons"
+            "the table gives the reasons"
         )
 
 
@@ -468,21 +240,23 @@ def study(file: Path, told: Verbosity, form: OutputFormat, **how: Any) -> None:
 @click.argument("config", type=PATH)
 @set_option
 @click.option(
-    "--error-bars", is_flag=True, help="Count what `run --error-bars` solves beside a scene."
+    "--error-bars", is_flag=True, help="Include the cost of the error estimates of `run`."
 )
 @json_option
-def plan(config: Path, overrides: tuple[str, ...], error_bars: bool, form: OutputFormat) -> None:
-    """Say what would be modelled, and why; of a study its runs and what they cost.
+def plan(
+    config: Path, overrides: tuple[str, ...], error_bars: bool, output_format: OutputFormat
+) -> None:
+    """Show the model of a scene with reasons, or the runs of a study.
 
-    Writes nothing.
+    Also predicts the cost. Writes nothing.
     """
     if _is_study(config):
-        return _plan_study(config, overrides, error_bars, form)
+        return _plan_study(config, overrides, error_bars, output_format)
     from indent_sim.config.scene_file import load
     from indent_sim.run.planned_run import plan_with_cost
 
     planned = plan_with_cost(load(config, overrides), error_bars)
-    if form == "json":
+    if output_format == "json":
         return print_done(planned.plan.as_json())
     print_stdout(terminal.plan_text(planned, _terminal_width()))
     for line in planned.scene.notes:
@@ -494,9 +268,15 @@ def plan(config: Path, overrides: tuple[str, ...], error_bars: bool, form: Outpu
 @program.command()
 @click.argument("config", type=PATH)
 @set_option
-@click.option("--within", type=FRACTION, default=0.01, show_default=True, help=WITHIN_HELP)
 @click.option(
-    "--curve", metavar="FILE", type=PATH, help="Measured curve that says depth and modulus."
+    "--within",
+    type=FRACTION,
+    default=0.01,
+    show_default=True,
+    help="Accepted relative error of the force.",
+)
+@click.option(
+    "--curve", metavar="FILE", type=PATH, help="Measured curve that gives depth and modulus."
 )
 @columns_option
 @units_option
@@ -506,48 +286,71 @@ def require(
     overrides: tuple[str, ...],
     within: float,
     curve: Path | None,
-    form: OutputFormat,
-    **read: Any,
+    output_format: OutputFormat,
+    **reading_options: Any,
 ) -> None:
-    """Say what a scene requires: every effect in per cent of the force. Writes nothing.
+    """Show the effects on the force and the cheapest sufficient model. Writes nothing.
 
-    Ends with the cheapest model within the tolerance, as a scene that runs as it is. With --curve
-    at the depth of a measurement, with the other models of that curve: which is needed, which is
-    not excluded and what it would give.
+    Effects are in per cent of the force; the model is a scene that can be run. With --curve,
+    effects are those at the depth of a measured curve, and other models are fitted to this curve:
+    which one is needed, which one is not excluded, and the modulus that it would give.
     """
     _refuse_parallel_run()
     require_resources()
     from indent_sim.config.scene_file import load
     from indent_sim.run.model_selection import recommended_model
 
-    if curve is None and any(read.values()):
+    if curve is None and any(reading_options.values()):
         raise UsageError("--columns and --units belong to --curve FILE")
     with _quiet_libraries(logging.ERROR), raise_on_signals():
         if curve is not None:
-            return _print_curve_requirements(load(config, overrides), curve, within, read, form)
+            scene_config = load(config, overrides)
+            return _print_curve_requirements(
+                scene_config, curve, within, reading_options, output_format
+            )
         requirements = recommended_model.require(load(config, overrides), within)
-    print_done(requirements.as_json()) if form == "json" else print_stdout(
-        terminal.requirements_text(requirements, _terminal_width())
-    )
+    if output_format == "json":
+        print_done(requirements.as_json())
+    else:
+        print_stdout(terminal.requirements_text(requirements, _terminal_width()))
 
 
 def _print_curve_requirements(
-    config: Config, curve: Path, within: float, read: dict[str, Any], form: OutputFormat
+    config: Config,
+    curve: Path,
+    within: float,
+    reading_options: dict[str, Any],
+    output_format: OutputFormat,
 ) -> None:
     """Print the requirements of a scene for a measured curve."""
     from indent_sim.fitting.curve_requirements import require_for_curve
 
-    requirements = require_for_curve(config, curve, within, _reading_options(**read))
-    print_done(requirements.as_json()) if form == "json" else print_stdout(
-        terminal.curve_requirements_text(requirements, _terminal_width())
-    )
+    requirements = require_for_curve(config, curve, within, _reading_options(**reading_options))
+    if output_format == "json":
+        print_done(requirements.as_json())
+    else:
+        print_stdout(terminal.curve_requirements_text(requirements, _terminal_width()))
 
 
 @program.command()
 @click.argument("curves", metavar="CURVE_OR_FOLDER...", nargs=-1, type=PATH)
-@click.option("--scene", type=PATH, help="Scene that is the model; its loading does not matter.")
-@click.option("--design", "designed", metavar="SCENE", type=PATH, help=DESIGN_HELP)
-@click.option("--noise", type=NumberInRange(0, 1, min_open=True), metavar="X", help=NOISE_HELP)
+@click.option("--scene", type=PATH, help="Scene that is the model; its loading is not used.")
+@click.option(
+    "--design",
+    "design_scene",
+    metavar="SCENE",
+    type=PATH,
+    help=(
+        "Before a measurement: intervals of the keys that a curve of this scene would give; needs "
+        "--noise."
+    ),
+)
+@click.option(
+    "--noise",
+    type=NumberInRange(0, 1, min_open=True),
+    metavar="X",
+    help="With --design: standard deviation of a force over the largest force.",
+)
 @click.option(
     "--points",
     type=click.IntRange(30, 100_000),
@@ -567,22 +370,22 @@ def _print_curve_requirements(
 @units_option
 @click.option(
     "--segment",
-    type=click.Choice(SEGMENTS),
+    type=click.Choice(("approach", "hold", "retract", "all")),
     default="approach",
     show_default=True,
-    help=SEGMENT_HELP,
+    help="Part of the curve; hold: approach and hold.",
 )
 @click.option(
     "--contact-point",
     type=NumberInRange(),
     metavar="X",
-    help="Depth of first touch, where it is known.",
+    help="Depth of first touch, if it is known.",
 )
 @click.option(
     "--no-slope", "baseline", flag_value="level", default="tilted", help="The baseline is level."
 )
 @click.option(
-    "--models", flag_value="all", default="needed", help="Ask other models of every curve."
+    "--models", flag_value="all", default="needed", help="Fit other models to every curve, too."
 )
 @click.option(
     "--jobs",
@@ -596,73 +399,72 @@ def _print_curve_requirements(
 @json_option
 def fit(
     curves: tuple[Path, ...],
-    told: Verbosity,
-    form: OutputFormat,
+    verbosity: Verbosity,
+    output_format: OutputFormat,
     overrides: tuple[str, ...],
-    **how: Any,
+    **options: Any,
 ) -> None:
-    """Fit keys of a scene to measured curves: text tables of any kind, AFM files.
+    """Fit keys of a scene to measured curves. Prints the folder.
 
-    Prints the folder.
+    Curves are text tables of any kind, or AFM files.
 
-    Contact point and baseline are always unknown. A call with the same folder goes on with the
-    curves that lack a row. With --design nothing is measured yet: the intervals that a curve of the
-    scene would give, and what would help.
+    Contact point and baseline are always fitted, too. A second call with the same folder continues
+    with the curves that have no result. With --design, before a measurement: the intervals that a
+    curve of the scene would give, and the changes of the experiment that would narrow them.
     """
     _refuse_parallel_run()
     require_resources()
     from indent_sim.config.scene_file import load
 
-    scene, designed, noise, points = (
-        how.pop(name) for name in ("scene", "designed", "noise", "points")
+    scene, design_scene, noise, points = (
+        options.pop(name) for name in ("scene", "design_scene", "noise", "points")
     )
-    _refuse_mixed_options(curves, scene, designed, noise, points)
-    if designed:
-        with _quiet_libraries(LOG_LEVELS[told]), raise_on_signals():
+    _refuse_mixed_options(curves, scene, design_scene, noise, points)
+    if design_scene:
+        with _quiet_libraries(LOG_LEVELS[verbosity]), raise_on_signals():
+            config = load(design_scene, overrides)
             return _print_design(
-                load(designed, overrides), how["keys"], noise, points or DESIGN_POINTS, form
+                config, options["keys"], noise, points or DESIGN_POINTS, output_format
             )
-    output = how.pop("output") or Path("results") / f"fit-{curves[0].resolve().stem}"
-    with _quiet_libraries(LOG_LEVELS[told]), raise_on_signals():
-        fits = _fit_curves(
-            curves,
-            load(scene, overrides),
-            output,
-            print_stderr if told == "all" else _discard_line,
-            **how,
-        )
+    output = options.pop("output") or Path("results") / f"fit-{curves[0].resolve().stem}"
+    with _quiet_libraries(LOG_LEVELS[verbosity]), raise_on_signals():
+        config = load(scene, overrides)
+        print_progress = print_stderr if verbosity == "all" else _discard_line
+        fits = _fit_curves(curves, config, output, print_progress, **options)
     if fits.exit_code:
         failure = errors.NotConverged(
-            f"no curve was fitted; the first: {fits.entries[0]['reason']}"
+            f"no curve could be fitted; reason for the first one: {fits.entries[0]['reason']}"
         )
         failure.partial_result = fits.as_json()
         raise failure
-    print_done({"directory": output} | fits.as_json()) if form == "json" else print_stdout(
-        str(output)
-    )
+    if output_format == "json":
+        print_done({"directory": output} | fits.as_json())
+    else:
+        print_stdout(str(output))
 
 
 def _refuse_mixed_options(
     curves: tuple[Path, ...],
     scene: Path | None,
-    designed: Path | None,
+    design_scene: Path | None,
     noise: float | None,
     points: int | None,
 ) -> None:
     """Raise UsageError unless there are curves and a scene, or a design and its noise."""
-    if designed and (curves or scene):
+    if design_scene and (curves or scene):
         raise UsageError(
             "--design SCENE takes no curves and no --scene", "fit CURVE --scene SCENE fits curves"
         )
-    if designed and noise is None:
+    if design_scene and noise is None:
         raise UsageError(
-            "--design needs --noise X", "X is the noise of a force over the largest one, e.g. 0.01"
+            "--design needs --noise X",
+            "X is the standard deviation of a force over the largest force, e.g. 0.01",
         )
-    if not designed and (noise is not None or points is not None):
+    if not design_scene and (noise is not None or points is not None):
         raise UsageError(
-            "--noise and --points belong to --design", "a fit finds the noise of a curve"
+            "--noise and --points belong to --design", "a fit estimates the noise from the curve"
         )
-    if not designed and not (curves and scene):
+    if not design_scene and not (curves and scene):
         raise UsageError(
             "fit needs CURVE_OR_FOLDER... and --scene SCENE",
             "or --design SCENE before a measurement",
@@ -670,15 +472,16 @@ def _refuse_mixed_options(
 
 
 def _print_design(
-    config: Config, keys: tuple[str, ...], noise: float, points: int, form: OutputFormat
+    config: Config, keys: tuple[str, ...], noise: float, points: int, output_format: OutputFormat
 ) -> None:
     """Print the intervals to expect from a measurement of a scene."""
     from indent_sim.fitting import design
 
     measurement_design = design.design_measurement(config, keys, noise, points)
-    print_done(measurement_design.as_json()) if form == "json" else print_stdout(
-        terminal.design_text(measurement_design)
-    )
+    if output_format == "json":
+        print_done(measurement_design.as_json())
+    else:
+        print_stdout(terminal.design_text(measurement_design))
 
 
 def _discard_line(line: str) -> None:
@@ -689,18 +492,18 @@ def _fit_curves(
     curves: tuple[Path, ...],
     config: Config,
     output: Path,
-    say_line: Callable[[str], None],
-    **how: Any,
+    print_progress: Callable[[str], None],
+    **options: Any,
 ) -> CurveFits:
-    """Return the fits of some curves with the options of the command line."""
+    """Fit curves with the options of the command line."""
     from indent_sim.fitting import fit_folder
     from indent_sim.fitting.curve_fit import FitRequest
     from indent_sim.fitting.inference.estimate import OriginOptions
 
-    reading = _reading_options(how["columns"], how["units"])
-    origin = OriginOptions(how["contact_point"], how["baseline"] == "tilted")
-    request = FitRequest(config, how["keys"], how["segment"], origin, how["models"])
-    return fit_folder.fit_curves(curves, request, output, reading, how["jobs"], say_line)
+    reading = _reading_options(options["columns"], options["units"])
+    origin = OriginOptions(options["contact_point"], options["baseline"] == "tilted")
+    request = FitRequest(config, options["keys"], options["segment"], origin, options["models"])
+    return fit_folder.fit_curves(curves, request, output, reading, options["jobs"], print_progress)
 
 
 def _reading_options(columns: tuple[str, ...], units: dict[str, str]) -> ReadOptions:
@@ -709,10 +512,10 @@ def _reading_options(columns: tuple[str, ...], units: dict[str, str]) -> ReadOpt
 
     if columns and not 2 <= len(columns) <= 3:
         raise ConfigError(
-            "--columns", f"names {len(columns)} columns", "give DEPTH,FORCE or DEPTH,FORCE,TIME"
+            "--columns", f"has {len(columns)} columns", "give DEPTH,FORCE or DEPTH,FORCE,TIME"
         )
     if wrong := [kind for kind in units if kind not in ("length", "force", "time")]:
-        raise UsageError(f"--units {wrong[0]}: there are length, force, time")
+        raise UsageError(f"--units {wrong[0]}: choose among length, force and time")
     return ReadOptions(columns, units)
 
 
@@ -721,107 +524,129 @@ def _reading_options(columns: tuple[str, ...], units: dict[str, str]) -> ReadOpt
 @click.argument("second", metavar="B", type=PATH)
 @click.option(
     "--rtol",
-    callback=_parse_tolerances,
-    metavar=TOLERANCE_FORM,
+    callback=parse_tolerances,
+    metavar="X|COLUMN=X,...",
     default="1e-6",
     show_default=True,
-    help=RTOL_HELP,
+    help="Relative tolerance of all columns, or of single ones, e.g. force=1e-3,a=2e-2.",
 )
 @click.option(
     "--columns",
-    callback=_parse_words,
-    help="Columns to compare [delta,force,a and those of --rtol].",
+    callback=parse_words,
+    help="Columns to compare [delta, force, a and those of --rtol].",
 )
 @json_option
 def compare(
-    first: Path, second: Path, rtol: dict[str, float], columns: tuple[str, ...], form: OutputFormat
+    first: Path,
+    second: Path,
+    rtol: dict[str, float],
+    columns: tuple[str, ...],
+    output_format: OutputFormat,
 ) -> None:
-    """Compare two results row by row. Exit code 6 when they differ.
+    """Compare two results row by row. Exit code 6 if they differ.
 
-    A or B may be a measured curve. Rows are matched by step, or by depth where a table has no
-    steps; where depths differ the curve with more rows is interpolated. Those of an experiment,
-    which of two results are compared as well, are matched by number.
+    A or B may be a measured curve. Rows are matched by step, or by depth if a table has no steps;
+    if the depths differ, the curve with more rows is interpolated. Tables of experiments are
+    compared as well, with rows matched by number.
     """
     from indent_sim.results import compare
 
     comparison = compare.compare(first, second, rtol, columns or None)
-    if form == "text":
+    if output_format == "text":
         print_stdout(terminal.comparison_text(comparison))
     try:
         comparison.check()
-    except errors.VerificationError as different:
-        different.partial_result = comparison.as_json()
+    except errors.VerificationError as error:
+        error.partial_result = comparison.as_json()
         raise
-    if form == "json":
+    if output_format == "json":
         print_done(comparison.as_json())
 
 
 @program.command()
 @click.argument("paths", metavar="RESULT_OR_CURVE...|STUDY", nargs=-1, required=True, type=PATH)
-@click.option("--what", callback=_parse_words, help=WHAT_HELP)
+@click.option(
+    "--what",
+    callback=parse_words,
+    help="Panels, separated by commas: force, time, pressure, pressure_x, pressure_y, profile, "
+    "fields, film; for a study one of curves, force, a, p_max, penetration.",
+)
 @click.option(
     "--field",
     "fields",
-    callback=_parse_words,
-    shell_complete=_complete_fields,
-    help="Fields, with commas [von_mises].",
+    callback=parse_words,
+    shell_complete=complete_fields,
+    help="Fields, separated by commas [von_mises].",
 )
 @click.option(
     "--steps",
-    callback=_parse_words,
-    help="Steps with commas, last or all [that of the largest force].",
+    callback=parse_words,
+    help="Steps, separated by commas, or last or all [that of the largest force].",
 )
 @click.option(
-    "--units", callback=_parse_pairs, help="Units shown, e.g. length=nm,force=pN,pressure=kPa."
+    "--units",
+    callback=parse_pairs,
+    help="Units of the axes, e.g. length=nm,force=pN,pressure=kPa.",
 )
 @click.option(
     "--width", type=NumberInRange(30, 1000), metavar="MM", help="Width of the picture in mm."
 )
 @click.option(
     "--layout",
-    callback=_parse_layout,
+    callback=parse_layout,
     metavar="ROWSxCOLUMNS",
-    help="All panels in rows and columns, e.g. 1x3.",
+    help="Arrangement of the panels, e.g. 1x3.",
 )
-@click.option("--letters", flag_value="a", default="", help="Name the panels (a), (b), ...")
+@click.option("--letters", flag_value="a", default="", help="Label the panels (a), (b), ...")
 @click.option(
     "--dpi",
     type=NumberInRange(20, 2400),
     metavar="N",
-    help="Points to the inch [160; of a PDF 300].",
+    help="Resolution in dots per inch [160; for a PDF 300].",
 )
-@click.option("--limits", callback=_parse_limits, metavar="A:B", help=LIMITS_HELP)
+@click.option(
+    "--limits",
+    callback=parse_limits,
+    metavar="A:B",
+    help="Range of the colours of a field, and of pressures, in the unit shown.",
+)
 @click.option(
     "--zoom",
-    callback=_parse_zoom,
+    callback=parse_zoom,
     metavar="X|all",
-    help="Contact radii around the tip, or the whole body.",
+    help="Half width of the view of a field in contact radii, or all for the whole body.",
 )
 @click.option(
     "--font-size", "font", type=NumberInRange(4, 40), metavar="PT", help="Font size in points [10]."
 )
 @click.option(
-    "--output", type=PATH, help="Picture to write: .png, .svg or .pdf; or the force curve: .tab."
+    "--output",
+    type=PATH,
+    help="File to write: a picture .png, .svg or .pdf, or the force curve .tab.",
 )
-def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:
-    """Draw finished results and measured curves over one another, or a study.
+def plot(paths: tuple[Path, ...], output: Path | None, **given_options: Any) -> None:
+    """Plot finished results and measured curves together, or a study.
 
     Prints the picture's path.
 
-    \b Without --what: force, contact radius and pressure of one result, force and contact radius of
-    several; of a body followed in time what changes over the time; of a study its curves.
-    pressure_x and pressure_y are the pressure on a line through the tip's axis. Of a study force,
-    a, p_max and penetration are drawn over what varies, over two numbers as a map, the penetration
-    over epsilon_n where that varies. Fields: von_mises, principal_1, principal_2, principal_3,
-    sigma_xx (of a body of revolution rr), sigma_yy, sigma_zz, sigma_xz, J, energy_density,
-    displacement; with fluid pore_pressure, fluid_content; of gels swelling. A film shows states of
-    one side by side, spread over the path.
+    Without --what: force, contact radius and pressure of one result, force and contact radius of
+    several; for time-dependent bodies, quantities over time; for a study, its curves.
+
+    pressure_x and pressure_y are the pressure on a line through the tip's axis.
+
+    For a study, force, a, p_max and penetration are plotted over the varied keys: over two numbers
+    as a map, the penetration over epsilon_n if that is varied.
+
+    Fields: von_mises, principal_1, principal_2, principal_3, sigma_xx (sigma_rr of an axisymmetric
+    body), sigma_yy, sigma_zz, sigma_xz, J, energy_density, displacement; with pore fluid
+    pore_pressure and fluid_content; for gels swelling. A film shows several states of one field
+    side by side, spread over the load path.
     """
     from indent_sim.results import reader
     from indent_sim.results.pictures import figures, panels
     from indent_sim.results.result_files import folder_kind
 
-    options = {name: value for name, value in wish.items() if value}
+    options = {name: value for name, value in given_options.items() if value}
     if any(path.is_dir() and folder_kind(path) == "study" for path in paths):
         return _plot_study(paths, output, options)
     request = panels.plot_request(options) if options else None
@@ -841,32 +666,36 @@ def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:
     print_stdout(str(output))
 
 
-STUDY_PLOT_OPTIONS = ("what", "dpi")  # options of a picture that one of a study heeds
+# Options of `plot` that apply to pictures of a study.
+STUDY_PLOT_OPTIONS = ("what", "dpi")
 
 
 def _plot_study(paths: Sequence[Path], output: Path | None, options: dict[str, Any]) -> None:
-    """Draw the curves of a study, or a column of its table over the varied keys."""
+    """Plot the curves of a study, or a column of its table over the varied keys."""
     from indent_sim.results.pictures import figures
     from indent_sim.results.result_files import RUNS
     from indent_sim.studies import curve_table, small_multiples, study_picture, study_report
 
     if len(paths) > 1:
-        raise UsageError("a study is drawn by itself", "name one study, or folders of runs alone")
+        raise UsageError(
+            "a study cannot be plotted together with other results",
+            "give one study, or only folders of runs",
+        )
     if unused_options := [name for name in options if name not in STUDY_PLOT_OPTIONS]:
         raise UsageError(
-            f"the picture of a study heeds no {unused_options[0]}",
+            f"the picture of a study has no option {unused_options[0]}",
             "there are --what, --dpi and --output",
         )
     folder = paths[0]
-    (panel, *further_panels) = options.get("what", ("curves",))
+    panel, *further_panels = options.get("what", ("curves",))
     if further_panels or panel not in ("curves", *small_multiples.PLOTTED_COLUMNS):
         raise UsageError(
-            f"--what of a study is one of curves, {', '.join(small_multiples.PLOTTED_COLUMNS)}"
+            f"--what of a study must be one of curves, {', '.join(small_multiples.PLOTTED_COLUMNS)}"
         )
     record, rows = study_report.read_study_folder(folder)
     curve_groups = curve_table.group_folder_curves(folder / RUNS, rows, record["keys"])
     if not curve_groups.curves:
-        raise UsageError(f"{folder} has no run that is done")
+        raise UsageError(f"{folder} has no finished run")
     title = str(record.get("title") or folder.resolve().name)
     if output is None:
         output = folder / f"{panel}.png"
@@ -889,8 +718,8 @@ def _write_tab(runs: list[Results], options: dict[str, Any], output: Path) -> No
 
     if options or len(runs) > 1:
         raise UsageError(
-            f"{output}: a .tab file holds the force curve of one result",
-            "leave the other options out",
+            f"{output}: a .tab file contains the force curve of one result",
+            "give one result, and no options of pictures",
         )
     try:
         write_atomically(output, tab_text(runs[0]))
@@ -901,36 +730,39 @@ def _write_tab(runs: list[Results], options: dict[str, Any], output: Path) -> No
 
 @program.command()
 @click.argument("folder", metavar="RESULT|STUDY|FIT", type=PATH)
-@click.option("--output", type=PATH, help="File to write, .html or .htm [report.html in it].")
+@click.option(
+    "--output", type=PATH, help="File to write, .html or .htm [report.html in the folder]."
+)
 @click.option(
     "--crate",
-    "beside",
     flag_value="crate",
     default="",
     help="Write ro-crate-metadata.json for archives, too.",
 )
-def report(folder: Path, output: Path | None, beside: Literal["", "crate"]) -> None:
-    """Write one HTML file about a result, a study or a fit: scene, pictures, errors, provenance.
-    Prints its path.
+def report(folder: Path, output: Path | None, crate: Literal["", "crate"]) -> None:
+    """Write an HTML report of a result, a study or a fit. Prints its path.
+
+    One file contains the scene, pictures, errors and provenance.
     """
     from indent_sim.results import html_report, research_crate
     from indent_sim.results.result_files import is_own_file
 
     if not folder.is_dir():
-        raise UsageError(f"{folder} is no folder of a result, a study or a fit")
+        raise UsageError(f"{folder} is not the folder of a result, a study or a fit")
     if output is None:
         output = folder / html_report.REPORT_FILE
         if os.path.lexists(output) and not is_own_file(output):
             raise UsageError(
-                f"{output} is there already and no report of indent-sim",
-                "choose another name: --output",
+                f"{output} exists and is not a report of indent-sim",
+                "choose another name with --output",
             )
     if output.suffix.lower() not in html_report.REPORT_FORMATS:
-        raise UsageError(f"{output}: a report ends in {', '.join(html_report.REPORT_FORMATS)}")
-    if beside:
+        formats = ", ".join(html_report.REPORT_FORMATS)
+        raise UsageError(f"{output}: the name of a report must end in {formats}")
+    if crate:
         research_crate.refuse_foreign_crate(folder)
     html_report.write(_report_page(folder), output)
-    if beside:
+    if crate:
         research_crate.write_crate(folder, _own_file_names(folder))
     print_stdout(str(output))
 
@@ -952,7 +784,7 @@ def _own_file_names(folder: Path) -> Sequence[str]:
 
 
 def _report_page(folder: Path) -> str:
-    """Return the report of a folder."""
+    """Return the HTML report of a folder."""
     from indent_sim.results import run_report
     from indent_sim.results.result_files import folder_kind
 
@@ -976,8 +808,8 @@ def _report_page(folder: Path) -> str:
 def init(kind: str, output: Path | None) -> None:
     """Write a commented scene or study to start from. Prints the file's name.
 
-    Beside a scene goes scene.schema.json, by which editors check and complete it, unless there is
-    one.
+    Unless the folder has a scene.schema.json, it is written, too; editors use it to check and
+    complete scenes.
     """
     from importlib.resources import files
 
@@ -988,12 +820,11 @@ def init(kind: str, output: Path | None) -> None:
     output = output or Path(f"{kind}.yaml")
     if os.path.lexists(output):
         raise UsageError(
-            f"{output} is there already and stays as it is; choose another name with --output"
+            f"{output} exists already and is not replaced", "choose another name with --output"
         )
+    template = files("indent_sim.cli") / "templates" / f"{kind}.yaml"
     try:
-        write_atomically(
-            output, (files("indent_sim.cli") / "templates" / f"{kind}.yaml").read_bytes()
-        )
+        write_atomically(output, template.read_bytes())
         schema_path = output.parent / SCHEMA_FILE
         if kind != "study" and not os.path.lexists(schema_path):
             write_atomically(schema_path, to_json(json_schema()) + "\n")
@@ -1005,7 +836,7 @@ def init(kind: str, output: Path | None) -> None:
 @program.command("list")
 @click.argument("kind", type=click.Choice(list(LISTED_SECTIONS)), required=False)
 def list_(kind: str | None) -> None:
-    """What a scene can be made of, with parameters and units."""
+    """List what a scene can consist of, with parameters and units."""
     kinds = [kind] if kind else list(LISTED_SECTIONS)
     print_stdout(
         "\n\n".join(f"{name}\n{terminal.section_text(LISTED_SECTIONS[name])}" for name in kinds)
@@ -1014,7 +845,7 @@ def list_(kind: str | None) -> None:
 
 @program.command()
 def schema() -> None:
-    """JSON Schema of the scene file, for editors."""
+    """Print the JSON Schema of the scene file, for editors."""
     from indent_sim.config.json_schema import json_schema
 
     print_json(json_schema())
@@ -1022,19 +853,19 @@ def schema() -> None:
 
 @program.command()
 @json_option
-def doctor(form: OutputFormat) -> None:
-    """Versions and health of the installation. Exit code 7 when something needed is broken."""
+def doctor(output_format: OutputFormat) -> None:
+    """Check the installation. Exit code 7 if a needed part is missing or broken."""
     from indent_sim.cli import doctor as health
 
     checks = health.check_installation()
     broken = [check.name for check in checks if check.verdict == "broken"]
-    if form == "text":
+    if output_format == "text":
         print_stdout("\n".join(map(str, checks)))
     if broken:
         error = errors.BackendError(f"missing or broken: {', '.join(broken)}")
         error.partial_result = {"checks": checks}
         raise error
-    if form == "json":
+    if output_format == "json":
         print_done({"checks": checks})
 
 
@@ -1043,19 +874,15 @@ def main() -> None:
     program(prog_name="indent-sim")
 
 
-# ---- one run, on all ranks
-# ---------------------------------------------------------------------------------
+def _start_mesher(load_config: Callable[[], Config]) -> bool:
+    """Fork the mesher process on rank 0, before MPI starts; return whether MPI is needed.
 
-
-def _start_mesher(read: Callable[[], Config]) -> bool:
-    """Fork the process that meshes on rank 0, before MPI starts, unless theory solves the scene.
-
-    Returns whether there are several ranks.
+    A scene that theory solves on a single rank needs neither.
     """
     from indent_sim.process.ranks import is_parallel, is_root
     from indent_sim.run.planned_run import start_mesher_if_needed
 
-    return not is_root() or start_mesher_if_needed(read) or is_parallel()
+    return not is_root() or start_mesher_if_needed(load_config) or is_parallel()
 
 
 @contextmanager
@@ -1065,17 +892,19 @@ def _pause_garbage_collector() -> Iterator[None]:
     They create a hundred thousand objects, none of them garbage; the search takes 5 % of the time
     of a small run. A run of many rows enables it again.
     """
-    gc.unfreeze()  # what an earlier command of this process set aside
+    # An earlier command of this process may have frozen its objects.
+    gc.unfreeze()
     gc.disable()
     try:
         yield
     finally:
-        # else what was made in the meantime would be searched at once, and most processes end here
+        # Freezing avoids a search of all objects; most processes end here.
         gc.freeze()
         gc.enable()
 
 
 def _world_communicator() -> Any:
+    """Start MPI and return the communicator of all ranks."""
     from indent_sim.run.pipeline import mpi
 
     return mpi().COMM_WORLD
@@ -1084,24 +913,25 @@ def _world_communicator() -> Any:
 def _refuse_parallel_run() -> None:
     """Raise UsageError under mpirun for commands that fork processes.
 
-    A process that takes part in MPI must not fork; therefore the environment of mpirun is examined,
-    and MPI is not started.
+    A process that has started MPI must not fork; therefore mpirun is detected by the environment
+    that it sets.
     """
     from indent_sim.process.ranks import is_parallel
 
     if is_parallel():
         with abort_all_ranks_together(_world_communicator()):
             raise UsageError(
-                "a study runs on one rank; start it without mpirun, and split it with --shard"
+                "this command runs on one rank only",
+                "start it without mpirun; a study can be split with --shard",
             )
 
 
 @contextmanager
 def abort_all_ranks_together(comm: Any) -> Iterator[None]:
-    """All ranks leave the block with the same exit code, and one says why: rank 0, or who fails
-    where it does not.
+    """End all ranks with the same exit code if one fails, and print one message.
 
-    A rank that fails where the others do not (a bug, a signal) takes them all down.
+    The message is that of rank 0, or, if rank 0 does not fail, that of the rank that does. A rank
+    that fails alone, by a bug or a signal, aborts all of them.
     """
     consensus = FailureConsensus(comm)
     try:
@@ -1109,12 +939,10 @@ def abort_all_ranks_together(comm: Any) -> Iterator[None]:
     except BaseException as error:
         if comm.size == 1:
             raise
-        is_interrupted = isinstance(
-            error, KeyboardInterrupt
-        )  # rank 0 closes its files and ends all
-        code = (
-            getattr(error, "exit_code", 1) if comm.rank else report_failure(error)
-        )  # at once: mpirun kills
+        is_interrupted = isinstance(error, KeyboardInterrupt)
+        # The message comes first, because mpirun may kill this process at any time.
+        code = getattr(error, "exit_code", 1) if comm.rank else report_failure(error)
+        # Rank 0 does not wait for the others after an interrupt: its files are closed, it ends all.
         if (
             (comm.rank or not is_interrupted)
             and consensus.all_ranks_failed()
@@ -1124,39 +952,38 @@ def abort_all_ranks_together(comm: Any) -> Iterator[None]:
         comm.Abort(report_failure(error) if comm.rank else code)
 
 
-def _simulate(settings: Config, comm: Any, directory: Path, told: Verbosity, **how: Any) -> Outcome:
+def _simulate(
+    settings: Config, comm: Any, directory: Path, verbosity: Verbosity, **options: Any
+) -> Outcome:
+    """Simulate a scene with progress on stderr; after a failure print where its rows are."""
     from indent_sim.run.pipeline import simulate as simulate
 
     progress_context: AbstractContextManager[Any] = nullcontext()
-    if comm.rank == 0 and told == "all":
+    if comm.rank == 0 and verbosity == "all":
         progress_context = terminal.show_progress(print_stderr, settings)
+    log_level = logging.ERROR if comm.rank else LOG_LEVELS[verbosity]
     try:
-        with (
-            progress_context as show_progress,
-            _quiet_libraries(logging.ERROR if comm.rank else LOG_LEVELS[told]),
-        ):  # rank 0 speaks for all
+        with progress_context as show_progress, _quiet_libraries(log_level):
 
-            def follow(*row: Any) -> None:
+            def handle_row(state: Any, step: int, total: int) -> None:
                 raise_pending_signal()
-                if (
-                    row[1] >= ROWS_WITHOUT_GC
-                ):  # the step: at once where a run goes on from a later row
+                # A resumed run may begin with a later step.
+                if step >= ROWS_WITHOUT_GC:
                     gc.enable()
                 if show_progress is not None:
-                    show_progress(*row)
+                    show_progress(state, step, total)
 
-            return simulate(settings, comm, directory=directory, progress=follow, **how)
-    except (IndentSimError, KeyboardInterrupt) as end:
-        if comm.rank == 0 and not isinstance(
-            end, UsageError | ConfigError
-        ):  # those refuse and compute nothing
-            _report_kept_rows(directory, end)
+            return simulate(settings, comm, directory=directory, progress=handle_row, **options)
+    except (IndentSimError, KeyboardInterrupt) as error:
+        # Errors of usage and config are raised before anything is computed.
+        if comm.rank == 0 and not isinstance(error, UsageError | ConfigError):
+            _report_kept_rows(directory, error)
         raise
 
 
 @contextmanager
 def _quiet_libraries(level: int) -> Iterator[None]:
-    """Show messages and warnings on stderr, except those of compilers."""
+    """Print the program's messages from a level on, and warnings of libraries, to stderr."""
     own_logger = logging.getLogger("indent_sim")
     root_logger = logging.getLogger()
     own_handler = StderrHandler(logging.INFO)
@@ -1165,9 +992,8 @@ def _quiet_libraries(level: int) -> Iterator[None]:
     own_logger.setLevel(level)
     own_logger.propagate = False
     own_logger.addHandler(own_handler)
-    root_logger.addHandler(
-        library_handler
-    )  # without one, libraries that call `logging.info` would install theirs, which prints all
+    # A library that calls `logging.info` would install a handler that prints all messages.
+    root_logger.addHandler(library_handler)
     try:
         yield
     finally:
@@ -1177,7 +1003,7 @@ def _quiet_libraries(level: int) -> Iterator[None]:
 
 
 class StderrHandler(logging.Handler):
-    """Log handler that prints to stderr, for libraries with their name."""
+    """Log handler that prints to stderr; messages of libraries begin with the library's name."""
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print one message."""
@@ -1185,46 +1011,40 @@ class StderrHandler(logging.Handler):
         print_stderr(f"{logger_name}{record.getMessage()}")
 
 
-def _report_kept_rows(directory: Path, end: BaseException) -> None:
-    """Print where the rows of a failed run are, or that a finished one is still there."""
+def _report_kept_rows(directory: Path, error: BaseException) -> None:
+    """Print where the rows of a failed run are, or that an earlier finished run is unchanged."""
     from indent_sim.results.result_files import read_report
 
     report = read_report(directory)
     if report.get("status") == "done":
-        print_stderr(f"the finished run in {directory} is as it was")
+        print_stderr(f"the finished run in {directory} is unchanged")
     if report.get("status") in ("failed", "interrupted") and report.get("rows"):
-        resume_hint = (
-            "" if isinstance(end, errors.VerificationError) else "; --resume goes on from them"
-        )
+        can_resume = not isinstance(error, errors.VerificationError)
+        resume_hint = "; --resume continues from there" if can_resume else ""
         print_stderr(f"{report['rows']} rows computed before are kept in {directory}{resume_hint}")
 
 
-def _print_conclusion(outcome: Outcome, form: OutputFormat, told: Verbosity) -> None:
+def _print_conclusion(outcome: Outcome, output_format: OutputFormat, verbosity: Verbosity) -> None:
+    """Print the result of a run to stdout, and its conclusion or only warnings to stderr."""
     from indent_sim.results.reader import has_reactions, rows_of
     from indent_sim.results.result_files import read_report
 
-    if form == "json":
-        report_entries = read_report(outcome.directory)  # with the entries of the writer
+    if output_format == "json":
+        # The file has the entries of the writer, too, e.g. the status and the files.
+        report = read_report(outcome.directory) | outcome.report
         rows = rows_of(outcome.states, has_reactions(outcome.directory))
-        print_done(
-            {
-                "directory": outcome.directory,
-                "rows": rows,
-                "report": report_entries | outcome.report,
-            }
-        )
+        print_done({"directory": outcome.directory, "rows": rows, "report": report})
     else:
         print_stdout(str(outcome.directory))
-    for line in (
-        terminal.conclusion_lines(outcome) if told == "all" else terminal.warning_lines(outcome)
-    ):
+    lines_of = terminal.conclusion_lines if verbosity == "all" else terminal.warning_lines
+    for line in lines_of(outcome):
         print_stderr(line)
 
 
 def _is_study(path: Path) -> bool:
     """Return whether a file contains a study; False if it cannot be read.
 
-    Reading it as a scene reports why.
+    The error is then that of reading it as a scene.
     """
     from indent_sim.config.scene_file import is_study, read_document
 
@@ -1234,22 +1054,24 @@ def _is_study(path: Path) -> bool:
 
 
 def _plan_study(
-    path: Path, overrides: tuple[str, ...], error_bars: bool, form: OutputFormat
+    path: Path, overrides: tuple[str, ...], error_bars: bool, output_format: OutputFormat
 ) -> None:
+    """Print the runs of a study and their cost."""
     if overrides:
         raise UsageError("--set belongs to a scene; a study has set: in its file")
     from indent_sim import studies
 
     planned = studies.plan_study(path, error_bars)
-    print_done(planned.as_json()) if form == "json" else print_stdout(
-        terminal.study_plan_text(planned)
-    )
+    if output_format == "json":
+        print_done(planned.as_json())
+    else:
+        print_stdout(terminal.study_plan_text(planned))
     for line in planned.notes:
         print_stderr(line)
 
 
 def _terminal_width() -> int:
-    """Return the columns of the terminal; without one enough for whole lines."""
+    """Return the number of columns of the terminal; 120 if stdout is none."""
     import shutil
 
     return shutil.get_terminal_size((120, 24)).columns if sys.stdout.isatty() else 120

@@ -27,14 +27,20 @@ NEEDED_PACKAGES: tuple[str, ...] = (
     "h5py",
     "mpi4py",
     "petsc4py",
+    "ufl",
+    "dolfinx",
+    "gmsh",
 )
-NEEDED_PACKAGES += ("ufl", "dolfinx", "gmsh")
-LOST_FEATURES = {
+# Features by the optional package that they need.
+OPTIONAL_FEATURES = {
     "matplotlib": "pictures",
     "pint": "quantities with units in scenes",
     "jinja2": "reports",
 }
-OPTIONAL_PACKAGES = {name: f"no {lost} without it" for name, lost in LOST_FEATURES.items()}
+OPTIONAL_PACKAGES = {
+    name: f"no {feature} without it" for name, feature in OPTIONAL_FEATURES.items()
+}
+# Names of BLAS libraries by a word of their file names.
 BLAS = {
     "openblas": "OpenBLAS",
     "mkl": "MKL",
@@ -46,7 +52,7 @@ BLAS = {
 
 @dataclass(frozen=True)
 class HealthCheck:
-    """Result of one check: its name, what was found, and a verdict good | warning | broken."""
+    """Result of one check: its name, its finding, and a verdict good | warning | broken."""
 
     name: str
     found: str
@@ -59,7 +65,7 @@ class HealthCheck:
 
 
 def check_installation() -> list[HealthCheck]:
-    """Return the checks of everything that a run needs, in the environment of a run."""
+    """Check everything that a run needs, in the environment of a run."""
     environment_checks = [_check_working_directory(), _run_check("JIT cache", _check_kernel_cache)]
     packages = [
         *map(_check_package, NEEDED_PACKAGES),
@@ -80,41 +86,46 @@ def check_installation() -> list[HealthCheck]:
 
 
 def _check_working_directory() -> HealthCheck:
-    """Check the working directory; without one all libraries would seem broken."""
+    """Check that the working directory exists; without one no library could be imported."""
     try:
         return HealthCheck("directory", os.getcwd())
     except OSError:
         os.chdir("/")
-        return HealthCheck("directory", "it is gone", "broken", "change to a folder that is there")
+        return HealthCheck(
+            "directory", "the working directory was deleted", "broken", "change to another folder"
+        )
 
 
 def _check_python() -> HealthCheck:
+    """Check the version of Python."""
     version_text = f"{platform.python_version()} at {sys.executable}"
     is_recent_enough = sys.version_info >= (3, 11)
-    return (
-        HealthCheck("python", version_text)
-        if is_recent_enough
-        else HealthCheck("python", version_text, "broken", "3.11 or later is needed")
-    )
+    if is_recent_enough:
+        return HealthCheck("python", version_text)
+    return HealthCheck("python", version_text, "broken", "3.11 or later is needed")
 
 
 def _check_package(name: str, remedy: str | None = None) -> HealthCheck:
-    interrupt = signal.getsignal(signal.SIGINT)
+    """Check that a package can be imported; an optional one has a remedy."""
+    interrupt_handler = signal.getsignal(signal.SIGINT)
     try:
         module: Any = importlib.import_module(name)
-    except Exception as error:  # gmsh fails with OSError, petsc4py with its own
+    except Exception as error:
+        # A missing library is an OSError of gmsh and an exception of its own type of petsc4py.
         verdict, remedy = ("broken", "run `make setup`") if remedy is None else ("warning", remedy)
         return HealthCheck(
             name, f"{type(error).__name__}: {error}".splitlines()[0], verdict, remedy
         )
     finally:
-        signal.signal(signal.SIGINT, interrupt)  # importing gmsh takes it away
+        # The import of gmsh replaces the handler.
+        signal.signal(signal.SIGINT, interrupt_handler)
     return HealthCheck(
         name, f"{_package_version(name, module)} at {Path(module.__file__ or '?').parent}"
     )
 
 
 def _package_version(name: str, module: Any) -> str:
+    """Return the version of an installed package."""
     from importlib.metadata import PackageNotFoundError, version
 
     try:
@@ -124,6 +135,7 @@ def _package_version(name: str, module: Any) -> str:
 
 
 def _run_check(name: str, check: Callable[[], HealthCheck]) -> HealthCheck:
+    """Run one check; an exception in it is a broken part of the installation."""
     try:
         return check()
     except Exception as error:
@@ -131,11 +143,13 @@ def _run_check(name: str, check: Callable[[], HealthCheck]) -> HealthCheck:
 
 
 def _check_mpi() -> HealthCheck:
+    """Check that MPI can be loaded."""
     MPI = importlib.import_module("mpi4py.MPI")
     return HealthCheck("MPI", re.split(r"[,\n]", MPI.Get_library_version())[0].strip())
 
 
 def _check_mumps() -> HealthCheck:
+    """Check that PETSc has the direct solver MUMPS."""
     PETSc = importlib.import_module("petsc4py.PETSc")
     version = ".".join(map(str, PETSc.Sys.getVersion()))
     if PETSc.Sys.hasExternalPackage("mumps"):
@@ -146,7 +160,7 @@ def _check_mumps() -> HealthCheck:
 
 
 def _check_blas() -> HealthCheck:
-    """Check the BLAS that this process has loaded, from its memory map."""
+    """Check which BLAS this process has loaded, by its memory map."""
     importlib.import_module("numpy").dot([1.0], [1.0])
     maps = Path("/proc/self/maps")
     lines = maps.read_text().splitlines() if maps.exists() else []
@@ -156,7 +170,7 @@ def _check_blas() -> HealthCheck:
         for path in libraries
         if re.search("blas|mkl|blis|atlas", path)
     ]
-    names = {nice for word, nice in BLAS.items() if any(word in path for path in loaded)}
+    names = {name for word, name in BLAS.items() if any(word in path for path in loaded)}
     threads = os.environ.get("OPENBLAS_NUM_THREADS") or os.environ.get("OMP_NUM_THREADS") or "all"
     if names:
         return HealthCheck("BLAS", f"{', '.join(sorted(names))}, {threads} thread(s) per rank")
@@ -171,27 +185,27 @@ def _check_blas() -> HealthCheck:
 
 
 def _check_compiler() -> HealthCheck:
+    """Check that the C compiler, which compiles the kernels of the forms, is installed."""
     command = shlex.split(os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc")[0]
     compiler_path = shutil.which(command)
-    return (
-        HealthCheck("C compiler", compiler_path)
-        if compiler_path
-        else HealthCheck("C compiler", f"no {command}", "broken", "install gcc")
-    )
+    if compiler_path:
+        return HealthCheck("C compiler", compiler_path)
+    return HealthCheck("C compiler", f"no {command}", "broken", "install gcc")
 
 
 def _check_kernel_cache() -> HealthCheck:
+    """Check that compiled kernels can be written to their folder."""
     from indent_sim.run.single_run import kernel_folder
 
     folder = kernel_folder()
-    existing = next(place for place in (folder, *folder.parents) if place.exists())
+    existing_folder = next(parent for parent in (folder, *folder.parents) if parent.exists())
     try:
-        with tempfile.TemporaryFile(dir=existing):
+        with tempfile.TemporaryFile(dir=existing_folder):
             return HealthCheck("JIT cache", str(folder))
     except OSError as error:
         return HealthCheck(
             "JIT cache",
             f"{folder}: {error.strerror}",
             "broken",
-            "name a writable folder as its cache_dir",
+            "set cache_dir of dolfinx_jit_options.json to a writable folder",
         )

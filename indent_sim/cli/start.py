@@ -1,7 +1,7 @@
-"""Where the program starts: Ctrl-C while it loads ends it without a traceback.
+"""Entry point of the program: Ctrl-C while it loads ends it without a traceback.
 
-Before `main` only what Python has loaded by itself is imported: whatever takes time is loaded once
-a signal ends it.
+Before `main` only modules are imported that Python has loaded by itself; all others are imported
+when the default handler of Ctrl-C is in place.
 """
 
 from __future__ import annotations
@@ -10,29 +10,29 @@ import gc
 import os
 import signal
 
-# objects until the garbage collector looks for circles: loading makes many, and none to let go
+# Number of new objects after which the garbage collector searches for cycles. Imports create many
+# objects and no garbage; the default of 700 would search them many times.
 GC_THRESHOLD = 50_000
 
 
 def main() -> None:
     """Run the program as a console script."""
     gc.set_threshold(GC_THRESHOLD)
-    os.environ.setdefault(
-        "PYDANTIC_DISABLE_PLUGINS", "1"
-    )  # for which it reads what is said of every installed package
+    # Pydantic would read the metadata of every installed package to find plugins.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(
-            signal.SIGINT, signal.SIG_DFL
-        )  # until there is somebody to catch it: `Program.invoke`
+        # `Program.invoke` sets a handler that raises KeyboardInterrupt, which it catches.
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
     from indent_sim.process.quick_dataclasses import quick_dataclasses
 
     try:
         with quick_dataclasses():
-            from indent_sim.cli.commands import main as run
+            from indent_sim.cli.commands import main as run_program
 
-            run()
+            run_program()
     finally:
-        gc.freeze()  # the process ends: what it has need not be searched for circles once more
+        # The process ends: a last search for cycles in its objects would free nothing of use.
+        gc.freeze()
 
 
 if __name__ == "__main__":

@@ -28,33 +28,41 @@ if TYPE_CHECKING:
 
 # Labels of the characteristic times of a time-dependent scene.
 TIME_LABELS = {
-    "way_in": "way in",
+    "way_in": "loading",
     "history": "history",
     "contact": "a^2/D",
     "height": "H^2/D",
     "element": "h_contact^2/D",
     "relaxation": "longest relaxation",
 }
-# An interval whose upper end is so many times its lower end leaves the parameter unknown.
+# A parameter is not determined if the upper end of its interval is so many times the lower end.
 UNKNOWN_RATIO = 100.0
-# Percentages from this one on are printed without a power of ten.
+# Percentages from this one on are printed as whole numbers, without an exponent.
 WHOLE_PERCENT = 99.5
 # Largest number of progress lines in a log.
 MAX_LOG_LINES = 200
 
-# Report of a run, or a part of it.
+# Report of a run, or a section of it.
 Report = dict[str, Any]
 
 
 @contextmanager
-def show_progress(tell: Callable[[str], None], config: Config) -> Iterator[Progress]:
-    """Yield a function to call with every state: progress bar or lines of a log (stderr)."""
+def show_progress(print_line: Callable[[str], None], config: Config) -> Iterator[Progress]:
+    """Yield a function to call with every row: a progress bar on a terminal, else lines of a log.
+
+    Parameters
+    ----------
+    print_line
+        Prints a line of the log, to stderr.
+    config
+        Config of the scene, for the units of the rows.
+    """
     estimate = ProgressEstimate()
     is_flat = "plane_strain" in (config.mesh.symmetry, getattr(config.body, "kinematics", ""))
     units = _row_units(vars(config.units), is_flat or config.body.shape == "strip")
     if not sys.stderr.isatty():
         yield lambda state, step, total: _log_progress(
-            tell,
+            print_line,
             state.summary(units),
             f"{state.newton_iterations} iterations",
             step,
@@ -79,36 +87,49 @@ def show_progress(tell: Callable[[str], None], config: Config) -> Iterator[Progr
 def _row_units(units: Mapping[str, str], is_flat: bool) -> dict[str, str]:
     """Return the units of time, depth, force and contact radius, as far as the scene has units.
 
-    In plane strain forces are per unit length.
+    Forces in plane strain (`is_flat`) are per unit length.
     """
     length = units.get("length", "")
     force = units.get("force", "")
-    line = f"{force}/{length}" if is_flat and force and length else force
-    return {"t": "s" if length else "", "delta": length, "a": length, "force": line}
+    if is_flat and force and length:
+        force = f"{force}/{length}"
+    return {"t": "s" if length else "", "delta": length, "a": length, "force": force}
 
 
 def conclusion_lines(outcome: Outcome) -> list[str]:
     """Return the last lines of a run: theory, pictures, warnings and its last row."""
     report = outcome.report
-    theory = _report_section(outcome.report, "theory")
     lines = []
     rows = len(outcome.states)
     resumed_rows = outcome.resumed_after
-    if resumed_rows:
-        resumed_text = f"resumed: {resumed_rows} of the {rows} rows were there"
-        lines.append(
-            f"nothing left to compute: all {rows} rows were there"
-            if resumed_rows == rows
-            else resumed_text
-        )
-    lines += _error_estimate_lines(outcome)
-    if theory:
-        theory_line = _theory_line(theory, _computed_quantity_name(report, theory))
-        lines.append(
-            theory_line
-            if report.get("method") != "theory"
-            else f"solved by theory: {theory['why']}"
-        )
+    if resumed_rows and resumed_rows == rows:
+        lines.append(f"nothing left to compute: all {rows} rows existed already")
+    elif resumed_rows:
+        lines.append(f"resumed: {resumed_rows} of the {rows} rows existed already")
+    lines += [*_error_estimate_lines(outcome), *_theory_lines(report)]
+    if fit := report.get("hertz"):
+        modulus_error = f"{fit['percent']:+.3g} %{fit.get('against', '')}"
+        lines.append(f"a Hertz fit of this curve reads E = {fit['E']:.4g} ({modulus_error})")
+    lines += _section_sentence(_report_section(report, "stick"))
+    lines += [
+        *_largest_pull_lines(_report_section(report, "adhesion")),
+        *_experiment_lines(_report_section(report, "experiment")),
+    ]
+    if "time" in report:
+        lines.append(f"history solved by {report['time']['method']}: {report['time']['why']}")
+    pictures = (outcome.directory / name for name in ("force_indentation.png", "experiment.png"))
+    lines += [f"picture: {picture}" for picture in pictures if picture.exists()]
+    return lines + warning_lines(outcome) + _final_row_lines(outcome)
+
+
+def _theory_lines(report: Report) -> list[str]:
+    """Return the lines of the reference theory and of usual formulas for half-space and film."""
+    theory = _report_section(report, "theory")
+    lines = []
+    if theory and report.get("method") == "theory":
+        lines.append(f"solved by theory: {theory['why']}")
+    elif theory:
+        lines.append(_theory_line(theory, _computed_quantity_name(report, theory)))
     if half_space := theory.get("half_space"):
         side = "below" if half_space["deviation"] < 0 else "above"
         prescribed, computed = _prescribed_and_computed(theory)
@@ -128,23 +149,11 @@ def conclusion_lines(outcome: Outcome) -> list[str]:
             f"{kind} formulas at {prescribed} {theory[prescribed]:.6g}: "
             f"{computed} {', '.join(formula_texts)}"
         )
-    if fit := report.get("hertz"):
-        modulus_error = f"{fit['percent']:+.3g} %{fit.get('against', '')}"
-        lines.append(f"a Hertz fit of this curve reads E = {fit['E']:.4g} ({modulus_error})")
-    lines += _section_sentence(_report_section(report, "stick"))
-    lines += [
-        *_largest_pull_lines(_report_section(report, "adhesion")),
-        *_experiment_lines(_report_section(report, "experiment")),
-    ]
-    if "time" in report:
-        lines.append(f"in time by {report['time']['method']}: {report['time']['why']}")
-    pictures = (outcome.directory / name for name in ("force_indentation.png", "experiment.png"))
-    lines += [f"picture: {picture}" for picture in pictures if picture.exists()]
-    return lines + warning_lines(outcome) + _final_row_lines(outcome)
+    return lines
 
 
 def _final_row_lines(outcome: Outcome) -> list[str]:
-    """Return the lines of the last row and, after unloading, of loop and largest force."""
+    """Return the lines of the last row and, after unloading, of hysteresis and largest force."""
     from indent_sim.run.summary import row_of_interest
     from indent_sim.run.work_and_loops import hysteresis_loop
 
@@ -160,9 +169,8 @@ def _final_row_lines(outcome: Outcome) -> list[str]:
     loses_work = (
         any(state.t is not None or state.dissipation for state in states) or "adhesion" in report
     )
-    loop = (
-        hysteresis_loop(states) if loses_work else None
-    )  # an elastic body comes back along the way in
+    # An elastic body unloads along its loading curve, so that its loop is only numerical error.
+    loop = hysteresis_loop(states) if loses_work else None
     return [
         last_row_line,
         *_hysteresis_lines(loop, units),
@@ -179,7 +187,7 @@ def _is_plane_strain(report: Report) -> bool:
 
 
 def _mapping_of(part: Any) -> Mapping[str, Any]:
-    """Return a part of a report as a mapping; an earlier run has it as such from run.json."""
+    """Return a section of a report as a mapping, which it already is if it comes from run.json."""
     return part if isinstance(part, Mapping) else vars(part)
 
 
@@ -188,11 +196,10 @@ def _hysteresis_lines(loop: HysteresisLoop | None, units: Mapping[str, str]) -> 
     if loop is None:
         return []
     unit = f"{units['force']} {units['delta']}".strip()
-    area_text = f"loop of force over depth: area {loop.area:.4g} ± {loop.error:.1g} {unit}".rstrip()
-    open_end = "" if loop.is_closed else ", not closed: the tip still pushes"
-    return [
-        f"{area_text}, {100 * loop.area / loop.way_in:.3g} % of the work of the way in{open_end}"
-    ]
+    area_text = f"hysteresis loop: area {loop.area:.4g} ± {loop.error:.1g} {unit}".rstrip()
+    percent_text = f"{100 * loop.area / loop.way_in:.3g} % of the work of loading"
+    open_end = "" if loop.is_closed else ", not closed: the force has not returned to zero"
+    return [f"{area_text}, {percent_text}{open_end}"]
 
 
 def warning_lines(outcome: Outcome) -> list[str]:
@@ -206,29 +213,29 @@ def _report_section(report: Report, name: str) -> Report:
 
 
 def _section_sentence(part: Report) -> list[str]:
-    """Return the sentence of a part of a report, if it has one."""
+    """Return the sentence of a section of a report, if it has one."""
     return [words] if (words := part.get("words")) else []
 
 
 def _largest_pull_lines(report: Report) -> list[str]:
-    """Return the line of the pull-off force, with its estimates before the run.
+    """Return the line of the pull-off force, with the values that theory leads to expect.
 
     Without a search between rows it is the largest tensile force of a row.
     """
-    pulled = report.get("largest_pull")
-    if pulled is None:
+    largest_pull = report.get("largest_pull")
+    if largest_pull is None:
         return []
     from indent_sim.run.summary import expected_pull_offs
 
     line = (
-        f"largest pull: force {pulled['force']:.6g} at delta {pulled['delta']:.6g}, step "
-        f"{pulled['step']}"
+        f"largest tensile force: {largest_pull['force']:.6g} at delta "
+        f"{largest_pull['delta']:.6g}, step {largest_pull['step']}"
     )
     if pull_off := report.get("pull_off"):
         force = f"force {pull_off['force']:.6g} {_error_text(pull_off['error'])}"
         line = f"pull-off, searched between rows: {force} at delta {pull_off['delta']:.6g}"
-    known_pull_texts = [f"; {words} {force:.6g}" for words, force in expected_pull_offs(report)]
-    return ["".join([line, *known_pull_texts])]
+    expected_texts = [f"; {words} {force:.6g}" for words, force in expected_pull_offs(report)]
+    return ["".join([line, *expected_texts])]
 
 
 def _error_text(error: float | None) -> str:
@@ -249,17 +256,27 @@ def _experiment_lines(report: Report) -> Iterator[str]:
         force = report["calibration"]["force"]
         modulus = report["calibration"]["modulus"]
         yield (
-            f"calibration: the force is known to {force:.3g} of it, a fitted modulus to "
-            f"{modulus:.3g}"
+            f"calibration: relative uncertainty {force:.3g} of the force, {modulus:.3g} of a "
+            "fitted modulus"
         )
 
 
-def plan_text(prospect: PlannedRun, width: int = 120) -> str:
-    """Return the plan of a run as a text: every choice with its reason, and the predictions."""
-    from rich.table import Table
-    from rich.text import Text  # rather than words, in which brackets are markup
+def plan_text(planned_run: PlannedRun, width: int = 120) -> str:
+    """Return the plan of a run as a text: every choice with its reason, and the predictions.
 
-    plan = prospect.plan
+    Parameters
+    ----------
+    planned_run
+        Scene with its plan and cost.
+    width
+        Number of columns of the text.
+    """
+    from rich.table import Table
+
+    # Rich would interpret brackets in plain strings as markup.
+    from rich.text import Text
+
+    plan = planned_run.plan
     title = Text(printable(plan.title)) if plan.title else None
     choices = Table("what", "choice", "why", title=title, title_justify="left", box=None)
     for choice in plan.choices:
@@ -275,24 +292,27 @@ def plan_text(prospect: PlannedRun, width: int = 120) -> str:
 
 
 def requirements_text(requirements: Requirements, width: int = 120) -> str:
-    """Return the effects of a scene by size, and the recommended scene, as a text."""
+    """Return the effects of a scene by size, and the recommended scene, as a text.
+
+    `width` is the number of columns of the text.
+    """
     from rich.table import Table
     from rich.text import Text
 
     from indent_sim.config.strict_yaml import dump
 
-    table = Table("effect", "of the force", "from", "matters", box=None)
+    table = Table("effect", "change of the force", "source", "matters", box=None)
     for effect in sorted(
         requirements.effects, key=lambda effect: (effect.max_change == inf, -effect.max_change)
     ):
         if effect.is_possible:
-            words = (
+            cells = (
                 effect.name.replace("_", " "),
                 _effect_text(effect),
                 effect.source,
                 effect.needs,
             )
-            table.add_row(*(Text(printable(word)) for word in words))
+            table.add_row(*(Text(printable(cell)) for cell in cells))
     absent_names = ", ".join(
         effect.name.replace("_", " ") for effect in requirements.effects if not effect.is_possible
     )
@@ -302,7 +322,10 @@ def requirements_text(requirements: Requirements, width: int = 120) -> str:
 
 
 def curve_requirements_text(requirements: CurveRequirements, width: int = 120) -> str:
-    """Return what a curve shows about a scene and other models, and its requirements."""
+    """Return how a scene and other models explain a curve, and the scene's requirements, as text.
+
+    `width` is the number of columns of the text.
+    """
     from indent_sim.fitting.curve_fit import INTERVAL_KEYS, format_value
     from indent_sim.fitting.inference.model_assessment import Interval
 
@@ -310,8 +333,8 @@ def curve_requirements_text(requirements: CurveRequirements, width: int = 120) -
     config = requirements.config
     contradictions = " and ".join(requirements.entry["cause"])
 
-    def row(
-        name: str, verdict: str, model: Mapping[str, Any], added: Mapping[str, float]
+    def model_row(
+        name: str, verdict: str, model: Mapping[str, Any], parameters: Mapping[str, float]
     ) -> list[str]:
         interval = Interval(*(model[end] for end in INTERVAL_KEYS))
         value, low, high = (
@@ -319,17 +342,17 @@ def curve_requirements_text(requirements: CurveRequirements, width: int = 120) -
         )
         parameter_text = ", ".join(
             f"{parameter} = {format_value(parameter, config, number)}"
-            for parameter, number in added.items()
+            for parameter, number in parameters.items()
         )
         return [name, value, f"{low} to {high}", verdict, parameter_text]
 
     verdict = f"contradicted by {contradictions}" if contradictions else "explains the curve"
     rows = [
         ["model", key, "95 %", "", ""],
-        row("the scene's", verdict, vars(requirements.modulus), {}),
+        model_row("the scene's", verdict, vars(requirements.modulus), {}),
     ]
     rows += [
-        row(model["name"], model["verdict"], model, model["parameters"])
+        model_row(model["name"], model["verdict"], model, model["parameters"])
         for model in requirements.models
     ]
     return "\n\n".join(
@@ -345,14 +368,14 @@ def design_text(design: Design) -> str:
     """Return the intervals to expect from a measurement, and correlated parameters, as a text."""
     rows = [
         ["", *design.parameters],
-        ["as it stands", *_interval_texts(design.parameters, design.config)],
+        ["scene as given", *_interval_texts(design.parameters, design.config)],
     ]
     for improvement in design.helps:
         change = ", ".join(
             f"{key} = {_value_text(value)}" for key, value in improvement.change.items()
         )
         cells = _interval_texts(improvement.parameters, design.config) or [
-            f"cannot be: {improvement.reason}"
+            f"not possible: {improvement.reason}"
         ]
         rows.append([change, *cells, *[""] * (len(design.parameters) - len(cells))])
     noise = f"{design.points} points, noise {design.noise:.3g} of a force of {design.force:.4g}"
@@ -366,13 +389,13 @@ def _interval_texts(parameters: Mapping[str, Interval], config: Config) -> list[
     from indent_sim.fitting.curve_fit import format_value
 
     def interval_text(key: str, interval: Interval) -> str:
+        # The lower end may be zero.
         if not interval.high < UNKNOWN_RATIO * max(interval.low, 1e-300):
-            return "not known"
-        half_width_text = (
-            f" (±{50 * (interval.high - interval.low) / interval.value:.2g} %)"
-            if interval.value
-            else ""
-        )
+            return "not determined"
+        half_width_text = ""
+        if interval.value:
+            percent = 50 * (interval.high - interval.low) / interval.value
+            half_width_text = f" (±{percent:.2g} %)"
         low_text = format_value(key, config, interval.low, interval)
         high_text = format_value(key, config, interval.high, interval)
         return f"{low_text} to {high_text}{half_width_text}"
@@ -387,22 +410,20 @@ def _effect_text(effect: Effect) -> str:
     range_text = f"{_percent_text(effect.low)} to {_percent_text(effect.high)} %"
     if effect.percent is None:
         return range_text
-    return f"{_percent_text(effect.percent)} %" + (
-        f" ({range_text})" if effect.low < effect.high else ""
-    )
+    percent_text = f"{_percent_text(effect.percent)} %"
+    return f"{percent_text} ({range_text})" if effect.low < effect.high else percent_text
 
 
 def _percent_text(percent: float) -> str:
-    """Return a percentage, without a power of ten if it is large."""
+    """Return a percentage, as a whole number if it is large."""
     return f"{percent:+.2g}" if abs(percent) < WHOLE_PERCENT else f"{percent:+.0f}"
 
 
 def study_plan_text(planned: StudyPlan) -> str:
     """Return the runs of a study, one line each, and their total cost."""
     names = ["index", *planned.keys, "method", "force", "dofs", "memory_MB", "seconds", "warnings"]
-    counted_rows = [
-        row | {"warnings": len(row["warnings"])} for row in planned.rows
-    ]  # --json has their words
+    # The texts of the warnings are in the output of --json.
+    counted_rows = [row | {"warnings": len(row["warnings"])} for row in planned.rows]
     rows = [
         ["" if row[name] is None else _value_text(row[name]) for name in names]
         for row in counted_rows
@@ -413,23 +434,21 @@ def study_plan_text(planned: StudyPlan) -> str:
         f"{len(rows)} runs, compared with {planned.compared_with}",
     ]
     if planned.same:
-        lines[-1] += f"; {planned.same} points ask for the same as another"
+        lines[-1] += f"; {planned.same} points are the same scene as another point"
     lines.append(
-        f"about {planned.seconds:.2g} s of the processor, one after another; --jobs N "
-        "does N at a time"
+        f"about {planned.seconds:.2g} s of processor time; --jobs N does N runs at the same time"
     )
-    return "\n".join(
-        [*([printable(planned.title)] if planned.title else []), *lines, *planned.refused]
-    )
+    title_lines = [printable(planned.title)] if planned.title else []
+    return "\n".join([*title_lines, *lines, *planned.refused])
 
 
 def scoreboard_text(rows: Sequence[Report]) -> str:
-    """Return published, exact and own values, one line each, and which of them is off."""
+    """Return published, exact and computed values, one line each, and which of them is wrong."""
     from indent_sim.studies.reference.scoreboard import verdict_text
 
     names = ("published", "exact", "ours", "our_error")
-    head = ["case", "", *(name.replace("_", " ") for name in names), "difference", "who is wrong"]
-    lines = [head]
+    heads = [name.replace("_", " ") for name in names]
+    lines = [["case", "", *heads, "difference", "who is wrong"]]
     for row in rows:
         numbers = ["" if row[name] is None else _value_text(row[name]) for name in names]
         difference_text = (
@@ -470,15 +489,19 @@ def _interpolation_lines(comparison: Comparison) -> list[str]:
         return []
     path, error = comparison.interpolation
     abscissa = "time" if comparison.matched_by == "t" else "depth"
-    lines = [f"{path} interpolated in {abscissa}, to {100 * error:.2g} % of the largest force"]
+    error_text = f"with an error of {100 * error:.2g} % of the largest force"
+    lines = [f"{path} interpolated in {abscissa}, {error_text}"]
     if residual := comparison.residual:
         largest = residual["percent_largest"]
         rms = residual["percent_rms"]
-        lines.append(f"forces apart by {largest:.3g} % of the largest at most, {rms:.3g} % rms")
+        lines.append(
+            f"forces differ by at most {largest:.3g} % of the largest force, by {rms:.3g} % rms"
+        )
     return lines
 
 
 def _worst_difference_text(comparison: Comparison) -> str:
+    """Return the largest relative difference of every compared column."""
     columns = ", ".join(
         f"{name} {value:.3g}" for name, value in comparison.max_relative_difference.items()
     )
@@ -490,26 +513,30 @@ def section_text(section: str) -> str:
     from indent_sim.config.json_schema import section_alternatives
 
     lines = []
-    for choice, words, keys in section_alternatives(section):
-        rows = [[f"      {name}", *columns] for name, *columns in keys]
-        lines += [f"  {choice}: {words}", *([_align_columns(rows, "<")] if rows else [])]
+    for choice, summary, keys in section_alternatives(section):
+        lines.append(f"  {choice}: {summary}")
+        if keys:
+            rows = [[f"      {name}", *columns] for name, *columns in keys]
+            lines.append(_align_columns(rows, "<"))
     return "\n".join(lines)
 
 
 def _log_progress(
-    tell: Callable[[str], None],
+    print_line: Callable[[str], None],
     row: str,
-    effort: str,
+    iterations: str,
     step: int,
     total: int,
     estimate: ProgressEstimate,
 ) -> None:
-    """Print a line with the time of the step and the time left."""
+    """Print a line of a log with the time of the step and the time left."""
+    # The interval is rounded up.
     interval = -(-total // MAX_LOG_LINES)
-    (step_seconds, remaining_text) = estimate.record_step(total - step)
+    step_seconds, remaining_text = estimate.record_step(total - step)
     if step % interval == 0 or step in (1, total):
-        tell(
-            f"step {step}/{total}  {row}  {effort}  {step_seconds:.1f} s  {remaining_text}".rstrip()
+        seconds = f"{step_seconds:.1f} s"
+        print_line(
+            f"step {step}/{total}  {row}  {iterations}  {seconds}  {remaining_text}".rstrip()
         )
 
 
@@ -519,36 +546,29 @@ def _error_estimate_lines(outcome: Outcome) -> list[str]:
     relative_errors = [
         ((state.force_error or 0.0) / abs(state.force), state.step) for state in states_with_error
     ]
-    worst, step = max(relative_errors, default=(0.0, 0))
-    return (
-        [f"estimated error of the force: at most {worst:.2g} of it (step {step})"]
-        if relative_errors
-        else []
-    )
+    if not relative_errors:
+        return []
+    largest, step = max(relative_errors)
+    return [f"estimated relative error of the force: at most {largest:.2g} (step {step})"]
 
 
 def _computed_quantity_name(report: Report, theory: Report) -> str:
-    """Return the name of the quantity that theory computed.
-
-    In plane strain a force is per unit length.
-    """
+    """Return the name of the quantity that theory computed; in plane strain a force per length."""
     from indent_sim.results.json_text import json_data
     from indent_sim.results.pictures.axes import plan_choice
 
     _, computed = _prescribed_and_computed(theory)
-    is_flat = (
-        plan_choice({"plan": json_data(_report_section(report, "plan"))}, "kinematics")
-        == "plane_strain"
-    )
+    plan = json_data(_report_section(report, "plan"))
+    is_flat = plan_choice({"plan": plan}, "kinematics") == "plane_strain"
     return "force per length" if computed == "force" and is_flat else computed
 
 
-def _theory_line(theory: Report, words: str) -> str:
-    """Return the line of theory and the deviation of the run."""
+def _theory_line(theory: Report, quantity: str) -> str:
+    """Return the line of theory, which computes `quantity`, and of the deviation of the run."""
     exactness = "exact for this body" if theory.get("exact") else theory.get("why", "")
     prescribed, computed = _prescribed_and_computed(theory)
     deviation = f"{theory[f'{computed}_deviation']:+.3%}"
-    run_text = f"{words} {theory[computed]:.6g}; this run {deviation} ({exactness})"
+    run_text = f"{quantity} {theory[computed]:.6g}; this run {deviation} ({exactness})"
     return f"{theory['name']} at {prescribed} {theory[prescribed]:.6g}: {run_text}"
 
 
@@ -558,10 +578,12 @@ def _prescribed_and_computed(theory: Report) -> tuple[str, str]:
 
 
 def _value_text(value: Any) -> str:
+    """Return a value as a text, a float with six digits."""
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def _align_columns(rows: list[list[str]], side: str = ">") -> str:
+    """Return rows of cells as lines with columns of equal width, aligned to a side (< or >)."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = (
         "  ".join(f"{cell:{side}{width}}" for cell, width in zip(row, widths, strict=True))
@@ -571,6 +593,7 @@ def _align_columns(rows: list[list[str]], side: str = ">") -> str:
 
 
 def _render(width: int, *parts: Any) -> str:
+    """Return tables and texts of rich as one text of this width."""
     from rich.console import Console
 
     text = io.StringIO()

@@ -1,4 +1,4 @@
-"""JSON Schema of the scene file for editors and other programs, from the schema and the symbols."""
+"""JSON Schema of the scene file, derived from the schema and the symbols."""
 
 from __future__ import annotations
 
@@ -21,21 +21,23 @@ from indent_sim.config.schema import Config
 from indent_sim.model.loading import PATH_KEYS, STEPPED_KEYS
 from indent_sim.model.symbols import lookup
 
+# Schema of a number with a unit, e.g. "2.5 um".
 QUANTITY_SCHEMA = {"type": "string", "pattern": r"^\s*[-+]?[0-9.]+([eE][-+]?[0-9]+)?\s*[A-Za-zµ°]"}
 
 
 def json_schema() -> dict[str, Any]:
-    """JSON Schema (draft 2020-12) of the scene file, for editors and other programs."""
+    """Return the JSON Schema (draft 2020-12) of the scene file, for editors and other programs."""
     document = Config.model_json_schema(schema_generator=_SchemaGenerator)
     center = document["properties"].pop("center")
     for kind in schema.sections()["indenter"]:
         document["$defs"][kind.__name__]["properties"]["center"] = center
-    exclusive_lists = [
+    # The number of steps belongs to a single depth or force.
+    unstepped_paths = [
         {"required": [path_key], "not": {"required": ["steps"]}}
         for path_key in PATH_KEYS
         if path_key not in STEPPED_KEYS
     ]
-    one_of = [{"required": ["delta"]}, {"required": ["force"]}, *exclusive_lists]
+    one_of = [{"required": ["delta"]}, {"required": ["force"]}, *unstepped_paths]
     document["$defs"]["Loading"]["oneOf"] = one_of
     sections = {kind.__name__: section for section, kind in sections_and_kinds()}
     for kind, definition in document["$defs"].items():
@@ -47,9 +49,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def _allow_quantities(value: dict[str, Any]) -> dict[str, Any]:
-    """The schema of a number with a dimension, which may be a quantity with its unit, or of a list
-    of such.
-    """
+    """Return the schema of numbers with a dimension, extended by quantities with a unit."""
     if "anyOf" in value:
         return value | {"anyOf": [_allow_quantities(part) for part in value["anyOf"]]}
     if value.get("type") == "array":
@@ -61,9 +61,10 @@ def _allow_quantities(value: dict[str, Any]) -> dict[str, Any]:
 
 
 class _SchemaGenerator(GenerateJsonSchema):
-    """pydantic's schema with the glossary's descriptions, required tags and walls as one word."""
+    """Pydantic's generator, with descriptions of keys, required tags and one word for all walls."""
 
     def dataclass_schema(self, schema: Any) -> Any:
+        """Return the schema of a section."""
         definition = super().dataclass_schema(schema)
         section = next(
             (section for section, kind in sections_and_kinds() if kind is schema["cls"]), ""
@@ -71,10 +72,12 @@ class _SchemaGenerator(GenerateJsonSchema):
         return _add_descriptions(definition, schema["cls"], section)
 
     def model_schema(self, schema: Any) -> Any:
+        """Return the schema of the whole file."""
         return _add_descriptions(super().model_schema(schema), Config, "")
 
 
 def _add_descriptions(definition: Any, kind: Any, section: str) -> Any:
+    """Return the schema of a dataclass with descriptions, without titles and defaults of None."""
     for name, entry in definition["properties"].items():
         entry.pop("title", None)
         if entry.get("default", "") is None:
@@ -95,8 +98,16 @@ def _add_descriptions(definition: Any, kind: Any, section: str) -> Any:
 
 
 def section_alternatives(section: str) -> Iterator[tuple[str, str, list[list[str]]]]:
-    """What may stand in a section: its names, the first lines of their docs, and of each the keys
-    with what they may be, unit and meaning.
+    """Yield the alternatives of a section.
+
+    Yields
+    ------
+    choice
+        Value of the section's tag.
+    summary
+        First line of the documentation of the alternative.
+    keys
+        Name, allowed values, unit and meaning of each key.
     """
     tag = schema.section_tags()[section]
     for choice, kind in types_by_tag(field_types(Config)[section], tag).items():
@@ -111,13 +122,11 @@ def section_alternatives(section: str) -> Iterator[tuple[str, str, list[list[str
 
 
 def sections_and_kinds() -> Iterator[tuple[str, type]]:
-    """The sections with the dataclasses that each may be, then the sections inside of these."""
+    """Yield each section with each dataclass that it may be, then the sections inside of these."""
     outer = [(section, kind) for section, kinds in schema.sections().items() for kind in kinds]
     yield from outer
     for _, owner in outer:
         for name, hint in field_types(owner).items():
-            yield from (
-                (name, bare_type(part))
-                for part in union_members(hint)
-                if dataclasses.is_dataclass(bare_type(part))
-            )
+            for member in union_members(hint):
+                if dataclasses.is_dataclass(bare_type(member)):
+                    yield name, bare_type(member)

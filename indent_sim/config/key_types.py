@@ -1,4 +1,4 @@
-"""Annotated types of keys: their alternatives, fields and tags, and the allowed values in words."""
+"""Types of keys: their alternatives, fields, tags and remedies, and the allowed values in words."""
 
 from __future__ import annotations
 
@@ -82,15 +82,13 @@ def union_members(hint: Any) -> tuple[Any, ...]:
 def untagged_sections(hint: Any) -> tuple[str, ...]:
     """Return names of the dataclasses without a tag that may replace a word.
 
-    A conductance in place of `drained` is one; any other type has none.
+    The conductance of a face, in place of `drained`, is an example.
     """
-    parts = (
-        [bare_type(part) for part in union_members(hint)]
-        if hint is not None and tag_of(hint) is None
-        else []
-    )
-    kinds = [part for part in parts if isinstance(part, type) and dataclasses.is_dataclass(part)]
-    return tuple(kind.__name__ for kind in kinds) if len(parts) > 1 else ()
+    if hint is None or tag_of(hint) is not None:
+        return ()
+    members = [bare_type(member) for member in union_members(hint)]
+    kinds = [kind for kind in members if isinstance(kind, type) and dataclasses.is_dataclass(kind)]
+    return tuple(kind.__name__ for kind in kinds) if len(members) > 1 else ()
 
 
 @cache
@@ -117,29 +115,26 @@ def allowed_words(hint: Any) -> tuple[str, ...]:
 def shared_field_type(kind: Any) -> Any:
     """Return the type that all fields of a dataclass share, so that one value may stand for all.
 
-    The walls of a box are an example; None if the fields differ.
+    The walls of a box are an example; None if the fields differ. Any other type is returned as it
+    is.
     """
-    if dataclasses.is_dataclass(kind):
-        first, *further_types = field_types(kind).values()  # type: ignore[arg-type]
-        are_alike = (
-            get_origin(first) is Literal
-            and further_types
-            and all(further_type == first for further_type in further_types)
-        )
-        return first if are_alike else None
-    return kind
+    if not dataclasses.is_dataclass(kind):
+        return kind
+    first, *further_types = field_types(kind).values()  # type: ignore[arg-type]
+    are_alike = (
+        get_origin(first) is Literal
+        and further_types
+        and all(further_type == first for further_type in further_types)
+    )
+    return first if are_alike else None
 
 
 def describe_type(hint: Any) -> str:
     """Return a type and its range in words: "a number > 0 or auto"."""
-    parts = union_members(hint)
-    return join_words(
-        list(
-            dict.fromkeys(
-                _describe_member(part) for part in parts if not (part is int and float in parts)
-            )
-        )
-    )
+    members = union_members(hint)
+    # Every whole number is also a number.
+    described_members = [member for member in members if not (member is int and float in members)]
+    return join_words(list(dict.fromkeys(map(_describe_member, described_members))))
 
 
 def join_words(words: Sequence[str], last: str = "or") -> str:
@@ -147,6 +142,7 @@ def join_words(words: Sequence[str], last: str = "or") -> str:
     return f"{', '.join(words[:-1])} {last} {words[-1]}" if len(words) > 1 else "".join(words)
 
 
+# Texts of types, and of limits with the attribute that has the limit.
 _NOUNS = {float: "a number", int: "a whole number", str: "text", bool: "true or false"}
 _SIGNS = {Gt: ("> {:g}", "gt"), Ge: (">= {:g}", "ge"), Lt: ("< {:g}", "lt"), Le: ("<= {:g}", "le")}
 
@@ -176,11 +172,10 @@ def _describe_member(hint: Any) -> str:
 def _describe_list(item: str, marks: Sequence[Any]) -> str:
     """Return the type of a list in words."""
     items = item.removeprefix("a ")
-    items = (
-        items.replace("list", "lists", 1)
-        if items.startswith("list")
-        else items.replace("number", "numbers")
-    )
+    if items.startswith("list"):
+        items = items.replace("list", "lists", 1)
+    else:
+        items = items.replace("number", "numbers")
     items = items.replace("section", "sections")
     size = next((mark for mark in marks if isinstance(mark, Len)), None)
     if size and size.min_length == size.max_length:

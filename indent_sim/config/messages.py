@@ -16,6 +16,7 @@ from indent_sim.process.errors import ConfigError, ConfigErrors
 MAX_PROBLEMS = 20
 MORE_ERRORS = ConfigError("", "and more errors")
 
+# Types of pydantic's errors.
 _MISSING_TYPES = {"missing", "missing_argument", "missing_keyword_only_argument"}
 _UNKNOWN_TYPES = {"extra_forbidden", "unexpected_keyword_argument"}
 _NO_SECTION_TYPES = {"dict_type", "dataclass_type", "model_type", "dataclass_exact_type"}
@@ -44,56 +45,53 @@ def _repeated_errors(
 ) -> Iterator[KeyPath]:
     """Yield keys whose error only repeats another one.
 
-    Such keys are a missing key that was misspelt, a list with wrong items, and a section that is no
-    word either.
+    They are a missing key that was misspelt, a list with wrong items, and a section with wrong keys
+    where a word is allowed, too.
     """
     for path, (finding, *_) in groups.items():
         is_section = key_types.untagged_sections(schema.node_at(path, document).type)
-        if is_section and any(other_path[:-1] == path for other_path in groups):
+        if is_section and any(inner_path[:-1] == path for inner_path in groups):
             yield path
         yield from (path[:k] for k, part in enumerate(path) if isinstance(part, int))
         if not path or isinstance(path[-1], int):
             continue
         if finding["type"] in _UNKNOWN_TYPES:
-            intended = (
-                *path[:-1],
-                closest_match(path[-1], schema.allowed_keys_at(path[:-1], document)) or "",
-            )
-            if intended in groups and groups[intended][0]["type"] in _MISSING_TYPES:
-                yield intended
+            valid_keys = schema.allowed_keys_at(path[:-1], document)
+            intended_path = (*path[:-1], closest_match(path[-1], valid_keys) or "")
+            if intended_path in groups and groups[intended_path][0]["type"] in _MISSING_TYPES:
+                yield intended_path
 
 
 def document_path(finding: Any, document: Mapping[str, Any]) -> KeyPath:
     """Return the key path in the file of an error of pydantic.
 
-    Tags of unions and the names of classes that pydantic inserts are left out, and `center` is back
-    in its section.
+    Pydantic's location also contains tags of unions and names of classes, which are left out;
+    `center`, which is a field of Config, is moved to its section `indenter`.
     """
     location = finding["loc"]
     if location[:1] == ("center",):
         # The empty text stands for the tag, which pydantic inserts after every tagged section.
         location = ("indenter", "", *location)
-    spot = schema.node_at((), document)
+    node = schema.node_at((), document)
     is_tag = False
     for part in location:
         if is_tag:
             is_tag = False
             continue
-        if part in key_types.untagged_sections(spot.type):
+        if part in key_types.untagged_sections(node.type):
             continue
-        inner = spot.child(part)
-        if inner.value is None and not schema.has_part(spot.value, part):
-            is_key = finding["type"] in _MISSING_TYPES | _UNKNOWN_TYPES and isinstance(
-                spot.value, Mapping
-            )
-            return inner.path if is_key else spot.path
-        spot = inner
+        inner = node.child(part)
+        if inner.value is None and not schema.has_part(node.value, part):
+            is_about_key = finding["type"] in _MISSING_TYPES | _UNKNOWN_TYPES
+            is_section = isinstance(node.value, Mapping)
+            return inner.path if is_about_key and is_section else node.path
+        node = inner
         is_tag = inner.tag is not None
-    return spot.path
+    return node.path
 
 
 def closest_match(word: Any, choices: tuple[str, ...]) -> str | None:
-    """Return the choice that was probably meant; None if none is similar."""
+    """Return the most similar choice, whatever its case; None if no choice is similar."""
     folded = {str(choice).lower(): str(choice) for choice in reversed(choices)}
     match = get_close_matches(str(word).lower(), folded, n=1, cutoff=0.6)
     return folded[match[0]] if match else None
@@ -110,7 +108,7 @@ def short_repr(value: Any) -> str:
 
 
 def _error_at(path: KeyPath, findings: list[Any], document: Mapping[str, Any]) -> ConfigError:
-    """Return the error of a key from all that pydantic found there."""
+    """Return the error of a key from pydantic's errors of this key."""
     types = {error["type"] for error in findings}
     if types & _UNKNOWN_TYPES:
         return _unknown_key_error(path, document)
@@ -122,23 +120,21 @@ def _error_at(path: KeyPath, findings: list[Any], document: Mapping[str, Any]) -
         return _no_section_error(path, document)
     if "finite_number" in types:
         return ConfigError(key_text(path), "is too large a number")
-    spot = schema.node_at(path, document)
-    return (
-        ConfigError(key_text(path), findings[0]["msg"])
-        if spot.type is None
-        else _wrong_value_error(spot)
-    )
+    node = schema.node_at(path, document)
+    if node.type is None:
+        return ConfigError(key_text(path), findings[0]["msg"])
+    return _wrong_value_error(node)
 
 
 def _unknown_key_error(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
-    """Return the error of an unknown key, with the nearest known one."""
+    """Return the error of an unknown key, with the most similar valid key."""
     if path in schema.REMOVED_KEYS:
         return ConfigError(key_text(path), *schema.REMOVED_KEYS[path])
     *parents, key = path
     section = schema.node_at(tuple(parents), document)
     valid = section.allowed_keys()
-    if other_variants := _other_variants(str(key), section, valid):
-        owners = key_types.join_words(other_variants, "and")
+    if variants := _variants_with_key(str(key), section, valid):
+        owners = key_types.join_words(variants, "and")
         problem = (
             f"the chosen {section.tag} '{section.tag_value}' has no parameter '{key}' (it "
             f"belongs to {owners})"
@@ -159,27 +155,27 @@ def _unknown_key_error(path: KeyPath, document: Mapping[str, Any]) -> ConfigErro
 
 def _missing_key_error(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
     """Return the error of a missing key or section."""
-    spot = schema.node_at(path, document)
-    if spot.tag or spot.section_type is not None:
-        return ConfigError(key_text(path), "this section is missing", _section_remedy(spot))
-    return ConfigError(key_text(path), "missing", f"give {key_types.describe_type(spot.type)}")
+    node = schema.node_at(path, document)
+    if node.tag or node.section_type is not None:
+        return ConfigError(key_text(path), "this section is missing", _section_remedy(node))
+    return ConfigError(key_text(path), "missing", f"give {key_types.describe_type(node.type)}")
 
 
 def _wrong_tag_error(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
     """Return the error of a missing or unknown tag."""
-    spot = schema.node_at(path, document)
-    tag = str(spot.tag)
-    kinds = tuple(key_types.types_by_tag(spot.type, str(spot.tag)))
+    node = schema.node_at(path, document)
+    tag = str(node.tag)
+    kinds = tuple(key_types.types_by_tag(node.type, str(node.tag)))
     key = key_text((*path, tag))
     remedy = f"choose one of {', '.join(kinds)}"
-    if spot.tag_value is None:
+    if node.tag_value is None:
         return ConfigError(key, "missing", remedy)
-    match = closest_match(spot.tag_value, kinds) if isinstance(spot.tag_value, str) else None
+    match = closest_match(node.tag_value, kinds) if isinstance(node.tag_value, str) else None
     guess = f", did you mean '{match}'?" if match else ""
     name = next(part for part in reversed(path) if isinstance(part, str))
     return ConfigError(
         key,
-        f"there is no {name} {short_repr(spot.tag_value)}{guess}",
+        f"there is no {name} {short_repr(node.tag_value)}{guess}",
         remedy,
         suggestion=match or "",
     )
@@ -187,23 +183,20 @@ def _wrong_tag_error(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
 
 def _no_section_error(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
     """Return the error of a value in place of a section."""
-    spot = schema.node_at(path, document)
-    if key_types.allowed_words(spot.type) and spot.value is not None:
-        return _wrong_value_error(spot)
-    empty = spot.value is None
-    problem = (
-        "this section is empty"
-        if empty
-        else f"must be a section of keys, got {short_repr(spot.value)}"
-    )
-    return ConfigError(key_text(path), problem, _section_remedy(spot))
+    node = schema.node_at(path, document)
+    if key_types.allowed_words(node.type) and node.value is not None:
+        return _wrong_value_error(node)
+    problem = "this section is empty"
+    if node.value is not None:
+        problem = f"must be a section of keys, got {short_repr(node.value)}"
+    return ConfigError(key_text(path), problem, _section_remedy(node))
 
 
-def _wrong_value_error(spot: schema.SchemaNode) -> ConfigError:
+def _wrong_value_error(node: schema.SchemaNode) -> ConfigError:
     """Return the error of a value outside of its type."""
-    path = spot.path
-    hint = spot.type
-    value = spot.value
+    path = node.path
+    hint = node.type
+    value = node.value
     allowed = key_types.describe_type(hint)
     if type(value) in (int, float):
         allowed = allowed.removeprefix("a number ")
@@ -219,15 +212,15 @@ def _wrong_value_error(spot: schema.SchemaNode) -> ConfigError:
     )
 
 
-def _section_remedy(spot: schema.SchemaNode) -> str:
+def _section_remedy(node: schema.SchemaNode) -> str:
     """Return the tags or keys of a section as a remedy."""
-    if spot.tag:
-        return f"give {spot.tag}: one of {', '.join(key_types.types_by_tag(spot.type, spot.tag))}"
-    keys = spot.allowed_keys()
+    if node.tag:
+        return f"give {node.tag}: one of {', '.join(key_types.types_by_tag(node.type, node.tag))}"
+    keys = node.allowed_keys()
     return f"its keys are {', '.join(keys)}" if keys else ""
 
 
-def _other_variants(key: str, section: schema.SchemaNode, valid: tuple[str, ...]) -> list[str]:
+def _variants_with_key(key: str, section: schema.SchemaNode, valid: tuple[str, ...]) -> list[str]:
     """Return the other alternatives of a section that have this key."""
     if section.tag is None or key.lower() in map(str.lower, valid):
         return []

@@ -9,30 +9,33 @@ from typing import Any
 from indent_sim.model.units import ANGLE, LENGTH, Unit, field_units
 from indent_sim.process.errors import ConfigError
 
-LARGEST_QUANTITY = (
-    1e30  # of a length, pressure or time, and one over the smallest: squares of energies are finite
-)
-BASE_QUANTITY_COUNT = {
-    "length": 1,
-    "pressure": 1,
-    "time": 1,
-    "force": 3,
-}  # a force is pressure length^2
-MAX_ASPECT_RATIO = 1e5  # of a body: beyond it gmsh finds no mesh
-MAX_LENGTH_RATIO = (
-    1e15  # between two lengths of a scene: beside the longer one, a shorter is lost in its rounding
-)
+# Largest length, pressure or time, and reciprocal of the smallest one. Squares of energies, which
+# are pressure length^3, are then finite numbers.
+LARGEST_QUANTITY = 1e30
+# Number of base quantities of which each dimension is a product; a force is pressure length^2.
+BASE_QUANTITY_COUNT = {"length": 1, "pressure": 1, "time": 1, "force": 3}
+# Largest ratio of two lengths of a body. Gmsh finds no mesh for more slender bodies.
+MAX_ASPECT_RATIO = 1e5
+# Largest ratio of two lengths of a scene. A shorter length would be lost in rounding.
+MAX_LENGTH_RATIO = 1e15
 
-SceneNumber = tuple[str, float, Unit]  # key, size, dimension
+# Key, absolute value and dimension of a number of a scene.
+SceneNumber = tuple[str, float, Unit]
 
 
 def limit_errors(sections: Mapping[str, Any]) -> list[ConfigError]:
-    """What cannot be computed with in the dataclasses of a scene, by the name of their section."""
+    """Return errors of numbers that are too large, too small or too different.
+
+    Parameters
+    ----------
+    sections
+        Dataclasses of the sections of a scene by name.
+    """
     numbers = [
-        measure for name, section in sections.items() for measure in _scene_numbers(name, section)
+        number for name, section in sections.items() for number in _scene_numbers(name, section)
     ]
-    if problems := [problem for measure in numbers for problem in _size_errors(*measure)]:
-        return problems
+    if errors := [error for number in numbers for error in _size_errors(*number)]:
+        return errors
     lengths = [
         (size, key) for key, size, unit in numbers if unit == LENGTH and not key.startswith("mesh.")
     ]
@@ -46,18 +49,20 @@ def limit_errors(sections: Mapping[str, Any]) -> list[ConfigError]:
 def _ratio_errors(
     lengths: list[tuple[float, str]], max_ratio: float, description: str
 ) -> Iterator[ConfigError]:
-    (small, small_key) = min(lengths, default=(1.0, ""))
-    (large, large_key) = max(lengths, default=(1.0, ""))
+    """Yield the error of the smallest and the largest length if their ratio is too large."""
+    small, small_key = min(lengths, default=(1.0, ""))
+    large, large_key = max(lengths, default=(1.0, ""))
     if large > max_ratio * small:
-        problem = f"{small:g} is too small beside {large_key} = {large:g}"
+        problem = f"{small:g} is too small compared with {large_key} = {large:g}"
         yield ConfigError(
             small_key, problem, f"{description} may differ by a factor of {max_ratio:g}"
         )
 
 
 def _scene_numbers(name: str, section: Any) -> Iterator[SceneNumber]:
-    """The numbers of a section, and those in it, that have a dimension; of a list the largest, of a
-    body both ends.
+    """Yield the numbers with a dimension in a section and in its inner sections.
+
+    From a list it is the largest number, from lists of a body also the smallest one.
     """
     for field, unit in field_units(type(section)).items():  # type: ignore[arg-type]
         value = getattr(section, field)
@@ -71,21 +76,19 @@ def _scene_numbers(name: str, section: Any) -> Iterator[SceneNumber]:
 
 
 def _inner_sections(key: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """Yield the dataclasses in a value, with their keys."""
     if dataclasses.is_dataclass(value):
         yield key, value
-    named = (
-        {f"{key}.{name}": part for name, part in value.items()} if isinstance(value, dict) else {}
-    )
-    listed = (
-        {f"{key}[{index}]": part for index, part in enumerate(value)}
-        if isinstance(value, tuple)
-        else {}
-    )
-    for inner, part in (named | listed).items():
-        yield from _inner_sections(inner, part)
+    elif isinstance(value, dict):
+        for name, part in value.items():
+            yield from _inner_sections(f"{key}.{name}", part)
+    elif isinstance(value, tuple):
+        for index, part in enumerate(value):
+            yield from _inner_sections(f"{key}[{index}]", part)
 
 
 def _numbers(value: Any) -> Iterator[float]:
+    """Yield the numbers of a value or of nested tuples."""
     if isinstance(value, tuple):
         for part in value:
             yield from _numbers(part)
@@ -94,9 +97,10 @@ def _numbers(value: Any) -> Iterator[float]:
 
 
 def _size_errors(key: str, size: float, unit: Unit) -> Iterator[ConfigError]:
+    """Yield the error of a number that is too large or too small."""
     limit = LARGEST_QUANTITY ** sum(
         BASE_QUANTITY_COUNT[name] * abs(power) for name, power in unit.powers.items()
     )
     if not 1 / limit <= size <= limit:
-        remedy = f"choose units in which it lies between {1 / limit:g} and {limit:g}"
-        yield ConfigError(key, f"{size:g} is beyond what can be computed with", remedy)
+        remedy = f"choose units in which it is between {1 / limit:g} and {limit:g}"
+        yield ConfigError(key, f"{size:g} is beyond the range of numbers of the program", remedy)

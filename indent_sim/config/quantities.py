@@ -1,7 +1,7 @@
-"""Quantities with units of their own, "2.5 um" or "1 kPa", converted to the units of the scene.
+"""Conversion of quantities with a unit, "2.5 um" or "1 kPa", to the units of the scene.
 
-The arithmetic is decimal, exact but for radians, and rounded once: a scene in mixed units has the
-digits of one in its own.
+The arithmetic is decimal, exact except for radians, and rounded once at the end. A scene in mixed
+units therefore gives the same digits as one in plain numbers.
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ QUANTITY_PATTERN = re.compile(
     rf"\s*(?P<number>{NUMBER})\s*(?P<unit>[^\W\d_]\S*(?: [*/·] ?\S+| s\b\S*)*|[%°])\s*"
 )
 DECIMAL_COMMA = re.compile(r"\s*[-+]?\d+,\d+\D*")
+# Examples of quantities in error messages, by their dimension.
 QUANTITY_EXAMPLES = {
     LENGTH: "2.5 um",
     PRESSURE: "1 kPa",
@@ -53,6 +54,7 @@ QUANTITY_EXAMPLES = {
     Unit("length^2/(pressure time)"): "2 um^2/(kPa s)",
     Unit("pressure time"): "5 Pa s",
 }
+# Units of angles [degrees].
 ANGLES = {
     "deg": 1.0,
     "degree": 1.0,
@@ -60,14 +62,14 @@ ANGLES = {
     "°": 1.0,
     "rad": 180 / pi,
     "radian": 180 / pi,
-}  # degrees
-UNIT_EXAMPLES = {
-    "length": "um",
-    "force": "nN",
-}  # examples of a scene's own units; times are in seconds
+}
+# Examples of the units of a scene in error messages. Times are always in seconds.
+UNIT_EXAMPLES = {"length": "um", "force": "nN"}
+# Units among which the probable meaning of an unknown unit is searched.
 SUGGESTED_UNITS = (
     "pm nm um mm cm m pN nN uN mN N kN Pa kPa MPa GPa N/m mN/m deg rad s ms J/m^2 mJ/m^2"
 )
+# Exponents of length, force and time of the base quantities of `model.units`.
 BASE_EXPONENTS = {
     "length": {"length": 1},
     "force": {"force": 1},
@@ -80,16 +82,22 @@ KIND_EXPONENTS = BASE_EXPONENTS | {
     "angle": {"angle": 1},
     "pressure per length": {"force": 1, "length": -3},
 }
-Exponents = dict[str, int]  # of length, force and time
-Factor = tuple[Decimal, Exponents]  # how many SI units, and of what
-Quantities = dict[KeyPath, tuple[str, float]]  # quantities as they were given, and as numbers
+# Exponents of length, force and time, or of an angle.
+Exponents = dict[str, int]
+# SI value and dimension of a unit.
+Factor = tuple[Decimal, Exponents]
+# Quantities as given, and as numbers in the units of the scene.
+Quantities = dict[KeyPath, tuple[str, float]]
 
 
 def convert_quantities(document: Mapping[str, Any]) -> tuple[dict[str, Any], Quantities]:
     """Return the document with numbers in place of quantities, and the quantities as given.
 
-    ConfigErrors (one: ConfigError) for units that are unknown, of the wrong kind, or that the
-    scene's own do not cover.
+    Raises
+    ------
+    ConfigError
+        A unit is unknown or of the wrong dimension, or the scene does not define the units to
+        which a quantity is to be converted. Several such errors are ConfigErrors.
     """
     conversion = Conversion(document)
     converted_document = conversion.convert_node(schema.node_at((), document))
@@ -102,7 +110,7 @@ def si_factor(unit: str, kind: str) -> float:
     """Return the SI value of a unit of length, force or time; ConfigError for any other unit."""
     factor, exponents = _unit_factor(f"units.{kind}", unit)
     if exponents != {kind: 1}:
-        problem = f"'{unit}' is {_dimension_text(exponents)}, no {kind}"
+        problem = f"'{unit}' is {_dimension_text(exponents)}, not a {kind}"
         raise ConfigError(f"units.{kind}", problem, f"for example {UNIT_EXAMPLES.get(kind, 's')}")
     return float(factor)
 
@@ -116,87 +124,90 @@ class Conversion:
         units = document.get("units")
         self._units = units if isinstance(units, Mapping) else {}
         body = body if isinstance(body := document.get("body"), Mapping) else {}
-        is_flat = (
-            body.get("shape") == "strip" or body.get("kinematics") == "plane_strain"
-        )  # forces are per length
+        is_flat = body.get("shape") == "strip" or body.get("kinematics") == "plane_strain"
+        # Forces in plane strain are per unit length.
         self._force = KIND_EXPONENTS["force per length" if is_flat else "force"]
 
-    def convert_node(self, spot: schema.SchemaNode, list_unit: Unit | UnitRow | None = None) -> Any:
+    def convert_node(self, node: schema.SchemaNode, list_unit: Unit | UnitRow | None = None) -> Any:
         """Return the value of a node with its quantities converted.
 
-        `list_unit` is the unit of the list that contains it.
+        `list_unit` is the unit of the list that contains the node.
         """
-        if isinstance(spot.value, dict):
-            return {part.path[-1]: self.convert_node(part) for part in spot.children()}
-        unit = unit_of(spot.type) or list_unit
-        if isinstance(spot.value, list):
+        if isinstance(node.value, dict):
+            return {part.path[-1]: self.convert_node(part) for part in node.children()}
+        unit = unit_of(node.type) or list_unit
+        if isinstance(node.value, list):
             units = chain(unit.units, repeat(None)) if isinstance(unit, UnitRow) else repeat(unit)
             return [
-                self.convert_node(part, of)
-                for part, of in zip(spot.children(), units, strict=False)
+                self.convert_node(item, item_unit)
+                for item, item_unit in zip(node.children(), units, strict=False)
             ]
-        if not isinstance(spot.value, str):
-            return spot.value
-        kinds = {key_types.bare_type(part) for part in key_types.union_members(spot.type)}
+        if not isinstance(node.value, str):
+            return node.value
+        kinds = {key_types.bare_type(part) for part in key_types.union_members(node.type)}
         if not kinds & {float, int}:
-            return spot.value
-        unit = unit.units[-1] if isinstance(unit, UnitRow) else unit  # a number instead of rows
+            return node.value
+        # A single number may replace a list of rows, as in drainage.bath; it has their last unit.
+        unit = unit.units[-1] if isinstance(unit, UnitRow) else unit
         try:
-            value = self._convert_text(key_text(spot.path), spot.value, unit)
+            value = self._convert_text(key_text(node.path), node.value, unit)
         except ConfigError as error:
             self.errors.append(error)
-            return spot.value
+            return node.value
         if value is None:
-            return spot.value
-        self.quantities[spot.path] = (spot.value, value)
+            return node.value
+        self.quantities[node.path] = (node.value, value)
         return value
 
     def _convert_text(self, key: str, text: str, unit: Unit | UnitRow | None) -> float | None:
-        """The number of a quantity; None for other text."""
+        """Return the number of a quantity; None for any other text."""
         if DECIMAL_COMMA.fullmatch(text):
-            point = text.strip().replace(",", ".")
-            raise ConfigError(key, f"a comma is no decimal point: '{text}'", f"write {point}")
+            corrected_text = text.strip().replace(",", ".")
+            raise ConfigError(
+                key, f"a comma is no decimal point: '{text}'", f"write {corrected_text}"
+            )
         match = QUANTITY_PATTERN.fullmatch(text)
         if match is None:
             return None
         if not isinstance(unit, Unit):
-            raise ConfigError(key, f"has no unit, got '{text}'", f"write {match['number']}")
+            raise ConfigError(
+                key, f"must be a number without unit, got '{text}'", f"write {match['number']}"
+            )
         if unit == ANGLE:
             if match["unit"] not in ANGLES:
                 raise ConfigError(
                     key, f"'{text}' is no angle", "give degrees, or for example 70 deg or 1.2 rad"
                 )
             return float(match["number"]) * ANGLES[match["unit"]]
-        (factor, exponents) = _unit_factor(key, match["unit"])
-        wanted = _dimension_exponents(unit, self._force)
-        if exponents != wanted:
-            example = next(
-                (
-                    text
-                    for dimension, text in QUANTITY_EXAMPLES.items()
-                    if _dimension_exponents(dimension) == wanted
-                ),
-                "a number",
+        factor, exponents = _unit_factor(key, match["unit"])
+        required_exponents = _dimension_exponents(unit, self._force)
+        if exponents != required_exponents:
+            examples = (
+                example
+                for dimension, example in QUANTITY_EXAMPLES.items()
+                if _dimension_exponents(dimension) == required_exponents
             )
-            problem = f"'{text}' is {_dimension_text(exponents)}, not {_dimension_text(wanted)}"
-            raise ConfigError(key, problem, f"for example {example}")
-        return float(Decimal(match["number"]) * factor / self._scene_unit_factor(key, wanted))
+            required = _dimension_text(required_exponents)
+            problem = f"'{text}' is {_dimension_text(exponents)}, not {required}"
+            raise ConfigError(key, problem, f"for example {next(examples, 'a number')}")
+        scene_unit_factor = self._scene_unit_factor(key, required_exponents)
+        return float(Decimal(match["number"]) * factor / scene_unit_factor)
 
-    def _scene_unit_factor(self, key: str, wanted: Exponents) -> Decimal:
+    def _scene_unit_factor(self, key: str, required_exponents: Exponents) -> Decimal:
         """Return the SI value of the scene's own unit of this dimension."""
         total = Decimal(1)
-        for kind, power in wanted.items():
+        for kind, power in required_exponents.items():
             label = "s" if kind == "time" else self._units.get(kind)
             if not isinstance(label, str) or not label:
+                problem = f"a quantity with a unit, but units does not define {kind}"
                 remedy = (
-                    "add units: {length: um, force: nN}, to which "
-                    "quantities are converted, or give "
-                    "plain numbers"
+                    "add units: {length: um, force: nN}, to which quantities are converted, or "
+                    "give plain numbers"
                 )
-                raise ConfigError(key, f"a quantity, and units say no {kind}", remedy)
+                raise ConfigError(key, problem, remedy)
             factor, exponents = _unit_factor(f"units.{kind}", label)
             if exponents != {kind: 1}:
-                problem = f"'{label}' is {_dimension_text(exponents)}, no {kind}"
+                problem = f"'{label}' is {_dimension_text(exponents)}, not a {kind}"
                 raise ConfigError(f"units.{kind}", problem, f"for example {UNIT_EXAMPLES[kind]}")
             total *= factor**power
         return total
@@ -205,7 +216,7 @@ class Conversion:
 def _dimension_exponents(unit: Unit, force: Exponents = BASE_EXPONENTS["force"]) -> Exponents:
     """Return the exponents of length, force and time of a dimension.
 
-    `force` are those of the quantity that the scene calls a force.
+    `force` has those of a force of the scene, which in plane strain is per unit length.
     """
     total: Counter[str] = Counter()
     for word, power in unit.powers.items():
@@ -220,10 +231,7 @@ def _dimension_exponents(unit: Unit, force: Exponents = BASE_EXPONENTS["force"])
 
 @cache
 def _unit_factor(key: str, unit: str) -> Factor:
-    """Return the SI value of a unit and its exponents of length, force and time.
-
-    ConfigError if there is no such unit.
-    """
+    """Return SI value and dimension of a unit; ConfigError if there is no such unit."""
     if unit in ANGLES:
         return Decimal(1), {"angle": 1}
     total = Decimal(1)
@@ -242,34 +250,37 @@ def _unit_factor(key: str, unit: str) -> Factor:
 
 
 def _pint_factor(key: str, name: str, unit: str) -> tuple[Decimal, Exponents]:
-    """Return the value of a named unit in kg, m, s and its exponents of these."""
+    """Return the value of a named unit in kg, m, s and its exponents of mass, length and time."""
     import pint
 
     try:
         size = _unit_registry().Quantity(Decimal(1), name.replace("°", "deg")).to_base_units()
     except (pint.errors.PintError, AttributeError, ValueError, TypeError):
         raise _unknown_unit(key, unit) from None
-    words = {"[length]": "length", "[mass]": "mass", "[time]": "time"}
+    names = {"[length]": "length", "[mass]": "mass", "[time]": "time"}
     return Decimal(size.magnitude), {
-        words.get(str(d), str(d)): int(p) for d, p in size.dimensionality.items()
+        names.get(str(dimension), str(dimension)): int(power)
+        for dimension, power in size.dimensionality.items()
     }
 
 
 @cache
 def _unit_registry() -> Any:
+    """Return the registry of units, in decimal arithmetic."""
     import pint
 
     return pint.UnitRegistry(non_int_type=Decimal, autoconvert_offset_to_baseunit=False)
 
 
 def _unknown_unit(key: str, unit: str) -> ConfigError:
+    """Return the error of an unknown unit, with the most similar known one."""
     match = closest_match(unit, tuple(SUGGESTED_UNITS.split()))
     remedy = f"did you mean {match}?" if match else "for example um, nN, kPa"
     return ConfigError(key, f"there is no unit '{unit}'", remedy)
 
 
 def _dimension_text(exponents: Exponents) -> str:
-    """A dimension in words: a length, a pressure, force/length."""
+    """Return a dimension in words: "a length", "a pressure", "force^1 length^-2"."""
     name = next(
         (name for name, kind_exponents in KIND_EXPONENTS.items() if kind_exponents == exponents),
         None,
@@ -280,7 +291,7 @@ def _dimension_text(exponents: Exponents) -> str:
 
 
 def dimension_of_key(path: KeyPath, document: Mapping[str, Any]) -> str | None:
-    """Length, force or pressure, of a key of these dimensions."""
+    """Return "length", "force" or "pressure" for a key of this dimension; None for any other."""
     unit = unit_of(schema.node_at(path, document).type)
     kinds = {LENGTH: "length", FORCE: "force", PRESSURE: "pressure"}
     return kinds.get(unit) if isinstance(unit, Unit) else None
@@ -289,7 +300,7 @@ def dimension_of_key(path: KeyPath, document: Mapping[str, Any]) -> str | None:
 def pressure_keys(config: schema.Config) -> list[str]:
     """Return the keys of all numbers with a pressure in their unit.
 
-    If there is only one, the force is proportional to it.
+    By dimensional analysis the force is proportional to the only one, if there is only one.
     """
     parts: list[tuple[str, Any]] = [*config.materials(), ("contact", config.contact)]
     parts += [(f"{key}.flow", law.flow) for key, law in config.materials() if law.flow]
@@ -302,19 +313,21 @@ def pressure_keys(config: schema.Config) -> list[str]:
 
 
 def _pressure_fields(part: Any) -> list[str]:
+    """Return the names of the fields of a dataclass that are numbers with a pressure, not zero."""
     kind: type = type(part)
     units = field_units(kind)
-    named = [
+    field_units_by_name = [
         (part_field.name, units[part_field.name])
         for part_field in fields(part)
         if _is_number(getattr(part, part_field.name))
     ]
     return [
         name
-        for name, unit in named
+        for name, unit in field_units_by_name
         if isinstance(unit, Unit) and unit.powers.get("pressure") and getattr(part, name)
     ]
 
 
 def _is_number(value: Any) -> bool:
+    """Return whether a value is a number; a truth value is none."""
     return isinstance(value, int | float) and not isinstance(value, bool)

@@ -1,4 +1,4 @@
-"""Scene file to Config and back: strict YAML, overrides, errors with file, line and key."""
+"""Reader and writer of scene files: strict YAML, overrides, errors with file, line and key."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from indent_sim.process.errors import ConfigError, ConfigErrors, UsageError
 
 # Sections of a study, which no scene has.
 STUDY_SECTIONS = {"base", "vary"}
-# Dotted keys such as body.layers[0].material.E.
+# Pattern of dotted keys such as body.layers[0].material.E.
 KEY_PATTERN = re.compile(r"\w+(\[\d+\])*(\.\w+(\[\d+\])*)*")
 SCALARS = {NoneType, bool, int, float, str}
 # Largest number of characters of a --set that a message repeats.
@@ -72,7 +72,7 @@ def load(path: SceneInput, overrides: Overrides = ()) -> Config:
 def load_result_config(path: str | os.PathLike[str]) -> Config:
     """Return the config of a result, which may have keys that were removed or moved since.
 
-    Errors as of `load`.
+    It raises the same errors as `load`.
     """
     document, source = read_document(path)
     for name, key in schema.REMOVED_KEYS:
@@ -113,7 +113,7 @@ def is_study(document: Mapping[str, Any]) -> bool:
 def read_document(path: str | os.PathLike[str]) -> tuple[Document, Source]:
     """Return the unchecked sections of a YAML file and the position of every key.
 
-    Errors as of `load`.
+    It raises the same errors as `load`.
     """
     name = os.fspath(path)
     content = _read_content(name)
@@ -136,14 +136,15 @@ def _parse_document(text: str, name: str) -> tuple[Document, Source]:
 
 
 def config_from_mapping(data: Mapping[str, Any], overrides: Overrides = ()) -> Config:
-    """The config of nested mappings, lists, numbers (numpy's too) and dataclasses, shaped like the
-    file.
+    """Return the config of nested mappings, lists, numbers and dataclasses, shaped like a file.
+
+    Numbers and arrays of numpy are allowed. `overrides` is that of `load`.
     """
     return _apply_overrides(plain_document(data), Source(), overrides)
 
 
 def plain_document(data: Mapping[str, Any]) -> Document:
-    """Nested mappings, lists, numbers (numpy's too) and dataclasses as the document of a file."""
+    """Return nested mappings, lists, numbers and dataclasses as the document of a file."""
     document = _plain_value(data, ())
     if not isinstance(document, dict):
         raise ConfigError("", "a scene is made of sections")
@@ -153,10 +154,15 @@ def plain_document(data: Mapping[str, Any]) -> Document:
 def config_with_settings(
     document: Mapping[str, Any], source: Source, settings: Iterable[tuple[str, Any, SourceLocation]]
 ) -> Config:
-    """The config of a document in which some keys are replaced: (dotted key, value, where that was
-    written).
+    """Return the config of a document in which some keys are replaced.
 
-    The document and its source stay as they are; a key given twice takes the last value.
+    Parameters
+    ----------
+    document, source
+        Sections of a file and the positions of its keys; they are not changed.
+    settings
+        Dotted key, value, and position of the value in a file. Of two settings of one key the last
+        one is used.
     """
     new_document = copy.deepcopy(dict(document))
     new_source = dataclasses.replace(source, locations=dict(source.locations))
@@ -170,8 +176,8 @@ def quantities_of(
 ) -> Quantities:
     """Return the quantities of a document in which some keys are replaced.
 
-    They are returned as given, and as numbers in its units. ConfigError for one without a valid
-    unit.
+    The arguments are those of `config_with_settings`. Each quantity is returned as given, and as a
+    number in the units of the document; ConfigError if it has no valid unit.
     """
     new_document = copy.deepcopy(dict(document))
     new_source = Source()
@@ -228,11 +234,9 @@ def _document_value(value: Any) -> Any:
     if dataclasses.is_dataclass(value):
         section = _section_document(value)
         is_walls = bool(key_types.allowed_words(kind))
-        return (
-            section
-            if not is_walls or len(set(section.values())) > 1
-            else next(iter(section.values()))
-        )
+        if is_walls and len(set(section.values())) <= 1:
+            return next(iter(section.values()))
+        return section
     if isinstance(value, dict):
         return {name: _document_value(part) for name, part in value.items()}
     return [_document_value(part) for part in value] if isinstance(value, tuple) else value
@@ -241,7 +245,7 @@ def _document_value(value: Any) -> Any:
 def _read_content(name: str) -> bytes:
     """Return the bytes of a file; UsageError if it cannot be read."""
     try:
-        # A pipe is opened without waiting for its writer, and then refused.
+        # O_NONBLOCK opens a pipe without waiting for its writer; the pipe is then refused.
         with open(
             name, "rb", opener=lambda path, flags: os.open(path, flags | os.O_NONBLOCK)
         ) as stream:
@@ -284,7 +288,17 @@ def _apply_overrides(document: Document, source: Source, overrides: Overrides) -
 def collect_errors(
     first: ConfigError, config: Config, check: Callable[[Config], object]
 ) -> ConfigError:
-    """Return an error that `check` found in a config, and those that it finds without this one."""
+    """Return an error of a config, and those that remain after its keys are repaired.
+
+    Parameters
+    ----------
+    first
+        Error that `check` raised for the config.
+    config
+        Config with the error.
+    check
+        Raises ConfigError for a config with errors.
+    """
     parse_again = partial(_parse_config, source=config.source)
     return _collect_document_errors(
         first, to_mapping(config), config.source, lambda document: check(parse_again(document))
@@ -322,21 +336,21 @@ def _independent_errors(
 ) -> list[ConfigError]:
     """Return the errors that do not result from the removal of the keys of earlier errors.
 
-    They are about other keys, and do not ask for a key that was removed.
+    They are about other sections and keys, and do not ask for a key that was removed.
     """
     earlier_paths = [
         path[:-1] if path[-1] in schema.TAG_KEYS else path
-        for path in (key_path(part.key) for part in earlier_errors)
+        for path in (key_path(earlier.key) for earlier in earlier_errors)
         if path
     ]
-    paths = [
+    errors_with_path = [
         (part, key_path(part.key))
         for part in error.errors
         if not _is_consequence(earlier_errors, part)
     ]
     return [
         part
-        for part, path in paths
+        for part, path in errors_with_path
         if not any(path[: len(old)] == old[: len(path)] for old in earlier_paths)
     ]
 
@@ -373,7 +387,7 @@ def _repair_key(document: Document, source: Source, error: ConfigError) -> bool:
 
 
 def _check_setting(key: str, value: Any) -> tuple[str, Any, SourceLocation]:
-    """Return a value for a dotted key; ConfigError if the key is not valid."""
+    """Return a setting for `config_with_settings`; ConfigError if the key is not valid."""
     if not (
         isinstance(key, str) and KEY_PATTERN.fullmatch(key) and len(key_path(key)) <= MAX_DEPTH
     ):
@@ -383,9 +397,8 @@ def _check_setting(key: str, value: Any) -> tuple[str, Any, SourceLocation]:
 
 def _apply_override(document: Document, source: Source, text: str) -> KeyPath:
     """Set one key of the document and record where it came from."""
-    label = (
-        f"--set {text if len(text) <= MAX_SET_CHARACTERS else text[:MAX_SET_CHARACTERS] + '...'}"
-    )
+    shortened_text = text if len(text) <= MAX_SET_CHARACTERS else f"{text[:MAX_SET_CHARACTERS]}..."
+    label = f"--set {shortened_text}"
     key, equals, value = text.partition("=")
     if not equals or not KEY_PATTERN.fullmatch(key.strip()):
         raise ConfigError(
@@ -394,7 +407,7 @@ def _apply_override(document: Document, source: Source, text: str) -> KeyPath:
     path = key_path(key.strip())
     if len(path) > MAX_DEPTH:
         raise ConfigError(
-            key_text(path[:3]), f"a key of {len(path)} parts", f"{MAX_DEPTH} at most", label
+            key_text(path[:3]), f"has {len(path)} parts", f"use at most {MAX_DEPTH}", label
         )
     try:
         parsed, _ = strict_yaml.parse(value, label)
@@ -410,9 +423,8 @@ def _set_key(
     """Set the value of a key and record its position."""
     section = _parent_section(document, source, path, place)
     section[path[-1]] = value
-    for inner_path in [
-        known_path for known_path in source.locations if known_path[: len(path)] == path
-    ]:
+    inner_paths = [known_path for known_path in source.locations if known_path[: len(path)] == path]
+    for inner_path in inner_paths:
         del source.locations[inner_path]
     source.locations[path] = place
 
@@ -472,12 +484,12 @@ def _parse_config(document: Document, source: Source) -> Config:
         if "steps" in document["loading"] and not {*STEPPED_KEYS} & {
             *config.loading.given_path_keys
         }:
-            given = config.loading.given_path_keys[0]
-            owner = "force" if "force" in given else "delta"
-            verb = "are" if given.endswith("s") else "is"
+            path_key = config.loading.given_path_keys[0]
+            owner = "force" if "force" in path_key else "delta"
+            verb = "are" if path_key.endswith("s") else "is"
             raise ConfigError(
                 "loading.steps",
-                f"belongs to {owner}, and {given} {verb} given",
+                f"belongs to {owner}, and {path_key} {verb} given",
                 "remove one of them",
             )
     except ValidationError as error:
@@ -489,7 +501,7 @@ def _parse_config(document: Document, source: Source) -> Config:
 def _config_fields(document: Document) -> Document:
     """Return the document in the shape of Config.
 
-    `center` is next to the tip; default tags and walls are written out.
+    `center` is a field of Config, not of its tip; default tags and all walls are written out.
     """
     if "center" in document:
         raise ConfigError("center", "unknown key", "it belongs in indenter")
@@ -499,31 +511,32 @@ def _config_fields(document: Document) -> Document:
     return fields
 
 
-def _complete_defaults(spot: schema.SchemaNode) -> Any:
+def _complete_defaults(node: schema.SchemaNode) -> Any:
     """Return the value of a node with default tags and the words of all walls written out."""
-    value = spot.value
+    value = node.value
     if (
         isinstance(value, str)
-        and spot.tag is None
-        and spot.section_type is not None
-        and key_types.shared_field_type(spot.section_type)
+        and node.tag is None
+        and node.section_type is not None
+        and key_types.shared_field_type(node.section_type)
     ):
-        return dict.fromkeys(key_types.field_names(spot.section_type), value)
+        return dict.fromkeys(key_types.field_names(node.section_type), value)
     if isinstance(value, dict):
-        value = {part.path[-1]: _complete_defaults(part) for part in spot.children()}
-        return (
-            {spot.tag: spot.tag_value} | value if spot.tag and spot.tag_value is not None else value
-        )
-    return (
-        [_complete_defaults(part) for part in spot.children()] if isinstance(value, list) else value
-    )
+        section = {part.path[-1]: _complete_defaults(part) for part in node.children()}
+        if node.tag and node.tag_value is not None:
+            return {node.tag: node.tag_value} | section
+        return section
+    if isinstance(value, list):
+        return [_complete_defaults(item) for item in node.children()]
+    return value
 
 
 def _plain_value(value: Any, path: KeyPath) -> Any:
     """Return any value as the mappings, lists and scalars of a file."""
     if len(path) > MAX_DEPTH:
         raise ConfigError(key_text(path[:3]), f"nested deeper than {MAX_DEPTH} levels")
-    if hasattr(value, "tolist"):  # numpy
+    # Arrays and scalars of numpy become lists and numbers.
+    if hasattr(value, "tolist"):
         value = value.tolist()
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         value = _section_document(value)

@@ -1,8 +1,8 @@
-"""YAML 1.2 core, read strictly: mappings, lists, words and finite numbers, with the line of each.
+"""Strict reader of YAML 1.2 (core schema): plain data with the line of every key.
 
-`1e-6` is a number, `on` and `yes` are words, `010` is ten, a second equal key is an error; tags,
-anchors, aliases and further documents are refused, and so is anything too long or too deep, before
-it costs time.
+`1e-6` is a number, `on` and `yes` are words, `010` is ten. Errors are: a key given twice, tags,
+anchors, aliases, a second document, and, before they cost time, files that are too long or nested
+too deeply.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from indent_sim.process.errors import ConfigError
 KeyPath = tuple[str | int, ...]
 Lines = dict[KeyPath, int]
 
+# Limits of a file: bytes, levels of nesting, characters of a number, and number of values.
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 20
 MAX_DIGITS = 400
@@ -35,15 +36,25 @@ _INTEGER = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _NON_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
 _PLAIN_WORDS = re.compile(r"[A-Za-z][A-Za-z0-9_./-]*( [A-Za-z0-9_./-]+)*")
-_AMBIGUOUS_WORDS = re.compile(
-    "y|yes|n|no|on|off|true|false|null", re.IGNORECASE
-)  # a YAML 1.1 reader takes them for others
+# Words that a YAML 1.1 reader does not read as words.
+_AMBIGUOUS_WORDS = re.compile("y|yes|n|no|on|off|true|false|null", re.IGNORECASE)
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 def parse(text: str, name: str = "") -> tuple[Any, Lines]:
-    """The value of a YAML document and the line of every key path; ConfigError when it is not
-    strict YAML.
+    """Return the value of a YAML document and the line of every key path.
+
+    Parameters
+    ----------
+    text
+        Text of the document.
+    name
+        Name of the file in errors.
+
+    Raises
+    ------
+    ConfigError
+        The text is not strict YAML.
     """
     _refuse_text(text, name)
     reader = _EventReader(name)
@@ -68,7 +79,7 @@ def key_path(text: str) -> KeyPath:
 
 
 def leaf_values(value: Any, path: KeyPath = ()) -> Iterator[tuple[str, Any]]:
-    """Dotted key and value of whatever is no section, nor a list of sections."""
+    """Yield dotted key and value of everything but sections and lists of sections."""
     is_list = isinstance(value, list) and any(isinstance(part, Mapping) for part in value)
     if not isinstance(value, Mapping) and not is_list:
         yield key_text(path), value
@@ -89,25 +100,27 @@ def dump(data: Mapping[str, Any], indent: str = "") -> str:
 
 
 class _EventReader:
-    """Turns the parser's events into plain data; remembers where everything stood."""
+    """Reader of the parser's events: plain data, and the line of every key path."""
 
     def __init__(self, name: str):
         self.name = name
         self.lines: Lines = {}
 
     def document(self, events: Iterator[yaml.Event]) -> Any:
-        next(events)  # the stream starts
+        """Return the value of the only document; None if there is no document."""
+        next(events)  # StreamStartEvent
         start = next(events)
         if isinstance(start, yaml.StreamEndEvent):
             return None
         value = self.node(next(events), events, ())
-        next(events)  # the document ends
+        next(events)  # DocumentEndEvent
         after = next(events)
         if isinstance(after, yaml.DocumentStartEvent):
             raise self.error(after, (), "a second document starts here", "one file is one scene")
         return value
 
     def node(self, event: Any, events: Iterator[yaml.Event], path: KeyPath) -> Any:
+        """Return the value that begins with an event: a scalar, a list or a mapping."""
         self.lines.setdefault(path, event.start_mark.line + 1)
         if len(self.lines) > MAX_VALUES:
             raise self.error(event, path[:1], f"more than {MAX_VALUES} values")
@@ -128,35 +141,39 @@ class _EventReader:
         return self.mapping(events, path)
 
     def sequence(self, events: Iterator[yaml.Event], path: KeyPath) -> list[Any]:
+        """Return the list whose first item is the next event."""
         values: list[Any] = []
         while not isinstance(event := next(events), yaml.SequenceEndEvent):
             values.append(self.node(event, events, (*path, len(values))))
         return values
 
     def mapping(self, events: Iterator[yaml.Event], path: KeyPath) -> dict[str, Any]:
+        """Return the mapping whose first key is the next event."""
         values: dict[str, Any] = {}
         while not isinstance(event := next(events), yaml.MappingEndEvent):
             key = self.key(event, path)
-            here = (*path, key)
+            inner_path = (*path, key)
             if key in values:
-                raise self.error(
-                    event, here, f"given twice, first in line {self.lines[here]}", "keep one"
-                )
-            self.lines[here] = event.start_mark.line + 1
-            values[key] = self.node(next(events), events, here)
+                problem = f"given twice, first in line {self.lines[inner_path]}"
+                raise self.error(event, inner_path, problem, "keep one")
+            self.lines[inner_path] = event.start_mark.line + 1
+            values[key] = self.node(next(events), events, inner_path)
         return values
 
     def key(self, event: Any, path: KeyPath) -> str:
+        """Return the key of an event; ConfigError if it is not a word."""
         word = self.node(event, iter(()), path) if isinstance(event, yaml.ScalarEvent) else None
         if not isinstance(word, str):
             raise self.error(event, path, "a key must be a word")
         return word
 
     def scalar(self, event: yaml.ScalarEvent, path: KeyPath) -> Any:
+        """Return the text of a quoted scalar or of a block, or the value of an unquoted scalar."""
         text = event.value
-        if not event.implicit[0]:  # quoted or a block
+        is_quoted = not event.implicit[0]
+        if is_quoted:
             if UNWRITABLE.search(text):
-                raise self.error(event, path, "text holds a character no file can hold")
+                raise self.error(event, path, "the text contains a character that no file can have")
             return text
         if _NON_FINITE.fullmatch(text):
             raise self.error(event, path, f"{text} is not a finite number")
@@ -166,11 +183,12 @@ class _EventReader:
             raise self.error(event, path, str(error)) from None
 
     def error(self, event: Any, path: KeyPath, problem: str, remedy: str = "") -> ConfigError:
+        """Return the error of a key path at the line of an event."""
         return ConfigError(key_text(path), problem, remedy, self.name, event.start_mark.line + 1)
 
 
 def parse_scalar(text: str) -> Any:
-    """What an unquoted YAML 1.2 scalar stands for; OverflowError when it is too large a number."""
+    """Return the value of an unquoted YAML 1.2 scalar; OverflowError if the number is too large."""
     if text in _CONSTANTS:
         return _CONSTANTS[text]
     integer_match = _INTEGER.fullmatch(text)
@@ -186,8 +204,9 @@ def parse_scalar(text: str) -> Any:
 
 
 def _refuse_text(text: str, name: str) -> None:
+    """Raise ConfigError for a text that is too long or has control characters."""
     if len(text) > MAX_BYTES:
-        raise ConfigError("", f"longer than {MAX_BYTES} characters", "this is no scene", name)
+        raise ConfigError("", f"longer than {MAX_BYTES} characters", "this is not a scene", name)
     if unprintable := _UNPRINTABLE.search(text.removeprefix("\ufeff")):
         line = text.count("\n", 0, unprintable.start()) + 1
         raise ConfigError(
@@ -196,9 +215,11 @@ def _refuse_text(text: str, name: str) -> None:
 
 
 def _syntax_error(error: yaml.MarkedYAMLError, text: str, name: str) -> ConfigError:
+    """Return the error of a text that is not YAML, with its line."""
     mark = error.problem_mark or error.context_mark
     problem = "not YAML: " + " ".join(part for part in (error.context, error.problem) if part)
-    if "nesting depth" in problem:  # libyaml's own limit comes before ours on Debian 13
+    # Some versions of libyaml have a smaller limit of nesting than this reader.
+    if "nesting depth" in problem:
         problem = f"nested deeper than {MAX_DEPTH} levels"
     lines = text.splitlines()
     line = min(mark.line + 1, len(lines)) if mark else None
@@ -207,26 +228,26 @@ def _syntax_error(error: yaml.MarkedYAMLError, text: str, name: str) -> ConfigEr
 
 
 def inline_yaml(value: Any) -> str:
-    """YAML text of any value on one line."""
+    """Return the YAML text of any value on one line."""
     if isinstance(value, Mapping):
-        return (
-            "{" + ", ".join(f"{_scalar_yaml(k)}: {inline_yaml(v)}" for k, v in value.items()) + "}"
-        )
+        items = (f"{_scalar_yaml(key)}: {inline_yaml(part)}" for key, part in value.items())
+        return "{" + ", ".join(items) + "}"
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(map(inline_yaml, value)) + "]"
     return _scalar_yaml(value)
 
 
 def short_yaml(value: object) -> str:
-    """A value as it is read, not to its last digit."""
+    """Return the YAML text of a value for people, a float with four digits."""
     return f"{value:.4g}" if isinstance(value, float) else inline_yaml(value)
 
 
 def _scalar_yaml(value: Any) -> str:
+    """Return the YAML text of a number, a truth value, null or a text."""
     if value is None or isinstance(value, bool):
         return {None: "null", True: "true", False: "false"}[value]
     if isinstance(value, float):
-        # a YAML 1.1 reader knows 1.0e-06 as a number, 1e-06 not
+        # A YAML 1.1 reader reads 1.0e-06 as a number, but 1e-06 as a word.
         return re.sub(r"^(-?\d+)e", r"\1.0e", repr(value))
     if isinstance(value, int):
         return str(value)
@@ -235,6 +256,7 @@ def _scalar_yaml(value: Any) -> str:
 
 
 def _escape(character: str) -> str:
+    """Return a character as it is written between double quotes."""
     if character in '"\\\n\t':
         return json.dumps(character)[1:-1]
     if character == " " or character.isprintable():

@@ -89,14 +89,14 @@ class Comparison:
         }
 
     def check(self) -> None:
-        """Raise VerificationError if the two differ."""
+        """Raise VerificationError if the two tables differ."""
         if self.differences:
             remaining = len(self.differences) - MAX_DIFFERENCES
             lines = [
                 *self.differences[:MAX_DIFFERENCES],
                 *([f"and {remaining} more"] if remaining > 0 else []),
             ]
-            raise VerificationError("the two differ\n" + "\n".join(lines))
+            raise VerificationError("the two results differ\n" + "\n".join(lines))
 
     def as_json(self) -> Report:
         """Return the comparison as one JSON object."""
@@ -214,7 +214,7 @@ def _compare_tables(
     unmatched = [(paths[0], A[key][i]) for name, i in rows_of_A.items() if name not in rows_of_B]
     unmatched += [(paths[1], B[key][i]) for name, i in rows_of_B.items() if name not in rows_of_A]
     keys = A[key][matched_A]
-    differences = [f"{key} {value:.10g} is in {path} alone" for path, value in unmatched]
+    differences = [f"{key} {value:.10g} is only in {path}" for path, value in unmatched]
     has_times = key == "step" and all(
         "t" in table and (np.diff(table["t"]) >= 0).all() for table in (A, B)
     )
@@ -228,7 +228,7 @@ def _compare_tables(
     if not is_matched and (comparison := compare_interpolated(paths, A, B, tolerances)):
         return comparison
     if not len(keys):
-        differences.append(f"the two have no {key} in common")
+        differences.append(f"the two results have no {key} in common")
     for name in [name for name in tolerances if name in WORD_COLUMNS]:
         del tolerances[name]
         a = A[name][matched_A]
@@ -302,7 +302,7 @@ def _compare_by_time(
         name: np.column_stack(pair if is_first_denser else pair[::-1])
         for name, pair in sides.items()
     }
-    differences = [f"t {value:.10g} is in {sparse_path} alone" for value in t[~inside]]
+    differences = [f"t {value:.10g} is only in {sparse_path}" for value in t[~inside]]
     worst, value_differences = _find_differences("t", t[inside], pairs, number_tolerances)
     interpolated = (dense_path, history_chord_error(dense)) if is_chord[inside].any() else None
     fields = (
@@ -335,7 +335,7 @@ def _compare_by_depth(
     }
     keys = sparse["delta"][rows]
     unmatched = np.setdiff1d(np.arange(len(sparse["delta"])), rows)
-    differences = [f"delta {sparse['delta'][i]:.10g} is in {sparse_path} alone" for i in unmatched]
+    differences = [f"delta {sparse['delta'][i]:.10g} is only in {sparse_path}" for i in unmatched]
     worst, value_differences = _find_differences("delta", keys, pairs, tolerances)
     fields = (
         tuple(keys),
@@ -362,7 +362,7 @@ def _force_tables(paths: tuple[Path, Path], A: Table, B: Table) -> tuple[Table, 
     history = read_table(experiment_file, ("force",), ("t", "delta", "a"), WORD_COLUMNS)
     if not np.isfinite(history["t"]).all():
         return A, B
-    # In experiment.csv, force_error was the error of the instrument, not of the solution.
+    # The column force_error of experiment.csv was the error of the instrument, not of the solution.
     history = {name: column for name, column in history.items() if name != "force_error"}
     history |= {"step": np.arange(1.0, len(history["t"]) + 1)}
     return (A, history) if "t" in A else (history, B)

@@ -217,7 +217,7 @@ class OutputFolder:
         if not self._old_folder.is_dir():
             refuse_foreign(self.target)
             self._check_replaceable(self.target)
-        # Without a lock file, or without permission to open it, nothing can be locked.
+        # Nothing can be locked if there is no lock file, or if it may not be opened.
         with suppress(OSError):
             os.close(_open_locked(self.target / LOCK, self.target, 0))
 
@@ -238,7 +238,7 @@ class OutputFolder:
                 self.target.rmdir()
             os.rename(self._old_folder, self.target)
         else:
-            # Without an old run.json the target was empty, and its entries belong to the new run.
+            # If there is no old run.json, the target was empty and its entries are of the new run.
             if not (self._old_folder / REPORT).exists():
                 for name in RESULT_FILES:
                     (self.target / name).unlink(missing_ok=True)

@@ -65,7 +65,7 @@ class PreviousRun:
         table = str(folder / TABLE)
         problems = []
         if len(self.states) > steps:
-            problems.append(f" has {len(self.states)} rows, the scene {steps} steps")
+            problems.append(f" has {len(self.states)} rows, but the scene has {steps} steps")
         for state, delta in zip(self.states, deltas or (), strict=False):
             if not math.isclose(state.delta, delta, rel_tol=SAME_DEPTH_RTOL, abs_tol=0):
                 problems.append(f": row {state.step} is not at the scene's depth")

@@ -32,7 +32,7 @@ from indent_sim.results.tables import EXPERIMENT
 
 AUDIT_NOTE = (
     "Largest relative difference between the contact force and the reactions of the supports; "
-    "a row is refused from 1e-8 on."
+    "a row is rejected if it is 1e-8 or more."
 )
 CAPTIONS = {
     "force": "Force over depth",
@@ -51,11 +51,11 @@ HISTORY_CAPTION = "Quantities that change in time, and the force over a depth th
 
 
 def run_page(folder: Path) -> str:
-    """Return the HTML page of a result; UsageError if the folder holds none."""
+    """Return the HTML page of a result; UsageError if the folder has no result."""
     results = read_run(folder)
     report = results.report
     if not report:
-        raise UsageError(f"{folder} holds no result of {PROGRAM}: there is no run.json")
+        raise UsageError(f"{folder} has no result of {PROGRAM}: there is no run.json")
     failure = ""
     if report.get("status") not in ("done", "running"):
         status = report.get("status", "unknown")
@@ -163,7 +163,7 @@ def _theory_sentences(results: Results) -> list[str]:
     if time:
         words = time.get("words") or ""
         method_sentence = (
-            f"In time by {time.get('method', 'its elastic curve')}: {time.get('why', '')}."
+            f"History solved by {time.get('method', 'its elastic curve')}: {time.get('why', '')}."
         )
         return [method_sentence, *([f"{words[:1].upper()}{words[1:]}."] if words else [])]
     if not theory:
@@ -223,9 +223,9 @@ def _tension_sentences(results: Results) -> list[str]:
 
 
 def _largest_pull_sentences(results: Results) -> list[str]:
-    """Return the pull-off of an adhesive contact with a range, or its largest pull.
+    """Return the pull-off of an adhesive contact with a range, or its largest tensile force.
 
-    A second sentence gives the numbers that are known before the run.
+    A second sentence gives the numbers that are expected before the run.
     """
     adhesion = _report_section(results.report, "adhesion")
     largest_pull = adhesion.get("largest_pull")
@@ -239,17 +239,18 @@ def _largest_pull_sentences(results: Results) -> list[str]:
         f"{symbol.meaning} {adhesion[symbol.name]:.4g}{labels[symbol.dimension]}"
         for symbol in symbols
     ]
-    beforehand = f"Known before the run: {', '.join(numbers)}."
+    beforehand = f"Expected before the run: {', '.join(numbers)}."
     pull_off = adhesion.get("pull_off")
     strongest = pull_off or largest_pull
-    place = f"force {strongest['force']:.5g}{labels['force']}"
-    place += f" at delta {strongest['delta']:.5g}{labels['length']}"
+    force_text = f"{strongest['force']:.5g}{labels['force']}"
+    depth_text = f"at delta {strongest['delta']:.5g}{labels['length']}"
     if not pull_off:
-        return [f"Largest pull: {place}.", beforehand]
+        return [f"Largest tensile force: {force_text} {depth_text}.", beforehand]
     error_text = "with an unknown error"
     if (error := pull_off.get("error")) is not None:
         error_text = f"within {error:.2g}{labels['force']} on this mesh"
-    return [f"Pull-off: {place}, searched between rows, {error_text}.", beforehand]
+    pull_off_text = f"force {force_text} {depth_text}, searched between rows, {error_text}"
+    return [f"Pull-off: {pull_off_text}.", beforehand]
 
 
 def _pull_off_sentences(results: Results) -> list[str]:

@@ -31,7 +31,7 @@ def values_at_times(dense: Table, t: np.ndarray, names: Sequence[str]) -> tuple[
         Columns by name (n,), and (n,) bool: True where no row has this time and the value is linear
         between two rows.
     """
-    # At a jump two rows have the same time, and the later one may be the only one of a table.
+    # Two rows at a jump have the same time, and the later one may be the only one of a table.
     # Occurrences are counted from the end, so that the rows after the jump are matched first.
     reverse = slice(None, None, -1)
     rows = rows_by_occurrence(dense["t"][reverse])

@@ -38,7 +38,7 @@ EXPERIMENT = "experiment.csv"
 DYNAMIC = "dynamic.csv"
 WORD_COLUMNS = ("branch",)  # These columns contain words instead of numbers.
 INTEGER_COLUMNS = ("step", "newton_iterations", *KRYLOV_COLUMNS)
-# In histories these columns may be empty, because a solution on the elastic curve of a body need
+# These columns may be empty in histories, because a solution on the elastic curve of a body need
 # not give them.
 UNKNOWN_IN_TIME = ("delta", "z", "a", "penetration", "energy", "calibration_error")
 MAY_BE_EMPTY = {"p_max", *DERIVED_COLUMNS, *ERROR_COLUMNS}

@@ -24,15 +24,24 @@ from indent_sim.studies.study_file import RunRequest, StudyFile
 # These sections and keys choose how a problem is solved; all others belong to the problem itself.
 METHOD_SECTIONS = ("mesh", "contact", "solver")
 METHOD_KEYS = ("accuracy", "material.formulation", "loading.steps")
-MAX_REPORTED_ERRORS = 20  # more errors of one study would hide the first ones on the screen
+# Largest number of errors that are reported; more would hide the first ones on the screen.
+MAX_REPORTED_ERRORS = 20
 
 
 @dataclass(frozen=True)
 class Case:
     """Case of a study: one run and one row of its table.
 
-    index: place in the study, from 0; values: the varied keys; id: hash of the physics and the
-    method. Cases with the same id are run once.
+    Attributes
+    ----------
+    index
+        Place in the study, from 0.
+    values
+        The varied keys and their values.
+    planned_run
+        The resolved scene and its predicted cost.
+    id
+        Hash of the physics and the method. Cases with the same id are run once.
     """
 
     index: int
@@ -116,7 +125,21 @@ def _convert_to_scene_units(value: Any, path: KeyPath, quantities: Quantities) -
 
 @dataclass(frozen=True)
 class RejectedCase:
-    """Point of a study that is not a valid scene, and the error; a row if there is a tolerance."""
+    """Point of a study that is not a valid scene; with a tolerance it is a row of the table.
+
+    Attributes
+    ----------
+    index
+        Place in the study, from 0.
+    point
+        The settings of the varied keys.
+    labels
+        Texts that identify the run in place of its settings; None if there are none.
+    error
+        The error of the scene.
+    quantities
+        Quantities with a unit among the values; empty if one of them is invalid.
+    """
 
     index: int
     point: ParameterPoint
@@ -216,6 +239,7 @@ class _CaseBuilder:
         self._stiffness_units: dict[str, float] = {}
 
     def __call__(self, index: int, request: RunRequest) -> Case:
+        """Return the case of a requested run; ConfigError if its scene is invalid."""
         point = tuple(
             (key, self._resolve_multiple(value, request), location)
             for key, value, location in request.point
@@ -239,6 +263,7 @@ class _CaseBuilder:
         return value
 
     def _config(self, request: RunRequest, point: ParameterPoint) -> Config:
+        """Return the config of a requested run with the settings of a point."""
         return config_with_settings(request.base, request.source, (*self._common_settings, *point))
 
     def _stiffness_unit(self, request: RunRequest) -> float:

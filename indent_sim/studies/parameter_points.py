@@ -17,8 +17,10 @@ from indent_sim.process.errors import ConfigError
 
 RANGE_KEYS = ("from", "to", "count", "spacing", "unit")
 STIFFNESS_UNIT = "E*/h_contact"
-MOST_RUNS = 100_000  # runs of one study
-LARGEST_RANGE_END = 1e100  # larger than any quantity of a scene; products of two do not overflow
+# Largest number of runs of one study.
+MOST_RUNS = 100_000
+# Largest end of a range: larger than any quantity of a scene; products of two do not overflow.
+LARGEST_RANGE_END = 1e100
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,8 @@ class StiffnessMultiple:
     factor: float
 
 
-Setting = tuple[str, Any, SourceLocation]  # dotted key, value, file and line
+# Dotted key, value, and its file and line.
+Setting = tuple[str, Any, SourceLocation]
 ParameterPoint = tuple[Setting, ...]
 
 
@@ -156,6 +159,7 @@ def _range_values(range_given: Mapping[str, Any], keys: KeyPath, source: Source)
 def _range_end(
     range_given: Mapping[str, Any], end: str, keys: KeyPath, source: Source
 ) -> int | float:
+    """Return the number `from` or `to` of a range."""
     value = range_given.get(end)
     if (
         isinstance(value, bool)
@@ -163,10 +167,13 @@ def _range_end(
         or abs(value) > LARGEST_RANGE_END
     ):
         raise _config_error(
-            (*keys, end), source, f"must be a number of size {LARGEST_RANGE_END:g} at most"
+            (*keys, end),
+            source,
+            f"must be a number between {-LARGEST_RANGE_END:g} and {LARGEST_RANGE_END:g}",
         )
     return value
 
 
 def _config_error(keys: KeyPath, source: Source, problem: str, remedy: str = "") -> ConfigError:
+    """Return the error of a key with its file and line."""
     return ConfigError(key_text(keys), problem, remedy, *source.location(keys))

@@ -26,21 +26,32 @@ from indent_sim.studies.study_folder import StudyFolder
 from indent_sim.studies.study_table import Row
 from indent_sim.studies.worker import ExitStatus, Job, LoadLibraries, Workers
 
+if TYPE_CHECKING:
+    import pandas
+
 # A notebook shows these columns after the varied keys.
 NOTEBOOK_COLUMNS = ("status", "force", "a", "p_max", "force_error_vs", "cpu_s", "verdict")
 ReportLine = Callable[[str], None]
-
-
-if TYPE_CHECKING:
-    import pandas
 
 
 @dataclass(frozen=True, eq=False)
 class Study:
     """Finished study: its folder, its table and the recommended settings.
 
-    rows: the table, empty for a shard, which only does its part of the runs; scoreboard: one row
-    per case with a published value.
+    Attributes
+    ----------
+    directory, title
+        Folder and title of the study.
+    keys
+        The varied keys.
+    compared_with
+        Name of the reference of the forces.
+    rows
+        The table; empty for a shard, which only does its part of the runs.
+    notes
+        Remarks on the reference.
+    scoreboard
+        One row per case with a published value.
     """
 
     directory: Path
@@ -216,7 +227,7 @@ def execute_study(
         _draw_pictures(finished, shard_cases, results_by_id)
         if len(finished.failures) == len(rows):
             raise NotConverged(
-                f"no run of this study gave a result; the first: {rows[0]['reason']}"
+                f"no run of this study has a result; reason of the first run: {rows[0]['reason']}"
             )
     return finished
 
@@ -255,7 +266,7 @@ def read_study(folder: Path) -> Study:
         if not rows or not {"status", "verdict", *keys} <= rows[0].keys():
             raise ValueError("its table has no rows or lacks columns")
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise UsageError(f"{folder} holds no readable study: {error}", file=str(folder)) from None
+        raise UsageError(f"{folder} has no readable study: {error}", file=str(folder)) from None
     return Study(
         folder,
         str(record.get("title")),
@@ -293,6 +304,7 @@ def _run_cases(
             if ending[0]:
                 folder.record_failure(name, *ending)
             remaining_seconds -= _expected_seconds(pending_cases[name])
+            # The runs so far calibrate the predicted seconds of the others.
             expected_time = (
                 (time.monotonic() - start_time)
                 * remaining_seconds
@@ -308,6 +320,7 @@ def _run_cases(
 
 
 def _outcome_text(results: Results | None, ending: ExitStatus) -> str:
+    """Return the force and CPU seconds of a run, or the reason of its failure, as a text."""
     code, reason = ending
     if code or results is None:
         return f"failed ({code}): {reason}"

@@ -19,33 +19,47 @@ from indent_sim.results.reader import MEASURED, Results
 from indent_sim.studies.curve_table import CurveGroups
 from indent_sim.studies.study_table import representative_row
 
-PLOTTED_COLUMNS = ("force", "a", "p_max", "penetration")  # drawn over varied keys
+# Columns of the table that are drawn over varied keys.
+PLOTTED_COLUMNS = ("force", "a", "p_max", "penetration")
 STIFFNESS_KEY = "contact.epsilon_n"
 MAX_COLOURS = len(figures.COLOURS)
 MAX_PANEL_COLUMNS = 6
 MAX_PANEL_ROWS = 4
-MAX_NUMBER_PANELS = 3  # panels over a varied number
-MAX_NAMED_GROUPS = 12  # more lines have no names
+# Largest number of panels over a varied number.
+MAX_NUMBER_PANELS = 3
+# Largest number of named lines in a panel; more lines have no names.
+MAX_NAMED_GROUPS = 12
 DASHES = ("-", (0, (4, 2)), (0, (1, 1.5)), (0, (5, 1.5, 1, 1.5)))
-LOG_NUMBER_RATIO = 20.0  # the axis of a varied number is logarithmic beyond this ratio of its ends
+# The axis of a varied number is logarithmic beyond this ratio of its ends.
+LOG_NUMBER_RATIO = 20.0
 # Results of many runs are on a logarithmic axis beyond this ratio: on a linear one half of the
 # curves would lie on zero.
 LOG_RESULT_RATIO = 30.0
-MIN_MAP_VALUES = 3  # a map needs so many values of each of its two keys
-# On a logarithmic axis with a larger ratio of its ends, ticks at 1, 2 and 5 of a decade are enough.
+# A map needs so many values of each of its two keys.
+MIN_MAP_VALUES = 3
+# A logarithmic axis with a larger ratio of its ends has ticks only at 1, 2 and 5 of a decade.
 FEW_TICKS_RATIO = 6.0
 MAP_LEVELS = 12
-MULTIPLE_SIZE = (2.0, 1.75)  # width and height of a small multiple [inches]
-PANEL_SIZE = (4.2, 3.4)  # width and height of a panel over a number [inches]
-TITLE_HEIGHT = 0.7  # height of title and subtitle [inches]
+# Width and height of a small multiple [inches].
+MULTIPLE_SIZE = (2.0, 1.75)
+# Width and height of a panel over a number [inches].
+PANEL_SIZE = (4.2, 3.4)
+# Height of title and subtitle [inches].
+TITLE_HEIGHT = 0.7
 
 
 @dataclass(frozen=True)
 class KeyRoles:
-    """Varied keys by what shows their values in small multiples; "" if a role is not used.
+    """Roles of the varied keys in small multiples; "" if a role is not used.
 
-    colour: colour of the curves; across, down: columns and rows of panels; dashes: dash pattern of
-    lines of one colour.
+    Attributes
+    ----------
+    colour
+        Key whose values are the colours of the curves.
+    across, down
+        Keys whose values are the columns and rows of panels.
+    dashes
+        Key whose values are the dash patterns of lines of one colour.
     """
 
     colour: str
@@ -83,7 +97,8 @@ def assign_roles(curve_groups: CurveGroups) -> KeyRoles:
     ):
         candidates = [key for key in remaining_keys if counts[key] <= max_values]
         if not candidates and role == "across":
-            candidates = remaining_keys  # a part of its values is shown
+            # Panels for a part of the values of a key are then shown.
+            candidates = remaining_keys
         if candidates:
             keys_by_role[role] = candidates[0]
             remaining_keys.remove(candidates[0])
@@ -132,7 +147,7 @@ def small_multiples_figure(curve_groups: CurveGroups, title: str) -> Iterator[Fi
 
 
 def _subtitle(curve_groups: CurveGroups, key_roles: KeyRoles, across: Sequence[str]) -> str:
-    """Return the number of runs, and what the picture does not show of them."""
+    """Return the number of runs, and the values and keys that the picture does not show."""
     parts = [f"{len(curve_groups.curves)} runs", "every force at its run's own depth"]
     value_count = len(_value_names(curve_groups, key_roles.across)) if key_roles.across else 0
     if value_count > len(across):
@@ -149,6 +164,7 @@ def _subtitle(curve_groups: CurveGroups, key_roles: KeyRoles, across: Sequence[s
 
 
 def _facet_keys(key_roles: KeyRoles) -> tuple[tuple[str, int], tuple[str, int]]:
+    """Return the keys of the columns and rows of panels, each with the largest number of panels."""
     return (key_roles.across, MAX_PANEL_COLUMNS), (key_roles.down, MAX_PANEL_ROWS)
 
 
@@ -231,6 +247,7 @@ def _draw_multiples(
 def _draw_curves(
     axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis, styles: Sequence[PlotStyle]
 ) -> None:
+    """Draw force over depth of some runs in one panel."""
     if all(len(run) > 1 and not run.report.get(MEASURED) for run in runs):
         draw_force_lines(axes, runs, depth, force, styles)
         return
@@ -411,13 +428,10 @@ def draw_map(
     )
     is_log = value_ratio(values) >= LOG_RESULT_RATIO
     low = min(values)
-    high = max(values)
-    high = high if high > low else low + 1.0
-    levels = (
-        np.geomspace(low, high, MAP_LEVELS + 1)
-        if is_log
-        else np.linspace(low, high, MAP_LEVELS + 1)
-    )
+    high = max(values) if max(values) > low else low + 1.0
+    levels = np.linspace(low, high, MAP_LEVELS + 1)
+    if is_log:
+        levels = np.geomspace(low, high, MAP_LEVELS + 1)
     norm_style: PlotStyle = {"norm": LogNorm(low, high)} if is_log else {}
     filled_contours = axes.contourf(
         across, up, value_grid, levels=levels, cmap="viridis", extend="neither", **norm_style
@@ -481,7 +495,8 @@ def column_figure(curve_groups: CurveGroups, column: str, title: str) -> Iterato
                 min(values) > 0
                 and value_ratio(curve_groups.key_numbers(STIFFNESS_KEY)) > LOG_NUMBER_RATIO
             ):
-                panels[0].set_yscale("log")  # penetration is inversely proportional to stiffness
+                # Penetration is inversely proportional to the stiffness.
+                panels[0].set_yscale("log")
         if panels[0].get_legend_handles_labels()[1]:
             figures.draw_figure_legend(figure, panels[0])
         figures.draw_title(figure, title, f"{len(curve_groups.curves)} runs")

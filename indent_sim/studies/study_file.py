@@ -10,13 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from indent_sim.config.messages import closest_match
+from indent_sim.config.path_checks import directory_problem
 from indent_sim.config.scene_file import (
     STUDY_SECTIONS,
     SourceLocation,
     plain_document,
     read_document,
 )
-from indent_sim.config.schema import Source, allowed_keys_at, directory_problem
+from indent_sim.config.schema import Source, allowed_keys_at
 from indent_sim.config.strict_yaml import MAX_DEPTH, KeyPath, key_path, key_text
 from indent_sim.process.errors import ConfigError, ConfigErrors, UsageError
 from indent_sim.studies.parameter_points import (
@@ -34,11 +35,14 @@ from indent_sim.studies.reference.published import (
     read_published,
 )
 
-Document = dict[str, Any]  # a YAML document as parsed
+# YAML document as parsed.
+Document = dict[str, Any]
 STUDY_KEYS = ("title", "base", "set", "vary", "cases", "compare_to", "tolerance", "output")
-DEFAULT_NAME = "study"  # replaces the path of a study that is given as mappings
+# Name in place of the path of a study that is given as mappings.
+DEFAULT_NAME = "study"
 CASE_KEYS = ("name", "scene", "set", "published", "exact")
-CASE_COLUMN = "case"  # this column has the names of cases in a study without varied keys
+# This column has the names of cases in a study without varied keys.
+CASE_COLUMN = "case"
 # These keys occur in a scene but not in a study.
 SCENE_KEYS = {
     "body",
@@ -62,7 +66,18 @@ QUIET_OUTPUT = {
 class NamedCase:
     """Case of a study's `cases`: a scene, and optionally a published and an exact value of it.
 
-    published_location: file and line of `published`, for error messages.
+    Attributes
+    ----------
+    name
+        Name of the case in the table.
+    base, source
+        Document of the scene, and file and line of each of its keys.
+    point
+        Settings that change the scene.
+    published, exact
+        The published and the exact value.
+    published_location
+        File and line of `published`, for error messages.
     """
 
     name: str
@@ -76,10 +91,16 @@ class NamedCase:
 
 @dataclass(frozen=True)
 class RunRequest:
-    """Run that a study asks for: a scene document and the settings that change it.
+    """Requested run of a study: a scene document and the settings that change it.
 
-    source: file and line of each key; labels: what identifies the run in the table, None if its
-    settings do.
+    Attributes
+    ----------
+    base, source
+        Document of the scene, and file and line of each of its keys.
+    point
+        Settings that change the scene.
+    labels
+        Texts that identify the run in the table; None if its settings identify it.
     """
 
     base: Document
@@ -92,11 +113,26 @@ class RunRequest:
 class StudyFile:
     """Content of a study file, before any setting is applied to the scene.
 
-    base: document of the scene; source: file and line of each of its keys; common_settings:
-    settings of every run; compare_to: "theory", "finest", a force, or the path of a result;
-    tolerance: relative error of the force up to which a row is right. With a tolerance every row
-    has a verdict and invalid scenes are rows; without one (None) all scenes must be valid.
-    named_cases replace base and blocks.
+    Attributes
+    ----------
+    path, title
+        File and title of the study.
+    base, source
+        Document of the scene, and file and line of each of its keys.
+    common_settings
+        Settings of every run.
+    blocks
+        Grids of the varied keys, which are run in sequence.
+    compare_to, compare_to_location
+        Reference of the forces: "theory", "finest", a force, or the path of a result; file and line
+        of this key.
+    tolerance
+        Relative error of the force up to which a row is right. With a tolerance every row has a
+        verdict and invalid scenes are rows; without one (None) all scenes must be valid.
+    directory
+        Folder of the study.
+    named_cases
+        Cases with their own scenes, in place of `base` and `blocks`.
     """
 
     path: Path
@@ -149,12 +185,12 @@ def read(study_input: Path | str | Mapping[str, Any]) -> StudyFile:
     ConfigError
         The study has an error; the message has file and line.
     """
-    path = Path(DEFAULT_NAME) if isinstance(study_input, Mapping) else Path(study_input)
-    document, source = (
-        (plain_document(study_input), Source())
-        if isinstance(study_input, Mapping)
-        else read_document(path)
-    )
+    if isinstance(study_input, Mapping):
+        path = Path(DEFAULT_NAME)
+        document, source = plain_document(study_input), Source()
+    else:
+        path = Path(study_input)
+        document, source = read_document(path)
     if not (STUDY_SECTIONS | {"cases"}) & document.keys() and set(document) & SCENE_KEYS:
         problem = "this is a scene, not a study"
         remedy = f"indent-sim run {path}"
@@ -188,6 +224,7 @@ def read(study_input: Path | str | Mapping[str, Any]) -> StudyFile:
 
 
 def _unknown_key_error(key: str, source: Source) -> ConfigError:
+    """Return the error of an unknown key of a study."""
     match = closest_match(key, STUDY_KEYS)
     problem = f"unknown key, did you mean '{match}'?" if match else "unknown key"
     remedy = (
@@ -209,6 +246,7 @@ class _StudyReader:
         self.location = source.location
 
     def config_error(self, keys: KeyPath, problem: str, remedy: str = "") -> ConfigError:
+        """Return the error of a key with its file and line."""
         return ConfigError(key_text(keys), problem, remedy, *self.location(keys))
 
     def read_base(self) -> tuple[Document, Source]:
@@ -385,7 +423,9 @@ class _StudyReader:
             if next_name == named_case.name:
                 chain_text = " -> ".join([*chain, named_case.name])
                 problem = (
-                    f"circular reference: {chain_text}" if len(chain) > 1 else "names its own case"
+                    f"circular reference: {chain_text}"
+                    if len(chain) > 1
+                    else "refers to its own case"
                 )
                 remedy = "an exact value must come from a second, independent method"
                 raise self.config_error(("cases", index, "exact", "case"), problem, remedy)
@@ -413,6 +453,7 @@ class _StudyReader:
         )
 
     def read_section(self, key: str) -> Document:
+        """Return a section of the study; {} if it is not given."""
         value = self.document.get(key, {})
         if not isinstance(value, dict):
             raise self.config_error((key,), "must be a section of keys")
@@ -436,10 +477,10 @@ class _StudyReader:
                 raise self.config_error(
                     keys, "must be keys and values, e.g. material.nu: [0.2, 0.3]"
                 )
-            varied = [key for key in part if key != "zip"]
-            for key in varied:
+            varied_keys = [key for key in part if key != "zip"]
+            for key in varied_keys:
                 self.check_key((*keys, key), key)
-            self.check_overlaps(varied, keys)
+            self.check_overlaps(varied_keys, keys)
             blocks.append(read_block(part, keys, self.source))
             if sum(block.size for block in blocks) > MOST_RUNS:
                 raise self.config_error(keys, f"more than {MOST_RUNS} runs")
@@ -447,15 +488,16 @@ class _StudyReader:
 
     def check_overlaps(self, given_keys: list[str], keys: KeyPath) -> None:
         """Raise ConfigError if a section and a key inside it are both set: one would be lost."""
-        written = {key: ("set", key) for key in self.read_section("set")} | {
+        paths = {key: ("set", key) for key in self.read_section("set")} | {
             key: (*keys, key) for key in given_keys
         }
         for section_key in given_keys:
-            for inner_key in [key for key in written if key.startswith(f"{section_key}.")]:
+            for inner_key in [key for key in paths if key.startswith(f"{section_key}.")]:
                 problem = f"contradicts {section_key}, which is set as a whole section"
-                raise self.config_error(written[inner_key], problem, "give one of the two")
+                raise self.config_error(paths[inner_key], problem, "give one of the two")
 
     def check_key(self, keys: KeyPath, key: str) -> None:
+        """Raise ConfigError if a text is not the key of a scene that a run may set."""
         if not key or key != key_text(key_path(key)) or len(key_path(key)) > MAX_DEPTH:
             raise self.config_error(keys, "is not a key", "write it with dots, e.g. mesh.h_far")
         if key.split(".")[0] in ("title", "units", "output"):
@@ -466,7 +508,7 @@ class _StudyReader:
             )
 
     def read_compare_to(self) -> str | float | Path:
-        """Return what the forces are compared with ["finest"]."""
+        """Return the reference with which the forces are compared ["finest"]."""
         compare_to = self.document.get("compare_to", "finest")
         if type(compare_to) in (int, float) and 0 < abs(compare_to) <= LARGEST_RANGE_END:
             return float(compare_to)

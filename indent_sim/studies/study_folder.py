@@ -44,7 +44,8 @@ STUDY_FILES = (
     RUNS,
 )
 LOCK = ".lock"
-WORKER_TIMEOUT = 5.0  # s to wait until the worker process of a killed study has ended
+# Longest time to wait until the worker process of a killed study has ended [s].
+WORKER_TIMEOUT = 5.0
 # A run that ends by one of these signals was stopped from outside and is done again on resume.
 MACHINE_SIGNALS = (
     signal.SIGHUP,
@@ -100,7 +101,8 @@ class StudyFolder:
         self._is_shared = shared
         self._lock_descriptor = -1
         self._results_by_run: dict[str, Results | None] = {}
-        self._folder_names: dict[str, str] = {}  # folder name by hash of the physics
+        # Names of folders by the hash of their physics.
+        self._folder_names: dict[str, str] = {}
 
     def __enter__(self) -> StudyFolder:
         result_files.refuse_foreign(
@@ -168,6 +170,7 @@ class StudyFolder:
         return self._results_by_run[name]
 
     def _read_ended_run(self, name: str) -> Results | None:
+        """Read the result of a run that has ended under this version; None for any other run."""
         report = read_report(self.run_folder(name))
         if report.get("status") in ("done", "failed") and report.get("version") == VERSION:
             # A damaged result counts as none.
@@ -211,7 +214,7 @@ class StudyFolder:
             " and others" if len(lost_runs) > MAX_DIFFERENCES else ""
         )
         count = "1 finished run" if len(lost_runs) == 1 else f"{len(lost_runs)} finished runs"
-        problem = f"{self.path} holds {count} that this study does not include: {run_names}"
+        problem = f"{self.path} has {count} that this study does not include: {run_names}"
         output_hint = f"choose another --output, such as {free_folder_name(self.path)}"
         raise UsageError(
             problem,
@@ -230,6 +233,7 @@ class StudyFolder:
         )
 
     def _take_lock(self) -> None:
+        """Lock the folder; UsageError if another study uses it."""
         self._lock_descriptor = os.open(
             self.path / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644
         )
@@ -243,9 +247,11 @@ class StudyFolder:
                     raise UsageError(f"{self.path} is in use by another study") from None
                 time.sleep(0.05)
             except OSError:
-                return None  # this file system has no locks: continue without one
+                # This file system has no locks; the study continues without one.
+                return None
 
     def _release(self) -> None:
+        """Release the lock of the folder."""
         if self._lock_descriptor >= 0:
             os.close(self._lock_descriptor)
             self._lock_descriptor = -1
@@ -253,7 +259,7 @@ class StudyFolder:
 
 @contextmanager
 def open_study_folder(path: Path, **options: Any) -> Iterator[StudyFolder]:
-    """Yield the locked folder of a study; delete it afterwards if this call made it in vain."""
+    """Yield the locked folder of a study; delete a new folder if no study was written to it."""
     existing_parent = next((parent for parent in (path, *path.parents) if parent.exists()), path)
     with StudyFolder(path, **options) as folder:
         try:

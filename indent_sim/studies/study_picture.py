@@ -38,26 +38,40 @@ from indent_sim.studies.small_multiples import (
 )
 from indent_sim.studies.study_table import Row
 
-MAX_NAMED_POINTS = 8  # more numbered points of the Pareto front would not fit into the legend
+# Largest number of numbered points of the Pareto front; more would not fit into the legend.
+MAX_NAMED_POINTS = 8
 # Points nearer than these fractions of the panel's width and height have no room for two numbers.
 LABEL_DISTANCE = (0.03, 0.045)
-# With more groups than these, the picture grows by this height [inches] for each further group.
+# Each group beyond this number makes the picture higher by this height [inches].
 GROUPS_AT_BASE_HEIGHT = 4
 HEIGHT_PER_GROUP = 0.2
-MAX_LEGEND_LETTERS = 48  # longer names in a legend are cut
-POINT_LABEL_LETTERS = 44  # letters of a line of the legend; each point of the front has two lines
-LOG_COST_RATIO = 3.0  # an axis is logarithmic if the ratio of its ends is larger
+# Longer names in a legend are cut.
+MAX_LEGEND_LETTERS = 48
+# Letters of a line of the legend, in which each point of the front has two lines.
+POINT_LABEL_LETTERS = 44
+# The cost axis is logarithmic if the ratio of its ends is larger.
+LOG_COST_RATIO = 3.0
 ONE_PERCENT = 0.01
-CURVE_PANEL_SIZE = 4.4  # width and height of the panels of curves.png [inches]
-BAR_WIDTH = 0.2  # width of a colour bar [inches]
-TWO_COLUMN_LETTERS = 24  # shorter names stand in two columns below a panel
-MAX_LEGEND_HEIGHT = 1.4  # a higher legend below a panel makes the picture higher [inches]
-MAX_NAMED_CURVES = 8  # more curves have colours by a key instead of a name each
-FORMULA_TOLERANCE = 1e-3  # relative; forces of one formula differ less between points of a curve
-SCOREBOARD_LINE_HEIGHT = 0.27  # inches
-LINEAR_PERCENT = 0.1  # the axis of the scoreboard is logarithmic beyond this difference [per cent]
+# Width and height of the panels of curves.png [inches].
+CURVE_PANEL_SIZE = 4.4
+# Width of a colour bar [inches].
+BAR_WIDTH = 0.2
+# Shorter names stand in two columns below a panel.
+TWO_COLUMN_LETTERS = 24
+# A higher legend below a panel makes the picture higher [inches].
+MAX_LEGEND_HEIGHT = 1.4
+# More curves have colours by a key instead of a name each.
+MAX_NAMED_CURVES = 8
+# Relative difference up to which two runs have the same half-space formula; interpolation between
+# points of its curve is more accurate.
+FORMULA_TOLERANCE = 1e-3
+# Height of a line of the scoreboard [inches].
+SCOREBOARD_LINE_HEIGHT = 0.27
+# The axis of the scoreboard is logarithmic beyond this difference [per cent].
+LINEAR_PERCENT = 0.1
 SCOREBOARD_MARK: PlotStyle = {"ls": "", "marker": "o", "ms": 6, "zorder": 3}
-LOG_FORCE_RATIO = 1000.0  # on linear axes most curves of such a range would lie on zero
+# Axes are logarithmic beyond this ratio: on linear ones most curves would lie on zero.
+LOG_FORCE_RATIO = 1000.0
 
 
 def draw_cost(
@@ -136,14 +150,10 @@ def curves_figure(curve_groups: CurveGroups, title: str) -> Iterator[Figure]:
         for key, groups in groups_by_key.items()
         if _group_styles(curve_groups, key)
     }
-    legend_columns = (
-        2
-        if max(
-            (len(name) for group_names in named_groups.values() for name in group_names), default=0
-        )
-        <= TWO_COLUMN_LETTERS
-        else 1
+    longest_group_name = max(
+        (len(name) for group_names in named_groups.values() for name in group_names), default=0
     )
+    legend_columns = 2 if longest_group_name <= TWO_COLUMN_LETTERS else 1
     legend_height = figures.LINE_HEIGHT * max(
         [0, *(-(-len(group_names) // legend_columns) + 1 for group_names in named_groups.values())]
     )
@@ -254,7 +264,8 @@ def draw_scoreboard(rows: Sequence[Row], title: str, path: Path) -> None:
     The axis is linear within `LINEAR_PERCENT` on both sides of 0 and logarithmic beyond. Without
     any exact value the picture is deleted.
     """
-    known_rows = [row for row in rows if row["exact"] is not None][::-1]  # the first is on top
+    # The axis begins at the bottom, and the first row is to be on top.
+    known_rows = [row for row in rows if row["exact"] is not None][::-1]
     if not known_rows:
         path.unlink(missing_ok=True)
         return
@@ -370,7 +381,8 @@ def _draw_force_curves(
             **FORMULA_STYLE,
             label=picture_text(f"{formula['name']}, half-space"),
         )
-        axes.legend(handles=[line], loc="upper left")  # the curves leave this corner free
+        # The curves leave the upper left corner free.
+        axes.legend(handles=[line], loc="upper left")
     axes.set(xlabel=depth.label, ylabel=force.label)
     if value_ratio([run["delta"].max() for run in runs]) >= LOG_FORCE_RATIO:
         axes.set_xscale("log")
@@ -408,13 +420,10 @@ def _common_formula(runs: Sequence[Results]) -> Report | None:
 
 def _time_unit(curve_groups: CurveGroups) -> str:
     """Return the unit of times as part of a label; "" for scenes without units."""
-    return (
-        " [s]"
-        if any(
-            (curve.results.report.get("units") or {}).get("length") for curve in curve_groups.curves
-        )
-        else ""
+    has_units = any(
+        (curve.results.report.get("units") or {}).get("length") for curve in curve_groups.curves
     )
+    return " [s]" if has_units else ""
 
 
 def _common_holds(holds: Holds) -> list[HoldRelaxation]:
@@ -460,10 +469,12 @@ def _draw_over_number(
 
 
 def _representative_force(run: Results) -> float:
+    """Return the force of the row that represents a run in the table."""
     return float(run["force"][study_table.representative_row(run)])
 
 
 def _draw_error_over_cost(axes: Axes, groups: dict[str, list[Row]]) -> None:
+    """Draw the force error of every run over its CPU time."""
     for i, (name, rows) in enumerate(groups.items()):
         style = _marker_style(i) | {"label": picture_text(name) or "runs"}
         axes.plot(
@@ -508,6 +519,7 @@ def _spaced_points(positions: np.ndarray) -> list[int]:
 
 
 def _draw_error_over_number(axes: Axes, groups: dict[str, list[Row]], key: str) -> None:
+    """Draw the force error of every run over a varied number."""
     for i, (name, rows) in enumerate(groups.items()):
         ordered = sorted((row for row in rows if row[key] is not None), key=lambda row: row[key])
         x = [row[key] for row in ordered]
@@ -612,14 +624,17 @@ def _is_numeric(rows: Sequence[Row], key: str) -> bool:
 
 
 def _is_number(value: object) -> bool:
+    """Return True for a number; a truth value is none."""
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
 def _absolute_error(row: Row) -> float:
+    """Return the absolute value of the relative force error of a row."""
     return abs(row["force_error_vs"])
 
 
 def _marker_style(i: int) -> PlotStyle:
+    """Return the style of the points of a group of runs."""
     colour = figures.COLOURS[i % MAX_COLOURS]
     return {
         "color": colour,

@@ -20,8 +20,20 @@ PREDICTED_COLUMNS = ("force", "delta", "dofs", "memory_MB", "seconds")
 class StudyPlan:
     """The runs of a study before any is done: one row each, with its predicted results and cost.
 
-    same: number of points with the same physics as an earlier point, which are not run again;
-    refused: the errors of the points that are not valid scenes.
+    Attributes
+    ----------
+    title, keys
+        Title of the study and its varied keys.
+    compared_with
+        Name of the reference of the forces.
+    rows
+        Varied keys, predicted results, cost and warnings of each run.
+    same
+        Number of points with the same physics as an earlier point; they are not run again.
+    refused
+        Errors of the points that are not valid scenes.
+    notes
+        Remarks on the reference.
     """
 
     title: str

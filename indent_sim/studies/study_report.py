@@ -80,7 +80,7 @@ def study_page(folder: Path) -> str:
             ),
         )
     page_parts = {"pictures": pictures, "warnings": sorted(warnings), "tables": tables}
-    failure = "" if done_count else "no run gave a result"
+    failure = "" if done_count else "no run has a result"
     return render_page(title=title, subtitle=subtitle, failure=failure, **page_parts)
 
 
@@ -94,7 +94,7 @@ def read_study_folder(folder: Path) -> tuple[Report, list[Row]]:
             )
         )
         if not record or any(None in row for row in table_rows):
-            raise ValueError("this program did not write it")
+            raise ValueError("it was not written by this program")
         keys = record.get("keys")
         if not isinstance(keys, list) or not all(
             name in row for row in table_rows for name in (*REQUIRED_COLUMNS, *keys)
@@ -105,7 +105,7 @@ def read_study_folder(folder: Path) -> tuple[Report, list[Row]]:
             for row in table_rows
         ]
     except (OSError, ValueError, RecursionError) as error:
-        raise UsageError(f"{folder} holds no readable study: {error}") from None
+        raise UsageError(f"{folder} has no readable study: {error}") from None
     return record, rows
 
 

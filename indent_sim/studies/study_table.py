@@ -37,7 +37,8 @@ OUTCOME_COLUMNS = (
     "p_max",
     "penetration",
 )
-REFERENCE_COLUMN = "reference"  # this column says what a row is compared with
+# This column has the name of the run or theory with which a row is compared.
+REFERENCE_COLUMN = "reference"
 ERROR_COLUMNS = ("force_error_vs", "force_error_worst", "a_error_vs", "p_error_vs")
 EFFORT_COLUMNS = ("method", "stiffness", "dofs", "newton_iterations", "substeps")
 STATED_COLUMNS = ("stated_error", "warnings", "verdict")
@@ -49,12 +50,15 @@ STUDY_COLUMNS = (
     *COST_COLUMNS,
     *STATED_COLUMNS,
 )
-FORCE_TOLERANCE = 1e-6  # relative: forces of two rows are equal but for the solver's tolerance
-SMALLER_ERROR_RATIO = 0.999  # an error below this fraction of another one is truly smaller
+# Relative difference of two forces that are equal except for the solver's tolerance.
+FORCE_TOLERANCE = 1e-6
+# An error below this fraction of another one is truly smaller.
+SMALLER_ERROR_RATIO = 0.999
 MESH_SIZE_KEYS = ("h_contact", "h_axis", "h_edge", "h_corner", "h_film", "h_far", "grading")
 MESH_KEYS = ("mesh", *(f"mesh.{name}" for name in MESH_SIZE_KEYS), "accuracy")
 TARGET_ERRORS = (0.05, 0.01, 0.001)
-REFERENCE_VERDICT = "reference"  # verdict of the finest run, with which others are compared
+# Verdict of the finest run, with which other runs are compared.
+REFERENCE_VERDICT = "reference"
 VERDICT_MEANINGS = {
     "right": "the force is within the tolerance",
     "flagged": "it is not, and the run itself states an error at least as large",
@@ -62,9 +66,12 @@ VERDICT_MEANINGS = {
     "wrong": "a wrong force without a warning, or a crash",
 }
 VERDICTS = tuple(VERDICT_MEANINGS)
-REJECTION_EXIT_CODES = range(3, 7)  # config, mesh, not converged, audit: all give a reason
-Row = dict[str, Any]  # values by column
-ResolvedCases = tuple[Sequence[Case], Sequence[RejectedCase]]  # returned by `resolve_cases`
+# Exit codes of config, mesh, convergence and verification, which all give a reason.
+REJECTION_EXIT_CODES = range(3, 7)
+# Values of a row by column.
+Row = dict[str, Any]
+# Cases and rejected cases, as `resolve_cases` returns them.
+ResolvedCases = tuple[Sequence[Case], Sequence[RejectedCase]]
 
 
 def rows(
@@ -145,11 +152,9 @@ def representative_row(results: Results) -> int:
         return -1
     force = results["force"]
     max_force = np.nanmax(results["force"], initial=0.0)
-    return int(
-        np.argmax(force >= (1 - FORCE_TOLERANCE) * max_force)
-        if max_force > 0
-        else np.nanargmax(results["delta"])
-    )
+    if max_force > 0:
+        return int(np.argmax(force >= (1 - FORCE_TOLERANCE) * max_force))
+    return int(np.nanargmax(results["delta"]))
 
 
 def read(text: str) -> list[Row]:
@@ -161,6 +166,7 @@ def read(text: str) -> list[Row]:
 
 
 def _parse_cell(cell: str) -> Any:
+    """Return a cell as a number if it is one, else as text; None for an empty cell."""
     for kind in (int, float):
         with suppress(ValueError):
             return kind(cell)
@@ -193,6 +199,7 @@ def _case_row(
     reference_curve: ReferenceCurve | None,
     reference_name: str | None,
 ) -> Row:
+    """Return the row of a case, with its results and errors if it has been run."""
     first_cells = {"index": case.index + 1, "run": case.id} | {
         key: case.table_values.get(key) for key in keys
     }
@@ -220,6 +227,7 @@ def _case_row(
 
 
 def _rejected_row(rejected_case: RejectedCase, keys: Sequence[str]) -> Row:
+    """Return the row of a rejected case: a failed run with the error as its reason."""
     values = {key: rejected_case.table_values.get(key) for key in keys}
     stiffness = next(
         (value.factor for value in values.values() if isinstance(value, StiffnessMultiple)), None
@@ -255,6 +263,7 @@ def _cost_cells(report: Report) -> Row:
 
 
 def _sum_stages(timings: Mapping[str, float]) -> float | None:
+    """Return the seconds of all stages together; None if they are unknown."""
     return round(sum(timings.get(stage, 0.0) for stage in STAGES), 4) if timings else None
 
 
@@ -300,14 +309,14 @@ def _finite_or_none(value: float) -> float | None:
 
 
 def _relative_error(value: float, reference: float) -> float | None:
-    return (
-        _finite_or_none(value / reference - 1)
-        if math.isfinite(reference) and reference != 0
-        else None
-    )
+    """Return value / reference - 1; None if the reference is 0 or not finite."""
+    if not math.isfinite(reference) or reference == 0:
+        return None
+    return _finite_or_none(value / reference - 1)
 
 
 def _format_cell(value: object) -> str:
+    """Return a value as the text of a cell, with all digits of a number."""
     if value is None:
         return ""
     if isinstance(value, StiffnessMultiple):
@@ -409,7 +418,7 @@ def verdict_counts(table: Sequence[Row]) -> dict[str, int]:
 
 
 def impossible_scene_count(table: Sequence[Row]) -> int:
-    """Return the number of rows that were refusal_reasons because their scene is impossible.
+    """Return the number of rows that were refused because their scene is impossible.
 
     Refusals by a limit of the contact method are not counted.
     """

@@ -28,7 +28,8 @@ OPEN_MPI_VARIABLES = tuple(
 )
 LAUNCHER_VARIABLES = ("SLURM_", "PMI_", "PMIX_", "PRTE_MCA_ess", *OPEN_MPI_VARIABLES)
 
-ExitStatus = tuple[int, str]  # exit code and reason
+# Exit code and reason.
+ExitStatus = tuple[int, str]
 LoadLibraries = Callable[[], object]
 JobName = TypeVar("JobName", bound=Hashable)
 
@@ -42,7 +43,8 @@ class Job:
     resume: bool = True
 
 
-Jobs = Mapping[JobName, Job]  # by their names
+# Jobs by their names.
+Jobs = Mapping[JobName, Job]
 
 
 class Worker(ExitStack, Generic[JobName]):

@@ -84,9 +84,9 @@ TEXTS = {
         edited("paraboloid, R: 1.0", PYRAMID, HALF_SPACE) + "mesh: {h_contact: 1e-5}\n",
         "machine has",
     ),
-    "a needle": (edited("radius: 1.0", "radius: 1e-7"), "too small beside body.height"),
-    "unlike lengths": (edited("R: 1.0", "R: 1e20"), "too small beside indenter.R"),
-    "numbers without end": (edited("E: 1.0", "E: 1e300"), "beyond what can be computed with"),
+    "a needle": (edited("radius: 1.0", "radius: 1e-7"), "too small compared with body.height"),
+    "unlike lengths": (edited("R: 1.0", "R: 1e20"), "too small compared with indenter.R"),
+    "numbers without end": (edited("E: 1.0", "E: 1e300"), "beyond the range of numbers"),
 }
 STUDY = "base: scene.yaml\nvary: "
 STUDIES = {

@@ -16,7 +16,7 @@ from click.testing import CliRunner
 from test_results import TIP, some_fields, write_run
 
 from indent_sim import __version__
-from indent_sim.cli import commands
+from indent_sim.cli import commands, output
 from indent_sim.process.errors import UsageError, printable
 from indent_sim.results import checkpoint, reader, writer
 from indent_sim.results.field_writer import FieldWriter
@@ -285,7 +285,7 @@ class TestDamaged:
             open(1, "w", encoding="utf-8", errors="strict", closefd=False) as strict,
             redirect_stdout(strict),
         ):
-            commands.print_stdout(os.fsdecode(place))
+            output.print_stdout(os.fsdecode(place))
         assert capfdbinary.readouterr().out == place + b"\n"
 
     @pytest.mark.parametrize(

@@ -886,7 +886,7 @@ from indent_sim.process import ranks
 from indent_sim.process.errors import NotConverged
 ranks.RANK_TIMEOUT = 0.5
 comm = MPI.COMM_WORLD
-with commands.together(comm):
+with commands.abort_all_ranks_together(comm):
     if comm.rank == 1:
         raise {error}
     comm.Barrier()

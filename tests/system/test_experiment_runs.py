@@ -80,7 +80,7 @@ program(sys.argv[1:], standalone_mode=False)
     assert {row["branch"] for row in table} == {"approach", "hold", "retract"}
     assert list(rows(tmp_path / "out", "dynamic.csv")[0]) == ["frequency", "storage", "loss"]
     assert (tmp_path / "out" / "experiment.png").stat().st_size > 5000
-    assert "in time by quadrature" in done.stderr
+    assert "history solved by quadrature" in done.stderr
 
 
 def test_a_scene_without_an_experiment_loads_and_writes_nothing_of_it(tmp_path: Path) -> None:

@@ -67,7 +67,7 @@ def test_the_report_of_a_run(tmp_path):
         "given as 1 kPa",
         "model: linear_elastic",
         "Sneddon",
-        "What to keep in mind",
+        "Warnings",
     )
     assert [word for word in words if word not in text] == []
     assert text.count("<svg") == 3
@@ -91,7 +91,7 @@ def test_the_report_of_an_experiment(tmp_path):
     ):
         assert CliRunner().invoke(commands.program, words).exit_code == 0
     text = check(tmp_path / "gel" / "report.html")
-    words = ("In time by JKR", "Pull-off under depth control", "calibration_error")
+    words = ("History solved by JKR", "Pull-off under depth control", "calibration_error")
     assert [word for word in words if word not in text] == [] and "<img" not in text
     assert text.count("<svg") == 2 and ">time t [s]<" in text
 
@@ -166,7 +166,7 @@ def test_a_report_replaces_nothing_but_pages(tmp_path):
         done = CliRunner().invoke(
             commands.program, ["report", str(folder), "--output", str(folder / name)]
         )
-        assert done.exit_code == 2 and "a report ends in .html, .htm" in done.output
+        assert done.exit_code == 2 and "the name of a report must end in .html, .htm" in done.output
         assert before == ((folder / name).read_bytes() if (folder / name).exists() else None)
     words = ["report", str(folder), "--output", str(tmp_path / "a.HTM")]
     assert CliRunner().invoke(commands.program, words).exit_code == 0
@@ -199,7 +199,7 @@ def test_a_damaged_study_is_told(tmp_path, damage):
         (tmp_path / name).write_bytes(text.encode("latin-1"))
     done = CliRunner().invoke(commands.program, ["report", str(tmp_path)])
     assert done.exit_code == 2 and re.search(
-        "no study that can be read|holds no result", done.stderr
+        "no readable study|has no result", done.stderr
     )
     assert not (tmp_path / "report.html").exists()
 

@@ -401,7 +401,7 @@ class TestPlan:
         )
         assert {row["mesh.h_contact"] for row in told["rows"]} == {0.06, 0.05, 0.04}
         text = CliRunner().invoke(commands.program, ["plan", str(path)])
-        assert "6 runs, compared with theory; 3 points ask for the same" in text.stdout
+        assert "6 runs, compared with theory; 3 points are the same scene" in text.stdout
         assert sorted(entry.name for entry in tmp_path.iterdir()) == ["STUDY.yaml", "scene.yaml"]
 
     def test_errors_are_those_of_the_study(self, written):

@@ -179,7 +179,7 @@ def test_the_command_draws_a_study(tmp_path: Path) -> None:
     assert np.asarray(points) == pytest.approx(np.column_stack([[5, 10], study["a"]]))
     for options, said in (
         (["--what", "pressure"], "is one of curves"),
-        (["--zoom", "2"], "heeds no zoom"),
+        (["--zoom", "2"], "has no option zoom"),
     ):
         refused = CliRunner().invoke(commands.program, ["plot", str(folder), *options])
         assert refused.exit_code == 2 and said in refused.stderr

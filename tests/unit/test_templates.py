@@ -63,7 +63,7 @@ def test_the_study_is_one_of_little_cost():
 def test_a_file_that_is_there_stays(tmp_path):
     Path("cell.yaml").write_text("mine")
     done = said("init")
-    assert done.exit_code == 2 and "cell.yaml is there already" in done.stderr
+    assert done.exit_code == 2 and "cell.yaml exists already" in done.stderr
     assert Path("cell.yaml").read_text() == "mine" and os.listdir() == ["cell.yaml"]
     os.symlink("nowhere", "link.yaml")
     assert said("init", "--output", "link.yaml").exit_code == 2 and not os.path.exists("nowhere")

@@ -59,15 +59,15 @@ def test_forces_of_plane_strain_are_per_length() -> None:
 
 def test_a_body_that_relaxes_ends_with_its_largest_force_and_its_loop() -> None:
     """In along F = delta, out along F = max(0, 2 delta - 1): the loop is 1/2 - 1/4, half of the
-    work of the way in.
+    work of loading.
     """
     way_in = np.linspace(0.0, 1.0, 11)
     out = way_in[-2::-1]
     delta, force = np.append(way_in, out), np.append(way_in, np.maximum(0.0, 2 * out - 1))
     *_, last, loop, top = last_lines(states(delta, force, np.arange(21.0)))
     assert last == "step 21: t 20 s  delta 0 um  force 0 nN  a 0 um"
-    assert loop.startswith("loop of force over depth: area 0.25 ±") and loop.endswith(
-        "50 % of the work of the way in"
+    assert loop.startswith("hysteresis loop: area 0.25 ±") and loop.endswith(
+        "50 % of the work of loading"
     )
     assert top == "largest force, step 11: t 10 s  delta 1 um  force 1 nN  a 1 um"
 
@@ -79,7 +79,7 @@ def test_the_error_of_the_loop_is_that_of_its_lines() -> None:
     way_in = np.linspace(0.0, 1.0, 11)
     rows = states(np.append(way_in, 0.0), np.append(way_in**2, 0.0), np.arange(12.0))
     rows = [State(**vars(one) | {"force": 0.0 if one.step == 12 else one.force}) for one in rows]
-    loop = next(line for line in last_lines(rows) if line.startswith("loop"))
+    loop = next(line for line in last_lines(rows) if line.startswith("hysteresis loop"))
     area, error = (float(loop.split(word)[1].split()[0]) for word in ("area", "±"))
     way_back = 0.5  # straight from the last row of the way in, which a jump would not be
     assert area == pytest.approx(1 / 3 - way_back, abs=2 * error) and error == pytest.approx(
@@ -106,7 +106,10 @@ ROW_THAT_PULLS = {"step": 1, "delta": -0.1, "force": -1.0}
 @pytest.mark.parametrize(
     ("found", "line"),
     [
-        (None, "largest pull: force -1 at delta -0.1, step 1; pull-off without range (JKR) -0.9"),
+        (
+            None,
+            "largest tensile force: -1 at delta -0.1, step 1; pull-off without range (JKR) -0.9",
+        ),
         (
             {"delta": -0.11, "force": -1.02, "error": 0.0031, "equilibria": 3},
             "pull-off, searched between rows: force -1.02 ± 0.0031 at delta -0.11; pull-off "

@@ -33,7 +33,7 @@ SCENE: dict[str, Any] = {
         ({"material": WET | {"flow": {}}}, "material", "exactly one of permeability, diffusivity"),
         ({"material": WET | {"flow": FLOW | {"diffusivity": 1.0}}}, "material", "exactly one"),
         ({"material": WET | {"nu": 0.5}}, "material", "leaves no pores to drain"),
-        ({"loading": {"delta": 0.02}}, "material.flow", "needs a time"),
+        ({"loading": {"delta": 0.02}}, "material.flow", "needs a load path in time"),
         (
             {"material": RUBBER | {"flow": FLOW | {"alpha": 0.9}}},
             "material.flow.alpha",
@@ -58,7 +58,7 @@ SCENE: dict[str, Any] = {
         (
             {"material": WET | {"flow": None}, "loading": {"history": HISTORY, "per_doubling": 4}},
             "per_doubling",
-            "time-dependent body",
+            "time-dependent bodies",
         ),
         (
             {"loading": {"history": HISTORY, "times": [2.0]}},

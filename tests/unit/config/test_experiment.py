@@ -44,7 +44,7 @@ HYPERELASTIC = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
             "loading.force_history",
             "there is no adhesion",
         ),
-        ({"relaxation": SLOW}, {}, "material.relaxation", "needs a time"),
+        ({"relaxation": SLOW}, {}, "material.relaxation", "needs a load path in time"),
         ({"relaxation": {}, "history": RAMP}, {}, "material.relaxation", "one of its two laws"),
         (
             {"relaxation": SLOW | {"of": "bulk"}, "history": RAMP},
@@ -106,7 +106,7 @@ HYPERELASTIC = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
             {"adhesion": {"work": 1e-3, "range": 1e-3}},
             {"indenter": {"shape": "cone", "half_angle": 70.0}},
             "experiment.adhesion.range",
-            "no R",
+            "a radius R",
         ),
         (
             {"calibration": {"stiffness": 0.1}, "history": RAMP},
@@ -238,7 +238,7 @@ def test_what_relaxes_does_so_alike_everywhere() -> None:
         "layers": [{"thickness": 0.5, "material": one} for one in unlike],
     }
     given = {"body": body, "indenter": SCENE["indenter"], "loading": {"history": RAMP}}
-    with pytest.raises(ConfigError, match=r"not that of body.layers\[1\].material") as refused:
+    with pytest.raises(ConfigError, match=r"differs from body.layers\[1\].material") as refused:
         config_from_mapping(given)
     assert refused.value.key == "body.layers[0].material.relaxation"
     body["layers"][1]["material"] = unlike[0]  # type: ignore[index]
@@ -256,7 +256,7 @@ def test_what_relaxes_does_so_alike_everywhere() -> None:
 def test_times_are_those_of_the_history(times: list[float], words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         config_from_mapping(SCENE | {"loading": {"history": RAMP, "times": times}})
-    with pytest.raises(ConfigError, match="is for a history"):
+    with pytest.raises(ConfigError, match="applies to a history"):
         config_from_mapping(SCENE | {"loading": {"delta": 0.01, "times": [1.0]}})
 
 

@@ -234,7 +234,7 @@ MALFORMED = [
         edited("rtol: 1e-10", "petsc: {ksp_type: [cg]}"),
         26,
         "solver.petsc",
-        "was removed: a scene sets",
+        "was removed; the keys of solver",
     ),
     # ranges
     (edited("R: 1.0", "R: -1"), 14, "indenter.R", "must be > 0, got -1"),
@@ -470,7 +470,7 @@ MALFORMED = [
         round_body("shape: cap\n  base_radius: 2.0\n  contact_angle: 178.0"),
         3,
         "body",
-        "almost a whole ball on a point",
+        "almost a ball that rests on a point",
     ),
     (round_body("shape: cap\n  base_radius: 2.0\n  height: 1e-3"), 3, "body", "nearly flat"),
     (

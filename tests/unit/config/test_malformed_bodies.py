@@ -82,7 +82,7 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
     (
         CYLINDER | layers(0.4, 2.0),
         "body.layers",
-        "the total thickness of the layers is 2.4, and the body is 1 high",
+        "the total thickness of the layers is 2.4, but the body is 1 high",
     ),
     (CYLINDER | layers(0.4), "body.layers", "make their thicknesses add up to the height"),
     (BOX | layers(0.4, -0.6), "body.layers[1].thickness", "must be > 0, got -0.6"),
@@ -101,7 +101,7 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
         "body.layers[0].material.model",
         "there is no material 'jelly'",
     ),
-    (CYLINDER | layers(1e-7, 1 - 1e-7), "body.layers[0].thickness", "too small beside"),
+    (CYLINDER | layers(1e-7, 1 - 1e-7), "body.layers[0].thickness", "too small compared"),
     (
         HALF_SPACE | layers(0.4, 1.0),
         "body.layers[1].thickness",
@@ -130,9 +130,9 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
     (BALL | layers(-0.1, None), "body.layers[0].thickness", "must be > 0"),
     (BALL | layers(0.0, None), "body.layers[0].thickness", "must be > 0"),
     (BALL | layers("thin", None), "body.layers[0].thickness", "a number"),
-    (BALL | layers(1.0, None), "body.layers", "are 1 thick together, leaving no core"),
-    (BALL | layers(0.6, 0.5, None), "body.layers", "are 1.1 thick together"),
-    (BALL | {"base": "fixed"} | layers(1.2, None), "body.layers", "leaving no core"),
+    (BALL | layers(1.0, None), "body.layers", "is 1, which leaves no core"),
+    (BALL | layers(0.6, 0.5, None), "body.layers", "is 1.1, which leaves"),
+    (BALL | {"base": "fixed"} | layers(1.2, None), "body.layers", "leaves no core"),
     (CAP | layers(1.0, None), "body.layers", "a core that does not reach the base"),
     (CAP | layers(0.99, None), "body.layers", "a core that does not reach the base"),
     (
@@ -230,7 +230,7 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
     (
         holding(CAP, egg(0, 0, -0.5, 0.3, 0.2, 0.1)),
         "body.inclusions[0]",
-        "semi-axes of 0.3 along x and 0.2 along y differ",
+        "semi-axes 0.3 along x and 0.2 along y differ",
     ),
     (holding(CAP, egg(0.1, 0, -0.5, 0.2, 0.2, 0.1)), "body.inclusions[0]", "it is off the axis"),
     (
@@ -274,7 +274,8 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
     (
         holding(CYLINDER, ball(0, 0, -0.2005)),
         "body.inclusions[0]",
-        "is 0.0005 from the top at z = 0; move it, or make it smaller: 0.002 must be left",
+        "is 0.0005 from the top at z = 0; move it, or make it smaller: its distance from any "
+        "surface must be at least 0.002",
     ),
     (
         holding(CYLINDER, ball(1.5, 1.5, -0.5)),
@@ -331,12 +332,12 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
     (
         holding(CAP, ball(0.1, 0, -0.5)),
         "body.inclusions[0]",
-        "a cap is modelled about its axis: it is off the axis",
+        "a cap is modelled as axisymmetric: it is off the axis",
     ),
     (
         holding(CAP, brick(0, 0, -0.5, 0.1, 0.1, 0.1)),
         "body.inclusions[0]",
-        "a box is no body of revolution",
+        "a box is not axisymmetric",
     ),
     (
         holding(CAP, upright(0, 0, -0.5, 1.9, 0.2)),

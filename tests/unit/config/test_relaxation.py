@@ -31,14 +31,14 @@ TWO = [{"thickness": 0.5, "material": SOFT | {"relaxation": ALL}}, {"thickness":
 @pytest.mark.parametrize(
     ("sections", "key", "words"),
     [
-        ({"loading": {"delta": 0.02}}, "material.relaxation", "needs a time"),
+        ({"loading": {"delta": 0.02}}, "material.relaxation", "needs a load path in time"),
         ({"material": NEO}, "material.relaxation.of", "depends on the volume; use mooney_rivlin"),
         ({"body": SCENE["body"] | {"layers": TWO}}, "body.layers[0].material.relaxation.of", "of: shear"),
         ({"contact": {"method": "nitsche"}}, "contact.method", "stress of the body, which relaxes"),
         ({"contact": {"adhesion": {"work": 1e-3, "range": 0.1}}}, "contact.adhesion", "not verified"),
         ({"solver": {"method": "theory"}}, "solver.method", "no relaxation of the shear modulus"),
         ({"solver": {"method": "condensed"}}, "solver.method", "bulk modulus does not"),
-        ({"experiment": {"frequencies": [1.0]}}, "experiment.frequencies", "needs a load curve"),
+        ({"experiment": {"frequencies": [1.0]}}, "experiment.frequencies", "needs an elastic load curve"),
         ({"experiment": {"cantilever": {"stiffness": 1.0}}}, "experiment.cantilever", "needs an elastic curve"),
         ({"material": RUBBER | {"relaxation": ALL}}, "material.relaxation.of", "of: shear"),
         ({"material": SOFT | {"relaxation": ALL}, "contact": {"friction": 0.3}}, "relaxation.of", "of: shear"),

@@ -761,7 +761,7 @@ class TestCompare:
         self.pair(tmp_path, "1,0.1,1,0.5\n2,0.3,3,0.6\n", "")
         (tmp_path / "B").write_text("delta,force\n0.1,1\n0.2,3\n")
         with pytest.raises(
-            VerificationError, match=r"delta 0\.3 is in .*A alone\ndelta 0\.2 is in .*B alone"
+            VerificationError, match=r"delta 0\.3 is only in .*A\ndelta 0\.2 is only in .*B"
         ):
             compare(tmp_path / "A", tmp_path / "B").check()
 
@@ -804,7 +804,7 @@ class TestCompare:
         found = compare(A, B)
         assert found.interpolation is None  # every time is a row's
         assert [text.split(" differ")[0] for text in found.differences] == [
-            f"t 4 is in {B} alone",
+            f"t 4 is only in {B}",
             "t 2: force 0.8 and 0.9",
         ]
         B.write_text(self.HISTORY)
@@ -848,7 +848,7 @@ class TestCompare:
             "curve"
         ] == str(A)
         B.write_text(self.curve(7) + "8,1.5,2,1\n")
-        assert compare(A, B, 1e-6).differences == (f"delta 1.5 is in {B} alone",)
+        assert compare(A, B, 1e-6).differences == (f"delta 1.5 is only in {B}",)
 
     def test_a_measured_curve_is_interpolated_by_chords(self, tmp_path):
         """What chords miss is said: h^2/8 of the second derivative, largest at the shallowest row."""
@@ -887,7 +887,7 @@ class TestCompare:
             ("hold", "retract", "row 2: branch hold and retract"),
             ("1.1", "1.2", "row 2: force 1.1 and 1.2"),
             ("\n,0.05,", "\n3,0.05,", "t nan and"),
-            (",0.05,0.05,0,,retract\n", "", "row 3 is in .*experiment.csv alone"),
+            (",0.05,0.05,0,,retract\n", "", "row 3 is only in .*experiment.csv"),
         ):
             second.write_text(self.ROWS.replace(before, after))
             with pytest.raises(VerificationError, match=said):

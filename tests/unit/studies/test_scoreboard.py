@@ -183,7 +183,7 @@ def test_rows_are_read_back_as_they_were(tmp_path: Path) -> None:
         (
             PUBLISHED,
             "    exact: {case: Hertz, by: x}\n",
-            r":10: cases\[0\].exact.case: names its own case",
+            r":10: cases\[0\].exact.case: refers to its own case",
         ),
         (
             PUBLISHED,

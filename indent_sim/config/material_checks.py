@@ -1,0 +1,251 @@
+"""Checks of materials: constants, pore flow, gels and relaxation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+from math import isclose
+
+from indent_sim.config.scene_sections import SceneSections
+from indent_sim.model.contact import Nitsche
+from indent_sim.model.drainage import Drainage
+from indent_sim.model.gel import Gel
+from indent_sim.model.hyperelasticity import NeoHookean
+from indent_sim.model.imported_body import MeshFromFile
+from indent_sim.model.materials import Material, ShearRelaxingLaw
+from indent_sim.model.relaxation import Relaxation
+from indent_sim.process.errors import ConfigError
+
+# Largest relative difference of kT over the molecular volume of two equal solvents.
+SOLVENT_RTOL = 1e-6
+
+
+def material_errors(config: SceneSections) -> Iterator[ConfigError]:
+    """Yield errors of the constants of each material."""
+    for key, material in config.materials():
+        try:
+            material.canonical()
+        except ArithmeticError:
+            yield ConfigError(key, "no stable material has these constants")
+        except ValueError as error:
+            yield ConfigError(key, str(error))
+
+
+def flow_errors(config: SceneSections) -> Iterator[ConfigError]:
+    """Yield errors of the pore flow: missing keys, and keys that cannot be combined with it."""
+    flows = {f"{key}.flow": material for key, material in config.materials() if material.flow}
+    if config.loading.per_doubling is not None and not any(
+        material.is_time_dependent for _, material in config.materials()
+    ):
+        problem = (
+            "applies to time-dependent bodies, but no material of this body has a flow or relaxes "
+            "in shear only"
+        )
+        yield ConfigError("loading.per_doubling", problem, "leave it out")
+    if not flows:
+        if config.drainage and not (
+            _has_own_bath(config) and config.drainage == Drainage(bath=config.drainage.bath)
+        ):
+            yield ConfigError(
+                "drainage", "no material has a flow", "give material.flow, or leave it out"
+            )
+        elif config.drainage and not isinstance(config.drainage.bath, float | int):
+            yield ConfigError(
+                "drainage.bath", "changes in time, and no material has a flow", "give material.flow"
+            )
+        yield from _gel_errors(config)
+        return
+    key = next(iter(flows))
+    if config.loading.prescribed_history is None:
+        remedy = (
+            "give loading.history, or leave flow out: nu as given is the drained body, nu: 0.5 the "
+            "undrained one"
+        )
+        yield ConfigError(key, "needs a load path in time", remedy)
+    yield from (
+        error for key, material in flows.items() for error in _flow_law_errors(key, material)
+    )
+    yield from _gel_errors(config)
+    if isinstance(config.contact, Nitsche):
+        problem = (
+            "nitsche uses the stress of the solid, but with pore fluid this is not the total stress"
+        )
+        yield ConfigError("contact.method", problem, "use augmented_lagrangian")
+    drainage = config.drainage or Drainage()
+    if isinstance(config.body, MeshFromFile) and drainage.sides != "sealed":
+        problem = (
+            "cannot be drained for a body from a mesh file: its sides have no names by which their "
+            "facets could be found"
+        )
+        yield ConfigError("drainage.sides", problem, "use sealed")
+    times = [t for t, _ in drainage.bath] if isinstance(drainage.bath, tuple) else []
+    backward_index = next(
+        (k for k, (earlier, later) in enumerate(pairwise(times), start=1) if later <= earlier), None
+    )
+    if backward_index is not None:
+        yield ConfigError(
+            f"drainage.bath[{backward_index}]",
+            f"time does not increase from {times[backward_index - 1]:g} to "
+            f"{times[backward_index]:g}",
+        )
+
+
+def _has_own_bath(config: SceneSections) -> bool:
+    """Return whether the stretch of a gel is that of its bath."""
+    return any(
+        isinstance(material, Gel) and material.stretch == "auto"
+        for _, material in config.materials()
+    )
+
+
+def _gel_errors(config: SceneSections) -> Iterator[ConfigError]:
+    """Yield errors of gels, which all have the bath of the scene and its solvent."""
+    gels = {key: material for key, material in config.materials() if isinstance(material, Gel)}
+    for key, gel in gels.items():
+        try:
+            gel.with_free_swelling(config.initial_bath).canonical()
+        except ValueError as error:
+            yield ConfigError(f"{key}.stretch", str(error))
+        if gel.relaxation:
+            yield ConfigError(f"{key}.relaxation", "is not verified for a gel", "leave it out")
+    for key, material in config.materials():
+        if gels and material.flow and not isinstance(material, Gel):
+            problem = (
+                "cannot be combined with a gel, unless the law is a gel, too: the bath is the "
+                "chemical potential of a solvent"
+            )
+            yield ConfigError(f"{key}.flow", problem, "leave it out, or use only gels")
+    ratios = {key: gel.G / gel.n_omega for key, gel in gels.items() if gel.flow}
+    first = next(iter(ratios.values()), 0.0)
+    for key, ratio in ratios.items():
+        if not isclose(ratio, first, rel_tol=SOLVENT_RTOL):
+            problem = (
+                f"gives G/n_omega = {ratio:g}, but another gel has {first:g}; it is kT over the "
+                "molecular volume of the solvent, which is the same for all"
+            )
+            yield ConfigError(f"{key}.n_omega", problem, "use one ratio for all gels")
+
+
+def _flow_law_errors(key: str, material: Material) -> Iterator[ConfigError]:
+    """Yield errors of the flow of one material."""
+    flow = material.flow
+    assert flow
+    if isinstance(material, Gel):
+        remedy = "give diffusivity, that of the solvent"
+        if flow.permeability is not None:
+            problem = "of a gel follows from its swelling"
+            yield ConfigError(f"{key}.permeability", problem, remedy)
+        elif flow.diffusivity is None:
+            yield ConfigError(f"{key}.diffusivity", "is missing", remedy)
+        if flow.holmes_mow:
+            yield ConfigError(
+                f"{key}.holmes_mow",
+                "does not apply to a gel, whose permeability follows from its swelling",
+                "leave it out",
+            )
+    if not material.is_small_strain and (flow.alpha, flow.storage) != (1.0, 0.0):
+        name = "alpha" if flow.alpha != 1 else "storage"
+        problem = "at finite strain grains and fluid are incompressible"
+        yield ConfigError(f"{key}.{name}", problem, "use alpha: 1, storage: 0")
+    if material.is_small_strain and flow.holmes_mow:
+        yield ConfigError(
+            f"{key}.holmes_mow", "applies to laws of finite strain only", "leave it out"
+        )
+
+
+def relaxation_errors(config: SceneSections) -> Iterator[ConfigError]:
+    """Yield errors of the relaxation of the materials."""
+    laws = dict(config.materials())
+    frequencies = config.experiment and config.experiment.frequencies
+    history = config.loading.prescribed_history
+    relaxations = {
+        f"{key}.relaxation": law.relaxation for key, law in laws.items() if law.relaxation
+    }
+    if not relaxations:
+        if frequencies:
+            yield ConfigError(
+                "experiment.frequencies",
+                "needs a material with relaxation",
+                "give material.relaxation",
+            )
+        return
+    yield from (
+        error
+        for key, given in relaxations.items()
+        for error in _relaxation_law_errors(config, key, given)
+    )
+    key, given = next(iter(relaxations.items()))
+    if any(law.has_shear_relaxation for law in laws.values()):
+        yield from _shear_relaxation_errors(config, laws)
+    elif different_key := next(
+        (different_key for different_key, law in laws.items() if law.relaxation != given), None
+    ):
+        problem = (
+            f"differs from {different_key}.relaxation: with of: all, every material must have the "
+            "same relaxation"
+        )
+        yield ConfigError(key, problem, "use the same relaxation, or of: shear")
+    if not history and not frequencies:
+        remedy = "give loading.history, loading.force_history or experiment.frequencies"
+        yield ConfigError(key, "needs a load path in time", remedy)
+
+
+def _shear_relaxation_errors(
+    config: SceneSections, laws: Mapping[str, Material]
+) -> Iterator[ConfigError]:
+    """Yield errors of keys that cannot be combined with relaxation of the shear modulus alone."""
+    for key, law in laws.items():
+        if law.relaxation and law.relaxation.of == "all":
+            problem = (
+                "all applies to a body with one relaxation, but another material relaxes in shear "
+                "only"
+            )
+            yield ConfigError(f"{key}.relaxation.of", problem, "use of: shear")
+        if law.relaxation and not isinstance(law, ShearRelaxingLaw | Gel):
+            alternative_law = (
+                "mooney_rivlin with C10 = mu/2" if isinstance(law, NeoHookean) else "linear_elastic"
+            )
+            yield ConfigError(
+                f"{key}.relaxation.of",
+                f"{law.model} has an energy whose shear part depends on the volume",
+                f"use {alternative_law}",
+            )
+    if config.experiment and config.experiment.frequencies:
+        problem = (
+            "needs an elastic load curve, which does not describe a body whose shear relaxes at "
+            "constant bulk modulus"
+        )
+        yield ConfigError("experiment.frequencies", problem, "use of: all")
+    if isinstance(config.contact, Nitsche):
+        problem = "nitsche uses the stress of the body, which relaxes"
+        yield ConfigError("contact.method", problem, "use augmented_lagrangian")
+    if config.contact.may_snap_through:
+        problem = "is not verified together with relaxation"
+        yield ConfigError("contact.adhesion", problem, "leave one of the two out")
+
+
+def _relaxation_law_errors(
+    config: SceneSections, key: str, given: Relaxation
+) -> Iterator[ConfigError]:
+    """Yield errors of a relaxation itself, and of a history with which it cannot be combined."""
+    if (given.prony is None) == (given.power_law is None):
+        yield ConfigError(key, "needs exactly one of its two laws", "give prony or power_law")
+    for k, (fraction, time) in enumerate(given.prony or ()):
+        if not (0 <= fraction < 1 and time > 0):
+            problem = (
+                f"[{fraction:g}, {time:g}] is not a term [fraction of the instantaneous modulus, "
+                "time]"
+            )
+            yield ConfigError(
+                f"{key}.prony[{k}]", problem, "use a fraction from 0 to below 1 and a time above 0"
+            )
+    if (total := sum(fraction for fraction, _ in given.prony or ())) >= 1:
+        yield ConfigError(
+            f"{key}.prony",
+            f"the fractions sum to {total:g}: the modulus would relax to zero or below",
+            "use fractions with a sum below 1",
+        )
+    history = config.loading.prescribed_history
+    if given.power_law and history and history.has_jumps:
+        problem = "jumps, but the instantaneous modulus of a power law is infinite"
+        yield ConfigError(f"loading.{config.loading.given_path_keys[0]}", problem, "use a ramp")

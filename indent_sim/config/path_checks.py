@@ -1,0 +1,56 @@
+"""Checks of paths in scene files, which may come from other people."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+
+from indent_sim.config.scene_sections import SceneSections
+from indent_sim.process.errors import ConfigError, printable
+
+# Largest length of a name of a folder [bytes]. File systems allow 255; the program appends suffixes
+# to the names of temporary folders.
+MAX_NAME_BYTES = 200
+# Largest length of a path [characters].
+MAX_PATH_LENGTH = 1000
+
+
+def directory_errors(config: SceneSections) -> Iterator[ConfigError]:
+    """Yield the error of the result folder."""
+    if config.output.directory and (problem := directory_problem(config.output.directory)):
+        yield ConfigError("output.directory", problem, "choose any other folder with --output")
+
+
+def directory_problem(directory: str) -> str:
+    """Return the problem of a result folder that is given in a file, or "".
+
+    The folder has to be below the working directory, because scene and study files come from other
+    people. The command line may name any other folder.
+    """
+    if problem := path_problem(directory, "the working directory"):
+        return problem
+    try:
+        working_directory = os.path.realpath(".")
+        paths = [working_directory, os.path.realpath(directory)]
+        leads_out = os.path.commonpath(paths) != working_directory
+    except OSError:
+        # The working directory was deleted; writing a result will fail.
+        return ""
+    return "leads out of the working directory through a link" if leads_out else ""
+
+
+def path_problem(path: str, root_name: str) -> str:
+    """Return the problem of a path that has to be below the folder `root_name`, or ""."""
+    parts = path.split("/")
+    if path.startswith("/") or ".." in parts:
+        return f"must be below {root_name}, not absolute and without .."
+    if any(part.startswith((".", "~")) and part != "." for part in parts):
+        return "may not begin with . or ~, nor any folder in it"
+    if printable(path) != path or "\\" in path:
+        return "contains a character that is not allowed in the name of a folder"
+    if (
+        any(len(os.fsencode(part)) > MAX_NAME_BYTES for part in parts)
+        or len(path) > MAX_PATH_LENGTH
+    ):
+        return "is too long"
+    return ""

@@ -1,0 +1,158 @@
+"""Checks of contact, tip and experiment."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from indent_sim.config.key_types import field_names
+from indent_sim.config.scene_sections import SceneSections
+from indent_sim.model.body import Cylinder
+from indent_sim.model.experiment import Experiment, JKRAdhesion
+from indent_sim.model.spherical_bodies import Ball, Cap
+from indent_sim.model.tips import FlatPunch, Plate, Profile
+from indent_sim.model.unbounded_bodies import UnboundedBody
+from indent_sim.model.walled_bodies import Box, Strip
+from indent_sim.process.errors import ConfigError
+
+
+def contact_errors(config: SceneSections) -> Iterator[ConfigError]:
+    """Yield errors of `epsilon_t` without friction, and of adhesion."""
+    adhesion = config.contact.adhesion
+    if config.contact.epsilon_t != "auto" and config.contact.is_conservative:
+        yield ConfigError(
+            "contact.epsilon_t", "there is no friction", "leave it out, or give contact.friction"
+        )
+    if adhesion and not config.contact.is_conservative:
+        yield ConfigError(
+            "contact.adhesion", "is not verified together with friction", "leave one of the two out"
+        )
+    if adhesion and adhesion.range == 0:
+        problem = "is 0, a limit that no mesh can resolve"
+        remedy = "give a range above 0, or experiment.adhesion: {work: ...} for that limit"
+        yield ConfigError("contact.adhesion.range", problem, remedy)
+
+
+def center_errors(config: SceneSections) -> Iterator[ConfigError]:
+    """Yield errors of the position of the tip's axis."""
+    center = config.center
+    needed = len(config.body.center)
+    if isinstance(config.body, UnboundedBody | Cap | Ball) and any(center or ()):
+        if isinstance(config.body, Cap | Ball):
+            reason = f"the tip is on the axis of a {config.body.shape}"
+        else:
+            reason = f"all positions on a {config.body.shape} are equivalent"
+        yield ConfigError("indenter.center", reason, "leave it out")
+    elif center is not None and len(center) != needed:
+        form = "[x]" if needed == 1 else "[x, y]"
+        problem = f"the position on a {config.body.shape} is {form}, got {len(center)} numbers"
+        yield ConfigError("indenter.center", problem, f"give {form}")
+
+
+def tip_errors(config: SceneSections) -> list[ConfigError]:
+    """Return errors of the tip and of its combination with the body."""
+    tip = config.indenter
+    if getattr(config.body, "kinematics", "") == "axisymmetric" and not tip.is_axisymmetric:
+        return [
+            ConfigError(
+                "indenter.shape",
+                f"a {tip.shape} is not a tip of revolution",
+                "use body.kinematics: 3d",
+            )
+        ]
+    if config.body.dim == 2 and not tip.is_axisymmetric:
+        return [
+            ConfigError(
+                "indenter.shape",
+                f"a {tip.shape} on a strip, which is in plane strain, is not possible",
+                "use a box, a cylinder or a half_space",
+            )
+        ]
+    if isinstance(config.body, Cap | Ball) and not tip.is_axisymmetric:
+        problem = f"a {tip.shape} on a {config.body.shape}, which is axisymmetric, is not possible"
+        return [
+            ConfigError(
+                "indenter.shape", problem, "use a tip of revolution, e.g. an equivalent cone"
+            )
+        ]
+    if isinstance(tip, Plate) and isinstance(config.body, UnboundedBody):
+        problem = f"a plate on a {config.body.shape} touches all of an unbounded surface"
+        return [
+            ConfigError(
+                "indenter.shape", problem, "use a cylinder, a strip or a box, or another tip"
+            )
+        ]
+    if (
+        isinstance(tip, Plate)
+        and config.contact.adhesion
+        and isinstance(config.body, Cylinder | Strip | Box)
+    ):
+        problem = "is not verified for a plate that touches all of a flat top"
+        return [ConfigError("contact.adhesion", problem, "leave it out")]
+    if isinstance(tip, FlatPunch) and tip.edge_radius > tip.radius:
+        problem = "must not be larger than the punch's radius"
+        return [
+            ConfigError(
+                "indenter.edge_radius", problem, f"use at most {tip.radius:g}, a hemispherical end"
+            )
+        ]
+    try:
+        if isinstance(tip, Profile):
+            tip.check_points()
+    except ValueError as error:
+        return [ConfigError("indenter.points", str(error))]
+    return []
+
+
+def experiment_errors(config: SceneSections) -> Iterator[ConfigError]:
+    """Yield errors of an experiment that do not depend on the solution."""
+    experiment = config.experiment
+    if experiment is None:
+        return
+    if experiment.adhesion:
+        yield from _jkr_errors(config, experiment.adhesion)
+    if experiment.calibration and experiment.calibration.stiffness and not experiment.cantilever:
+        problem = "is the uncertainty of a cantilever's stiffness, but there is no cantilever"
+        yield ConfigError(
+            "experiment.calibration.stiffness",
+            problem,
+            "give experiment.cantilever, or leave it out",
+        )
+    if experiment.calibration and experiment.calibration.R and not hasattr(config.indenter, "R"):
+        problem = f"is the uncertainty of a tip's radius R, but a {config.indenter.shape} has none"
+        yield ConfigError("experiment.calibration.R", problem, "leave it out")
+    if not any(vars(experiment).values()):
+        yield ConfigError(
+            "experiment", "is empty", f"its keys are {', '.join(field_names(Experiment))}"
+        )
+
+
+def _jkr_errors(config: SceneSections, adhesion: JKRAdhesion) -> Iterator[ConfigError]:
+    """Yield errors where the JKR limit does not apply.
+
+    It needs a circular contact whose radius varies with the depth, for Griffith's balance at its
+    edge.
+    """
+    body = config.body
+    tip = config.indenter
+    key = "experiment.adhesion"
+    if any(material.relaxation for _, material in config.materials()):
+        problem = (
+            "cannot be combined with relaxation: the energy balance at the edge of contact needs "
+            "an elastic body"
+        )
+        yield ConfigError(key, problem, "give one of the two")
+    problem = "the JKR limit holds for a circular contact, which a {} does not have"
+    if isinstance(body, Strip | Box):
+        remedy = "use a cylinder, a layer, a half_space, a cap or a ball"
+        yield ConfigError(key, problem.format(body.shape), remedy)
+    if not tip.is_axisymmetric:
+        yield ConfigError(key, problem.format(tip.shape), "use a tip of revolution")
+    if isinstance(tip, Plate) and not isinstance(body, Cap | Ball):
+        problem = "the contact of a plate on a flat top does not shrink, but separates all at once"
+        yield ConfigError(key, problem, "use another tip")
+    if isinstance(tip, FlatPunch) and not tip.edge_radius and not isinstance(body, Cap | Ball):
+        problem = "the contact of a sharp flat punch does not shrink, but separates all at once"
+        yield ConfigError(key, problem, "give the punch an edge_radius")
+    if adhesion.range and not hasattr(tip, "R"):
+        problem = f"is for the Tabor number of a tip with a radius R, but a {tip.shape} has none"
+        yield ConfigError(f"{key}.range", problem, "leave it out")
