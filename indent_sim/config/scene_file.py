@@ -20,7 +20,8 @@ from pydantic import ValidationError
 from indent_sim.config import key_types, schema, strict_yaml
 from indent_sim.config.messages import MAX_PROBLEMS, MORE_ERRORS, config_error
 from indent_sim.config.quantities import convert_quantities
-from indent_sim.config.schema import Config, Source
+from indent_sim.config.scene_sections import Source
+from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import MAX_BYTES, MAX_DEPTH, KeyPath, key_path, key_text
 from indent_sim.model.loading import STEPPED_KEYS, Loading
 from indent_sim.process.errors import ConfigError, ConfigErrors, UsageError

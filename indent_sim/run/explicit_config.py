@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from indent_sim.config.scene_file import to_mapping
-from indent_sim.config.schema import Config, KeptStates, allowed_keys_at
+from indent_sim.config.scene_sections import KeptStates
+from indent_sim.config.schema import Config, allowed_keys_at
 from indent_sim.config.strict_yaml import leaf_values
 from indent_sim.model.drainage import Drainage
 from indent_sim.model.imported_body import MeshFromFile

@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from indent_sim.config.scene_file import SceneInput, load, to_yaml
-from indent_sim.config.schema import Config, OutputSettings
+from indent_sim.config.scene_sections import OutputSettings
+from indent_sim.config.schema import Config
 from indent_sim.model.imported_body import MeshFromFile
 from indent_sim.model.load_path import LoadPath
 from indent_sim.model.state import ERROR_COLUMNS, KRYLOV_COLUMNS, STATE_COLUMNS, State

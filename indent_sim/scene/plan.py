@@ -15,7 +15,7 @@ from indent_sim.theory.no_slip import FrictionCorrection
 from indent_sim.theory.theory import Theory
 
 if TYPE_CHECKING:
-    from indent_sim.config.schema import Units
+    from indent_sim.config.scene_sections import Units
     from indent_sim.theory.adhesion import Jkr
 
 

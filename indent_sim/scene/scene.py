@@ -56,7 +56,8 @@ from indent_sim.scene.time_prediction import TimePrediction, time_prediction
 from indent_sim.theory.theory import Theory
 
 if TYPE_CHECKING:
-    from indent_sim.config.schema import Config, SolverSettings
+    from indent_sim.config.scene_sections import SolverSettings
+    from indent_sim.config.schema import Config
 
 # The factor of E/h_far: under the pressure E a curved roller wall then moves by less than 1e-3 of
 # an element.

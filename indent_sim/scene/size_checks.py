@@ -13,7 +13,7 @@ from indent_sim.scene.problem_setup import ProblemSetup
 from indent_sim.scene.resolution import FixedSizes
 
 if TYPE_CHECKING:
-    from indent_sim.config.schema import MeshSettings
+    from indent_sim.config.scene_sections import MeshSettings
 
 # Smallest element size relative to the longest side of the model domain. With smaller elements gmsh
 # aborts or does not end: up to 3e-9 were seen, and 1e-10 in an axisymmetric section, where the tip

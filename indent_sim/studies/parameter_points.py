@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from indent_sim.config.scene_file import SourceLocation
-from indent_sim.config.schema import Source
+from indent_sim.config.scene_sections import Source
 from indent_sim.config.strict_yaml import KeyPath, key_text
 from indent_sim.process.errors import ConfigError
 

@@ -17,7 +17,8 @@ from indent_sim.config.scene_file import (
     plain_document,
     read_document,
 )
-from indent_sim.config.schema import Source, allowed_keys_at
+from indent_sim.config.scene_sections import Source
+from indent_sim.config.schema import allowed_keys_at
 from indent_sim.config.strict_yaml import MAX_DEPTH, KeyPath, key_path, key_text
 from indent_sim.process.errors import ConfigError, ConfigErrors, UsageError
 from indent_sim.studies.parameter_points import (

@@ -135,7 +135,9 @@ def test_a_design_says_what_a_measurement_would_tell(command, tmp_path):
         {"indenter.R"},
     ]
     told = command(*words, "--points", 1200).stdout
-    assert "scene as given" in told and "1200 points, noise" in told and "loading.delta = 1 " in told
+    assert (
+        "scene as given" in told and "1200 points, noise" in told and "loading.delta = 1 " in told
+    )
     assert sorted(tmp_path.rglob("*")) == before
 
 

@@ -198,9 +198,7 @@ def test_a_damaged_study_is_told(tmp_path, damage):
     if text is not None:
         (tmp_path / name).write_bytes(text.encode("latin-1"))
     done = CliRunner().invoke(commands.program, ["report", str(tmp_path)])
-    assert done.exit_code == 2 and re.search(
-        "no readable study|has no result", done.stderr
-    )
+    assert done.exit_code == 2 and re.search("no readable study|has no result", done.stderr)
     assert not (tmp_path / "report.html").exists()
 
 

@@ -12,7 +12,8 @@ from math import inf
 import numpy as np
 
 from indent_sim.config.scene_file import locate_error
-from indent_sim.config.schema import Config, MeshSettings, SolverSettings
+from indent_sim.config.scene_sections import MeshSettings, SolverSettings
+from indent_sim.config.schema import Config
 from indent_sim.model.body import Cylinder
 from indent_sim.model.contact import AutoContact
 from indent_sim.model.experiment import Experiment

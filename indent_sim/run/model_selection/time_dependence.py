@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
-from indent_sim.config.schema import Config, MeshSettings, OutputSettings, SolverSettings
+from indent_sim.config.scene_sections import MeshSettings, OutputSettings, SolverSettings
+from indent_sim.config.schema import Config
 from indent_sim.model.contact import AugmentedLagrangian
 from indent_sim.model.drainage import Drainage
 from indent_sim.model.loading import Loading

@@ -9,7 +9,8 @@ from functools import cached_property
 from math import atan, degrees, inf, isfinite, log, radians, tan
 from typing import Any, TypeVar
 
-from indent_sim.config.schema import Config, MeshSettings, Source
+from indent_sim.config.scene_sections import MeshSettings, Source
+from indent_sim.config.schema import Config
 from indent_sim.model.body import Cylinder
 from indent_sim.model.body_base import Support
 from indent_sim.model.contact import AugmentedLagrangian, AutoContact

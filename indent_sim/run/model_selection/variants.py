@@ -9,7 +9,8 @@ from math import inf
 from typing import Any
 
 from indent_sim.config.scene_file import config_from_mapping, to_mapping
-from indent_sim.config.schema import Config, SolverSettings, Source
+from indent_sim.config.scene_sections import SolverSettings, Source
+from indent_sim.config.schema import Config
 from indent_sim.model.gel import Gel
 from indent_sim.model.hyperelasticity import NeoHookean
 from indent_sim.model.imported_body import MeshFromFile
