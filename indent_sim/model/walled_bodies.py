@@ -75,6 +75,17 @@ class _WalledBody(ABC):
             and getattr(self.sides, wall) == "roller"
         )
 
+    def mirrored_widths(self, center: tuple[float, ...]) -> tuple[float, ...]:
+        """Return the widths [length] of the body with its images in mirror planes at `center`."""
+        widths: list[float] = []
+        for axis, position, width in zip("xy", center, self.widths, strict=False):
+            distances = {f"{axis}_min": position, f"{axis}_max": width - position}
+            is_mirrored = any(
+                self._is_mirror(distance, wall) for wall, distance in distances.items()
+            )
+            widths.append(2 * width if is_mirrored else width)
+        return tuple(widths)
+
     def max_lateral_extent(self, center: tuple[float, ...]) -> float:
         """Return the distance [length] from `center` to the farthest corner of the top surface."""
         positions = zip(center, self.widths, strict=True)

@@ -46,9 +46,15 @@ def covers_top(tip: Indenter, body: Body, center: tuple[float, ...]) -> bool:
 
 
 def compression_theory(
-    body: Cylinder | BodyStrip | Box, layers: Sequence[BodyLayer], radius_ratio: float
+    body: Cylinder | BodyStrip | Box,
+    layers: Sequence[BodyLayer],
+    center: tuple[float, ...],
+    radius_ratio: float,
 ) -> Theory | None:
     """Return the theory of a tip on the whole flat top: a bar between frictionless plates.
+
+    A roller wall through the tip's axis is a mirror plane. The theory is that of the body with its
+    mirror images.
 
     Parameters
     ----------
@@ -56,6 +62,8 @@ def compression_theory(
         The body.
     layers : sequence of Layer
         Its layers from the top.
+    center : tuple of float
+        Position of the tip's axis [length].
     radius_ratio : float
         Radius of the tip's flat face over that of the top.
 
@@ -71,13 +79,15 @@ def compression_theory(
     bar, is_finite_strain = bar_model
     dimensions = body.dim - 1
     max_area_ratio = max(radius_ratio, 1.0) ** dimensions
-    contact = Compression(bar, body.height, _area_of_top(body), dimensions, max_area_ratio)
+    area = _area_of_top(body, center)
+    contact = Compression(bar, body.height, area, dimensions, max_area_ratio)
     difference = first_reason(
         (body.base == "fixed", "the base is bonded, and theory's slides"),
         (len(layers) > 1, "theory's layers slide on one another"),
     )
     has_free_sides = constrained_directions == 2 - dimensions
-    formulas = _bonded_formulas(body, layers) if body.base == "fixed" and has_free_sides else {}
+    is_bonded_block = body.base == "fixed" and has_free_sides
+    formulas = _bonded_formulas(body, layers, center) if is_bonded_block else {}
     return Theory(
         COMPRESSION_NAMES[constrained_directions],
         not difference,
@@ -124,15 +134,15 @@ def _bar_model(layers: Sequence[BodyLayer], constrained_directions: int) -> tupl
     return HyperelasticBar(material.energy_of_bar, is_incompressible, constrained_directions), True
 
 
-def _area_of_top(body: Cylinder | BodyStrip | Box) -> float:
-    """Return the area of a flat top [length^2]; in plane strain its width [length]."""
+def _area_of_top(body: Cylinder | BodyStrip | Box, center: tuple[float, ...]) -> float:
+    """Return the area of a flat top and its mirror images [length^2]; in plane strain its width."""
     if isinstance(body, Cylinder):
         return float(np.pi) * body.radius**2
-    return float(np.prod(body.widths))
+    return float(np.prod(body.mirrored_widths(center)))
 
 
 def _bonded_formulas(
-    body: Cylinder | BodyStrip | Box, layers: Sequence[BodyLayer]
+    body: Cylinder | BodyStrip | Box, layers: Sequence[BodyLayer], center: tuple[float, ...]
 ) -> dict[str, ForceCurve]:
     """Return the formula of Gent and Lindley for nearly incompressible discs and strips.
 
@@ -144,8 +154,8 @@ def _bonded_formulas(
     if nu < NEARLY_INCOMPRESSIBLE:
         return {}
     # A block that is bonded at its base only is half of one that is bonded at both ends.
-    lateral_size = body.radius if isinstance(body, Cylinder) else body.width
+    lateral_size = body.radius if isinstance(body, Cylinder) else body.mirrored_widths(center)[0]
     bulk = E / (3 * (1 - 2 * nu)) if nu < 0.5 else inf
     modulus = bonded_modulus(E, bulk, lateral_size / (4 * body.height), body.dim - 1)
-    stiffness = modulus * _area_of_top(body) / body.height
+    stiffness = modulus * _area_of_top(body, center) / body.height
     return {"Gent-Lindley": lambda delta: stiffness * delta}

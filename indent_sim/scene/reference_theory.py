@@ -137,7 +137,8 @@ def layer_theory(
     if isinstance(body, SphericalBody):
         return _spherical_body_theory(body, layers, tip)
     if isinstance(body, Cylinder | BodyStrip | Box) and covers_top(tip, body, center):
-        return compression_theory(body, layers, flat_radius(tip) / body.max_lateral_extent(center))
+        radius_ratio = flat_radius(tip) / body.max_lateral_extent(center)
+        return compression_theory(body, layers, center, radius_ratio)
     shape = theory_tip_shape(tip)
     is_plane = body.dim == 2
     stack = stack_of(layers, body.base)
