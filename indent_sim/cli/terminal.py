@@ -198,8 +198,11 @@ def _hysteresis_lines(loop: HysteresisLoop | None, units: Mapping[str, str]) -> 
     unit = f"{units['force']} {units['delta']}".strip()
     area_text = f"hysteresis loop: area {loop.area:.4g} ± {loop.error:.1g} {unit}".rstrip()
     percent_text = f"{100 * loop.area / loop.way_in:.3g} % of the work of loading"
-    open_end = "" if loop.is_closed else ", not closed: the force has not returned to zero"
-    return [f"{area_text}, {percent_text}{open_end}"]
+    range_text = ""
+    if loop.end_depth is not None:
+        range_text = f", at depths above {loop.end_depth:.4g} {units['delta']}".rstrip()
+        range_text += ", where the path ends in contact"
+    return [f"{area_text}, {percent_text}{range_text}"]
 
 
 def warning_lines(outcome: Outcome) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection
 from contextlib import suppress
 from pathlib import Path
@@ -61,7 +62,7 @@ def _indexed_steps(index: str) -> list[int]:
     return [int(grid["step"]) for grid in GRID_PATTERN.finditer(index)]
 
 
-def read_fields(folder: Path, step: int) -> dict[str, np.ndarray]:
+def read_fields(folder: str | os.PathLike[str], step: int) -> dict[str, np.ndarray]:
     """Read the mesh and the fields of a step.
 
     Parameters
@@ -82,6 +83,7 @@ def read_fields(folder: Path, step: int) -> dict[str, np.ndarray]:
     UsageError
         The files are missing or damaged.
     """
+    folder = Path(folder)
     try:
         arrays = read_arrays(folder / FIELDS_FOLDER / FIELDS_MESH_FILE) | read_arrays(
             folder / FIELDS_FOLDER / step_file(step)

@@ -184,7 +184,7 @@ def _refuse_other_config(
     old_values, new_values = (dict(leaf_values(document)) for document in documents)
     for path, (problem, remedy) in REMOVED_KEYS.items():
         if path[-1] in (documents[0].get(path[0]) or {}):
-            remedy_text = f"leave --resume out to replace it; {remedy}"
+            remedy_text = f"give --overwrite in place of --resume to replace it; {remedy}"
             raise ConfigError(
                 key_text(path), f"{problem}; {folder} holds a run with it", remedy_text
             )

@@ -44,18 +44,22 @@ class HysteresisLoop:
         Estimated error of the area by linear interpolation between rows [force length].
     way_in
         Work of loading [force length].
-    is_closed
-        Whether the force has vanished at the end.
+    end_depth
+        Depth [length] at which a path ends in contact: the loop is that beyond it. None where the
+        force has vanished at the end.
     """
 
     area: float
     error: float
     way_in: float
-    is_closed: bool
+    end_depth: float | None
 
 
 def hysteresis_loop(states: Sequence[State]) -> HysteresisLoop | None:
     """The hysteresis loop of a path; None without unloading.
+
+    A path that ends in contact has not returned the work up to its last depth. Its loop is that
+    between the last depth and the largest.
 
     The area is that of straight lines through the rows. Its error is of second order in their
     distance: a third of the change if every second row between turning points is left out.
@@ -68,13 +72,26 @@ def hysteresis_loop(states: Sequence[State]) -> HysteresisLoop | None:
     way_in = sum(segment_work for segment_work, step in zip(work, steps, strict=True) if step > 0)
     if min(steps, default=0.0) >= 0 or not way_in > 0:
         return None
+    is_closed = not (rows[-1][0] > 0 and rows[-1][1] > 0)
+    if not is_closed:
+        rows = _rows_beyond(rows, rows[-1][0])
+        steps = [end[0] - begin[0] for begin, end in pairwise(rows)]
+        work = [_work(*step) for step in pairwise(rows)]
     turns = [i for i in range(1, len(steps)) if steps[i - 1] * steps[i] <= 0]
     kept_rows = sorted({*range(0, len(rows), 2), *turns, len(rows) - 1})
     coarse_area = sum(
         _work(rows[begin_row], rows[end_row]) for begin_row, end_row in pairwise(kept_rows)
     )
-    is_closed = not (rows[-1][0] > 0 and rows[-1][1] > 0)
-    return HysteresisLoop(sum(work), abs(sum(work) - coarse_area) / 3, way_in, is_closed)
+    end_depth = None if is_closed else rows[-1][0]
+    return HysteresisLoop(sum(work), abs(sum(work) - coarse_area) / 3, way_in, end_depth)
+
+
+def _rows_beyond(rows: list[tuple[float, float]], depth: float) -> list[tuple[float, float]]:
+    """Rows from where loading first passes a depth, with a row interpolated there."""
+    first = next(i for i, (row_depth, _) in enumerate(rows) if row_depth >= depth)
+    (depth_before, force_before), (depth_after, force_after) = rows[first - 1 : first + 1]
+    fraction = (depth - depth_before) / (depth_after - depth_before)
+    return [(depth, force_before + fraction * (force_after - force_before)), *rows[first:]]
 
 
 def _work(begin: tuple[float, float], end: tuple[float, float]) -> float:

@@ -40,7 +40,9 @@ def check_same_request(previous: ErrorRequest, request: ErrorRequest, folder: Pa
     """Raise ConfigError if a run cannot be resumed since it had other error estimates."""
     if request.has_error_bars and not previous.has_error_bars:
         raise ConfigError(
-            "", f"{folder} holds a run without error bars", "leave --resume out to replace it"
+            "",
+            f"{folder} holds a run without error bars",
+            "give --overwrite in place of --resume to replace it",
         )
     if previous.accuracy != request.accuracy:
         old_text, new_text = (
@@ -48,4 +50,6 @@ def check_same_request(previous: ErrorRequest, request: ErrorRequest, folder: Pa
             for accuracy in (previous.accuracy, request.accuracy)
         )
         problem = f"{folder} holds a run with {old_text}, this one has {new_text}"
-        raise ConfigError("accuracy", problem, "leave --resume out to replace it")
+        raise ConfigError(
+            "accuracy", problem, "give --overwrite in place of --resume to replace it"
+        )

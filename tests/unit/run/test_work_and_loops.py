@@ -1,0 +1,43 @@
+"""The hysteresis loop of a path: its area by hand, also of a path that ends in contact."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from indent_sim.run.work_and_loops import hysteresis_loop
+
+
+def path(*rows: tuple[float, float]) -> Sequence[Any]:
+    """Rows of depth and force."""
+    return [SimpleNamespace(delta=delta, force=force) for delta, force in rows]
+
+
+def test_an_elastic_path_that_ends_in_contact_has_no_loop() -> None:
+    """A straight spring: the work up to the last depth is stored, not lost."""
+    loop = hysteresis_loop(path((1, 1), (2, 2), (3, 3), (2, 2), (1.5, 1.5)))
+    assert loop is not None and loop.end_depth == 1.5
+    assert loop.area == pytest.approx(0, abs=1e-12) and loop.way_in == pytest.approx(4.5)
+
+
+def test_the_loop_of_a_path_that_ends_in_contact_is_that_beyond_its_end() -> None:
+    """Loading along F = delta, unloading along F = 2 delta - 3 to (2, 1): a triangle."""
+    loop = hysteresis_loop(path((1, 1), (2.5, 2.5), (3, 3), (2.5, 2), (2, 1)))
+    assert loop is not None and loop.area == pytest.approx(0.5)
+
+
+def test_a_closed_loop_is_that_of_the_whole_path() -> None:
+    loop = hysteresis_loop(path((1, 1), (2, 2), (1, 0)))
+    assert loop is not None and loop.end_depth is None
+    assert loop.area == pytest.approx(2 - 1)
+
+
+def test_a_cycle_that_returns_to_the_largest_depth_is_its_own_loop() -> None:
+    """Unloading along F = 3 delta - 4, reloading along F = delta, between depths 1.5 and 2."""
+    loop = hysteresis_loop(path((2, 2), (1.5, 0.5), (2, 2)))
+    assert loop is not None and loop.area == pytest.approx(0, abs=1e-12)
+    loop = hysteresis_loop(path((2, 2), (1.5, 0.5), (1.5, 1.5), (2, 2)))
+    assert loop is not None and loop.area == pytest.approx(0.25)
