@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
-"""Makes docs/config.md, docs/symbols.md and docs/scenes.md from the schema, the glossary and the shipped scenes.
+"""Makes docs/config.md, symbols.md, scenes.md and files.md from schema, symbols, scenes and sources.
 
 usage: scripts/reference_pages.py [FOLDER]
 """
 
 from __future__ import annotations
 
+import ast
 import dataclasses
 import inspect
 import itertools
@@ -206,12 +207,36 @@ def _head_comment(scene: Path) -> str:
     )
 
 
+def files_markdown() -> str:
+    """docs/files.md: every module of the package with the first line of its docstring."""
+    parts = [
+        "# The files of the package\n\nGenerated from the sources by `scripts/reference_pages.py`.\n"
+    ]
+    package = ROOT / "indent_sim"
+    folders = sorted({path.parent for path in package.rglob("*.py")})
+    for folder in folders:
+        name = folder.relative_to(ROOT).as_posix()
+        parts.append(f"## {name}\n\n{_first_line(folder / '__init__.py')}\n")
+        modules = sorted(path for path in folder.glob("*.py") if path.name != "__init__.py")
+        if modules:
+            rows = [[f"`{path.name}`", _first_line(path)] for path in modules]
+            parts.append(_table(["file", "content"], rows))
+    return "\n".join(parts)
+
+
+def _first_line(module: Path) -> str:
+    docstring = ast.get_docstring(ast.parse(module.read_text(encoding="utf-8"))) or ""
+    paragraph = docstring.split("\n\n")[0]
+    return " ".join(paragraph.split()).replace("|", "\\|")
+
+
 def pages() -> dict[str, str]:
     """The pages by their names in docs/."""
     return {
         "config.md": config_markdown(),
         "symbols.md": symbols_markdown(),
         "scenes.md": scenes_markdown(),
+        "files.md": files_markdown(),
     }
 
 

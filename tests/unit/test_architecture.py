@@ -5,7 +5,6 @@ what.
 from __future__ import annotations
 
 import ast
-import re
 import sys
 from collections.abc import Iterator
 from functools import cache
@@ -310,21 +309,6 @@ def _is_setter(node: ast.AST) -> bool:
     """Whether a method only sets what a documented property gives."""
     marks = getattr(node, "decorator_list", ())
     return any(isinstance(mark, ast.Attribute) and mark.attr == "setter" for mark in marks)
-
-
-def test_the_tree_in_contributing_is_the_tree_on_disk() -> None:
-    """The drawing has one line a file or folder of the package, indented by two spaces a level."""
-    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    drawn, stack = set(), []
-    for line in re.search(r"```\nindent_sim/\n(.*?)```", text, re.DOTALL)[1].splitlines():  # type: ignore[index]
-        indent, names = re.match(r"( +)([\w/]+(?: · [\w/]+)*)", line).groups()  # type: ignore[union-attr]
-        stack = stack[: len(indent) // 2 - 1]
-        drawn |= {"".join([*stack, name]) for name in names.split(" · ")}
-        if names.endswith("/"):
-            stack.append(names)
-    files = {name_of(path).removesuffix(".py") for path in FILES if path.name != "__init__.py"}
-    folders = {name_of(path.parent) + "/" for path in FILES if path.parent != PACKAGE}
-    assert drawn == files | folders
 
 
 @pytest.mark.parametrize(

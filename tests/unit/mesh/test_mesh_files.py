@@ -561,7 +561,7 @@ def test_a_scene_that_does_not_fit_its_mesh_has_its_message(
 
 
 def test_a_mesh_is_part_of_no_other_shape() -> None:
-    with pytest.raises(ConfigError, match="is for body"):
+    with pytest.raises(ConfigError, match="applies only to body"):
         loads(
             "body: {shape: cylinder, radius: 1.0, height: 1.0}\nmaterial: {model: "
             "linear_elastic, E: 1.0, nu: 0.3}\n"
