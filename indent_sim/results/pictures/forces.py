@@ -118,8 +118,10 @@ def draw_many(axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis, loo
         for curve, _, goes_out in curves.lines(*_way(run, depth, force))
     ]
     lines, colours, dashes = zip(*found, strict=True)
+    # A tuple of two line styles would be taken for one style, an offset and its dashes.
+    styles = list(dashes)
     axes.add_collection(
-        LineCollection(lines, colors=colours, linestyles=dashes, linewidths=1.6, joinstyle="round", zorder=2)
+        LineCollection(lines, colors=colours, linestyles=styles, linewidths=1.6, joinstyle="round", zorder=2)
     )
     axes.autoscale_view()
 
