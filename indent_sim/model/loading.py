@@ -196,15 +196,15 @@ class History:
         return min(after - before for (before, _), (after, _) in pairwise(self.points) if after > before)
 
     @property
-    def earliest_row(self) -> float:
-        """Shortest time that passes between the beginning of a piece and a row in it [time].
+    def shortest_time_to_row(self) -> float:
+        """Shortest time from the beginning of a segment of the history to an output row in it [time].
 
-        Infinite where no `times` of rows are given: every step is a row then.
+        Infinite if no `times` of rows are given: every time step is a row then.
         """
-        moments = [
+        durations = [
             t - start for start, end in pairwise([t for t, _ in self.from_rest]) for t in self.times if start < t <= end
         ]
-        return min(moments, default=inf)
+        return min(durations, default=inf)
 
     @property
     def comes_back(self) -> bool:

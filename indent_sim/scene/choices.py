@@ -22,7 +22,7 @@ from indent_sim.scene.cost import DENSE, MOST_CANDIDATES, Cost
 from indent_sim.scene.doubts import FREE, NEGLIGIBLE_ERROR, STIFFEST, penalty_loss
 from indent_sim.scene.expected import NEARLY_STICK, ExpectedAdhesion, infinite_pressure, pulling_rim
 from indent_sim.scene.fineness import Fineness, target_of
-from indent_sim.scene.given import Durations, Given, Physics, draining_size, first_step
+from indent_sim.scene.given import Durations, Given, Physics, drained_face_size, first_step
 from indent_sim.scene.theories import NO_INCLUSIONS, first_of, layer_theory, shape_of
 from indent_sim.theory.solution import UNSOLVED
 from indent_sim.theory.theory import MOST_KEPT
@@ -443,13 +443,13 @@ def steps(given: Given, physics: Physics, sizes: Sizes) -> Choices:
         return []
     why = []
     if physics.permeable:
-        times = Durations.of(given, physics, draining_size(physics, sizes))
+        times = Durations.of(given, physics, drained_face_size(physics, sizes))
         why.append(f"fluid takes {times.contact:.3g} through the contact, {times.height:.3g} through the body")
     if relaxing := [t for region in physics.part.regions if region.relaxing for t in region.relaxing.times]:
         why.append(f"shear relaxes in {min(relaxing):.3g} to {max(relaxing):.3g}")
     method = "SDIRK2" if physics.permeable else "the exponentials' own"
     why.append(f"{given.per_doubling} of each length in every piece of the history, then twice as long; {method}")
-    first = first_step(given, physics, draining_size(physics, sizes))
+    first = first_step(given, physics, drained_face_size(physics, sizes))
     if given.history.jumps and not physics.path.jumps:
         why.append("a jump on this column has no equilibrium at once: the step after it begins before it")
     found: Choices = [Choice("time.first_step", float(f"{first:.4g}"), "; ".join(why))]

@@ -29,7 +29,7 @@ from indent_sim.model.tips import (
     reach,
 )
 from indent_sim.scene.boundary_films import late_rows
-from indent_sim.scene.given import ATTRACTION_REACH, Durations, Given, Physics, draining_size, unused_material
+from indent_sim.scene.given import ATTRACTION_REACH, Durations, Given, Physics, drained_face_size, unused_material
 from indent_sim.scene.theories import half_space_force
 from indent_sim.theory.solution import UNSOLVED
 from indent_sim.theory.theory import Theory
@@ -99,7 +99,7 @@ def of_fluid(given: Given, physics: Physics, sizes: Sizes) -> Iterator[Doubt]:
     """All that speaks against how fluid leaves the body, and how that is resolved."""
     if not physics.permeable or given.history is None:
         return
-    drainage, durations = physics.drainage, Durations.of(given, physics, draining_size(physics, sizes))
+    drainage, durations = physics.drainage, Durations.of(given, physics, drained_face_size(physics, sizes))
     if {drainage.surface, drainage.tip, drainage.base} == {"sealed"} and not physics.drained_walls:
         yield Doubt("sealed", "every surface is sealed: no fluid leaves the body, it only flows inside")
     elements = given.a / sizes.h_contact

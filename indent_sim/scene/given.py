@@ -70,9 +70,10 @@ Center = tuple[float, ...]  # horizontal position of the tip's axis [length]
 # Of the time that fluid takes through the contact, and of that through an element: the first step of a piece. In less
 # than the second an element of linear pressure does not drain as a half-space does, and the force is up to 1.4 % low
 FIRST_STEP, DRAINS_ELEMENT = 1e-3, 6.0
-# First steps in the time from where the tip's speed changes to the next row: the film beside a drained face grows with
-# the root of that time. In one step a row was 6 % off (and its bar 20 %), in eight 0.3 %: columns drawn at random
-# (tests/early_times.py)
+# Least number of time steps between a change of the tip's speed and the next output row. The
+# boundary layer of pore pressure beside a drained face grows with the square root of that time. In
+# one step the force of a row was 6 % wrong with an error bar of 20 %, in eight steps 0.3 %, of
+# confined columns: `python tests/early_times.py --kinds column --accuracy 0.01`.
 STEPS_TO_ROW = 8.0
 # Of the time that fluid takes through the contact, or through a thinner body: within this a sudden bath comes at finite
 # strain, in RAMP_STEPS first steps, since no Newton step finds the layer that swells at once. Elements of a tenth of
@@ -343,11 +344,11 @@ class Durations:
         return max(min(FIRST_STEP * self.contact, shortest), self.element / DRAINS_ELEMENT)
 
 
-def draining_size(physics: Physics, sizes: Sizes) -> float:
-    """Size of the elements at the faces through which fluid leaves [length].
+def drained_face_size(physics: Physics, sizes: Sizes) -> float:
+    """Element size at the drained faces [length], from which the first time step follows.
 
-    Those of the contact, or, where fluid leaves a column through a face far from the tip, those of
-    the film beside that face: it is they that have to drain in the first step.
+    It is that at the contact. A confined column may drain through its base instead; its size is
+    that of the boundary layer of pore pressure there if it is smaller.
     """
     if physics.is_porous_column and sizes.h_film is not None:
         return min(sizes.h_contact, sizes.h_film)
@@ -710,7 +711,7 @@ def first_step(given: Given, physics: Physics, h_contact: float) -> float:
     shortest = max(min(times, default=inf) / PER_TIME, SHORTEST_STEP * given.history.shortest_piece)
     if not physics.permeable:
         return shortest
-    shortest = min(shortest, given.history.earliest_row / STEPS_TO_ROW)
+    shortest = min(shortest, given.history.shortest_time_to_row / STEPS_TO_ROW)
     first = Durations.of(given, physics, h_contact).first(shortest)
     return min(first, physics.bath_ramp / RAMP_STEPS) if physics.bath_ramp else first
 

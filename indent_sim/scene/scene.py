@@ -36,7 +36,7 @@ from indent_sim.scene.expected import (
     stick,
 )
 from indent_sim.scene.fineness import Fineness
-from indent_sim.scene.given import Given, Physics, draining_size, given_by, in_time, on_finite_body
+from indent_sim.scene.given import Given, Physics, drained_face_size, given_by, in_time, on_finite_body
 from indent_sim.scene.sizing import AT_END
 from indent_sim.theory.surface.no_slip import Rubbed
 from indent_sim.theory.theory import Theory
@@ -260,7 +260,7 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     physics = replace(given.physics, wall_stiffness=wall, indenter=tip, contact=law, gap=gap, anchor=anchor)
     solver, linear, cost = _solver(config, given, physics, sizes)
     if is_in_time := choices.follows_whole(config, given, solver):
-        physics = in_time(given, physics, draining_size(physics, sizes))
+        physics = in_time(given, physics, drained_face_size(physics, sizes))
         solver, linear, cost = _solver(config, given, physics, sizes)
     if cost.memory > machine_memory():
         work = physics.work(str(solver.value), str(linear.value))
@@ -278,7 +278,7 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
         choices.refuse_reactions(config, "a body without end is held at its base alone, by the force")
     of_time = (*of_curve, *choices.steps(given, physics, sizes))
     chosen = (*of_body, *of_contact, *of_peak, *of_mesh, solver, linear, *of_time)
-    time = followed(given, physics, draining_size(physics, sizes), _why_so(of_time))
+    time = followed(given, physics, drained_face_size(physics, sizes), _why_so(of_time))
     predicted = _prediction(given, doubted, cost, time)
     said, rough = stick(given, physics, str(linear.value)), rubbed(given, physics, config.contact.friction)
     known = (given.theory, fineness, chosen, doubted, predicted, said, rough, adhesion, given.jkr, time)

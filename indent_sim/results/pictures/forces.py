@@ -118,11 +118,12 @@ def draw_many(axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis, loo
         for curve, _, goes_out in curves.lines(*_way(run, depth, force))
     ]
     lines, colours, dashes = zip(*found, strict=True)
-    # A tuple of two line styles would be taken for one style, an offset and its dashes.
-    styles = list(dashes)
-    axes.add_collection(
-        LineCollection(lines, colors=colours, linestyles=styles, linewidths=1.6, joinstyle="round", zorder=2)
+    # matplotlib reads a tuple of two line styles as one style, (offset, dashes); of a list each
+    # item is the style of a line.
+    collection = LineCollection(
+        lines, colors=colours, linestyles=list(dashes), linewidths=1.6, joinstyle="round", zorder=2
     )
+    axes.add_collection(collection)
     axes.autoscale_view()
 
 
