@@ -229,7 +229,9 @@ IN_TIME: dict[str, dict[str, Any]] = {
 OF_TIME = ("t", "delta", "force", "a", "outflow", "pore_pressure_max", "converged")
 
 
-@pytest.mark.parametrize("names", [("draining",), pytest.param(("rough", "lifted"), marks=pytest.mark.verify)], ids=len)
+@pytest.mark.parametrize(
+    "names", [("draining",), pytest.param(("box", "rough", "lifted"), marks=pytest.mark.verify)], ids=len
+)
 def test_same_histories_on_two_ranks(names: tuple[str, ...], mpirun: Mpirun) -> None:
     """Draining, relaxing with friction, swelling under a tip that is lifted and a weight: to 1e-9 of the largest, and
     what is found by a search to its own tolerance."""
