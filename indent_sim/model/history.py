@@ -75,18 +75,18 @@ class History:
         return min(end - start for (start, _), (end, _) in pairwise(self.points) if end > start)
 
     @property
-    def earliest_row(self) -> float:
-        """Shortest time between the beginning of a segment and a row in it [time].
+    def shortest_time_to_row(self) -> float:
+        """Shortest time from the beginning of a segment of the history to an output row in it [time].
 
-        It is infinite if no `times` of rows are given: every step is a row then.
+        Infinite if no `times` of rows are given: every time step is a row then.
         """
-        moments = [
+        durations = [
             t - start
             for start, end in pairwise([t for t, _ in self.points_from_rest])
             for t in self.times
             if start < t <= end
         ]
-        return min(moments, default=inf)
+        return min(durations, default=inf)
 
     @property
     def has_reloading(self) -> bool:

@@ -11,7 +11,7 @@ from indent_sim.mesh.model_domain import Region
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.elastic_law import LOCKING_POISSON_RATIO
 from indent_sim.process.errors import ConfigError
-from indent_sim.scene.diffusion_times import DiffusionTimes, draining_size
+from indent_sim.scene.diffusion_times import DiffusionTimes, drained_face_size
 from indent_sim.scene.history_path import first_step
 from indent_sim.scene.peak_pressure import infinite_pressure_reason
 from indent_sim.scene.problem_definition import ProblemDefinition
@@ -250,7 +250,7 @@ def time_steps(setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes) ->
         return []
     reasons = []
     if physics.permeable_regions:
-        times = DiffusionTimes.compute(setup, physics, draining_size(physics, sizes))
+        times = DiffusionTimes.compute(setup, physics, drained_face_size(physics, sizes))
         reasons.append(
             f"diffusion takes {times.contact:.3g} over the contact radius, {times.height:.3g} over "
             "the height of the body"
@@ -271,7 +271,7 @@ def time_steps(setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes) ->
         f"in every segment of the history {setup.steps_per_doubling} steps of this length, then as "
         f"many of twice the length, and so on; time integration: {method}"
     )
-    first = first_step(setup, physics, draining_size(physics, sizes))
+    first = first_step(setup, physics, drained_face_size(physics, sizes))
     if setup.history.has_jumps and not physics.path.has_jumps:
         reasons.append(
             "a jump has no equilibrium before fluid has left this body: it is resolved within the "

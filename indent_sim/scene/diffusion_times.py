@@ -58,11 +58,11 @@ class DiffusionTimes:
         )
 
 
-def draining_size(physics: ProblemDefinition, sizes: Sizes) -> float:
-    """Element size at the faces through which fluid leaves [length].
+def drained_face_size(physics: ProblemDefinition, sizes: Sizes) -> float:
+    """Element size at the drained faces [length], from which the first time step follows.
 
-    It is that at the contact, or, if fluid leaves a column through a face far from the tip, that of
-    the film beside this face: these elements have to drain in the first time step.
+    It is that at the contact. A confined column may drain through its base instead; its size is
+    that of the boundary layer of pore pressure there if it is smaller.
     """
     if physics.is_porous_column and sizes.h_film is not None:
         return min(sizes.h_contact, sizes.h_film)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.scene.boundary_films import unresolved_film
-from indent_sim.scene.diffusion_times import DiffusionTimes, draining_size
+from indent_sim.scene.diffusion_times import DiffusionTimes, drained_face_size
 from indent_sim.scene.discretization_warnings import refinement_advice
 from indent_sim.scene.expected_error import NEGLIGIBLE_ERROR, error_text
 from indent_sim.scene.model_warnings import ModelWarning
@@ -33,7 +33,7 @@ def fluid_warnings(
         return
     yield from _seal_warnings(setup, physics, sizes)
     yield from _locking_warnings(physics)
-    diffusion_times = DiffusionTimes.compute(setup, physics, draining_size(physics, sizes))
+    diffusion_times = DiffusionTimes.compute(setup, physics, drained_face_size(physics, sizes))
     if setup.is_half_space and setup.history.duration > diffusion_times.wall:
         yield ModelWarning(
             "diffusion",

@@ -29,7 +29,7 @@ from indent_sim.scene.cost import (
     SolverWork,
 )
 from indent_sim.scene.cost import predict_cost as cost_of
-from indent_sim.scene.diffusion_times import draining_size
+from indent_sim.scene.diffusion_times import drained_face_size
 from indent_sim.scene.discretization_warnings import scene_warnings
 from indent_sim.scene.fluid_warnings import fluid_warnings
 from indent_sim.scene.history_path import problem_along_history
@@ -378,7 +378,7 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
     )
     solver, linear, cost = _choose_solver(config, setup, physics, sizes)
     if is_in_time := choices.is_followed_on_body(config, setup, solver):
-        physics = problem_along_history(setup, physics, draining_size(physics, sizes))
+        physics = problem_along_history(setup, physics, drained_face_size(physics, sizes))
         solver, linear, cost = _choose_solver(config, setup, physics, sizes)
     if cost.memory > machine_memory():
         work = physics.solver_work(str(solver.value), str(linear.value))
@@ -425,7 +425,7 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
         *time_choices,
     )
     time = time_prediction(
-        setup, physics, draining_size(physics, sizes), _history_reason(time_choices)
+        setup, physics, drained_face_size(physics, sizes), _history_reason(time_choices)
     )
     prediction = _predict(setup, warnings, cost, time)
     no_slip = no_slip_effect(setup, physics, str(linear.value))

@@ -20,7 +20,7 @@ from indent_sim.run.error_estimation.error_bars import ErrorBars
 from indent_sim.run.error_estimation.step_refinement import step_refinement
 from indent_sim.scene.scene import Scene
 
-SCENES, STICKY = 6, 5  # 20 s of CPU each; 120 and 80 told no more of the bars
+SCENES, STICKY = 5, 5  # 20 s of CPU each; 120 and 80 told no more of the bars
 READ = ("force", "a", "p_max", "stick_radius")  # off the row itself; heat is that since rest
 
 

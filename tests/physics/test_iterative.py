@@ -65,7 +65,6 @@ SCENES: dict[str, dict[str, Any]] = {
         "indenter": {"shape": "paraboloid", "R": 1.0, "center": [0.1, 0.0]},
     },
     "stiffer along z": {"material": ALONG_Z},
-    "a ball of other matter inside": {"body": BOX | {"inclusions": [NUCLEUS]}},
     "neo-Hookean": BALL | {"body": CUBE, "material": NEO_HOOKEAN},
     "neo-Hookean, mixed": BALL | {"body": CUBE, "material": NEO_HOOKEAN | {"nu": 0.4999}},
     "unloading": {"loading": {"deltas": [0.02, 0.03, 0.01]}},
@@ -90,7 +89,6 @@ def on(linear: str, sections: dict[str, Any]) -> Scene:
 LONG = {
     "neo-Hookean, mixed",
     "rubber",
-    "a ball of other matter inside",
     "a soft ball inside",
     "whole, off centre",
     "nearly incompressible",

@@ -11,7 +11,7 @@ from indent_sim.run.row_warnings import MAX_ROUGHNESS
 
 
 @pytest.mark.verify
-@pytest.mark.parametrize("number", range(8))
+@pytest.mark.parametrize("number", range(5))
 def test_rough_pressures_are_warned_of(number: int) -> None:
     """By a measure that knows nothing of the facets of which the run's own measure is made."""
     found = judged(drawn(1, number))

@@ -55,20 +55,10 @@ def over(mapping: dict[str, Any], folder: Path) -> dict[str, list[float]]:
     return ratios
 
 
-@pytest.mark.parametrize(
-    ("kind", "steps"),
-    [
-        ("draining", 2),
-        *(pytest.param(kind, None, marks=pytest.mark.verify) for kind in ("draining", "relaxing")),
-    ],
-)
-def test_rows_of_one_scene_are_inside_their_bars(
-    kind: str, steps: int | None, tmp_path: Path
-) -> None:
-    (mapping,) = time_scenes(1, 5, (kind,))
-    mapping["loading"] |= {"times": mapping["loading"]["times"][2::3]} | (
-        {"per_doubling": steps} if steps else {}
-    )
+def test_rows_of_one_scene_are_inside_their_bars(tmp_path: Path) -> None:
+    """A draining layer in two steps of each length, whose bars are those of its steps in time."""
+    (mapping,) = time_scenes(1, 5, ("draining",))
+    mapping["loading"] |= {"times": mapping["loading"]["times"][2::3], "per_doubling": 2}
     found = over(mapping, tmp_path)
     assert min(found["force"]) >= 1 and min(found["a"]) >= 1
 
@@ -140,19 +130,16 @@ def test_fluid_that_comes_from_nowhere_ends_the_run(
 
 @pytest.mark.verify
 def test_rows_drawn_at_random_are_inside_their_bars(tmp_path: Path) -> None:
-    """A scene of each kind, some 50 rows: of these 95 % is uncertain by 3, by threes and fours of
-    one mesh.
-    """
+    """A scene of every second kind, some 25 rows, of which one or two may miss; test_early_times has the others."""
     ratios: dict[str, list[float]] = {name: [] for name in NAMES}
-    for k, mapping in enumerate(time_scenes(len(KINDS), 12)):
+    for k, mapping in enumerate(time_scenes(len(KINDS), 12)[::2]):
         if "times" not in mapping["loading"]:  # a tip that is lifted has no force to judge
             continue
         for name, found in over(mapping, tmp_path / str(k)).items():
             ratios[name] += found
-    for name, found in ratios.items():
+    for name, found in ((name, found) for name, found in ratios.items() if found):
         print(
-            f"{name}: {np.mean(np.array(found) >= 1):.3f} of {len(found)} rows, "
-            f"{np.median(found):.2g}"
+            f"{name}: {np.mean(np.array(found) >= 1):.3f} of {len(found)} rows, {np.median(found):.2g}"
         )
     assert np.mean(np.array(ratios["force"] + ratios["delta"]) >= 1) >= 0.92
     assert np.mean(np.array(ratios["a"]) >= 1) >= 0.92
@@ -179,11 +166,10 @@ def test_an_accuracy_is_met_in_time(mapping: dict[str, Any], tmp_path: Path) -> 
 
 
 @pytest.mark.verify
-@pytest.mark.parametrize("part", [0, 3])
-def test_every_scene_drawn_at_random_ends(part: int, tmp_path: Path) -> None:
+def test_every_scene_drawn_at_random_ends(tmp_path: Path) -> None:
     """All rows, or an end that says why; a force falls in a hold, to what the solver leaves."""
     lost = []
-    for k, mapping in enumerate(time_scenes(10 * len(KINDS), 2)[part::10]):
+    for k, mapping in enumerate(time_scenes(10 * len(KINDS), 2)[::10]):
         config = config_from_mapping(mapping | {"output": mapping["output"] | {"plot": False}})
         try:
             rows = simulate(
@@ -201,11 +187,9 @@ def test_every_scene_drawn_at_random_ends(part: int, tmp_path: Path) -> None:
 
 @pytest.mark.verify
 def test_scenes_drawn_at_random_go_on_from_any_row(tmp_path: Path) -> None:
-    """One of each kind stopped at a row drawn at random: the rest is that of one run, to what its
-    iterations leave.
-    """
+    """Every second kind stopped at a row drawn at random: the rest is that of one run, to what its iterations leave."""
     rng, worst = np.random.default_rng(41), 0.0
-    for k, mapping in enumerate(time_scenes(len(KINDS), 41)):
+    for k, mapping in enumerate(time_scenes(len(KINDS), 41)[::2]):
         config = config_from_mapping(mapping | {"output": mapping["output"] | {"plot": False}})
         whole = simulate(config, directory=tmp_path / f"{k} whole").states
         last = int(rng.integers(1, len(whole))) if len(whole) > 1 else 1

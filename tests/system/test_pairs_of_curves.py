@@ -163,8 +163,8 @@ def test_every_curve_is_drawn_beside_another():
 
 @pytest.mark.verify
 def test_pairs_are_drawn():
-    """Every third of all pairs: each name is in many of them, as either."""
-    for first, second in itertools.islice(itertools.combinations(NAMES, 2), 0, None, 3):
+    """Every sixth of all pairs: each name is in several of them, as either."""
+    for first, second in itertools.islice(itertools.combinations(NAMES, 2), 0, None, 6):
         picture_of(first, second)
 
 
@@ -219,6 +219,6 @@ def test_a_history_as_reference_counts_by_its_approach():
 
 @pytest.mark.verify
 def test_scenes_are_compared_with_everything():
-    """Every third of all pairs: as names are sixteen, each scene is beside other ones."""
-    for scene, reference in itertools.islice(itertools.product(SCENES, NAMES), 0, None, 3):
+    """Every fifth of all pairs: as names are sixteen, each scene is beside other ones."""
+    for scene, reference in itertools.islice(itertools.product(SCENES, NAMES), 0, None, 5):
         study_of(scene, reference)

@@ -7,6 +7,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -987,10 +988,15 @@ cases:
 
     @pytest.mark.verify
     def test_our_numbers_are_within_their_bars_of_the_exact_ones(self, tmp_path):
-        """All published values; those named as wrong are known to be: the pyramid's factor, and
-        Hayes' table.
-        """
-        path = ROOT / "configs" / "studies" / "verification" / "published.yaml"
+        """All published values, to 1 % here and to 0.2 % in docs/verification.md; those named as wrong are known to
+        be: the pyramid's factor, and Hayes' table."""
+        shutil.copytree(ROOT / "configs", tmp_path / "configs")
+        path = tmp_path / "configs" / "studies" / "verification" / "published.yaml"
+        text = path.read_text(encoding="utf-8")
+        assert "set: {accuracy: 0.002}" in text
+        path.write_text(
+            text.replace("set: {accuracy: 0.002}", "set: {accuracy: 0.01}"), encoding="utf-8"
+        )
         board = studies.execute_study(path, output=tmp_path / "out", jobs=2).scoreboard
         assert [row["case"] for row in board if row["wrong"] in ("ours", "both", "unknown")] == []
         assert [row["case"] for row in board if row["ours"] is None] == []

@@ -142,17 +142,21 @@ def test_no_picture_of_a_shipped_study_has_a_fault(
     assert {name: found for name, found in drawn.items() if found} == {}
 
 
-def test_many_curves_are_drawn_as_few_are() -> None:
-    """Loading and unloading of each, as one collection of lines: the same points, colours, dashes
-    and limits.
+@pytest.mark.parametrize("count", [1, 12])
+def test_many_curves_are_drawn_as_few_are(count: int) -> None:
+    """Loading and unloading of each, as one collection of lines: the same points, colours, dashes and limits.
+
+    One run has two lines, whose two styles matplotlib took for one.
     """
     random = np.random.default_rng(2)
     depth = np.array([0.2, 0.5, 1.0, 0.6, 0.1])
     runs = []
-    for factor in random.uniform(1.0, 2.0, 12):
+    for factor in random.uniform(1.0, 2.0, count):
         table = {"step": np.arange(1.0, 6.0), "delta": depth, "force": factor * depth**1.5}
         runs.append(Results(Path("run"), table, {"status": "done", "units": {}}))
-    looks = [{"color": (0.1 * (i % 10), 0.0, 0.5, 1.0), "marker": "", "ls": "-"} for i in range(12)]
+    looks = [
+        {"color": (0.1 * (i % 10), 0.0, 0.5, 1.0), "marker": "", "ls": "-"} for i in range(count)
+    ]
     of_depth, of_force = axis_of_column("delta", runs), axis_of_column("force", runs)
     with figures.new_figure((6, 3)) as figure:
         few, many = figure.subplots(1, 2)
@@ -161,12 +165,14 @@ def test_many_curves_are_drawn_as_few_are() -> None:
         draw_force_lines(many, runs, of_depth, of_force, looks)
         (lines,) = many.collections
         drawn = [line for line in few.lines if len(line.get_xdata())]
-        assert len(lines.get_paths()) == len(drawn) == 24
+        assert len(lines.get_paths()) == len(drawn) == 2 * count
         for path, colour, line in zip(lines.get_paths(), lines.get_colors(), drawn, strict=True):
             np.testing.assert_array_equal(path.vertices, np.column_stack(line.get_data()))
             assert to_rgba(line.get_color()) == tuple(colour)
         dashed = [dashes is not None for _, dashes in lines.get_linestyles()]
-        assert dashed == [line.is_dashed() for line in drawn] and sum(dashed) == 12  # the way out
+        assert (
+            dashed == [line.is_dashed() for line in drawn] and sum(dashed) == count
+        )  # the way out
         np.testing.assert_allclose(
             [many.get_xlim(), many.get_ylim()], [few.get_xlim(), few.get_ylim()], rtol=1e-12
         )

@@ -211,11 +211,12 @@ def draw_force_lines(
         for curve, _, goes_out in curves.branch_lines(*_force_rows(run, depth, force))
     ]
     lines, colours, dashes = zip(*styled_lines, strict=True)
-    axes.add_collection(
-        LineCollection(
-            lines, colors=colours, linestyles=dashes, linewidths=1.6, joinstyle="round", zorder=2
-        )
+    # matplotlib reads a tuple of two line styles as one style, (offset, dashes); of a list each
+    # item is the style of a line.
+    collection = LineCollection(
+        lines, colors=colours, linestyles=list(dashes), linewidths=1.6, joinstyle="round", zorder=2
     )
+    axes.add_collection(collection)
     axes.autoscale_view()
 
 

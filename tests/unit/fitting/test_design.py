@@ -11,14 +11,12 @@ from measurements import HALF_SPACE, relaxing, scene
 from indent_sim.config.schema import Config
 from indent_sim.fitting.design import Design, _plan_measurement, design_measurement
 from indent_sim.fitting.forward_model.forward_model import ForwardModelCache
-from indent_sim.fitting.forward_model.parameters import ADHESION_WORK_KEY
 from indent_sim.fitting.inference.estimate import OriginOptions, Samples, fit_model
 from indent_sim.fitting.inference.noise import NORMAL_95
 from indent_sim.process.errors import ConfigError
 
 SLS, TERM = [[0.5, 0.6]], "material.relaxation.prony[0]"
 HELD = {"loading": {"history": [[0, 0], [1, 0.1], [2, 0.1]]}}
-ADHERING = scene(HALF_SPACE, experiment={"adhesion": {"work": 0.002}})
 HELD_BODY = scene(HALF_SPACE, material=relaxing(SLS).material, **HELD)
 
 
@@ -51,10 +49,10 @@ def test_the_expected_interval_is_the_spread_of_forty_fits():
 
 @pytest.mark.verify
 @pytest.mark.parametrize("config, keys", [
-    (scene(), ["material.E"]), (scene(), ["material.E", "body.height"]), (ADHERING, ["material.E", ADHESION_WORK_KEY]),
+    (scene(), ["material.E"]),
     (scene(experiment={"cantilever": {"stiffness": 0.3}}), ["material.E"]),
     (HELD_BODY, ["material.E", f"{TERM}[0]", f"{TERM}[1]"]),
-], ids=["E", "E and height", "adhesion", "cantilever", "relaxation"])  # fmt: skip
+], ids=["E", "cantilever", "relaxation"])  # fmt: skip
 def test_expected_intervals_are_the_spread_of_a_hundred_fits(config, keys):
     """1.3 is four deviations of the spread of 100; measured 0.95 to 1.08."""
     found = design_measurement(config, keys, 0.005, 300)
