@@ -125,18 +125,33 @@ def _no_numbers(draw: np.random.Generator) -> dict[str, tuple[str | bytes, str |
     bad = int(draw.integers(50, 250))
     one_word = "\n".join([*lines[:bad], "0.1,a lot", *lines[bad:]])
     files: dict[str, str] = {
-        "empty": "", "blank": " \n\t\n \n", "header only": "delta,force\n", "words": "to be,or not\n" * 60,
-        "one column": text((F,), head="force\n"), "one bare column": text((F,), head=""), "one word": one_word,
-        "no force": text((x, F), ",", "delta,width\n"), "no depth": text((x, F), ",", "colour,force\n"),
+        "empty": "",
+        "blank": " \n\t\n \n",
+        "header only": "delta,force\n",
+        "words": "to be,or not\n" * 60,
+        "one column": text((F,), head="force\n"),
+        "one bare column": text((F,), head=""),
+        "one word": one_word,
+        "no force": text((x, F), ",", "delta,width\n"),
+        "no depth": text((x, F), ",", "colour,force\n"),
         "ragged rows": "\n".join(["delta,force", *(line.split(",")[0] for line in ragged)]),
-        "json": '{"delta": [0, 1], "force": [0, 1]}', "xml": "<a>\n<b/>\n</a>\n", "quotes": '"\n' * 60,
-        "separators": ",,,,\n" * 60, "one line": ",".join(lines), "long line": "1," * 200_000,
-        "underscores": text((x, F)).replace(".", "_"), "hexadecimal": "delta,force\n" + "0x1,0x2\n" * 60,
-        "all nan": "delta,force\n" + "nan,nan\n" * 60, "all inf": "delta,force\n" + "inf,-inf\n" * 60,
-        "mostly holes": "delta,force\n" + "1,\n" * 60 + "1,2\n" * 40, "hash": "#\n" * 60,
-        "formulas": "delta,force\n" + "=A1,=B1\n" * 60, "tab of blanks.tab": "\t\t\t\n" * 60,
-        "metadata.tab": "# BEGIN METADATA\n# {broken\n# END METADATA\n#\n", "page": "<!DOCTYPE html><p>1,2</p>",
-    }  # fmt: skip
+        "json": '{"delta": [0, 1], "force": [0, 1]}',
+        "xml": "<a>\n<b/>\n</a>\n",
+        "quotes": '"\n' * 60,
+        "separators": ",,,,\n" * 60,
+        "one line": ",".join(lines),
+        "long line": "1," * 200_000,
+        "underscores": text((x, F)).replace(".", "_"),
+        "hexadecimal": "delta,force\n" + "0x1,0x2\n" * 60,
+        "all nan": "delta,force\n" + "nan,nan\n" * 60,
+        "all inf": "delta,force\n" + "inf,-inf\n" * 60,
+        "mostly holes": "delta,force\n" + "1,\n" * 60 + "1,2\n" * 40,
+        "hash": "#\n" * 60,
+        "formulas": "delta,force\n" + "=A1,=B1\n" * 60,
+        "tab of blanks.tab": "\t\t\t\n" * 60,
+        "metadata.tab": "# BEGIN METADATA\n# {broken\n# END METADATA\n#\n",
+        "page": "<!DOCTYPE html><p>1,2</p>",
+    }
     return {name: (data, UNREADABLE) for name, data in files.items()}
 
 
@@ -148,18 +163,28 @@ def _no_curve(draw: np.random.Generator) -> dict[str, tuple[str | bytes, str | N
     few = slice(140, 160)
     step = int(draw.integers(100, 200))
     files: dict[str, tuple[np.ndarray, np.ndarray, str | None]] = {
-        "constant": (x, zero + 1.5, "no contact"), "noise alone": (x, noise, "no contact"),
-        "one depth": (zero + 0.1, F, "no contact: the depth"), "one point often": (zero, zero, "no contact: the depth"),
-        "few points": (x[few], F[few], "20 points"), "saturated": (x, np.minimum(F, 0.3 * F.max()), "saturated"),
-        "turned": (x, -F, "no contact"), "waves": (x, np.sin(200 * x), None),
-        "beyond numbers": (1e200 * x, 1e300 * F, UNREADABLE), "near the largest": (1e90 * x, 1e90 * F, None),
-        "smallest": (1e-300 * x, 1e-300 * F, None), "no baseline": (x[x > 0.3], F[x > 0.3], None),
-        "a cliff": (x, 1.0 * (np.arange(n) > step), None), "one spike": (x, noise + 1e6 * (np.arange(n) == step), None),
-        "spikes": (x, F + 1e3 * (draw.random(n) < 0.02), None), "two levels": (x, np.round(F / F.max()), None),
+        "constant": (x, zero + 1.5, "no contact"),
+        "noise alone": (x, noise, "no contact"),
+        "one depth": (zero + 0.1, F, "no contact: the depth"),
+        "one point often": (zero, zero, "no contact: the depth"),
+        "few points": (x[few], F[few], "20 points"),
+        "saturated": (x, np.minimum(F, 0.3 * F.max()), "saturated"),
+        "turned": (x, -F, "no contact"),
+        "waves": (x, np.sin(200 * x), None),
+        "beyond numbers": (1e200 * x, 1e300 * F, UNREADABLE),
+        "near the largest": (1e90 * x, 1e90 * F, None),
+        "smallest": (1e-300 * x, 1e-300 * F, None),
+        "no baseline": (x[x > 0.3], F[x > 0.3], None),
+        "a cliff": (x, 1.0 * (np.arange(n) > step), None),
+        "one spike": (x, noise + 1e6 * (np.arange(n) == step), None),
+        "spikes": (x, F + 1e3 * (draw.random(n) < 0.02), None),
+        "two levels": (x, np.round(F / F.max()), None),
         "all at random": (draw.standard_normal(n), draw.standard_normal(n), None),
-        "random order": (*(one[draw.permutation(n)] for one in (x,)), F, None), "huge depth": (1e6 * x, F, None),
-        "every depth twice": (np.repeat(x[::2], 2), F, None), "tension only": (x, -np.abs(noise) - 1, None),
-    }  # fmt: skip
+        "random order": (*(one[draw.permutation(n)] for one in (x,)), F, None),
+        "huge depth": (1e6 * x, F, None),
+        "every depth twice": (np.repeat(x[::2], 2), F, None),
+        "tension only": (x, -np.abs(noise) - 1, None),
+    }
     return {name: (text((depth, force)), reason) for name, (depth, force, reason) in files.items()}
 
 
@@ -178,9 +203,12 @@ def _damaged(draw: np.random.Generator) -> dict[str, tuple[str | bytes, str | No
         return good[:end] + good[begin:]
 
     ways: dict[str, Callable[[], bytes]] = {
-        "cut": lambda: good[: int(draw.integers(1, len(good)))], "spliced": spliced, "sprinkled": sprinkled,
-        "begins late": lambda: good[int(draw.integers(1, len(good))) :], "twice": lambda: good + good,
-    }  # fmt: skip
+        "cut": lambda: good[: int(draw.integers(1, len(good)))],
+        "spliced": spliced,
+        "sprinkled": sprinkled,
+        "begins late": lambda: good[int(draw.integers(1, len(good))) :],
+        "twice": lambda: good + good,
+    }
     files: dict[str, tuple[str | bytes, str | None]] = {
         name: (way(), None) for name, way in ways.items()
     }

@@ -51,7 +51,6 @@ NUMBER = re.compile(rb"-?\d+\.?\d*(?:e[+-]\d+)?")
 Body = dict[str, Any]
 
 # ---- arrays
-# ----------------------------------------------------------------------------------------------------------
 
 
 def scaled(rng: random.Random, body: Body) -> None:
@@ -177,7 +176,6 @@ ARRAYS: list[Callable[[random.Random, Body], None]] = [
 ]
 
 # ---- bytes
-# -----------------------------------------------------------------------------------------------------------
 
 
 def cut(rng: random.Random, data: bytes) -> bytes:
@@ -288,7 +286,6 @@ def spoilt(rng: random.Random, path: Path) -> Path:
 
 
 # ---- files
-# -----------------------------------------------------------------------------------------------------------
 
 
 def _version_4(binary: bool, path: Path, body: Body) -> None:
@@ -373,7 +370,6 @@ def valid(rng: random.Random, folder: Path, body: Body) -> Path:
 
 
 # ---- bombs
-# -----------------------------------------------------------------------------------------------------------
 
 
 def sparse_numbers(rng: random.Random, folder: Path) -> Path:

@@ -292,7 +292,6 @@ class Reference:
         return None
 
     # ---- pairs of scenes, with and without
-    # -----------------------------------------------------------------------
 
     def _paraboloid(self) -> tuple[Document, ...]:
         tip = self.plain["indenter"]
@@ -350,7 +349,6 @@ class Reference:
         return {"contact": self.plain["contact"] | self.scene["contact"]} | self._steps(STEPS), {}
 
     # ---- how
-    # ------------------------------------------------------------------------------------------------------
 
     def _reached(self, way: float) -> float:
         """The depth that a tip reaches when its base goes that way: F(d)/k less, by a power law

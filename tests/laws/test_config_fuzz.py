@@ -182,7 +182,6 @@ def test_numbers_come_back_to_the_last_digit(size, deltas, x, y):
 
 
 # ---- documents with several mistakes
-# --------------------------------------------------------------------------------
 
 SCENES: list[dict[str, Any]] = [
     parse(SCENE)[0],

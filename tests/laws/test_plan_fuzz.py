@@ -162,7 +162,6 @@ def put(document: Any, path: tuple, value: Any) -> None:
 
 
 # ---- what is done to a scene
-# ----------------------------------------------------------------------------------
 
 
 def number(draw: Any, document: dict[str, Any]) -> None:
@@ -258,7 +257,6 @@ def studies(draw: Any) -> dict[str, Any]:
 
 
 # ---- what may come of it
-# --------------------------------------------------------------------------------------
 
 
 def ended(

@@ -150,7 +150,6 @@ def test_bars_hold_the_numbers_of_a_few_scenes(tmp_path: Path) -> None:
 
 
 # ---- what is read off a solution
-# --------------------------------------------------------------------------------
 
 
 def errors(case: Case, **sections: Any) -> tuple[np.ndarray, np.ndarray]:

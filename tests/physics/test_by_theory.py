@@ -55,7 +55,6 @@ def by_theory(*args: Any, **sections: Any) -> list[State]:
 
 
 # ---- the numbers
-# -----------------------------------------------------------------------------------------------
 
 
 def test_hertz_and_sneddon_to_eight_digits() -> None:
@@ -134,7 +133,6 @@ def test_out_of_contact_there_is_nothing() -> None:
 
 
 # ---- the folder
-# ------------------------------------------------------------------------------------------------
 
 
 def test_what_the_table_says(tmp_path: Path) -> None:

@@ -124,7 +124,6 @@ def test_augmented_lagrangian_solves_its_own_equations(method: str, multiple: fl
 
 
 # ---- where the set ends
-# -----------------------------------------------------------------------------------------
 
 
 def test_hats_jitter_less_than_conditions_at_the_nodes() -> None:
@@ -153,7 +152,6 @@ def test_hats_jitter_less_than_conditions_at_the_nodes() -> None:
 
 
 # ---- active sets that go round in a circle
-# --------------------------------------------------------------------
 
 
 def circling() -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -70,8 +70,12 @@ def test_a_load_path_at_finite_strain_scales_with_its_only_modulus():
     """By dimension: the table at E = 1 times three is that of the scene with E = 3."""
     material = {"model": "neo_hookean", "E": 1.0, "nu": 0.4}
     more = {"mesh": {"h_contact": 0.1, "h_far": 0.6}}
-    soft, hard = (ForwardModel(scene(WIDE | {"radius": 2.0}, material=material | {"E": E}, **more), ["material.E"], 0.2)
-                  for E in (1.0, 3.0))  # fmt: skip
+    soft, hard = (
+        ForwardModel(
+            scene(WIDE | {"radius": 2.0}, material=material | {"E": E}, **more), ["material.E"], 0.2
+        )
+        for E in (1.0, 3.0)
+    )
     depths = np.array([0.03, 0.1, 0.2])
     np.testing.assert_allclose(
         soft(np.log([3.0]), depths), hard(np.log([3.0]), depths), rtol=1e-6

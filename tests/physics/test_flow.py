@@ -175,7 +175,6 @@ def undrained(E: float, nu: float, alpha: float, storage: float) -> tuple[float,
 
 
 # ---- limits
-# --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("alpha", "storage"), [(1.0, 0.0), (0.8, 0.5), (0.5, 2.0)])
@@ -213,7 +212,6 @@ def test_a_nearly_incompressible_drained_law_keeps_its_own_pressure(nu: float) -
 
 
 # ---- exact solutions
-# -----------------------------------------------------------------------------------------------
 
 
 def under_plate(
@@ -324,7 +322,6 @@ def test_flat_punch_on_a_half_space() -> None:
 
 
 # ---- time
-# ----------------------------------------------------------------------------------------------------------
 
 
 def relaxation(body: Draining, per_doubling: int, first: float, end: float) -> float:
@@ -416,7 +413,6 @@ def test_a_step_that_is_taken_back_leaves_nothing() -> None:
 
 
 # ---- the surface
-# ---------------------------------------------------------------------------------------------------
 
 
 def test_a_tip_that_drains_lets_the_force_fall_sooner() -> None:
@@ -469,7 +465,6 @@ def test_a_bath_swells_a_free_body() -> None:
 
 
 # ---- together with the rest
-# ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("friction", [0.3, "stick"])
@@ -572,7 +567,6 @@ def test_a_column_that_is_shorter_by_a_fifth(pores: HolmesMow | None) -> None:
 
 
 # ---- scenes with a history
-# -----------------------------------------------------------------------------------------
 
 WET = DRAINED | {"flow": {"permeability": PERMEABILITY}}
 RAMP = [[5.0, 0.0], [5.001, DELTA], [6.0, DELTA], [6.1, 0.01]]

@@ -189,7 +189,6 @@ def test_without_flow_it_is_at_rest_in_its_bath() -> None:
 
 
 # ---- as Biot's body at small strain, and in time
-# --------------------------------------------------------------------
 
 SOLID = {
     "model": "linear_elastic",
@@ -203,9 +202,15 @@ def at_once_and_at_last(delta: float, material: dict[str, Any]) -> tuple[float, 
     loading = {"history": [[0, delta], [1e5, delta]], "times": [0.0, 1e5], "per_doubling": 2}
     paraboloid = {"shape": "paraboloid", "R": 1.0}
     base = scene(
-        LAYER, material=material, indenter=paraboloid, mesh={"h_contact": 0.1 * delta**0.5}, loading=loading,
-        drainage={"bath": Gel(G=1.0, n_omega=1e-3, chi=0.6).free_swelling_potential(STRETCH)} if "G" in material else {},
-    )  # fmt: skip
+        LAYER,
+        material=material,
+        indenter=paraboloid,
+        mesh={"h_contact": 0.1 * delta**0.5},
+        loading=loading,
+        drainage={"bath": Gel(G=1.0, n_omega=1e-3, chi=0.6).free_swelling_potential(STRETCH)}
+        if "G" in material
+        else {},
+    )
     first, last = rows(base)
     return first.force, last.force
 

@@ -39,7 +39,6 @@ def numbers(state: State) -> list[float]:
 
 
 # ---- units
-# ----------------------------------------------------------------------------------------------------
 
 SHAPES = {
     "axisymmetric": (CYLINDER, COARSE | {"loading": {"delta": 0.01, "steps": 3}}),
@@ -107,7 +106,6 @@ def test_forces_are_proportional_to_the_modulus(reference: Any, factor: float) -
 
 
 # ---- the path
-# -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -170,7 +168,6 @@ def test_gap_and_depth_scale_together() -> None:
 
 
 # ---- rigid motions
-# --------------------------------------------------------------------------------------------
 
 
 def rigid_motions(dim: int, axisymmetric: bool, X: np.ndarray) -> list[np.ndarray]:

@@ -117,7 +117,6 @@ def test_peak_pressure_of_the_automatic_mesh(solved: tuple[Case, State]) -> None
 
 
 # ---- convergence
-# ----------------------------------------------------------------------------------------------
 #
 # Near field, far field and grading shrink together: a mesh that keeps its grading keeps the error
 # of its rings, however small the elements near the tip are. Which elements touch changes with the

@@ -111,7 +111,6 @@ def rotation(seed: int) -> np.ndarray:
 
 
 # ---- the law of the notes' original code, exactly
-# ------------------------------------------------------------
 
 HOMOGENEOUS = 1e-9  # the printed digits of the reference
 
@@ -159,7 +158,6 @@ def test_simple_shear() -> None:
 
 
 # ---- the other laws, against the textbook stress of an incompressible bar
-# -----------------------------------------
 
 
 def incompressible_uniaxial(name: str, stretch: float) -> float:
@@ -330,7 +328,6 @@ def test_mixed_is_the_displacement_law_at_its_pressure(name: str) -> None:
 
 
 # ---- special cases of one law are another
-# ------------------------------------------------------------
 
 NEO = MooneyRivlin(C10=0.5, nu=0.3)  # the isochoric neo-Hookean law, mu = 1
 SAME = {

@@ -208,7 +208,6 @@ def test_a_resumed_run_guesses_as_an_undisturbed_one(name: str, origin: str) -> 
 
 
 # ---- time
-# ----------------------------------------------------------------------------------------------------------
 
 
 class Maxwell(Term):

@@ -45,7 +45,6 @@ def extrapolated(soft: list[State], stiff: list[State]) -> np.ndarray:
 
 
 # ---- one answer
-# -----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -97,7 +96,6 @@ def test_methods_agree_on_the_cube(h: float, names: tuple[str, ...]) -> None:
 
 
 # ---- against theory
-# -------------------------------------------------------------------------------------------
 
 TIPS = {
     "paraboloid": (PARABOLOID, 0.01, 0.004),
@@ -182,7 +180,6 @@ def test_hertz_at_every_step(name: str) -> None:
 
 
 # ---- the parameter
-# --------------------------------------------------------------------------------------------
 
 DECADES = {"augmented_lagrangian": (-3, 0, 3), "uzawa": (0, 1, 3)}
 FAR_DECADES = {"augmented_lagrangian": (-6, 6), "uzawa": (5,), "nitsche": (6,), "penalty": (6,)}
@@ -286,7 +283,6 @@ def test_active_set_has_no_parameter(tmp_path: Path) -> None:
 
 
 # ---- work
-# -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
@@ -328,7 +324,6 @@ def test_one_step_or_ten_by_the_other_methods(name: str) -> None:
 
 
 # ---- smooth results
-# -------------------------------------------------------------------------------------------
 
 
 def rise(r: np.ndarray, pressure: np.ndarray) -> float:

@@ -129,7 +129,6 @@ def test_body_between_two_of_its_walls() -> None:
 
 
 # ---- Fung's law, uniform at finite strain
-# ------------------------------------------------------------
 
 FUNG = {"model": "fung", "mu": 1.0, "b": 0.8, "nu": 0.3}
 

@@ -62,9 +62,14 @@ def in_time(name: str, law: PronySeries) -> tuple[Scene, Any]:
     body, material, tip, mesh = SCENES[name]
     contact = {"gap": "reference"} if body is BAR else {}
     base = scene(
-        body, material=material, indenter=tip, mesh=mesh, contact=contact, solver={"method": "newton"},
+        body,
+        material=material,
+        indenter=tip,
+        mesh=mesh,
+        contact=contact,
+        solver={"method": "newton"},
         loading={"delta": 0.01},
-    )  # fmt: skip
+    )
     return relaxing(base, law), meshed(base)
 
 
@@ -77,12 +82,19 @@ SCENES: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any], dict[str
     "layer": (LAYER, HOOKE, PARABOLOID, COARSE),
     "incompressible layer": (LAYER, HOOKE | {"nu": 0.5}, PARABOLOID, COARSE),
     "rubber": (LAYER, MOONEY | {"nu": 0.5}, PARABOLOID, COARSE),
-    "ogden": (LAYER, {"model": "ogden", "mu": [0.6, -0.2], "alpha": [1.7, -2.3], "nu": 0.5}, PARABOLOID, COARSE),
+    "ogden": (
+        LAYER,
+        {"model": "ogden", "mu": [0.6, -0.2], "alpha": [1.7, -2.3], "nu": 0.5},
+        PARABOLOID,
+        COARSE,
+    ),
     "box": (
-        {"shape": "box", "size": [2.0, 2.0, 1.0], "base": "fixed", "sides": "free"}, HOOKE | {"nu": 0.5}, PARABOLOID,
+        {"shape": "box", "size": [2.0, 2.0, 1.0], "base": "fixed", "sides": "free"},
+        HOOKE | {"nu": 0.5},
+        PARABOLOID,
         {"h_contact": 0.05, "h_far": 0.4},
     ),
-}  # fmt: skip
+}
 
 
 def ladder(first: float, end: float, per_doubling: int) -> list[float]:
@@ -121,7 +133,6 @@ def held(
 
 
 # ---- bars
-# ----------------------------------------------------------------------------------------------------------
 
 
 def bar_error(
@@ -260,7 +271,6 @@ def test_bar_at_finite_strain() -> None:
 
 
 # ---- indentation
-# ---------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["rubber", pytest.param("ogden", marks=pytest.mark.verify)])
@@ -323,9 +333,11 @@ def test_a_layer_relaxes_alone() -> None:
     soft = {"model": "linear_elastic", "mu": G, "kappa": kappa}
     base = scene(HALVES, mesh=COARSE, solver={"method": "newton"}, loading={"delta": 0.02})
     rested = scene(
-        HALVES | {"layers": [{"thickness": 0.5, "material": soft}, {"thickness": 0.5}]}, mesh=COARSE,
-        solver={"method": "newton"}, loading={"delta": 0.02},
-    )  # fmt: skip
+        HALVES | {"layers": [{"thickness": 0.5, "material": soft}, {"thickness": 0.5}]},
+        mesh=COARSE,
+        solver={"method": "newton"},
+        loading={"delta": 0.02},
+    )
     part, grid = base.physics.domain, meshed(base)
     upper, lower = part.regions
     alone = base.replace_physics(
@@ -350,7 +362,6 @@ def test_a_box_in_three_dimensions_relaxes_as_one_modulus() -> None:
 
 
 # ---- what is remembered
-# --------------------------------------------------------------------------------------------
 
 IN_AND_OUT = [(0.01, 0.05), (0.02, 0.05), (0.02, 0.1), (0.02, 0.4), (0.01, 0.2), (0.012, 0.3)]
 STOPPED = 3
@@ -447,7 +458,6 @@ def test_a_hold_lets_go_of_shear_alone() -> None:
 
 
 # ---- scenes
-# --------------------------------------------------------------------------------------------------------
 
 PRONY = {"prony": [[0.4, 0.1], [0.3, 1.0]]}
 POWER = {"power_law": {"exponent": 0.2, "time": 1.0}}
@@ -494,8 +504,10 @@ def test_a_body_that_shrinks_in_bulk_keeps_more_of_its_force() -> None:
     """At nu = 0.2 the bulk modulus bears what the shear lets go: between the hold of all moduli and
     none.
     """
-    rows = {of: of_scene(PRONY, of, material=HOOKE | {"nu": 0.2, "relaxation": PRONY | {"of": of}})
-            for of in ("all", "shear")}  # fmt: skip
+    rows = {
+        of: of_scene(PRONY, of, material=HOOKE | {"nu": 0.2, "relaxation": PRONY | {"of": of}})
+        for of in ("all", "shear")
+    }
     last = {of: found[4].force for of, found in rows.items()}
     first = rows["shear"][1].force
     assert 1.1 * last["all"] < last["shear"] < first
@@ -520,10 +532,18 @@ def test_a_stopped_history_of_rubber_goes_on(control: str) -> None:
         "force_history": [[0, 0], [0.5, 0.01], [2, 0.01]],
     }
     base = scene(
-        LAYER | {"layers": [{"thickness": 0.4, "material": MOONEY}, {"thickness": 0.6, "material": rubber}]},
-        indenter=PARABOLOID, mesh=COARSE, loading={control: points[control], "per_doubling": 2, "times": "auto"},
+        LAYER
+        | {
+            "layers": [
+                {"thickness": 0.4, "material": MOONEY},
+                {"thickness": 0.6, "material": rubber},
+            ]
+        },
+        indenter=PARABOLOID,
+        mesh=COARSE,
+        loading={control: points[control], "per_doubling": 2, "times": "auto"},
         contact={"friction": 0.3},
-    )  # fmt: skip
+    )
     mesh = meshed(base)
     whole = solver.create_load_stepper(base, mesh)
     rows, points_then, done = [], None, len(base.physics.deltas) - 6

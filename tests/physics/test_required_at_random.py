@@ -158,7 +158,6 @@ class Drawn:
         }
 
     # ---- both models of an effect
-    # --------------------------------------------------------------------------------
 
     def plain(self, **changes: Any) -> Document:
         """The scene at small strain without friction, adhesion and experiment, some sections

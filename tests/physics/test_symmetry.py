@@ -156,7 +156,6 @@ def test_choice_of_the_part() -> None:
 
 
 # ---- friction: a traction along the surface that the planes of symmetry mirror too
-# ------------------------------
 
 ROUGH = [(0.3, "reference"), ("stick", "reference"), (0.3, "current"), ("stick", "current")]
 

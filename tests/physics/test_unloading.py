@@ -93,7 +93,6 @@ def test_depths_in_any_order_give_the_forces_of_the_sorted_path() -> None:
 
 
 # ---- how the body is held
-# -------------------------------------------------------------------------------------
 
 ON_ROLLERS = {"base": "roller", "sides": "free"}
 

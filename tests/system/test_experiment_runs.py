@@ -133,16 +133,20 @@ RESUMED: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         ("force", "a", "stick_radius", "dissipation"),
     ),
     "draining": (
-        {"material": SOLID | {"flow": {"permeability": 1e-3}},
-         "loading": {"force_history": [[0, 0], [1, 3e-3], [2, 0]]}},
+        {
+            "material": SOLID | {"flow": {"permeability": 1e-3}},
+            "loading": {"force_history": [[0, 0], [1, 3e-3], [2, 0]]},
+        },
         ("delta", "a", "outflow", "pore_pressure_max"),
     ),
     "relaxing": (
-        {"material": SOLID | {"relaxation": {"prony": [[0.5, 1.0]], "of": "shear"}},
-         "loading": {"history": [[0, 0], [1, 0.02], [2, 0.01]]}},
+        {
+            "material": SOLID | {"relaxation": {"prony": [[0.5, 1.0]], "of": "shear"}},
+            "loading": {"history": [[0, 0], [1, 0.02], [2, 0.01]]},
+        },
         ("force", "a"),
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", RESUMED)

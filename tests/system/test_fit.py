@@ -86,12 +86,18 @@ def test_a_folder_of_curves_in_two_processes(command, tmp_path):
     assert refused.exit_code == 2 and "holds a fit" in refused.output
 
 
-@pytest.mark.parametrize("words, code, said", [
-    (("--vary", "material.Q"), 3, "material.Q: is not a number of the scene"),
-    (("--columns", "x,force"), 3, "there is no column 'x'"), (("--columns", "a"), 3, "names 1 columns"),
-    (("--units", "mass=kg"), 2, "--units mass"), (("--segment", "back"), 2, "'back' is not one of"),
-    (("--scene", "nothing.yaml"), 2, "cannot read the config"), (("--set", "material.E=-1"), 3, "material.E"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "words, code, said",
+    [
+        (("--vary", "material.Q"), 3, "material.Q: is not a number of the scene"),
+        (("--columns", "x,force"), 3, "there is no column 'x'"),
+        (("--columns", "a"), 3, "names 1 columns"),
+        (("--units", "mass=kg"), 2, "--units mass"),
+        (("--segment", "back"), 2, "'back' is not one of"),
+        (("--scene", "nothing.yaml"), 2, "cannot read the config"),
+        (("--set", "material.E=-1"), 3, "material.E"),
+    ],
+)
 def test_wrong_words_change_nothing(command, tmp_path, words, code, said):
     before = sorted(tmp_path.rglob("*"))
     done = command(*FIT, *words, "--output", "new")
@@ -141,14 +147,27 @@ def test_a_design_says_what_a_measurement_would_tell(command, tmp_path):
     assert sorted(tmp_path.rglob("*")) == before
 
 
-@pytest.mark.parametrize("words, code, said", [
-    (("--design", "scene.yaml"), 2, "needs --noise"), (("--noise", "0.01"), 2, "belong to --design"),
-    ((), 2, "needs CURVE_OR_FOLDER"), (("--design", "scene.yaml", "--noise", "0"), 2, "is not in the range"),
-    (("curves", "--design", "scene.yaml", "--noise", "0.01"), 2, "takes no curves"),
-    (("--design", "nothing.yaml", "--noise", "0.01"), 2, "cannot read the config"),
-    (("--design", "scene.yaml", "--noise", "0.01", "--vary", "loading.delta"), 3, "loading.delta: is nothing"),
-    (("--design", "scene.yaml", "--noise", "0.01", "--set", "loading.delta=-1"), 3, "loading.delta"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "words, code, said",
+    [
+        (("--design", "scene.yaml"), 2, "needs --noise"),
+        (("--noise", "0.01"), 2, "belong to --design"),
+        ((), 2, "needs CURVE_OR_FOLDER"),
+        (("--design", "scene.yaml", "--noise", "0"), 2, "is not in the range"),
+        (("curves", "--design", "scene.yaml", "--noise", "0.01"), 2, "takes no curves"),
+        (("--design", "nothing.yaml", "--noise", "0.01"), 2, "cannot read the config"),
+        (
+            ("--design", "scene.yaml", "--noise", "0.01", "--vary", "loading.delta"),
+            3,
+            "loading.delta: is nothing",
+        ),
+        (
+            ("--design", "scene.yaml", "--noise", "0.01", "--set", "loading.delta=-1"),
+            3,
+            "loading.delta",
+        ),
+    ],
+)
 def test_a_design_with_wrong_words(command, words, code, said):
     done = command("fit", "--vary", "material.E", *words)
     assert done.exit_code == code and said in done.output, done.output
@@ -178,11 +197,16 @@ def test_what_a_scene_requires_for_a_curve(command, tmp_path):
     assert models["thickness"]["low"] < 2 and "body.height" in models["thickness"]["parameters"]
 
 
-@pytest.mark.parametrize("words, code, said", [
-    (("--curve", "short.csv"), 5, "short.csv: 2 points"), (("--curve", "nothing.csv"), 2, "cannot read nothing.csv"),
-    (("--columns", "a,b"), 2, "belong to --curve"), (("--curve", "short.csv", "--columns", "x,y"), 3, "no column 'x'"),
-    (("--curve", "short.csv", "--set", "material.E=-1"), 3, "material.E"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "words, code, said",
+    [
+        (("--curve", "short.csv"), 5, "short.csv: 2 points"),
+        (("--curve", "nothing.csv"), 2, "cannot read nothing.csv"),
+        (("--columns", "a,b"), 2, "belong to --curve"),
+        (("--curve", "short.csv", "--columns", "x,y"), 3, "no column 'x'"),
+        (("--curve", "short.csv", "--set", "material.E=-1"), 3, "material.E"),
+    ],
+)
 def test_a_curve_that_requires_nothing(command, tmp_path, words, code, said):
     (tmp_path / "short.csv").write_text("delta,force\n1,2\n2,3\n")
     done = command("require", "scene.yaml", *words)
@@ -238,8 +262,17 @@ def test_a_tab_file_is_fitted_as_what_it_was(command, tmp_path):
         command("run", "scene.yaml", "--set", "loading.steps=60", "--output", "one").exit_code == 0
     )
     assert command("plot", "one", "--output", "one.tab").stdout == "one.tab\n"
-    done = command("fit", "one.tab", "--scene", "scene.yaml", "--vary", "material.E", "--set", "output.plot=false",
-                   "--json")  # fmt: skip
+    done = command(
+        "fit",
+        "one.tab",
+        "--scene",
+        "scene.yaml",
+        "--vary",
+        "material.E",
+        "--set",
+        "output.plot=false",
+        "--json",
+    )
     stated = json.loads(done.stdout)["curves"][0]["parameters"]["material.E"]
     assert stated["value"] == pytest.approx(1.0, rel=1e-5)  # 13 digits, a table of 1e-7
     assert command("plot", "one", "curves/c1.csv", "--output", "two.tab").exit_code == 2

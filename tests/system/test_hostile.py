@@ -182,7 +182,6 @@ KINDS = 3 * ["json", "cell", "lines"]  # of damage, more often than others
 FILES = ("run.json", "force_indentation.csv", "surface.csv", "config.yaml")
 
 # ---- what must not happen
-# -------------------------------------------------------------------------------------
 
 _watching: list[Callable[[str, tuple[Any, ...]], None]] = []
 PROCESSES = {
@@ -277,7 +276,6 @@ def decoys(place: Path) -> None:
 
 
 # ---- hostile input
-# --------------------------------------------------------------------------------------------
 
 
 def text(rng: random.Random) -> str:
@@ -422,7 +420,6 @@ def retyped(rng: random.Random, lines: list[str]) -> list[str]:
 
 
 # ---- examples
-# -------------------------------------------------------------------------------------------------
 
 
 def said(*words: str | Path) -> Result:

@@ -95,7 +95,6 @@ def test_cold_warm_and_half_written(indent_sim):
 
 
 # ---- several processes and one cache
-# ------------------------------------------------------------------------------
 
 
 def cheap(folder: Path, seconds: float) -> None:

@@ -168,7 +168,6 @@ def test_an_edge_lost_in_the_tolerance_of_the_cad_kernel_is_refused(radius):
 
 
 # ---- the process
-# ------------------------------------------------------------------------------------------------
 
 
 def half(x: float) -> float:
@@ -329,7 +328,6 @@ def is_alive(pid: int) -> bool:
 
 
 # ---- what a user sees
-# -------------------------------------------------------------------------------------------
 
 SMALL = SCENE.format(
     body="{shape: cylinder, radius: 1.0, height: 1.0}",

@@ -236,22 +236,42 @@ RAMP = {
 WET = ELASTIC | {"flow": {"diffusivity": 1.0}}
 IN_TIME: dict[str, dict[str, Any]] = {
     "draining": {"body": CYLINDER, "material": WET, "loading": RAMP, "mesh": {"h_contact": 0.03}},
-    "box": {"body": BOX, "material": WET, "loading": RAMP | {"times": [0.01, 0.1]}, "mesh": {"h_contact": 0.2}},
+    "box": {
+        "body": BOX,
+        "material": WET,
+        "loading": RAMP | {"times": [0.01, 0.1]},
+        "mesh": {"h_contact": 0.2},
+    },
     "rough": {
         "body": CYLINDER,
-        "material": {"model": "mooney_rivlin", "C10": 0.15, "C01": 0.05, "nu": 0.45,
-                     "relaxation": {"prony": [[0.4, 0.05]], "of": "shear"}},
+        "material": {
+            "model": "mooney_rivlin",
+            "C10": 0.15,
+            "C01": 0.05,
+            "nu": 0.45,
+            "relaxation": {"prony": [[0.4, 0.05]], "of": "shear"},
+        },
         "contact": {"friction": 0.3},
         "loading": RAMP,
         "mesh": {"h_contact": 0.05},
     },
     "lifted": {
         "body": CYLINDER | {"base": "roller", "sides": "free"},
-        "material": {"model": "gel", "G": 1.0, "n_omega": 1e-3, "chi": 0.6, "stretch": 1.4, "flow": WET["flow"]},
-        "loading": {"force_history": [[0, 0], [3, 0], [3, 0.1], [6, 0.1]], "times": [1.0, 3.0, 6.0]},
+        "material": {
+            "model": "gel",
+            "G": 1.0,
+            "n_omega": 1e-3,
+            "chi": 0.6,
+            "stretch": 1.4,
+            "flow": WET["flow"],
+        },
+        "loading": {
+            "force_history": [[0, 0], [3, 0], [3, 0.1], [6, 0.1]],
+            "times": [1.0, 3.0, 6.0],
+        },
         "mesh": {"h_contact": 0.1},
     },
-}  # fmt: skip
+}
 OF_TIME = ("t", "delta", "force", "a", "outflow", "pore_pressure_max", "converged")
 
 

@@ -344,7 +344,6 @@ def test_what_make_check_runs_starts_no_process_and_solves_nothing() -> None:
 
 
 # ---- the tests above can fail
-# ---------------------------------------------------------------------------------
 
 
 def test_imports_are_found_wherever_they_stand() -> None:

@@ -65,7 +65,6 @@ def test_the_curve_of_the_tutorial_is_what_its_script_makes():
     shipped, made = (
         np.loadtxt(io.StringIO(text), delimiter=",", skiprows=2)
         for text in (
-            # fmt: skip
             (ROOT / "configs" / "curves" / "thin_gel.csv").read_text(encoding="utf-8"),
             script["text"](),
         )

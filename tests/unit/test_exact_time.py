@@ -87,7 +87,6 @@ def test_held_incompressible_body(
 
 
 # ---- limits
-# --------------------------------------------------------------------------------------------------------
 
 
 def test_a_sudden_disc_is_incompressible_and_then_drained() -> None:

@@ -205,6 +205,10 @@ def test_contact_is_expected_where_the_gel_has_swollen() -> None:
     """Held sideways it rises by 0.3788 of its height: as a tip that deep."""
     swollen = found().plan.prediction["a"]
     rubber = {"model": "neo_hookean", "mu": 1 / 1.4, "nu": 0.49285}
-    pressed = resolve(config_from_mapping({k: v for k, v in SCENE.items() if k != "drainage"} | {
-        "material": rubber, "loading": {"delta": 0.3788}})).plan.prediction["a"]  # fmt: skip
+    pressed = resolve(
+        config_from_mapping(
+            {k: v for k, v in SCENE.items() if k != "drainage"}
+            | {"material": rubber, "loading": {"delta": 0.3788}}
+        )
+    ).plan.prediction["a"]
     assert swollen == pytest.approx(pressed, rel=1e-3)

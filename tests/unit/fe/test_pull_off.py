@@ -163,7 +163,6 @@ def test_every_equilibrium_is_found_on_the_way_out() -> None:
 
 
 # ---- which rows are searched between
-# -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -48,11 +48,15 @@ def test_the_expected_interval_is_the_spread_of_forty_fits():
 
 
 @pytest.mark.verify
-@pytest.mark.parametrize("config, keys", [
-    (scene(), ["material.E"]),
-    (scene(experiment={"cantilever": {"stiffness": 0.3}}), ["material.E"]),
-    (HELD_BODY, ["material.E", f"{TERM}[0]", f"{TERM}[1]"]),
-], ids=["E", "cantilever", "relaxation"])  # fmt: skip
+@pytest.mark.parametrize(
+    "config, keys",
+    [
+        (scene(), ["material.E"]),
+        (scene(experiment={"cantilever": {"stiffness": 0.3}}), ["material.E"]),
+        (HELD_BODY, ["material.E", f"{TERM}[0]", f"{TERM}[1]"]),
+    ],
+    ids=["E", "cantilever", "relaxation"],
+)
 def test_expected_intervals_are_the_spread_of_a_hundred_fits(config, keys):
     """1.3 is four deviations of the spread of 100; measured 0.95 to 1.08."""
     found = design_measurement(config, keys, 0.005, 300)
@@ -140,10 +144,15 @@ def test_the_baseline_is_as_long_as_it_has_to_be():
     assert 0.3 < found.baseline <= 1.5
 
 
-@pytest.mark.parametrize("keys, problem", [
-    (["loading.delta"], "cannot be found from a measured curve"), (["material.Q"], "is not a number of the scene"),
-    (["contact.epsilon_n"], "is not a number"), ([""], "cannot be found from a measured curve"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "keys, problem",
+    [
+        (["loading.delta"], "cannot be found from a measured curve"),
+        (["material.Q"], "is not a number of the scene"),
+        (["contact.epsilon_n"], "is not a number"),
+        ([""], "cannot be found from a measured curve"),
+    ],
+)
 def test_keys_that_tell_nothing_are_refused(keys, problem):
     with pytest.raises(ConfigError, match=problem):
         design_measurement(scene(), keys, 0.01, 300)

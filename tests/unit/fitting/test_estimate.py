@@ -165,16 +165,23 @@ def test_the_interval_of_a_correlated_curve_is_wide():
     wide.
     """
     forces, draw = ForwardModel(scene(), ["material.E"], DEEPEST), np.random.default_rng(5)
-    sd = [fit_model(forces, Samples(X, measured(forces, [0.0], X, drawn(noise, N, draw))), OriginOptions()).sd[0]
-          for noise in (WHITE, NOISES["AR 10"])]  # fmt: skip
+    sd = [
+        fit_model(
+            forces, Samples(X, measured(forces, [0.0], X, drawn(noise, N, draw))), OriginOptions()
+        ).sd[0]
+        for noise in (WHITE, NOISES["AR 10"])
+    ]
     assert sd[1] > 2.5 * sd[0]
 
 
-@pytest.mark.parametrize("name, truth", [
-    ("thickness", scene({"shape": "layer", "height": 0.46})),
-    ("adhesion", scene(HALF_SPACE, experiment={"adhesion": {"work": 0.0012}})),
-    ("relaxation", relaxing([[0.6, 0.3]], HALF_SPACE)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "name, truth",
+    [
+        ("thickness", scene({"shape": "layer", "height": 0.46})),
+        ("adhesion", scene(HALF_SPACE, experiment={"adhesion": {"work": 0.0012}})),
+        ("relaxation", relaxing([[0.6, 0.3]], HALF_SPACE)),
+    ],
+)
 def test_a_wrong_model_is_named_and_its_interval_spans_the_truth(name, truth):
     config, draw = scene(HALF_SPACE), np.random.default_rng(6)
     forces, made = (
@@ -308,12 +315,13 @@ def test_means_of_blocks_keep_equal_times_and_the_deepest_samples():
 
 
 FAMILIES = {
-    "layer .45": (scene(LAYER), 0.1), "layer .5": (scene(LAYER, nu=0.5), 0.1),
+    "layer .45": (scene(LAYER), 0.1),
+    "layer .5": (scene(LAYER, nu=0.5), 0.1),
     "half-space": (scene(HALF_SPACE, nu=0.3), 0.1),
     "cone": (scene(HALF_SPACE, nu=0.3, tip={"shape": "cone", "half_angle": 60.0}), 0.1),
     "sphere": (scene(LAYER, nu=0.5, tip={"shape": "sphere", "R": 1.0}), 0.1),
     "roller": (scene({"shape": "layer", "height": 0.7, "base": "roller"}, nu=0.4), 0.1),
-}  # fmt: skip
+}
 
 
 @pytest.mark.verify
@@ -384,9 +392,11 @@ def test_coverage_of_adhesion_and_of_known_relaxation():
 
 WRONG = {
     "thickness": [scene({"shape": "layer", "height": height}) for height in (0.46, 1.4)],
-    "adhesion": [scene(HALF_SPACE, experiment={"adhesion": {"work": work}}) for work in (0.0012, 0.003)],
+    "adhesion": [
+        scene(HALF_SPACE, experiment={"adhesion": {"work": work}}) for work in (0.0012, 0.003)
+    ],
     "relaxation": [relaxing([[g, 0.3]], HALF_SPACE) for g in (0.3, 0.6)],
-}  # fmt: skip
+}
 
 
 @pytest.mark.verify

@@ -42,7 +42,6 @@ def by_theory(config, depths=DEPTHS) -> np.ndarray:  # type: ignore[no-untyped-d
     [
         {"shape": "paraboloid", "R": 1.0},
         {"shape": "cone", "half_angle": 60.0},
-        # fmt: skip
         {"shape": "sphere", "R": 0.8},
         {"shape": "flat_punch", "radius": 0.3},
     ],
@@ -88,8 +87,14 @@ def test_a_body_thinner_than_the_depth_has_no_table():
 
 
 def test_roles_and_numbers_of_keys():
-    layers = {"shape": "layer", "height": 1.4, "layers": [{"thickness": 0.4}, {"thickness": 1.0, "material": {
-        "model": "linear_elastic", "E": 5.0, "nu": 0.3}}]}  # fmt: skip
+    layers = {
+        "shape": "layer",
+        "height": 1.4,
+        "layers": [
+            {"thickness": 0.4},
+            {"thickness": 1.0, "material": {"model": "linear_elastic", "E": 5.0, "nu": 0.3}},
+        ],
+    }
     config = scene(layers, experiment={"adhesion": {"work": 0.01}})
     keys = [
         "material.E",
@@ -105,8 +110,11 @@ def test_roles_and_numbers_of_keys():
     ]
     assert pressure_keys(scene()) == ["material.E"] and len(pressure_keys(config)) == 2
     assert number_at(config, "body.layers[1].material.E") == 5.0
-    for key, problem in [("material.Q", "is not a number of the scene"), ("body.shape", "is 'layer', not a number"),
-                         ("body.layers[7].thickness", "is not a number of the scene")]:  # fmt: skip
+    for key, problem in [
+        ("material.Q", "is not a number of the scene"),
+        ("body.shape", "is 'layer', not a number"),
+        ("body.layers[7].thickness", "is not a number of the scene"),
+    ]:
         with pytest.raises(ConfigError, match=problem):
             parameters_of(config, [key], DEEPEST)
     with pytest.raises(ConfigError, match="twice"):
@@ -124,7 +132,6 @@ def test_two_layers_move_by_their_own_moduli():
                 "height": 1.2,
                 "layers": [
                     {"thickness": t, "material": part | {"E": E}}
-                    # fmt: skip
                     for t, E in ((0.4, top), (0.8, below))
                 ],
             }

@@ -73,7 +73,6 @@ def volume(found: ImportedMesh) -> float:
 
 
 # ---- what is read
-# ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["part.msh", "part.inp"])
@@ -148,7 +147,6 @@ def test_the_order_of_corners_is_not_the_shape(tmp_path: Path) -> None:
 
 
 # ---- surfaces without names
-# ------------------------------------------------------------------------------------------
 
 
 def without_names(body: dict[str, Any]) -> dict[str, Any]:
@@ -227,7 +225,6 @@ def test_what_faces_up_or_down_at_two_heights_must_be_named(tmp_path: Path) -> N
 
 
 # ---- refinement
-# ------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("body", "kinematics"), [(section(), "axisymmetric"), (block(), "3d")])
@@ -302,7 +299,6 @@ def test_refinement_puts_new_corners_on_midside_nodes(tmp_path: Path) -> None:
 
 
 # ---- the skin of a body
-# ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -353,7 +349,6 @@ def test_facets_in_lots_are_all_facets_and_neighbours_stay_together(body: dict[s
 
 
 # ---- where the tip touches
-# -------------------------------------------------------------------------------------------
 
 
 def test_first_touch_of_a_slope_is_beside_the_axis(tmp_path: Path) -> None:
@@ -398,7 +393,6 @@ def test_facets_that_look_like_a_curved_surface_are_told_of(tmp_path: Path) -> N
 
 
 # ---- what is refused
-# -------------------------------------------------------------------------------------------------
 
 
 def _pulled(body: dict[str, Any]) -> None:
@@ -621,7 +615,6 @@ def test_a_file_in_several_pieces_is_refused(tmp_path: Path) -> None:
 
 
 # ---- files of strangers
-# ----------------------------------------------------------------------------------------------
 
 
 def test_links_lead_nowhere(tmp_path: Path) -> None:

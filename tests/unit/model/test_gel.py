@@ -156,7 +156,6 @@ def test_a_mixed_energy_has_the_same_value_at_its_pressure(
 
 
 # ---- swelling
-# ------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -256,7 +255,6 @@ def test_a_gel_that_would_collapse_is_refused() -> None:
 
 
 # ---- permeability
-# --------------------------------------------------------------------------------------------------
 
 
 def test_solvent_moves_by_its_diffusivity() -> None:

@@ -407,7 +407,6 @@ def test_a_coarser_scene_is_coarser_everywhere() -> None:
 
 
 # ---- what accuracy chooses
-# ------------------------------------------------------------------------------------------
 
 
 def test_presets_and_their_order() -> None:

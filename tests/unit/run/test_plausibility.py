@@ -72,7 +72,6 @@ def theorys(base: Scene, delta: float, step: int = 1) -> State:
 
 
 # ---- nothing is said against what is true
-# -------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("tip", TIPS)
@@ -120,7 +119,6 @@ def test_first_touch_on_a_mesh_for_the_deepest_contact(tip: str) -> None:
 
 
 # ---- each kind of wrong state
-# --------------------------------------------------------------------------------------
 
 WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "nan": ({"a": float("nan")}, "a is not a number"),
@@ -238,7 +236,6 @@ def test_theory_says_little_where_the_body_is_another() -> None:
 
 
 # ---- contacts that the mesh does not resolve
-# ----------------------------------------------------------------------
 
 DRAINING: dict[str, Any] = {
     "material": ELASTIC | {"flow": {"diffusivity": 1.0}},
@@ -299,7 +296,6 @@ def test_what_was_said_beforehand_is_not_said_again() -> None:
 
 
 # ---- pressures that alternate, steps that are too long
-# ------------------------------------------------------------
 
 
 def test_rough_pressures_are_said_once_with_their_size() -> None:
@@ -357,7 +353,6 @@ def test_a_punch_touches_at_once() -> None:
 
 
 # ---- baths that come within a time
-# --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("t", [0.5, 1.0, 3.0, 10.0])

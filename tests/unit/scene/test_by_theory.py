@@ -142,7 +142,6 @@ def test_infinite_pressures_are_empty() -> None:
 
 
 # ---- usual formulas
-# --------------------------------------------------------------------------------------------
 
 
 def test_gao_and_perriot_barthel_stand_beside_a_coating() -> None:
@@ -196,7 +195,6 @@ def test_theory_states_what_it_loses_to_contrast(contrast: float, stated: float)
 
 
 # ---- the finite body that stands for a layer
-# ---------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("base", ["fixed", "roller"])
