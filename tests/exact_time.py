@@ -38,7 +38,7 @@ def confined_ramp(E: float, nu: float, k: float, h: float, V: float, t: float) -
 
 
 def terzaghi_settlement(E: float, nu: float, k: float, h: float, sigma: float, t: float) -> float:
-    """Settlement of the drained top of such a layer under a pressure sigma that acts from t = 0 on."""
+    """Settlement of the drained top of a confined layer under a pressure sigma applied at t = 0."""
     M = confined_modulus(E, nu)
     m = (2 * np.arange(TERMS) + 1) * pi / 2
     return sigma * h / M * (1 - float(np.sum(2 / m**2 * _decays(m**2, M * k * t / h**2))))

@@ -244,7 +244,7 @@ def recoded(rng: random.Random, data: bytes) -> bytes:
 
 
 def inflated(rng: random.Random, data: bytes) -> bytes:
-    """As long as a file may be here, by zeros, blanks, a name, or the whole of it again and again."""
+    """Return the file inflated to the largest allowed size by filler, or by copies of itself."""
     room = MOST_BYTES - len(data)
     begin = rng.choice([0, len(data), rng.randrange(len(data) + 1)])
     more = rng.choice(

@@ -158,7 +158,10 @@ SCENES: dict[str, Document] = {
 
 @dataclass(frozen=True)
 class Row:
-    """An effect as `require` says it beside what it is, in per cent; `said` is 1 % for a threshold."""
+    """An effect stated by `require` beside its known size, in per cent.
+
+    For a threshold, `said` is 1 %: the effect that the threshold stands for.
+    """
 
     name: str
     said: float | None
@@ -410,7 +413,7 @@ class Reference:
 
 
 def force(document: Document, size: float = FINER) -> float:
-    """Force of a scene at its deepest row, on a mesh; on elements of that size, of automatic ones."""
+    """Force of a scene at its deepest row from a mesh, with elements of `size` automatic ones."""
     return _force(dumps(document), size)
 
 

@@ -45,7 +45,7 @@ def section(width: float = 2.0, height: float = 1.0, n: int = 8, m: int = 4) -> 
 
 
 def block(size: float = 2.0, height: float = 1.0, n: int = 4, m: int = 3) -> dict[str, Any]:
-    """The tetrahedra of a box about the axis x = y = 0 with its top at z = 0, and its named faces."""
+    """Tetrahedra of a box about the axis x = y = 0 with its top at z = 0, and its named faces."""
     x, z = np.linspace(-size / 2, size / 2, n + 1), np.linspace(-height, 0, m + 1)
     points = np.array([(a, b, c) for c in z for b in x for a in x])
     index = np.arange(len(points)).reshape(m + 1, n + 1, n + 1)

@@ -169,10 +169,10 @@ def main() -> None:
     for number in range(asked.count):
         mapping = drawn(asked.seed, number)
         started = time.process_time()
-        words = f"{mapping['body']['shape']:9s}{mapping['indenter']['shape']:11s}{mapping['material']['model']:14s}"
-        words += (
-            f"nu {mapping['material']['nu']:<6g} friction {mapping['contact']['friction']!s:6s}"
-        )
+        material = mapping["material"]
+        words = f"{mapping['body']['shape']:9s}{mapping['indenter']['shape']:11s}"
+        words += f"{material['model']:14s}nu {material['nu']:<6g} "
+        words += f"friction {mapping['contact']['friction']!s:6s}"
         try:
             one = judged(mapping)
         except IndentSimError as error:

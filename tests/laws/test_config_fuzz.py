@@ -187,8 +187,9 @@ SCENES: list[dict[str, Any]] = [
     parse(SCENE)[0],
     parse("""\
 units: {length: um, force: nN}
-body: {shape: cylinder, radius: 3, height: 1, layers: [{thickness: 0.4, material: {model: neo_hookean, E: 2, nu: 0.4}},
-       {thickness: 0.6}], inclusions: [{shape: ball, center: [0, 0, -0.7], radius: 0.1,
+body: {shape: cylinder, radius: 3, height: 1,
+       layers: [{thickness: 0.4, material: {model: neo_hookean, E: 2, nu: 0.4}}, {thickness: 0.6}],
+       inclusions: [{shape: ball, center: [0, 0, -0.7], radius: 0.1,
        material: {model: linear_elastic, E: 1, nu: 0.2}}]}
 material: {model: linear_elastic, E: 1 kPa, nu: 0.3}
 indenter: {shape: sphere, R: 2.5 um}

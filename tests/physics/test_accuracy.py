@@ -334,7 +334,10 @@ def test_the_forces_on_a_finite_body_are_those_of_independent_computations() -> 
     "target", [target for target in TARGETS if target >= 0.01]
 )  # 0.001 takes minutes
 def test_a_cube(target: float, tmp_path: Path) -> None:
-    """Three dimensions, the quarter of a box: all ten steps keep the target and know their error."""
+    """A box in three dimensions, reduced to a quarter, keeps the target at all ten increments.
+
+    The error against the extrapolated force is within the target and within the error bar.
+    """
     outcome = simulate(config_from_mapping(CUBE | {"accuracy": target}), directory=tmp_path)
     true = np.abs([state.force for state in outcome.states] / cube_forces() - 1)
     bar = np.array([state.force_error for state in outcome.states]) / cube_forces()
@@ -422,8 +425,12 @@ SHARP: list[tuple[dict[str, Any], dict[str, Any], str]] = [  # tip, depths, meth
 
 @pytest.mark.verify
 def test_corners_of_a_tip_and_edges(tmp_path: Path) -> None:
-    """Kinks somewhere in an element, narrow rounded edges, Nitsche's method at a sharp one: judged by what companions
-    say, without the floor that exact theory puts under the bars of these bodies, as is promised of a class."""
+    """Error bars of tips with slope discontinuities and edges hold at a rate that a class promises.
+
+    The discontinuity lies somewhere inside an element; edges are sharp, by Nitsche's method, or
+    narrow and rounded. Judged are the estimates from companion runs alone, without the floor that
+    exact theory puts under the error bars of these bodies.
+    """
     runs = []
     target = 0.03
     for i, ((tip, depths, method), nu) in enumerate(itertools.product(SHARP, (0.3, 0.4999))):

@@ -268,7 +268,10 @@ def test_in_and_out_is_one_curve_where_nothing_jumps_and_its_energy_the_work() -
 
 @pytest.mark.verify
 def test_snap_in_and_pull_off_at_finite_strain() -> None:
-    """Two states are stable at one depth: which one is found depends on where the tip comes from."""
+    """The branch found at a depth with two stable states depends on where the tip comes from.
+
+    The tip approaches out of contact, is pressed in, and holds on at the same depth on its way out.
+    """
     material = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
     body = {"shape": "cylinder", "radius": 4.0, "height": 2.0, "base": "fixed", "sides": "roller"}
     adhesion = {"work": 0.02, "range": 0.03}  # Maugis' lambda 2.8

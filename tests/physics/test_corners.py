@@ -180,7 +180,7 @@ def graded(config: Config, n: float = 15.0, grading: float = 0.2) -> Scene:
 
 
 def true_forces(config: Config) -> np.ndarray:
-    """The force of every step: by exact theory, where the body is its own, else on a graded mesh."""
+    """Force of every increment, by exact theory where it covers the body, else on a graded mesh."""
     scene = resolve(config)
     theory = scene.plan.theory
     if (

@@ -116,7 +116,9 @@ body:
   base: fixed
   layers:
     - thickness: 0.6
-      material: {model: linear_elastic, E: 1.0, nu: 0.2, flow: {permeability: 0.9, alpha: 0.8, storage: 0.1}}
+      material:
+        {model: linear_elastic, E: 1.0, nu: 0.2,
+         flow: {permeability: 0.9, alpha: 0.8, storage: 0.1}}
     - {thickness: 0.4, material: {model: linear_elastic, E: 3.0, nu: 0.2}}
 drainage: {tip: drained, bath: [[0, 0], [0.2, 0.03]]}
 indenter: {shape: flat_punch, radius: 1.0}

@@ -106,7 +106,11 @@ def test_a_resting_tip_is_lifted_by_all_that_a_gel_swells(body: dict[str, Any]) 
 
 
 def test_a_weight_sinks_in_and_is_lifted() -> None:
-    """At once as deep as in an incompressible body of the same shear modulus, held up; then lifted."""
+    """A constant force sinks in at once as into an incompressible body, and is then lifted.
+
+    The gel is stretched below its swelling equilibrium, so that it takes up solvent and rises. The
+    incompressible body has the shear modulus of the gel at that stretch.
+    """
     coarse = {"h_contact": 0.1}
     found = at([0.0, 0.02, 0.1], key="force_history", value=0.3, mesh=coarse)
     assert [row.force for row in found] == pytest.approx([0.3] * 3, rel=1e-8)

@@ -66,7 +66,10 @@ def test_stated_error_covers_the_true_one(nu: float) -> None:
 
 
 def test_its_theory_is_the_half_space() -> None:
-    """The layer that stands for it in theory is 1e7 bodies deep: Hertz to 1e-6 in force and radius."""
+    """The reference theory of the half-space gives Hertz's force and contact radius to 1e-6.
+
+    Theory represents the half-space by a layer that is 1e7 bodies deep.
+    """
     base = over(*TIPS["paraboloid"][:2])
     solution = (
         base.plan.theory.solution_at_depth(base.physics.deltas[-1]) if base.plan.theory else None

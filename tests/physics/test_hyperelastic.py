@@ -27,7 +27,7 @@ def each_nu(coarse: float, fine: float) -> Any:
 def ball(
     nu: float = 0.3, h_contact: float = 0.04, body: dict[str, Any] = WALLED, **sections: Any
 ) -> Scene:
-    """A sphere R = 1 on a neo-Hookean layer h = 1 with roller walls at W = 2 (or on another body)."""
+    """Scene of a sphere R = 1 on a neo-Hookean layer h = 1 with roller walls, or on another body."""
     given = {
         "material": NEO_HOOKEAN | {"nu": nu},
         "indenter": SPHERE,

@@ -1,4 +1,4 @@
-"""Inclusions: an independent force, what must change nothing, symmetries, and error bars that hold."""
+"""Inclusions: an independent force, unchanged cases, symmetries, and error bars that hold."""
 
 from __future__ import annotations
 
@@ -280,7 +280,7 @@ def test_a_half_space_far_larger_than_its_inclusion() -> None:
 
 
 def test_matter_of_other_kinds() -> None:
-    """Hyperelastic and incompressible inclusions at a depth of 1e-4 are linear elastic ones, 1e-3."""
+    """At small depth, hyperelastic and incompressible inclusions act as linear elastic ones."""
     loading = {
         "loading": {"delta": 1e-4, "steps": 1},
         "contact": {"method": "auto", "gap": "reference"},

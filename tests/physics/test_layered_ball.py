@@ -77,7 +77,10 @@ def test_a_small_contact_of_the_series_is_hertz(nu: float) -> None:
 
 
 def test_the_series_of_one_matter_is_known() -> None:
-    """The value of another solver, good to 1e-5, and cut into shells of one matter the same, 1e-10."""
+    """The series of a homogeneous ball has the value of another solver, to its 1e-5.
+
+    Cutting the ball into shells of one material changes the value by less than 1e-10.
+    """
     whole = series([(1.0, CORE)])
     assert whole == pytest.approx(1.548175e-3, rel=KNOWN)
     assert series([(1.0, CORE), (0.9, CORE), (0.4, CORE)]) == pytest.approx(whole, rel=1e-10)

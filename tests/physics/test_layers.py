@@ -50,7 +50,10 @@ def layered(layers: Layers, body: dict[str, Any] | None = None, **sections: Any)
 @pytest.mark.parametrize("solver", ["condensed", "newton"])
 @pytest.mark.parametrize("case", EXACT)
 def test_two_layers_between_frictionless_walls(case: str, solver: str) -> None:
-    """0.3 % of the force at automatic sizes, as asked of every body; a to a fraction of an element."""
+    """Automatic sizes reproduce the exact force to 0.3 % and the contact radius to 0.2 elements.
+
+    0.3 % is what automatic sizes promise for every body.
+    """
     layers, F, a = EXACT[case]
     base = layered(layers, solver={"method": solver})
     assert base.exact_theory is not None
@@ -255,7 +258,10 @@ def drawn(count: int, seed: int) -> list[tuple[Layers, dict[str, Any]]]:
 
 @pytest.mark.parametrize("number", [6, pytest.param(20, marks=pytest.mark.verify)])
 def test_automatic_sizes_of_stacks_drawn_at_random(number: int) -> None:
-    """0.3 % at the last step (1 % under a sharp punch), though no size follows a layer's thickness."""
+    """Automatic sizes keep 0.3 % of the force on random stacks, 1 % under a flat punch.
+
+    No element size follows a layer's thickness; reference is the semi-analytic theory of the stack.
+    """
     worst = 0.0
     for layers, tip in drawn(number, seed=4):
         base = layered(layers, indenter=tip)

@@ -195,7 +195,11 @@ def test_a_resumed_run_remembers_the_same(name: str, origin: str) -> None:
 @pytest.mark.parametrize("name", [name for name in SCENES if name != "adhesion"])
 @pytest.mark.parametrize("origin", ["checkpoint", "rest"])
 def test_a_resumed_run_guesses_as_an_undisturbed_one(name: str, origin: str) -> None:
-    """From another guess Newton may fail, the step is cut, and a path with friction is another one."""
+    """A resumed run makes the same initial guesses as an undisturbed one.
+
+    From another guess Newton's method may fail, the increment is cut, and the result of a
+    path-dependent contact changes.
+    """
     whole, first, second = fresh(name), fresh(name), fresh(name)
     walked(solver.LoadStepper(whole), IN_AND_ON)
     stopped, goes_on = solver.LoadStepper(first), solver.LoadStepper(second)

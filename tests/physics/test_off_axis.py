@@ -1,4 +1,4 @@
-"""Cylinders in three dimensions: against the axisymmetric model, and with tips beside their axis."""
+"""Cylinders in three dimensions: against the axisymmetric model, and with tips off the axis."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_off_axis_is_on_axis_in_a_wide_cylinder() -> None:
 
 @pytest.mark.verify
 def test_off_axis_without_a_mirror_plane() -> None:
-    """Off both axes of coordinates the whole cylinder is modelled; its force is that of the half."""
+    """A tip off both coordinate axes takes the whole cylinder; its force is that of the half model."""
     body = CYLINDER | {"radius": 1.5, "sides": "roller"}
     whole, half = (
         scene(body, indenter=PARABOLOID | {"center": center}, mesh={"h_contact": COARSE}, **DEEP)

@@ -29,7 +29,7 @@ def out(deep: float, end: float, rows: int) -> dict[str, list[float]]:
 
 
 def searched(**sections: Any) -> tuple[list[State], PullOff | None]:
-    """The rows of a scene, and what the search after them finds, which leaves the walk as it was."""
+    """Rows of a scene and the pull-off found after them; the load stepper is left as it was."""
     base = scene(sections.pop("body", WALLED), **sections)
     walk = solver.create_load_stepper(base, meshed(base))
     rows = list(walk.states(base.physics.path, lambda step: False))

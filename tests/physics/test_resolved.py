@@ -1,4 +1,4 @@
-"""config.yaml of a result is the resolved config: nothing is left open, and it reproduces the run."""
+"""The resolved config.yaml of a result leaves nothing open and reproduces the run."""
 
 from __future__ import annotations
 

@@ -62,7 +62,10 @@ def of_layer() -> dict[str, dict[str, list[float]]]:
 @pytest.mark.parametrize("key", ["material.E", "material.nu", "body.height", "indenter.R"])
 @pytest.mark.parametrize("row", [0, 1])
 def test_of_a_layer_against_theory(key: str, row: int, of_layer: Any) -> None:
-    """1e-3: twice what was measured at these automatic sizes; and within the error that is stated."""
+    """Sensitivities of a layer are those of exact theory to 1e-3 and within their stated error.
+
+    1e-3 is twice the error measured at these automatic sizes.
+    """
     value, error = (of_layer[key][name][row] for name in ("value", "error"))
     assert value == pytest.approx(by_theory(key, row), rel=1e-3)
     assert abs(value - by_theory(key, row)) <= error

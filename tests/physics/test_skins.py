@@ -268,7 +268,10 @@ def test_the_resolved_config_has_the_same_mesh() -> None:
 
 
 def test_cells_are_foretold() -> None:
-    """Within a fifth for thin skins, which have nearly all of them; within a half for a thick one."""
+    """The predicted number of cells is within 20 % for thin coatings and 50 % for a thick one.
+
+    A thin coating holds nearly all cells of the mesh.
+    """
     for body in BODIES.values():
         for t, share in ((0.005, 0.2), (0.1, 0.5)):
             base = skinned(body, (t, 10.0))

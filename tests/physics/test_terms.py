@@ -102,14 +102,18 @@ def force_on(base: str) -> float:
 
 
 def test_dashpots_hold_a_sudden_base_and_let_a_slow_one_slide() -> None:
-    """The limits are elastic bodies of the same mesh: 1e-5, as far as 1e-6 of a time is from none."""
+    """Dashpots under the base act as a fixed base in a fast press and as rollers in a slow one.
+
+    References are elastic bodies on the same mesh; 1e-5 allows for the finite times of 1e-6 and
+    1e6.
+    """
     assert press(1, 1e-6)[-1][1] == pytest.approx(force_on("fixed"), rel=1e-5)
     assert press(1, 1e6)[-1][1] == pytest.approx(force_on("roller"), rel=1e-5)
     assert force_on("fixed") > 1.005 * force_on("roller")
 
 
 def test_dashpots_converge_with_the_steps_of_time() -> None:
-    """Backward Euler is of first order: half the steps, twice the error of the force in mid-hold."""
+    """Backward Euler is of first order: half the time step halves the error of the force."""
     exact = press(80, 0.2, hold=0.2)[-1][1]
     errors = [abs(press(n, 0.2, hold=0.2)[-1][1] - exact) for n in (5, 10)]
     assert 1.6 < errors[0] / errors[1] < 2.6

@@ -39,7 +39,7 @@ BY_THEORY = (
 
 @dataclass(frozen=True)
 class Run:
-    """How a scene is run here, and what the force may be off by at its last step and at any other."""
+    """Overrides with which a shipped scene is run here, and the tolerances of its force."""
 
     overrides: tuple[str, ...] = ()
     last: float = 0.003  # what `h_contact: auto` promises

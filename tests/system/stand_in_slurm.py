@@ -57,7 +57,7 @@ def sbatch(words: list[str]) -> int:
 
 
 def parsed(words: list[str]) -> argparse.Namespace:
-    """The options of sbatch, the job file and its arguments; an option Slurm has not is an error."""
+    """Options of sbatch, the job file and its arguments; an option unknown to Slurm is an error."""
     parser = argparse.ArgumentParser()
     for name in OPTIONS:
         parser.add_argument(f"--{name}")

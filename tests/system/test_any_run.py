@@ -14,7 +14,8 @@ from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.scene import resolve
 
-RUN_WAIT = 240.0  # s for one run that is planned to take 3 s; a path that is hard is cut into many substeps
+# Seconds for one run that is planned to take 3 s; a difficult path is cut into many increments
+RUN_WAIT = 240.0
 AFFORDABLE = {
     "dofs": 8_000,
     "seconds": 3.0,

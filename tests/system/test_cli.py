@@ -645,7 +645,10 @@ class TestAnotherConfigFile:
         assert again("moved/scene.yaml", "--output", "moved/out") == 0
 
     def test_what_names_no_file_is_replaced(self, again, theory_run):
-        """A run of an older version, of a notebook, and one without rows, if its scene is the same."""
+        """A result that names no config file is replaced if its scene is the same.
+
+        Such results are those of an older version, of a notebook, and those without rows.
+        """
         report = theory_run / "out" / "run.json"
         known = json.loads(report.read_text())
         report.write_text(

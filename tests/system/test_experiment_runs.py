@@ -88,7 +88,8 @@ def test_a_scene_without_an_experiment_loads_and_writes_nothing_of_it(tmp_path: 
 import sys
 from indent_sim.cli.commands import program
 program(sys.argv[1:], standalone_mode=False)
-assert not [name for name in sys.modules if name.startswith("indent_sim.run.history_on_curve") or name == "scipy.optimize"]
+unused = ("indent_sim.run.history_on_curve", "scipy.optimize")
+assert not [name for name in sys.modules if name in unused]
 """
     config = tmp_path / "scene.yaml"
     given = {name: part for name, part in SCENE.items() if name != "experiment"} | {
@@ -110,7 +111,7 @@ assert not [name for name in sys.modules if name.startswith("indent_sim.run.hist
 
 @pytest.mark.parametrize("method", ["theory", "condensed"])
 def test_a_history_that_was_stopped_is_resumed(tmp_path: Path, method: str) -> None:
-    """To the last digit, wherever it stopped, but for the seconds; a finished one stays as it is."""
+    """A resumed history repeats every number but the seconds; a finished one stays as it is."""
     config, out = written(tmp_path, solver={"method": method}), tmp_path / "out"
     ran("run", config, "--output", out)
     whole, report = rows(out), json.loads((out / "run.json").read_text())

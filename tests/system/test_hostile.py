@@ -336,7 +336,7 @@ def bomb(rng: random.Random) -> str:
 
 
 def damage(rng: random.Random, folder: Path, outside: Path) -> None:
-    """Something goes wrong with one file of a result folder, or somebody put something else there."""
+    """Damage one file of a result folder, or put something else in its place."""
     path = folder / rng.choice(FILES)
     data = path.read_bytes() if path.is_file() and not path.is_symlink() else b"x"
     kind = rng.choice(

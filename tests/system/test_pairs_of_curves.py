@@ -169,7 +169,7 @@ def test_pairs_are_drawn():
 
 
 def study_of(scene: str, reference: str) -> None:
-    """A study in the scene with a reference: rows with an error, or the reason why there are none."""
+    """Run a study with a reference: it gives errors of its rows, or the reason why it cannot."""
     name = f"of_{scene}_{reference}".replace("/", "_").replace(".", "_")
     text = f"base: {scene}.yaml\nvary: {{material.E: [1 kPa, 2 kPa]}}\ncompare_to: ./{reference}\n"
     Path(f"{name}.yaml").write_text(text + "output: {plot: false}\n")

@@ -648,7 +648,7 @@ def test_a_wish_without_effect_is_refused(given, said):
     ],
 )
 def test_more_panels_than_a_picture_has_are_refused(drawn, wish, said):
-    """Before anything is drawn: a picture of a million panels, empty or not, never came to its end."""
+    """Too many panels are refused before anything is drawn; a million panels would never end."""
     with pytest.raises(UsageError, match=said):
         drawn([a_result(units={})], **wish)
 

@@ -145,12 +145,13 @@ comm = MPI.COMM_WORLD
 result = {{}}
 for name, data in json.loads(sys.argv[1]).items():
     walked = list(states(resolve(config_from_mapping(data)), comm))
-    rows = [[getattr(state, name) for name in {NUMBERS!r}] + [state.newton_iterations, state.converged]
-            for state in walked]
+    compared = [*{NUMBERS!r}, "newton_iterations", "converged"]
+    rows = [[getattr(state, name) for name in compared] for state in walked]
     everywhere = comm.gather(rows)
     if comm.rank == 0:
         reactions = [state.reactions for state in walked]
-        result[name] = {{"rows": rows, "reactions": reactions, "agreed": all(other == rows for other in everywhere)}}
+        agreed = all(other == rows for other in everywhere)
+        result[name] = {{"rows": rows, "reactions": reactions, "agreed": agreed}}
 if comm.rank == 0:
     print("RESULT" + json.dumps(result))
 """
@@ -374,7 +375,8 @@ for name, mapping in json.loads(sys.argv[1]).items():
     body.restore(body.unpack(0.0, points[0][2]))
     body.restore(body.unpack(depth, arrays))
     back = abs(body.force / state.force - 1)
-    found[name] = {"points": [[values.tolist() for values in arrays] for _, _, arrays in points], "back": back}
+    lists = [[values.tolist() for values in arrays] for _, _, arrays in points]
+    found[name] = {"points": lists, "back": back}
 if comm.rank == 0:
     print("RESULT" + json.dumps(found))
 """
@@ -394,9 +396,12 @@ grid = run_on_root(comm, gmsh.build_mesh, domain, scene.sizes)
 walk = solver.create_load_stepper(scene, solver.distribute(grid, domain, comm))
 rows = [state.force for state in walk.states(scene.physics.path, lambda step: False)]
 found = comm.allgather(walk.find_pull_off())
-assert all((one.state.force, one.equilibria) == (found[0].state.force, found[0].equilibria) for one in found)
+first = found[0]
+same = [(one.state.force, one.equilibria) == (first.state.force, first.equilibria) for one in found]
+assert all(same)
 if comm.rank == 0:
-    print("RESULT" + json.dumps([min(rows), found[0].state.force, found[0].error, found[0].equilibria]))
+    numbers = [min(rows), first.state.force, first.error, first.equilibria]
+    print("RESULT" + json.dumps(numbers))
 """
 
 
@@ -463,7 +468,9 @@ for name, mapping in json.loads(sys.argv[1]).items():
     arrays = comm.bcast(body.pack(body.snapshot()))
     forces.append(step(0.02, 0.5))
     body.restore(body.unpack(0.02, arrays))
-    found[name] = {"arrays": [values.tolist() for values in arrays], "forces": forces, "again": step(0.02, 0.5)}
+    lists = [values.tolist() for values in arrays]
+    again = step(0.02, 0.5)
+    found[name] = {"arrays": lists, "forces": forces, "again": again}
 if comm.rank == 0:
     print("RESULT" + json.dumps(found))
 """
@@ -715,13 +722,24 @@ def init(self, config, scene, *rest):
 pipeline.SingleRun.__init__ = init
 outcome = pipeline.simulate(load(Path(sys.argv[1])), comm, directory=Path(f"out{comm.size}"))
 mesh = getattr(domains[0], "mesh", None)
-mine = {"given": given[0], "skin": len(mesh.grid.cells) if mesh else 0, "whole": mesh.statistics.cells if mesh else 0,
-        "mapped": [not rows.flags.writeable for grid in seen for rows in (grid.points, grid.cells, grid.regions)]}
+arrays = [rows for grid in seen for rows in (grid.points, grid.cells, grid.regions)]
+mine = {
+    "given": given[0],
+    "skin": len(mesh.grid.cells) if mesh else 0,
+    "whole": mesh.statistics.cells if mesh else 0,
+    "mapped": [not rows.flags.writeable for rows in arrays],
+}
 everybody = comm.gather(mine)
 if comm.rank == 0:
     whole = seen[0]
-    print("RESULT" + json.dumps({"ranks": everybody, "force": [state.force for state in outcome.states],
-                                 "points": len(whole.points), "cells": len(whole.cells), "hash": whole.hash}))
+    result = {
+        "ranks": everybody,
+        "force": [state.force for state in outcome.states],
+        "points": len(whole.points),
+        "cells": len(whole.cells),
+        "hash": whole.hash,
+    }
+    print("RESULT" + json.dumps(result))
 """
 DRAWN = """
 body: {shape: box, size: [2.0, 2.0, 1.0], base: fixed, layers: [

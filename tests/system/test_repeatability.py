@@ -27,7 +27,8 @@ scene = resolve(config_from_mapping({
 line = mesh.create_unit_interval(MPI.COMM_SELF, 1)
 for _ in range(5):
     (state,) = states(scene)
-    print(state.force, state.a, state.p_max, state.penetration, state.energy, state.surface.u.tobytes().hex())
+    numbers = (state.force, state.a, state.p_max, state.penetration, state.energy)
+    print(*numbers, state.surface.u.tobytes().hex())
     fem.Constant(line, 1.0)
 """
 

@@ -67,7 +67,8 @@ def watch(event, args):
     global left
     if event == "open" and not (isinstance(args[2], int) and args[2] & (os.O_WRONLY | os.O_RDWR)):
         return
-    if event in ("open", "os.rename", "os.remove", "os.truncate") and str(args[0]).startswith((here, "out", ".out")):
+    changes = ("open", "os.rename", "os.remove", "os.truncate")
+    if event in changes and str(args[0]).startswith((here, "out", ".out")):
         left -= 1
         if left == 0:
             os.kill(os.getpid(), signal.SIGKILL)
@@ -438,7 +439,7 @@ class TestStopped:
         same_numbers(tmp_path / "out", undisturbed(HYPERELASTIC))
 
     def test_torn_files(self, indent_sim, undisturbed, tmp_path):
-        """Half a row, a surface without a row, fields of a step without one, leftovers of writes."""
+        """Half rows, rows of unfinished steps and leftovers of writes are repaired by --resume."""
         lines = interrupt(tmp_path)
         out = tmp_path / "out"
         (out / "force_indentation.csv").write_bytes(b"".join(lines[:SOME]) + lines[SOME][:20])

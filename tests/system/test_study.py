@@ -988,8 +988,10 @@ cases:
 
     @pytest.mark.verify
     def test_our_numbers_are_within_their_bars_of_the_exact_ones(self, tmp_path):
-        """All published values, to 1 % here and to 0.2 % in docs/verification.md; those named as wrong are known to
-        be: the pyramid's factor, and Hayes' table."""
+        """Published values are reproduced to 1 %, except those that are known to be wrong.
+
+        Wrong are the pyramid's factor and Hayes' table. docs/verification.md compares to 0.2 %.
+        """
         shutil.copytree(ROOT / "configs", tmp_path / "configs")
         path = tmp_path / "configs" / "studies" / "verification" / "published.yaml"
         text = path.read_text(encoding="utf-8")

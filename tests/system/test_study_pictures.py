@@ -144,9 +144,9 @@ def test_no_picture_of_a_shipped_study_has_a_fault(
 
 @pytest.mark.parametrize("count", [1, 12])
 def test_many_curves_are_drawn_as_few_are(count: int) -> None:
-    """Loading and unloading of each, as one collection of lines: the same points, colours, dashes and limits.
+    """Curves drawn as one collection have the points, colours, dashes and limits of single lines.
 
-    One run has two lines, whose two styles matplotlib took for one.
+    One run has two lines, loading and unloading, whose two styles matplotlib took for one.
     """
     random = np.random.default_rng(2)
     depth = np.array([0.2, 0.5, 1.0, 0.6, 0.1])

@@ -296,7 +296,7 @@ def test_public_things_have_docstrings() -> None:
 def _public(
     body: ast.Module | ast.ClassDef, prefix: str = ""
 ) -> Iterator[tuple[str, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef]]:
-    """Public classes and functions at the top of a module, and the public methods of those classes."""
+    """Yield the public classes and functions of a module, and the public methods of the classes."""
     for node in body.body:
         is_definition = isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef)
         if is_definition and not node.name.startswith("_") and not _is_setter(node):

@@ -69,7 +69,7 @@ def test_a_surface_that_the_tip_went_through(tip: Indenter, depth: float) -> Non
 
 
 def test_a_surface_behind_a_ball() -> None:
-    """Closed over it, where the gap is positive again: inside the ball's shape by all of the depth."""
+    """A surface that has closed over the ball penetrates it, although the gap is positive again."""
     places, ball = H * np.arange(-20, 21), Sphere(1.0)
     assert overlap(ball, 2.5, places, np.zeros_like(places)) > 0.5
 

@@ -24,7 +24,7 @@ JKR_DEPTH = (pi * WORK) ** (2 / 3)
 
 
 def jkr(delta: float) -> float | None:
-    """JKR's force on the branch of wide contacts, by bisection of delta(a); None beyond its fold."""
+    """JKR force at a depth on the branch of wide contacts, by bisection; None beyond its fold."""
 
     def depth(a: float) -> float:
         return a**2 - sqrt(2 * pi * WORK * a)

@@ -106,7 +106,11 @@ def test_keys_that_no_curve_tells_apart_are_not_identifiable():
 
 
 def test_what_helps_is_solved_with_the_noise_of_the_same_instrument():
-    """A deeper curve of a half-space: 2^1.5 times the force, and an interval narrower by as much."""
+    """A change that multiplies the force narrows the interval by the same factor, at equal noise.
+
+    For a paraboloid on a half-space, twice the depth gives 2^1.5 times the force, and twice the
+    radius 2^0.5 times.
+    """
     found = design_measurement(scene(HALF_SPACE), ["material.E"], 0.01, 300)
     assert [one.change for one in found.helps] == [
         {"loading.delta": 0.2},

@@ -101,7 +101,10 @@ def test_a_profile_of_a_parabola_is_its_interval(monkeypatch):
 
 
 def test_a_wide_interval_follows_its_profile_and_ends_at_a_bound():
-    """Modulus and Poisson ratio of a layer are hardly apart: nu ends at 1/2, and E where nu does."""
+    """The profile interval of nu ends at 1/2, and that of E is narrower than the linear one.
+
+    Modulus and Poisson ratio of a layer are nearly indistinguishable in its force.
+    """
     forces = ForwardModel(scene(), ["material.E", "material.nu"], DEEPEST)
     force = measured(forces, [0.3, 0.45], X, 2 * drawn(WHITE, N, np.random.default_rng(12)))
     plain = fit_model(forces, Samples(X, force), OriginOptions())

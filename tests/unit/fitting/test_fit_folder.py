@@ -1,4 +1,4 @@
-"""A fit of files: entries, tables and pictures, a folder that is gone on with, and what is refused."""
+"""Fits of files: entries, tables and pictures, continued folders, and what is refused."""
 
 from __future__ import annotations
 

@@ -113,7 +113,7 @@ def test_sets_of_points_name_the_facets_between_them(tmp_path: Path) -> None:
 def test_the_copy_of_a_piece_is_the_piece(
     tmp_path: Path, body: dict[str, Any], kinematics: Any
 ) -> None:
-    """Coordinates are written with all their digits, so that the hash, of all bytes, is the same."""
+    """A mesh written as text and imported again has the same hash, which is that of all bytes."""
     body["points"][:, :2] *= 1 / 3
     found = piece(tmp_path, body, kinematics, has_material=False, regions={"gel": None})
     source = MeshFromFile("copy.msh", kinematics, SURFACES, regions={"gel": None})  # type: ignore[dict-item]
@@ -150,7 +150,7 @@ def test_the_order_of_corners_is_not_the_shape(tmp_path: Path) -> None:
 
 
 def without_names(body: dict[str, Any]) -> dict[str, Any]:
-    """The same cells alone, as gmsh writes them where no Physical Curve or Surface was asked for."""
+    """Return the cells without groups, as gmsh writes them where no physical groups were asked for."""
     return body | {"facets": {}, "regions": {}}
 
 
@@ -307,7 +307,7 @@ def test_refinement_puts_new_corners_on_midside_nodes(tmp_path: Path) -> None:
 def test_a_scene_of_the_skin_is_that_of_the_body(
     tmp_path: Path, body: dict[str, Any], kinematics: Any
 ) -> None:
-    """Sizes, choices and pins are those of the whole mesh; and the whole is put where the skin is."""
+    """The boundary cells of a mesh give the sizes, choices, pins and grid of the whole mesh."""
     body["regions"] = {
         "gel": np.flatnonzero(np.arange(len(body["cells"])) % 3),
         "rest": np.arange(0),

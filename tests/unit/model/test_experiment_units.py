@@ -54,7 +54,7 @@ def test_units_go_away(dim: int, pieces: int) -> None:
 
 
 def test_a_history_has_a_row_at_every_point() -> None:
-    """At a jump one before and one after; from rest none before; and its own times become points."""
+    """A history has a row at every point, two at a jump, and its own times become points."""
     points = ((0.0, 0.5), (1.0, 0.5), (1.0, 0.2), (3.0, 0.0))
     history = Loading(history=points, times=(0.25, 2.0)).prescribed_history
     assert (

@@ -752,7 +752,7 @@ class TestCompare:
             compare(tmp_path / "A", tmp_path / "B", {"p_max": 1e-3})
 
     def test_tables_without_steps_are_matched_by_depth(self, tmp_path):
-        """As measured curves are, up and down: the second force of a depth belongs to the second."""
+        """Tables without steps are matched by depth and by the order of equal depths."""
         (tmp_path / "A").write_text("delta,force\n0.1,1\n0.2,3\n0.1,0.9\n")
         (tmp_path / "B").write_text("force,delta\n3,0.2\n1,0.1000000000001\n0.9,0.1\n")
         found = compare(tmp_path / "A", tmp_path / "B")
@@ -778,8 +778,14 @@ class TestCompare:
             )
         )
 
-    HISTORY = "step,t,delta,force,a,branch\n1,0,0,0,0,approach\n2,1,0.1,1,0.3,approach\n3,2,0.2,2,0.4,approach\n"
-    HISTORY += "4,2,0.1,0.8,0.3,retract\n5,3,0.1,0.6,0.3,hold\n"
+    HISTORY = """\
+step,t,delta,force,a,branch
+1,0,0,0,0,approach
+2,1,0.1,1,0.3,approach
+3,2,0.2,2,0.4,approach
+4,2,0.1,0.8,0.3,retract
+5,3,0.1,0.6,0.3,hold
+"""
 
     def test_histories_of_other_times_are_matched_by_time(self, tmp_path):
         """At the rows of one time, at a jump by the row after it; between rows by chords; beyond
@@ -851,7 +857,7 @@ class TestCompare:
         assert compare(A, B, 1e-6).differences == (f"delta 1.5 is only in {B}",)
 
     def test_a_measured_curve_is_interpolated_by_chords(self, tmp_path):
-        """What chords miss is said: h^2/8 of the second derivative, largest at the shallowest row."""
+        """The stated interpolation error of a curve is that of chords, h^2/8 times the curvature."""
         A, B = tmp_path / "A.csv", tmp_path / "B"
         A.write_text(
             self.curve(400, "depth [nm],force [nN]")
@@ -873,7 +879,12 @@ class TestCompare:
         )
         assert found.interpolation is None
 
-    ROWS = "t,z,delta,force,a,branch\n,0.1,0.1,1,,approach\n,0.1,0.1,1.1,,hold\n,0.05,0.05,0,,retract\n"
+    ROWS = """\
+t,z,delta,force,a,branch
+,0.1,0.1,1,,approach
+,0.1,0.1,1.1,,hold
+,0.05,0.05,0,,retract
+"""
 
     def test_experiments_are_matched_by_row(self, tmp_path):
         """Words are the same or not, an empty cell is an empty cell, and every column counts."""
@@ -941,7 +952,7 @@ class TestCompare:
 
 
 def test_the_time_of_a_state_is_its_own_where_time_passes(tmp_path: Path) -> None:
-    """Of two rows of one time, at a jump, the second is a last digit later; a resumed file goes on."""
+    """The second of two states at one time, at a jump, is written one last digit later."""
     points, cells = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, -1.0]]), np.array([[0, 1, 2]])
     tip = tip_mesh(Sphere(R=1.0), (0.0,), 1.0, "axisymmetric", 1)
     fields = {"displacement": np.zeros((3, 2))}

@@ -316,7 +316,11 @@ def test_the_error_of_a_penalty_is_extrapolated() -> None:
 
 
 def test_a_companion_with_a_softer_penalty_says_more_than_the_error() -> None:
-    """Companion of a refined run is the attempt before, whose penalty had a third of the stiffness."""
+    """The error of enforcement takes the stiffness of the companion's own penalty into account.
+
+    The companion of a refined run is the attempt before it, whose penalty had a third of the
+    stiffness.
+    """
     base, low = scene(contact={"method": "penalty"}), 0.02
     law = base.physics.contact
     before = base.replace_physics(contact=replace(law, epsilon_n=law.stiffness / 3))
@@ -334,7 +338,7 @@ def test_a_companion_with_a_softer_penalty_says_more_than_the_error() -> None:
 
 
 def test_with_prescribed_forces_the_depths_differ_and_say_the_same() -> None:
-    """A body whose force is c delta^1.5: the same curves, read at equal depths or at equal forces."""
+    """Error bars under load control equal those under depth control for F = c delta^1.5."""
     depths = {k: (EXACT[k] / 1.6) ** (2 / 3) for k in EXACT}
 
     def walked(error: float, control: str) -> list[State]:

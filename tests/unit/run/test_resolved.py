@@ -1,4 +1,4 @@
-"""The config that reproduces a run: what docs/conventions.md says stays `auto`, and nothing else."""
+"""The config that reproduces a run leaves `auto` only what docs/conventions.md says."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ class TestLinear:
         assert caught.value.key == "solver.method"
 
     def test_theory_has_no_linear_systems_whatever_is_said_of_a_mesh(self):
-        with pytest.raises(ConfigError, match="solver.linear, solver.rtol"):
+        with pytest.raises(ConfigError, match=r"solver\.linear, solver\.rtol"):
             scene(mesh={"h_contact": 0.1}, solver={"linear": "iterative", "method": "theory"})
 
     def test_auto_factors_what_is_small_and_iterates_where_that_is_cheaper(self):

@@ -59,7 +59,7 @@ SCENE: dict[str, Any] = {
 
 
 def scene(**sections: Any) -> Scene:
-    """A paraboloid on a layer between frictionless walls, three depths, the last not the deepest."""
+    """A paraboloid on a layer between frictionless walls; the middle of three depths is deepest."""
     return resolve(config_from_mapping(SCENE | sections))
 
 

@@ -19,7 +19,10 @@ base:
   indenter: {shape: paraboloid, R: 1.0}
   loading: {delta: 0.01, steps: 1}
 vary:
-  contact: [{method: penalty, epsilon_n: 10}, {method: penalty, epsilon_n: 1000}, {method: active_set}]
+  contact:
+    - {method: penalty, epsilon_n: 10}
+    - {method: penalty, epsilon_n: 1000}
+    - {method: active_set}
   mesh.h_contact: [0.05, 0.04]
 """
 PENETRATION = (1e-3, 1e-5, 1e-4)  # of the three laws, the softest first

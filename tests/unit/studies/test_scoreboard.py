@@ -86,7 +86,10 @@ def test_a_row_is_found_by_its_depth(tmp_path: Path) -> None:
 
 
 def test_where_forces_are_prescribed_theory_is_asked_at_the_force(tmp_path: Path) -> None:
-    """p_max of Hertz at a force: 2 E* a/(pi R), a^3 = 3 F R/(4 E*), whatever depth the run found."""
+    """With a prescribed force, the exact p_max is that of Hertz at the force, not at the depth.
+
+    Reference: p_max = 2 E* a/(pi R) with a^3 = 3 F R/(4 E*).
+    """
     scene = SCENE.replace("deltas: [0.005, 0.01]", "force: 1.0e-3, steps: 1")
     a = (0.75e-3 * 0.91) ** (1 / 3)
     said = "{quantity: p_max, value: 0.06, claims: elements, within: 0.5, source: nobody}"
