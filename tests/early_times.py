@@ -117,7 +117,7 @@ def column_ramp(E: float, nu: float, D: float, h: float, depth: float, T: float,
 
 
 class Drawn:
-    """Random poroelastic scenes from a seed, with lengths and moduli of the order of 1 and D = 1."""
+    """Random poroelastic scenes from a seed, of lengths and moduli of the order of 1 and D = 1."""
 
     def __init__(self, seed: int):
         self.draw = np.random.default_rng(seed)

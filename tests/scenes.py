@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import pickle
 from typing import Any
+
+import numpy as np
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.mesh import gmsh
@@ -122,3 +125,19 @@ def assert_audited(state: State, largest: float, pull: float = 0.0) -> None:
     tolerance = 1e-8 * max(abs(state.force), pull) + 1e-14 * largest
     assert abs(state.force - state.reaction) <= tolerance
     assert state.stray_reaction <= tolerance
+
+
+def state_on(base: Scene, grid: Any) -> Any:
+    """Last state of a scene on a given grid.
+
+    All cells belong to the first region where the scene has only one.
+    """
+    from mpi4py import MPI
+
+    from indent_sim.fe import solver
+
+    part = base.physics.domain
+    regions = np.minimum(grid.regions, len(part.regions) - 1)
+    mesh = solver.distribute(dataclasses.replace(grid, regions=regions), part, MPI.COMM_SELF)
+    *_, last = solver.create_load_stepper(base, mesh).states(base.physics.path, lambda step: False)
+    return last.to_user_units(base.physics.scales)

@@ -12,10 +12,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmark_forces import CUBE as CUBE_FORCE
+from accuracy_scenes import (
+    CUBE,
+    FEW,
+    QUIET,
+    Case,
+    cube_forces,
+    drawn,
+    exact_forces,
+    forces_on_a_finite_body,
+)
 from benchmark_forces import CYLINDER_STEPS as FORCES
 from promised_bars import BAR_OVER_ERROR, ROWS_OF_A_CLASS, SMALL_ERROR, WIDEST
-from scipy.optimize import brentq, least_squares
+from scipy.optimize import least_squares
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.config.schema import Config
@@ -23,51 +32,6 @@ from indent_sim.run.pipeline import simulate, states
 from indent_sim.scene.scene import resolve
 
 TARGETS = (0.05, 0.01, 0.001)
-QUIET = {"fields": "none", "surface": "none", "plot": False}
-WIDE = 2.0  # radius of the wall over height, or over the contact radius where that is larger
-
-
-@dataclass(frozen=True)
-class Case:
-    """A tip pressed into a layer of height 1 until the contact radius is about `a`, in `steps`
-    equal steps.
-    """
-
-    tip: str
-    a: float
-    nu: float
-    base: str = "fixed"
-    shape: str = "cylinder"
-    steps: int = 5
-
-    def __str__(self) -> str:
-        return f"{self.tip}, a/h {self.a:g}, nu {self.nu:g}, {self.base}, {self.shape}"
-
-    def mapping(self) -> dict[str, Any]:
-        wall = WIDE * max(1.0, self.a)
-        sides = {"base": self.base, "sides": "roller", "height": 1.0}
-        size = {"radius": wall} if self.shape == "cylinder" else {"width": 2 * wall}
-        R = max(1.0, 5 * self.a**2)
-        tip = {
-            "paraboloid": {"R": R},
-            "sphere": {"R": R},
-            "cone": {"half_angle": 85},
-            "flat_punch": {"radius": self.a},
-        }
-        return {
-            "body": {"shape": self.shape} | size | sides,
-            "material": {"model": "linear_elastic", "E": 1.0, "nu": self.nu},
-            "indenter": {"shape": self.tip} | tip[self.tip],
-            "loading": {"delta": self.depth(tip[self.tip]), "steps": self.steps},
-            "output": QUIET,
-        }
-
-    def depth(self, tip: dict[str, Any]) -> float:
-        """Where the sections of the tip are about this wide, in a layer that is thick or thin."""
-        sink = 0.6 if self.a > 0.5 else 1.0  # a thin layer's surface follows the tip
-        if self.tip == "cone":
-            return sink * 1.57 * self.a * np.tan(np.radians(5))
-        return 0.01 * min(1.0, self.a) if self.tip == "flat_punch" else sink * self.a**2 / tip["R"]
 
 
 SCENES = [
@@ -115,14 +79,6 @@ class Judged:
     report: dict[str, Any]
 
 
-def exact_forces(config: Config) -> np.ndarray:
-    """The force of every step, by theory."""
-    scene = resolve(config)
-    assert scene.plan.theory is not None
-    solutions = scene.plan.theory.solutions_at_depths(scene.physics.deltas) or []
-    return np.array([solution.force for solution in solutions]) * scene.physics.scales.force
-
-
 def judged(case: Case, target: float, folder: Path, **sections: Any) -> Judged:
     config = config_from_mapping(case.mapping() | {"accuracy": target} | sections)
     outcome = simulate(config, directory=folder)
@@ -166,22 +122,6 @@ def test_every_scene_is_as_accurate_as_asked_for_and_knows_its_error(
     assert max(run_.true.max() for run_ in runs) <= target
     assert found["rows"] >= ROWS_OF_A_CLASS and found["last rows"] >= ROWS_OF_A_CLASS
     assert found["bar over error"] <= BAR_OVER_ERROR
-
-
-def drawn(count: int, seed: int = 7) -> list[Case]:
-    """Scenes drawn at random, none of which chose a constant of `accuracy`."""
-    draw = np.random.default_rng(seed)
-    return [
-        Case(
-            tip=str(draw.choice(["paraboloid", "sphere", "cone", "flat_punch"])),
-            a=float(np.exp(draw.uniform(np.log(0.01), np.log(3.5)))),
-            nu=float(draw.choice([0.0, 0.1, 0.2, 0.3, 0.4, 0.45, 0.47, 0.49, 0.4999])),
-            base=str(draw.choice(["fixed", "roller"])),
-            shape="strip" if draw.random() < 0.15 else "cylinder",
-            steps=int(draw.integers(1, 9)),
-        )
-        for _ in range(count)
-    ]
 
 
 @pytest.mark.verify
@@ -290,39 +230,6 @@ def test_hyperelastic_bodies(nu: float, target: float, tmp_path: Path) -> None:
     assert np.sum(true > bar) <= 1
 
 
-CUBE: dict[str, Any] = Case("paraboloid", 0.1, 0.3).mapping() | {
-    "body": {"shape": "box", "size": [2.0, 2.0, 1.0]},
-    "loading": {"delta": 0.01, "steps": 10},
-}
-DEPTHS = np.arange(1, 11) * 1e-3
-
-
-def forces_on_a_finite_body(k_0: float, k_2: float) -> np.ndarray:
-    """Hertz' force at DEPTHS on a body (E = 1, nu = 0.3) that sinks F (k_0 - k_2 (r^2 + s^2)) less
-    at r than a half-space does, F at distances s from the axis, s^2 = 2 a^2/5 in the mean: what
-    is far away is smooth.
-    """
-    E_star = 1 / (1 - 0.3**2)
-
-    def excess(force: float, depth: float) -> float:
-        curvature = 1 + 2 * k_2 * force
-        a = (0.75 * force / E_star / curvature) ** (1 / 3)
-        return float(a**2 * curvature - depth - force * (k_0 - 0.4 * k_2 * a**2))
-
-    return np.array([brentq(excess, 1e-8, 3e-3, args=(depth,)) for depth in DEPTHS])
-
-
-def cube_forces() -> np.ndarray:
-    """Of the whole cube at DEPTHS.
-
-    What the cylinder's independent forces say of k_2, and the cube's last one of k_0
-    (test_hertz.py); half of k_2 more or less would change the first force by 8e-5 of it.
-    """
-    _, k_2 = least_squares(lambda k: forces_on_a_finite_body(*k) / FORCES - 1, [0.4, 0.2]).x
-    k_0 = brentq(lambda k: forces_on_a_finite_body(k, k_2)[-1] / CUBE_FORCE - 1, 0.3, 0.5)
-    return forces_on_a_finite_body(k_0, k_2)
-
-
 def test_the_forces_on_a_finite_body_are_those_of_independent_computations() -> None:
     """Two numbers give all ten forces on the cylinder to the seven digits that are known."""
     found = least_squares(lambda k: forces_on_a_finite_body(*k) / FORCES - 1, [0.4, 0.2])
@@ -374,15 +281,6 @@ def test_a_punch_on_a_box(radius: float, nu: float, tmp_path: Path) -> None:
     print(f"radius {radius:g}, nu {nu:g}: error {true:.1e}  bar {bar:.1e}")
     assert true <= 0.01
     assert true <= 1.5 * bar
-
-
-FEW = [
-    Case("paraboloid", 0.1, 0.3),
-    Case("cone", 1.0, 0.45),
-    Case("flat_punch", 0.5, 0.3, "roller"),
-    Case("sphere", 3.0, 0.4999),
-    Case("paraboloid", 0.1, 0.3, shape="strip"),
-]
 
 
 @pytest.mark.parametrize("case", FEW, ids=str)

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_accuracy import CUBE, FEW, Case, cube_forces, exact_forces
+from accuracy_scenes import CUBE, FEW, Case, cube_forces, exact_forces
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.run.pipeline import simulate

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from accuracy_scenes import Case, drawn
 from promised_bars import BAR_OVER_ERROR, ROWS_OF_A_CLASS, SMALL_ERROR, WIDEST
-from test_accuracy import Case, drawn
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.state import State

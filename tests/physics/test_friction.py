@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from half_space_friction import THICK, A, rough
 from scenes import ELASTIC, PARABOLOID, scene, solve, solved
 
 from indent_sim.config.scene_file import config_from_mapping
@@ -33,29 +34,9 @@ from indent_sim.theory.no_slip import (
     MAPPED_SLENDERNESS,
 )
 
-# 2000 contact radii thick and wide: what friction adds to the force is that of a half-space to a
-# thousandth of itself
-THICK = {"shape": "cylinder", "radius": 200.0, "height": 200.0, "base": "fixed", "sides": "roller"}
 STUDIES = Path(__file__).parents[2] / "configs" / "studies" / "friction"
-A = 0.1  # contact radius of the deepest frictionless contact
 PUNCH = {"shape": "flat_punch", "radius": A}
 IN_AND_OUT = {"deltas": [0.004, 0.01, 0.007, 0.003, 0.0, 0.004, 0.01]}
-
-
-def rough(
-    friction: float | str,
-    nu: float,
-    loading: dict[str, Any],
-    tip: dict[str, Any] = PARABOLOID,
-    **more: Any,
-) -> list[State]:
-    """The states of a thick body under a tip, thirty elements in its contact radius."""
-    sections = {
-        "material": {"model": "linear_elastic", "E": 1.0, "nu": nu},
-        "mesh": {"h_contact": A / 30},
-        "contact": {"method": "augmented_lagrangian", "friction": friction},
-    } | more
-    return solve(scene(THICK, indenter=tip, loading=loading, **sections))
 
 
 def in_and_out(depth: float, steps: int) -> list[float]:

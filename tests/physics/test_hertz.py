@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmark_forces import CUBE, CYLINDER_STEPS
+from benchmark_forces import CUBE, CYLINDER_RADII, CYLINDER_STEPS
 from scenes import BOX, CYLINDER, force, scene, solve
 
 from indent_sim.model.state import State
 
-RADII = [0.03189, 0.04526, 0.05559, 0.06434, 0.07209, 0.07912, 0.08560, 0.09166, 0.09737, 0.10279]
 PEAK = 0.0720
 CURRENT_GAP = 1.6208e-3  # the same cylinder with the gap at the deformed radius
 TEN_STEPS = {"delta": 0.01, "steps": 10}
@@ -54,7 +53,7 @@ def test_contact_radius_on_the_cylinder(cylinder: list[State]) -> None:
     """A third of an element: the edge is resolved inside it, but only as well as a quadratic
     follows the kink.
     """
-    assert [state.a for state in cylinder] == pytest.approx(RADII, abs=H_CONTACT / 3)
+    assert [state.a for state in cylinder] == pytest.approx(CYLINDER_RADII, abs=H_CONTACT / 3)
 
 
 def test_peak_pressure_on_the_cylinder(cylinder: list[State]) -> None:

@@ -27,7 +27,7 @@ def each_nu(coarse: float, fine: float) -> Any:
 def ball(
     nu: float = 0.3, h_contact: float = 0.04, body: dict[str, Any] = WALLED, **sections: Any
 ) -> Scene:
-    """Scene of a sphere R = 1 on a neo-Hookean layer h = 1 with roller walls, or on another body."""
+    """Scene of a sphere R = 1 on a neo-Hookean layer h = 1 with roller walls, or another body."""
     given = {
         "material": NEO_HOOKEAN | {"nu": nu},
         "indenter": SPHERE,
@@ -41,7 +41,7 @@ def iterations(states: list[Any]) -> int:
     return sum(state.newton_iterations for state in states)
 
 
-# ---- another program's numbers ------------------------------------------------------------
+# ---- another program's numbers
 
 # Q6/Q4 mixed elements with the contact edge on a mesh line: forces good to 1e-6, radii to 1e-4
 DEPTHS = (0.05, 0.1, 0.2, 0.3, 0.5)
@@ -118,7 +118,7 @@ def test_four_points_a_cell_are_enough_for_a_solid(
     assert abs(few - many) < abs(finer - few) / 10
 
 
-# ---- the linear limit ------------------------------------------------------------
+# ---- the linear limit
 
 LAWS = {
     "neo_hookean": NEO_HOOKEAN,
@@ -225,7 +225,7 @@ def test_a_force_of_zero_is_one(law: str) -> None:
     )
 
 
-# ---- paths that arrive ------------------------------------------------------------
+# ---- paths that arrive
 
 
 @each_nu(0.04, 0.02)
@@ -341,7 +341,7 @@ def test_nothing_in_contact_is_no_negative_zero() -> None:
     assert str(state.force) == "0.0"
 
 
-# ---- energy ------------------------------------------------------------
+# ---- energy
 
 BODIES = {"axisymmetric": WALLED, "plane_strain": STRIP}
 
@@ -370,7 +370,7 @@ def test_work_is_energy(body: str, nu: float) -> None:
     assert states[-1].energy - states[0].energy == pytest.approx(work, rel=1e-4)
 
 
-# ---- three dimensions, other tips ------------------------------------------------------------
+# ---- three dimensions, other tips
 
 
 def test_quarter_is_the_cylinder() -> None:

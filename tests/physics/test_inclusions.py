@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from promised_bars import ROWS_OF_A_CLASS
-from scenes import CYLINDER, ELASTIC, PARABOLOID, STRIP, WALLED, force, grid_of, scene
-from test_layers import state_on
+from scenes import CYLINDER, ELASTIC, PARABOLOID, STRIP, WALLED, force, grid_of, scene, state_on
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.run import pipeline

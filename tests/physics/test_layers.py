@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from promised_bars import ROWS_OF_A_CLASS
-from scenes import ELASTIC, force, grid_of, scene, solve
+from scenes import ELASTIC, force, grid_of, scene, solve, state_on
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.run import pipeline, single_run
@@ -101,21 +101,6 @@ def test_layers_of_one_material_are_one_body(body: str, nu: float) -> None:
     assert set(grid.regions) == {0, 1}
     found = [state_on(scene_, grid).force for scene_ in (base, one)]
     assert found[0] == pytest.approx(found[1], rel=1e-9 if nu < 0.45 else 1e-3)
-
-
-def state_on(base: Scene, grid: Any) -> Any:
-    """The last state of a scene on a grid, whose cells all belong to the first region where the
-    scene has only one.
-    """
-    from mpi4py import MPI
-
-    from indent_sim.fe import solver
-
-    part = base.physics.domain
-    regions = np.minimum(grid.regions, len(part.regions) - 1)
-    mesh = solver.distribute(dataclasses.replace(grid, regions=regions), part, MPI.COMM_SELF)
-    *_, last = solver.create_load_stepper(base, mesh).states(base.physics.path, lambda step: False)
-    return last.to_user_units(base.physics.scales)
 
 
 @pytest.mark.parametrize(

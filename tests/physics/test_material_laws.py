@@ -10,13 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-import ufl
-from dolfinx import fem, mesh
-from mpi4py import MPI
+from compiled_laws import I, Numbers
 from scipy.optimize import brentq
 
-from indent_sim.fe import compat
-from indent_sim.fe.symbolic_constants import symbolic_copy
 from indent_sim.model.hyperelasticity import (
     ArrudaBoyce,
     Fung,
@@ -28,8 +24,6 @@ from indent_sim.model.hyperelasticity import (
 )
 from indent_sim.model.linear_elasticity import LinearElastic
 
-I = np.eye(3)
-GRID = mesh.create_unit_square(MPI.COMM_SELF, 1, 1)
 LAWS: dict[str, Any] = {
     "neo_hookean": NeoHookean(mu=1.0, lame_lambda=1.5).canonical(),
     "mooney_rivlin": MooneyRivlin(C10=0.3, C01=0.2, nu=0.3),
@@ -44,45 +38,6 @@ LAWS: dict[str, Any] = {
 # round-off.
 EXACT = {name: 1e-12 for name in LAWS} | {"ogden": 1e-9}
 each_law = pytest.mark.parametrize("name", LAWS)
-
-
-class Numbers:
-    """A law's energy, and its first and second derivative along a direction, as compiled by the
-    solver's tools.
-    """
-
-    def __init__(self, law: Any, mixed: bool):
-        self._H, self._G = (fem.Constant(GRID, np.zeros((3, 3))) for _ in range(2))
-        self._q, self._dq = (fem.Constant(GRID, 0.0) for _ in range(2))
-        t = ufl.variable(fem.Constant(GRID, 0.0))
-        H, q, law = self._H + t * self._G, self._q + t * self._dq, symbolic_copy(law, GRID)
-        psi = law.mixed_energy(H, q) if mixed else law.energy(H)
-        slope = ufl.diff(psi, t)
-        values = ufl.as_vector([psi, slope, ufl.diff(slope, t)])
-        self._expression = fem.Expression(values, np.array([[0.3, 0.3]]))
-
-    def along(self, F: np.ndarray, G: np.ndarray, q: float = 0.0, dq: float = 0.0) -> np.ndarray:
-        """psi, dpsi and d2psi at F (and q) along G (and dq)."""
-        return self._along(F - I, G, q, dq)
-
-    def _along(self, H: np.ndarray, G: np.ndarray, q: float, dq: float) -> np.ndarray:
-        self._H.value[:], self._G.value[:], self._q.value, self._dq.value = H, G, q, dq
-        return compat.evaluate_expression(
-            self._expression, GRID, np.array([0], dtype=np.int32)
-        ).ravel()
-
-    def energy(self, F: np.ndarray, q: float = 0.0) -> float:
-        """psi."""
-        return float(self.along(F, I, q)[0])
-
-    def stress(self, F: np.ndarray, q: float = 0.0) -> np.ndarray:
-        """First Piola-Kirchhoff stress, one direction after the other."""
-        return self.stress_of_gradient(F - I, q)
-
-    def stress_of_gradient(self, H: np.ndarray, q: float = 0.0) -> np.ndarray:
-        """The same at F = I + H, with all digits of a small H."""
-        unit = [np.outer(I[i], I[j]) for i in range(3) for j in range(3)]
-        return np.array([self._along(H, G, q, 0.0)[1] for G in unit]).reshape(3, 3)
 
 
 @cache
@@ -199,7 +154,7 @@ def test_incompressible_bar(name: str, stretch: float) -> None:
     assert found == pytest.approx(incompressible_uniaxial(name, stretch), rel=EXACT[name])
 
 
-# ---- what every law must be ------------------------------------------------------------
+# ---- what every law must be
 
 
 @each_law

@@ -14,11 +14,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmark_forces import CUBE
+from benchmark_forces import CUBE, CYLINDER_RADII
 from benchmark_forces import CYLINDER_STEPS as FORCES
 from click.testing import CliRunner
 from scenes import BOX, CYLINDER, E_STAR, PARABOLOID, WALLED, scene, solve
-from test_hertz import RADII
 
 from indent_sim.cli import commands
 from indent_sim.fe.solve import uzawa
@@ -176,7 +175,7 @@ def test_hertz_at_every_step(name: str) -> None:
     states = hertz(name, 0.004)
     errors = np.array([state.force for state in states]) / FORCES - 1
     assert np.abs(errors).max() < (3e-4 if name == "augmented_lagrangian" else 1.5e-3)
-    assert [state.a for state in states] == pytest.approx(RADII, rel=0.01)
+    assert [state.a for state in states] == pytest.approx(CYLINDER_RADII, rel=0.01)
 
 
 # ---- the parameter

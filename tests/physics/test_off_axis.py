@@ -67,7 +67,7 @@ def test_off_axis_is_on_axis_in_a_wide_cylinder() -> None:
 
 @pytest.mark.verify
 def test_off_axis_without_a_mirror_plane() -> None:
-    """A tip off both coordinate axes takes the whole cylinder; its force is that of the half model."""
+    """A tip off both coordinate axes takes the whole cylinder, with the force of the half model."""
     body = CYLINDER | {"radius": 1.5, "sides": "roller"}
     whole, half = (
         scene(body, indenter=PARABOLOID | {"center": center}, mesh={"h_contact": COARSE}, **DEEP)

@@ -13,59 +13,34 @@ every Lagrange space, so that 1e-9 is the solver's tolerance (1e-10) times ten.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
-from math import hypot, pi, sqrt
+from math import pi, sqrt
 from typing import Any
 
 import numpy as np
 import pytest
-from scenes import PENALTY, scene, solve
+from patch_scenes import (
+    AREA,
+    BOX,
+    CYLINDER,
+    DELTA,
+    EPSILON_N,
+    EXACT,
+    NU,
+    STRIP,
+    E,
+    H,
+    covered,
+)
+from scenes import solve
 from scipy.optimize import brentq
 
-from indent_sim.model.tips import FlatPunch
 from indent_sim.scene.scene import Scene
 
-E, NU, H, DELTA, EPSILON_N = 3.0, 0.3, 2.0, 0.05, 7.0
 CONFINED = E * (1 - NU) / ((1 + NU) * (1 - 2 * NU))
-EXACT = 1e-9
 
-CYLINDER = {"shape": "cylinder", "radius": 1.5, "height": H}
-STRIP = {"shape": "strip", "width": 3.0, "height": H}
-BOX = {"shape": "box", "size": [3.0, 2.0, H]}
-AREA = {"cylinder": pi * 1.5**2, "strip": 3.0, "box": 6.0}
 RADIUS = {"cylinder": 1.5, "strip": 1.5, "box": sqrt(6.0 / pi)}
 FREE_MODULUS = {"cylinder": E, "strip": E / (1 - NU**2), "box": E}
-
-
-MATERIAL = {"model": "linear_elastic", "E": E, "nu": NU}
-
-
-def covered(
-    body: dict[str, Any],
-    symmetry: str = "auto",
-    method: str = "penalty",
-    material: Any = MATERIAL,
-    loading: Any = None,
-    **contact: Any,
-) -> Scene:
-    """A body under a punch that reaches beyond its rim, which no config may ask for.
-
-    No element is smaller at the rim: nothing is singular there.
-    """
-    width = {"cylinder": 3.0, "strip": 3.0, "box": 2.0}[body["shape"]]
-    base = scene(
-        body,
-        material=material,
-        indenter={"shape": "flat_punch", "radius": width / 2},
-        contact=(PENALTY | {"epsilon_n": EPSILON_N} if method == "penalty" else {"method": method})
-        | contact,
-        loading=loading or {"delta": DELTA, "steps": 1},
-        mesh={"h_contact": 0.5, "symmetry": symmetry},
-    )
-    beyond = FlatPunch(radius=1.1 * hypot(3.0, 2.0) / 2 / base.physics.scales.length)
-    sizes = dataclasses.replace(base.sizes, punch_edge=None, h_edge=None)
-    return dataclasses.replace(base.replace_physics(indenter=beyond), sizes=sizes)
 
 
 def assert_uniform(base: Scene, body: dict[str, Any], modulus: float) -> None:

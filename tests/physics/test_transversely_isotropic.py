@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from compiled_laws import Numbers
+from patch_scenes import AREA, DELTA, EPSILON_N, EXACT, H, covered
 from scenes import BOX, CYLINDER, ELASTIC, PARABOLOID, STRIP, WALLED, force, scene, solve
-from test_material_laws import Numbers
-from test_patch import AREA, DELTA, EPSILON_N, EXACT, H, covered
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.linear_elasticity import LinearElastic, TransverselyIsotropic

@@ -8,8 +8,8 @@ from math import pi
 
 import numpy as np
 import pytest
+from half_space_friction import A, rough
 from scenes import PARABOLOID, scene, solve
-from test_friction import A, rough
 
 from indent_sim.run.work_and_loops import energy_balance
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from test_results import TIP, some_fields, write_run
+from made_results import TIP, TITLES, some_fields, write_run
 
 from indent_sim import __version__
 from indent_sim.cli import commands, output
@@ -24,17 +24,6 @@ from indent_sim.results.output_folder import OutputFolder
 from indent_sim.results.previous_run import previous_run
 from indent_sim.studies.study_folder import StudyFolder
 
-TITLES = [
-    "[/x] [kPa]",
-    "$\\frac{1$",
-    "two $ signs $",
-    r"\$",
-    "_hidden",
-    "\x1b[2J\x07",
-    "a\nb",
-    "\u202etfel",
-    "ä 漢 🙂",
-]
 CONFIG = "title: x\n"  # of `write_run`
 SCENE = """\
 body: {shape: cylinder, radius: 1.0, height: 1.0}

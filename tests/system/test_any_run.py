@@ -7,8 +7,8 @@ from contextlib import suppress
 from typing import Any
 
 import pytest
+from arbitrary_scenes import BRIEF, FUZZ, ended, scenes
 from hypothesis import given, settings
-from test_plan_fuzz import BRIEF, FUZZ, ended, scenes
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.process.errors import ConfigError

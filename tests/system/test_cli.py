@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
-from test_malformed import MALFORMED
+from command_line import command, environment
 
 from indent_sim.cli import commands, doctor
 from indent_sim.config.scene_file import config_from_mapping
@@ -47,7 +47,6 @@ material: {model: linear_elastic, E: 1.0, nu: 0.3}
 indenter: {shape: paraboloid, R: 1.0}
 loading: {delta: 0.01, steps: 3}
 """
-ROOT = Path(__file__).resolve().parents[2]
 
 Run = Callable[..., Result]
 
@@ -76,16 +75,6 @@ def left(folder: Path) -> set[str]:
 def content_of(folder: Path) -> dict[Path, bytes]:
     """All files below a folder."""
     return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-
-
-def command(*words: str | Path) -> list[str]:
-    return [sys.executable, "-m", "indent_sim.cli.commands", *map(str, words)]
-
-
-def environment() -> dict[str, str]:
-    return os.environ | {
-        "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
-    }
 
 
 @contextmanager
@@ -275,10 +264,22 @@ class TestRefusals:
         assert done.exit_code == 2 and done.stderr and "Traceback" not in done.stderr
         assert done.stdout == "" and left(tmp_path) == set()
 
-    @pytest.mark.parametrize(("text", "line", "key", "fragment"), MALFORMED)
+    @pytest.mark.parametrize(
+        ("before", "after", "line", "key"),
+        [
+            (SCENE, "", 1, ""),
+            ("mesh: {", "mesh: [", 6, ""),
+            ("mesh:", "indenter:", 6, "indenter"),
+            ("R: 1.0", "r: 1.0", 4, "indenter.r"),
+            ("nu: 0.3", "nu: 0.7", 3, "material.nu"),
+        ],
+        ids=["empty", "no YAML", "key given twice", "unknown key", "out of range"],
+    )
     @pytest.mark.parametrize("verb", ["run", "plan"])
-    def test_malformed_scenes(self, indent_sim, tmp_path, verb, text, line, key, fragment):
-        (tmp_path / "scene.yaml").write_text(text)
+    def test_malformed_scenes(self, indent_sim, tmp_path, verb, before, after, line, key):
+        """A few of the scenes of tests/unit/config/test_malformed.py, which tries each of them."""
+        assert before in SCENE
+        (tmp_path / "scene.yaml").write_text(SCENE.replace(before, after))
         done = indent_sim(verb, "scene.yaml")
         assert done.exit_code == 3 and left(tmp_path) == set()
         assert f"scene.yaml:{line}" in done.stderr and key in done.stderr and done.stdout == ""

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from command_line import ran
 from conftest import Mpirun
-from test_theory_runs import ran
 
 from indent_sim.config.scene_file import config_from_mapping, to_yaml
 

@@ -23,8 +23,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from arbitrary_scenes import within
 from click.testing import CliRunner, Result
-from test_plan_fuzz import within
 
 from indent_sim.cli import commands
 from indent_sim.config.scene_file import config_from_mapping, to_yaml

@@ -13,7 +13,7 @@ import html_page
 import matplotlib.image
 import numpy as np
 import pytest
-from test_tutorials import BLOCK, ROOT, followed
+from documented_commands import BLOCK, ROOT, followed
 
 import indent_sim
 from indent_sim.results.reader import read_run

@@ -18,9 +18,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import environment
 from conftest import MPI_ENVIRONMENT
-from test_cli import environment
-from test_resume import CONDENSED, HYPERELASTIC, same_numbers
+from resumed_runs import CONDENSED, HYPERELASTIC, same_numbers
 
 from indent_sim.config.scene_file import load
 from indent_sim.model.state import State

@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import environment
 from scenes import grid_of
-from test_cli import environment
 
 from indent_sim.config.scene_file import loads
 from indent_sim.mesh import gmsh, mesher_process
@@ -290,15 +290,15 @@ class TestForked:
 
     def test_it_ends_when_its_owner_is_killed(self):
         script = """
-import os, signal
+import os, signal, time
 from indent_sim.process.forked_process import ForkedProcess
-from test_mesher import half
-forked = ForkedProcess(half, lambda: None); forked.begin_call(60.0)
-print(forked._child.pid, flush=True); os.kill(os.getpid(), signal.SIGKILL)
+forked = ForkedProcess(time.sleep, lambda: None)
+forked.begin_call(60.0)
+print(forked._child.pid, flush=True)
+os.kill(os.getpid(), signal.SIGKILL)
 """
-        here = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
         ended = subprocess.run(
-            [sys.executable, "-c", script], env=environment() | here, capture_output=True, text=True
+            [sys.executable, "-c", script], env=environment(), capture_output=True, text=True
         )
         deadline = time.monotonic() + 5
         while is_alive(int(ended.stdout)):

@@ -12,10 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_results import a_result
+from made_results import a_result, some_fields
 from matplotlib.axes import Axes
 from matplotlib.collections import TriMesh
-from test_results import some_fields
 
 from indent_sim.model.tips import Paraboloid, Sphere
 from indent_sim.process.errors import UsageError

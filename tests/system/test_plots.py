@@ -12,9 +12,8 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 import pytest
-from made_results import a_result
+from made_results import TITLES, a_result
 from matplotlib.text import Text
-from test_strangers import TITLES
 
 from indent_sim.process.errors import UsageError, printable
 from indent_sim.results.pictures import figures, forces

@@ -9,7 +9,6 @@ import fcntl
 import json
 import math
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -20,8 +19,9 @@ import h5py
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from made_results import BODY, some_fields
 from mpi4py import MPI
-from test_results import BODY, some_fields
+from resumed_runs import CONDENSED, HYPERELASTIC, SCENE, kept_fields, same_numbers
 
 from indent_sim.cli import commands
 from indent_sim.config.scene_file import load
@@ -35,26 +35,10 @@ from indent_sim.results.result_scene import scene_of
 from indent_sim.run import pipeline, single_run
 
 ROOT = Path(__file__).resolve().parents[2]
-SCENE = """\
-body: {{shape: cylinder, radius: 1.0, height: 1.0, sides: roller}}
-material: {{{material}, E: 1.0, nu: 0.3}}
-indenter: {{shape: paraboloid, R: 1.0}}
-contact: {{method: {method}}}
-loading: {{{loading}}}
-mesh: {{h_contact: 0.12, h_far: 0.6}}
-output: {{fields: all, surface: all, plot: false}}
-"""
-DOWN = "delta: 0.15, steps: 15"
 FORCES = "forces: [0.01, 0.03, 0.06, 0.02, 0, 0.04, 0.05]"
 UP_AND_DOWN = "deltas: [0.03, 0.06, 0.09, 0.12, 0.05, -0.01, 0.04, 0.08]"
 # snaps in, holds on, lets go and snaps in again
 STICKY = "deltas: [-0.15, 0.05, -0.06, -0.09, -0.2, 0.0]"
-HYPERELASTIC = SCENE.format(
-    material="model: neo_hookean", method="augmented_lagrangian", loading=DOWN
-)
-CONDENSED = SCENE.format(
-    material="model: linear_elastic", method="augmented_lagrangian", loading=DOWN
-)
 SOME = 7  # rows of a run that was stopped
 
 # A run that kills itself at the n-th time it opens for writing, renames, removes or cuts a file of
@@ -116,41 +100,6 @@ def snapshot(place: Path) -> dict[str, tuple[bytes, int]]:
         for path in place.rglob("*")
         if path.is_file()
     }
-
-
-def same_numbers(out: Path, expected: Path, rtol: float = 1e-8) -> None:
-    """The two folders hold the same files, rows, surfaces and fields; wall_s grows over the seam
-    too.
-    """
-    assert {entry.name for entry in out.iterdir()} == {entry.name for entry in expected.iterdir()}
-    found, wanted = read(out), read(expected)
-    assert found.report["status"] == "done" and found.report["rows"] == len(found) == len(wanted)
-    for column in set(wanted.table) - {"wall_s", "newton_iterations"}:
-        size = np.nanmax(np.abs(wanted[column]), initial=0.0)
-        near = (
-            max(rtol, 1e-4) if column == "stiffness" else rtol
-        )  # by the last factor, corrected to 1e-5
-        np.testing.assert_allclose(
-            found[column], wanted[column], rtol=near, atol=near * size, err_msg=column
-        )
-    assert np.all(np.diff(found["wall_s"]) >= 0)
-    for column, values in wanted.surface.items():
-        np.testing.assert_allclose(
-            found.surface[column],
-            values,
-            atol=100 * rtol * np.abs(values).max() + 1e-12,
-            err_msg=column,
-        )
-    without_depths = [
-        re.sub(r'("delta" Value=")[^"]*', r"\1", (place / "fields.xdmf").read_text())
-        for place in (out, expected)
-    ]
-    assert without_depths[0] == without_depths[1]  # the depths are those of the table
-    assert sorted(os.listdir(out / "fields")) == sorted(os.listdir(expected / "fields"))
-    ours = kept_fields(out)
-    for step, arrays in kept_fields(expected).items():
-        for name, values in arrays.items():
-            np.testing.assert_allclose(ours[step][name], values, rtol=1e-5, atol=1e-7)
 
 
 def adhering(material: str, loading: str) -> str:
@@ -477,15 +426,6 @@ class TestStopped:
         found, expected = read(tmp_path / "out"), read(undisturbed(HYPERELASTIC))
         for column in ("step", "delta", "force", "a", "p_max", "energy"):
             np.testing.assert_allclose(found[column], expected[column], rtol=1e-8, err_msg=column)
-
-
-def kept_fields(out: Path) -> dict[int, dict[str, np.ndarray]]:
-    """What fields.xdmf names: the arrays of every step in it."""
-    text, found = (out / "fields.xdmf").read_text(), {}
-    for step, name in re.findall(r'Name="step (\d+)".*?(fields/step-\d+\.h5):/', text, re.DOTALL):
-        with h5py.File(out / name) as file:
-            found[int(step)] = {name: values[()] for name, values in file.items()}
-    return found
 
 
 class TestTheDeepestAndTheLast:

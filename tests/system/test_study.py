@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from command_line import environment
 
 from indent_sim import studies
 from indent_sim.cli import commands
@@ -86,12 +87,6 @@ def rows_of(folder: Path) -> list[dict[str, str]]:
 
 def command(*words: str | Path) -> list[str]:
     return [sys.executable, "-m", "indent_sim.cli.commands", "study", *map(str, words)]
-
-
-def environment() -> dict[str, str]:
-    return os.environ | {
-        "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
-    }
 
 
 class TestGrid:

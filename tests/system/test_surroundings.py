@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_cli import ROOT, environment
+from command_line import ROOT, environment
 
 from indent_sim.results.reader import Results, read
 

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import ROOT, Mpirun
+from command_line import ran
+from conftest import Mpirun
 
 from indent_sim.config.scene_file import config_from_mapping, to_yaml
 from indent_sim.results.reader import read
@@ -39,13 +40,6 @@ def config(tmp_path: Path) -> Path:
     path = tmp_path / "scene.yaml"
     path.write_text(to_yaml(config_from_mapping(SCENE)))
     return path
-
-
-def ran(*words: str | Path, code: int = 0) -> str:
-    command = [sys.executable, "-m", "indent_sim.cli.commands", *map(str, words)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120)
-    assert done.returncode == code, done.stderr
-    return done.stdout
 
 
 @pytest.mark.parametrize("command", ["run", "plan"])

@@ -15,26 +15,10 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+from documented_commands import BLOCK, ROOT, environment, followed
 
-ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
-BLOCK = re.compile(r"```(\w+)\n(.*?)```", re.DOTALL)
 COMMAND = re.compile(r"`(indent-sim [^`]*)`")
-
-
-def environment(folder: Path) -> dict[str, str]:
-    """Where `indent-sim` is this project's program."""
-    bin_ = folder / ".bin"
-    bin_.mkdir(exist_ok=True)
-    script = bin_ / "indent-sim"
-    script.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m indent_sim.cli.commands "$@"\n')
-    script.chmod(0o755)
-    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
-    return os.environ | {
-        "PATH": f"{bin_}{os.pathsep}{os.environ['PATH']}",
-        "PYTHONPATH": path,
-        "MPLBACKEND": "agg",
-    }
 
 
 @pytest.mark.slow
@@ -146,7 +130,6 @@ INSTEAD = {  # the same with fewer runs
     "indent-sim require scene.yaml --curve measured.csv": "indent-sim require --help",
     "indent-sim study STUDY.yaml --jobs 4": "indent-sim study STUDY.yaml --jobs 2",
 }
-DIFFERS = "indent-sim compare results/reference results/current"  # as its page says: exit code 6
 SCENE = """\
 units: {length: um, force: nN}
 body: {shape: cylinder, radius: 20, height: 10}
@@ -175,23 +158,6 @@ def shortened(text: str) -> str:
     for long, short in INSTEAD.items():
         text = text.replace(long, short)
     return text
-
-
-def followed(commands: list[str], folder: Path) -> None:
-    """Commands run one after the other in a folder."""
-    for command in commands:
-        done = subprocess.run(
-            ["bash", "-euo", "pipefail", "-c", command],
-            cwd=folder,
-            env=environment(folder),
-            capture_output=True,
-            text=True,
-            timeout=600,
-            check=False,
-        )
-        assert done.returncode == (6 if command == DIFFERS else 0), (
-            f"{command}\n{done.stdout}{done.stderr}"
-        )
 
 
 def test_every_block_of_commands_is_run_or_says_where():

@@ -5,6 +5,7 @@ what.
 from __future__ import annotations
 
 import ast
+import re
 import sys
 from collections.abc import Iterator
 from functools import cache
@@ -114,6 +115,7 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "rich": ("cli/",),
 }
 EMPTY_NAMES = {"utils", "util", "helpers", "helper", "common", "manager", "misc"}
+IMPORT_OF_A_TEST = re.compile(r"^ *(?:from|import) .*\btest_\w+", re.MULTILINE)
 ENDS = {
     "sys.exit",
     "os._exit",
@@ -343,6 +345,12 @@ def test_what_make_check_runs_starts_no_process_and_solves_nothing() -> None:
     assert found and not [name for name, libraries in found.items() if libraries]
 
 
+def test_no_test_module_imports_another() -> None:
+    """What tests share stands in helper modules; programs in strings count, too."""
+    texts = {path: path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("*.py")}
+    assert not [path.name for path, text in texts.items() if IMPORT_OF_A_TEST.search(text)]
+
+
 # ---- the tests above can fail
 
 
@@ -359,3 +367,12 @@ def test_an_arrow_that_the_table_lacks_is_found() -> None:
     assert "run/single_run.py -> indent_sim.fe.solver" in forbidden(
         FILES, without, 1, "indent_sim."
     )
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["from test_cli import ROOT", "    import tests.unit.test_docs", "from tests import test_x"],
+)
+def test_an_import_of_a_test_module_is_found(line: str) -> None:
+    assert IMPORT_OF_A_TEST.search(f"import os\n{line}\n")
+    assert not IMPORT_OF_A_TEST.search(f"from scenes import {line.split()[-1][:3]}\n")

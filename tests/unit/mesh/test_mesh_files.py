@@ -150,7 +150,7 @@ def test_the_order_of_corners_is_not_the_shape(tmp_path: Path) -> None:
 
 
 def without_names(body: dict[str, Any]) -> dict[str, Any]:
-    """Return the cells without groups, as gmsh writes them where no physical groups were asked for."""
+    """Return the cells without groups, as gmsh writes them where no group was asked for."""
     return body | {"facets": {}, "regions": {}}
 
 

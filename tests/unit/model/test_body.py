@@ -72,7 +72,7 @@ def test_pieces_share_approach_and_energy() -> None:
     )
 
 
-# ---- inclusions: where they end ------------------------------------------------------------
+# ---- inclusions: where they end
 
 MATTER = LinearElastic(E=1.0, nu=0.3)
 PLACE = (0.1, -0.2, 0.3)

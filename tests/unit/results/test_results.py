@@ -17,8 +17,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made_results import (
+    BODY,
+    CELLS,
+    FILES,
+    POINTS,
+    REGIONS,
+    THIRD,
+    a_state,
+    names,
+    some_fields,
+    write_run,
+)
 
-from indent_sim.model.state import DERIVED_COLUMNS, ERROR_COLUMNS, STATE_COLUMNS, State, Surface
+from indent_sim.model.state import DERIVED_COLUMNS, ERROR_COLUMNS, STATE_COLUMNS
 from indent_sim.model.tips import Sphere
 from indent_sim.process.errors import (
     ConfigError,
@@ -38,36 +50,6 @@ from indent_sim.results.previous_run import previous_run
 from indent_sim.results.reader import read, rows_of
 from indent_sim.results.tip_geometry import tip_mesh
 from indent_sim.results.writer import ResultFolder
-
-THIRD = 1 / 3
-
-
-def a_state(step: int, **values) -> State:
-    surface = Surface(
-        x=np.array([0.0, 0.1]),
-        y=np.zeros(2),
-        u=np.array([[0, 0, -0.1], [0, 0, -0.05]]),
-        gap=np.array([0.0, 0.2]),
-        pressure=np.array([THIRD, 0.0]),
-        z=np.zeros(2),
-    )
-    state = State(
-        step, 0.1 * step, THIRD * step, 0.2, 1.5, 1e-5, 0.01, 4, 0.1 * step, surface=surface
-    )
-    return replace(state, **values)
-
-
-def write_run(target: Path, steps: int = 2, **options) -> None:
-    with ResultFolder(target, "title: x\n", **options) as run:
-        for step in range(1, steps + 1):
-            run.append(a_state(step))
-
-
-def names(path: Path) -> set[str]:
-    return {entry.name for entry in path.iterdir()}
-
-
-FILES = {"force_indentation.csv", "surface.csv", "config.yaml", "run.json"}
 
 
 class TestFiles:
@@ -498,26 +480,6 @@ class TestKills:
         assert done
 
 
-POINTS = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, -1.0], [0.0, -1.0]])
-CELLS = np.array([[0, 1, 2], [0, 2, 3]])
-
-
-REGIONS = np.array([0, 1])
-TIP = tip_mesh(Sphere(R=1.0), (0.0,), 0.5, "axisymmetric", 1)
-BODY = (POINTS, CELLS, REGIONS, TIP)
-
-
-def some_fields(step: int, points: int = 4, cells: int = 2, dim: int = 2) -> dict[str, np.ndarray]:
-    counts, sizes = {"Node": points, "Cell": cells}, {"displacement": (dim,), "stress": (3, 3)}
-    shapes = {
-        name: (counts[center], *sizes.get(name, size)) for name, (center, _, size) in ARRAYS.items()
-    }
-    return {
-        name: step * np.arange(np.prod(shape, dtype=float)).reshape(shape)
-        for name, shape in shapes.items()
-    }
-
-
 def kept_steps(folder: Path) -> list[int]:
     """The steps that fields.xdmf names, as meshio reads it."""
     import meshio
@@ -857,7 +819,7 @@ step,t,delta,force,a,branch
         assert compare(A, B, 1e-6).differences == (f"delta 1.5 is only in {B}",)
 
     def test_a_measured_curve_is_interpolated_by_chords(self, tmp_path):
-        """The stated interpolation error of a curve is that of chords, h^2/8 times the curvature."""
+        """The stated interpolation error is that of chords, h^2/8 times the second derivative."""
         A, B = tmp_path / "A.csv", tmp_path / "B"
         A.write_text(
             self.curve(400, "depth [nm],force [nN]")
