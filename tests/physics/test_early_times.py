@@ -73,7 +73,6 @@ def rows(mapping: dict[str, Any], folder: Path, **how: Any) -> Any:
     return simulate(config_from_mapping(mapping), directory=folder / "run", **how)
 
 
-@pytest.mark.slow
 def test_a_quick_ramp_on_a_drained_layer(tmp_path: Path) -> None:
     """To 0.45 %: 0.15 % have drained, and a film may cost 0.3 %. It was 2.2 % low."""
     (row,) = rows(QUICK, tmp_path).states
@@ -112,7 +111,6 @@ def test_the_ramp_of_a_disc_is_the_integral_of_its_steps() -> None:
     assert disc_ramp(1.0, 0.2, 1.0, 1.0, 0.01, 1e-6, 0.1) == pytest.approx(step, rel=1e-5)
 
 
-@pytest.mark.slow
 def test_a_column_is_followed_in_steps_that_reach_its_rows(tmp_path: Path) -> None:
     """The force of a drained column during and after a fast ramp is that of the series to 1 %.
 

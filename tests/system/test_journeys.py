@@ -149,7 +149,6 @@ JOURNEYS: list[
 ]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("word", "before", "arrived"), JOURNEYS, ids=[arrived.__name__ for *_, arrived in JOURNEYS]
 )

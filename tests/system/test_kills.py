@@ -106,7 +106,6 @@ class TestSignals:
         report = read(tmp_path / "out").report
         assert (report["status"], report["exit_code"], report["rows"]) == ("interrupted", 143, 1)
 
-    @pytest.mark.slow
     @pytest.mark.parametrize(
         "number",
         [

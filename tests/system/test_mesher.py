@@ -358,7 +358,6 @@ class TestRun:
         assert ended.returncode == 4 and ended.stdout == ""
         assert ended.stderr == "error: gmsh could not mesh the body: its process died of SIGABRT\n"
 
-    @pytest.mark.slow
     def test_an_abort_of_gmsh_on_two_ranks(self, mpirun, tmp_path):
         (tmp_path / "scene.yaml").write_text(SMALL)
         ended = mpirun(2, *program("os.abort()"))

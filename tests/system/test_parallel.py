@@ -220,7 +220,6 @@ FEW = ("axisymmetric", "newton", "iterative", "rough_box", "sticky", "box")  # o
 OTHERS = tuple(name for name in SCENES if name not in FEW)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("names", [FEW, pytest.param(OTHERS, marks=pytest.mark.verify)], ids=len)
 def test_same_curves_on_two_ranks(names: tuple[str, ...], mpirun: Mpirun) -> None:
     """One scene of each kind of body, solver and law here; every contact method and path with the

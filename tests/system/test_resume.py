@@ -415,7 +415,6 @@ class TestStopped:
         assert done.exit_code == 0 and f"fields of steps 1 to {SOME} are missing" in done.stderr
         assert (tmp_path / "out" / "fields.xdmf").read_text().count("<Time") == 15 - SOME
 
-    @pytest.mark.slow
     def test_on_two_ranks(self, mpirun, undisturbed, tmp_path):
         (tmp_path / "scene.yaml").write_text(HYPERELASTIC)
         interrupt(tmp_path)

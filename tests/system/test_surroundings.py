@@ -172,7 +172,6 @@ class TestHome:
         assert done.returncode == 7 and "kernels cannot be compiled: CompileError" in done.stderr
         assert "Traceback" not in done.stderr
 
-    @pytest.mark.slow
     def test_an_interrupted_compilation_takes_its_claim_back(self, place, plain):
         """Otherwise the next run would wait for it: half a minute, before it compiled itself."""
         cold = {"XDG_CACHE_HOME": str(place / "cache")}

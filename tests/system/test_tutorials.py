@@ -21,7 +21,6 @@ PAGES = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 COMMAND = re.compile(r"`(indent-sim [^`]*)`")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_a_tutorial_can_be_followed(page, tmp_path):
     """Python blocks of a page share their names, as the cells of a notebook do."""
@@ -170,7 +169,6 @@ def test_every_block_of_commands_is_run_or_says_where():
     assert all(any(long in (ROOT / name).read_text() for name in RUN) for long in INSTEAD)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", RUN)
 def test_the_commands_of_a_page_run(name, tmp_path):
     """In their order, in a folder beside the configs and a scene and a study of one's own; studies
@@ -190,7 +188,6 @@ def test_the_commands_of_a_page_run(name, tmp_path):
             followed([line for line in lines if line], tmp_path)
 
 
-@pytest.mark.slow
 def test_fields_by_pyvista(tmp_path):
     """The recipe up to its picture, for which there may be no screen; without PyVista the same by
     meshio.
@@ -216,7 +213,6 @@ def test_fields_by_pyvista(tmp_path):
     assert {"displacement", "pressure", "von_mises"} <= arrays
 
 
-@pytest.mark.slow
 def test_the_answers_of_the_how_do_i_page_run(tmp_path):
     """Every command in its sentences, in their order, beside a scene, a study, a result and a
     measured curve.
