@@ -58,46 +58,53 @@ def yaml_fields() -> list[tuple[str, type, str]]:
     return list(dict.fromkeys(found))
 
 
-@pytest.mark.parametrize(("section", "kind", "name"), yaml_fields())
-def test_every_key_has_a_meaning(section, kind, name):
-    symbol = lookup(name, section)
-    assert symbol and symbol.meaning, f"add {name} to indent_sim/model/symbols.py"
-    unit = unit_of(field_types(kind)[name])
-    if unit:
-        assert symbol.dimension == unit.text
+def test_every_key_has_a_meaning():
+    """Every key of the scene file has a glossary entry, with the dimension of its unit."""
+    missing = []
+    for section, kind, name in yaml_fields():
+        symbol = lookup(name, section)
+        unit = unit_of(field_types(kind)[name])
+        if not symbol or not symbol.meaning or (unit and symbol.dimension != unit.text):
+            missing.append((section, kind.__name__, name))
+    assert missing == [], "add them to indent_sim/model/symbols.py"
 
 
-@pytest.mark.parametrize(("section", "kind"), [("", Config), *sections_and_kinds()])
-def test_what_has_a_dimension_is_marked_with_it(section, kind):
-    """Quantities are converted, and numbers scaled, by the marks."""
-    for name, hint in field_types(kind).items():
-        assert unit_of(hint) or lookup(name, section).dimension in ("1", "word"), (
-            f"mark {name} of {kind} with its unit"
-        )
+def test_what_has_a_dimension_is_marked_with_it():
+    """Every key whose glossary entry has a dimension is marked with a unit.
+
+    By these marks quantities are converted and scenes are scaled.
+    """
+    unmarked = [
+        (section, kind.__name__, name)
+        for section, kind in [("", Config), *sections_and_kinds()]
+        for name, hint in field_types(kind).items()
+        if not unit_of(hint) and lookup(name, section).dimension not in ("1", "word")
+    ]
+    assert unmarked == [], "mark them with their units"
 
 
-@pytest.mark.parametrize(
-    "name", [*STATE_COLUMNS, *DERIVED_COLUMNS, "force_error", *SURFACE_COLUMNS]
-)
-def test_every_column_has_a_meaning(name):
-    assert name in SYMBOLS, f"add {name} to indent_sim/model/symbols.py"
+def test_every_column_has_a_meaning():
+    """Every column of the row table and the surface table has a glossary entry."""
+    columns = [*STATE_COLUMNS, *DERIVED_COLUMNS, "force_error", *SURFACE_COLUMNS]
+    assert [name for name in columns if name not in SYMBOLS] == []
 
 
-@pytest.mark.parametrize(
-    "name", ["index", "run", *study_table.STUDY_COLUMNS, *scoreboard.SCOREBOARD_COLUMNS]
-)
-def test_every_column_of_a_study_has_a_meaning(name):
-    assert lookup(name, "study"), f"add {name} to indent_sim/model/symbols.py"
+def test_every_column_of_a_study_has_a_meaning():
+    """Every column of a study's table and scoreboard has a glossary entry."""
+    columns = ["index", "run", *study_table.STUDY_COLUMNS, *scoreboard.SCOREBOARD_COLUMNS]
+    assert [name for name in columns if not lookup(name, "study")] == []
 
 
-@pytest.mark.parametrize("name", [*fit_table.FIRST_COLUMNS, *fit_table.LAST_COLUMNS])
-def test_every_column_of_a_fit_has_a_meaning(name):
-    assert lookup(name, "fit"), f"add {name} to indent_sim/model/symbols.py"
+def test_every_column_of_a_fit_has_a_meaning():
+    """Every column of a fit's table has a glossary entry."""
+    columns = [*fit_table.FIRST_COLUMNS, *fit_table.LAST_COLUMNS]
+    assert [name for name in columns if not lookup(name, "fit")] == []
 
 
-@pytest.mark.parametrize("name", [*study_file.STUDY_KEYS, *parameter_points.RANGE_KEYS, "zip"])
-def test_every_key_of_a_study_has_a_meaning(name):
-    assert lookup(name, "study"), f"add {name} to indent_sim/model/symbols.py"
+def test_every_key_of_a_study_has_a_meaning():
+    """Every key of a study file and of its ranges has a glossary entry."""
+    keys = [*study_file.STUDY_KEYS, *parameter_points.RANGE_KEYS, "zip"]
+    assert [name for name in keys if not lookup(name, "study")] == []
 
 
 @pytest.mark.parametrize("kind", [State, Surface])
