@@ -354,7 +354,7 @@ class SimulationDriver:
         planned = {
             "choices": list(plan.choices),
             "prediction": prediction,
-            "scales": physics.scales,
+            "scales": physics.scales.report,
             "auto": auto,
         }
         if plan.time and physics.path.times:

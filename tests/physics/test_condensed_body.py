@@ -150,7 +150,7 @@ def test_depths_come_in_the_order_asked_for_and_one_factorisation_serves_them_al
     deep, shallow = body.states(deltas=[0.01, 0.005])
     assert (deep.delta, shallow.delta) == (0.01, 0.005)
     assert deep.force > shallow.force > 0
-    assert body.equilibrium.under(body.scene).contact.compliance is compliance
+    assert body.equilibrium.reuse_body(body.scene).contact.compliance is compliance
 
 
 def test_forces_on_the_same_compliance():

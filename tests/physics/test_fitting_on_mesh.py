@@ -52,7 +52,7 @@ def test_the_error_of_a_mesh_is_inside_the_interval(h):
     assert 1e-4 < found.entry["model_error"] < 0.2
     half = 0.5 * (stated.high - stated.low) / stated.value
     assert half > found.entry["model_error"]
-    assert any("the mesh is off" in line for line in found.entry["warnings"]) == (h == 0.1)
+    assert any("the error of the mesh is" in line for line in found.entry["warnings"]) == (h == 0.1)
 
 
 def test_a_table_of_a_mesh_is_theory_but_for_its_error_bar():

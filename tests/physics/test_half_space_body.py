@@ -113,7 +113,7 @@ def test_three_dimensions_on_request() -> None:
 
 
 def test_a_place_on_it_is_refused() -> None:
-    with pytest.raises(ConfigError, match="same everywhere"):
+    with pytest.raises(ConfigError, match="are equivalent"):
         over({"shape": "paraboloid", "R": 1.0, "center": [0.1, 0.0]}, 0.01)
 
 

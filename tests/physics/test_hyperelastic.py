@@ -461,7 +461,7 @@ def test_a_body_inside_out_is_no_equilibrium(nu: float) -> None:
     assert problem.is_admissible()
     z = problem.unknowns.collapsed_space("u").tabulate_dof_coordinates()[:, 1]
     x = problem.x.copy()
-    x.array[problem.unknowns.places("u")] = np.column_stack([0 * z, -2 * z]).ravel()
+    x.array[problem.unknowns.dofs("u")] = np.column_stack([0 * z, -2 * z]).ravel()
     problem.body.set_solution(x)
     assert not problem.is_admissible()
 

@@ -69,10 +69,10 @@ class Hindered:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._equilibrium, name)
 
-    def predict(self, depth: float, earlier: Sequence[Any]) -> None:
+    def extrapolate(self, depth: float, earlier: Sequence[Any]) -> None:
         self.guessed.append((depth, *(state.depth for state in earlier)))
         if self._is_guessed:
-            self._equilibrium.predict(depth, earlier)
+            self._equilibrium.extrapolate(depth, earlier)
 
     def solve(self, depth: float, dt: float = 0.0) -> bool:
         """What is refused is solved first: its state is the one that must leave no trace."""
@@ -232,7 +232,7 @@ class Maxwell(Term):
         """The way of the dashpots at the end of a step; share: k dt/c."""
         return (q + share * u) / (1 + share)
 
-    def work(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> Any:
+    def virtual_work(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> Any:
         u, way = now.fields["u"], self._body.unknowns.split_fields(now.test)["u"]
         stretch = u - self._gone(self._q, u, self._k * dt / self._c)
         return self._body.surface_integral(

@@ -22,26 +22,32 @@ from indent_sim.process.errors import MeshError, NotConverged
 from indent_sim.results.pictures import experiment as experiments
 from indent_sim.results.pictures import forces
 from indent_sim.results.reader import read
-from indent_sim.run import derived_quantities, pipeline, single_run, summary
-from indent_sim.run import history_on_curve as conducted
+from indent_sim.run import (
+    derived_quantities,
+    history_on_curve,
+    pipeline,
+    single_run,
+    summary,
+    theory_comparison,
+)
 
 # Every thing that stands beside the rows, by the words of its warning, and where it is found
 OUTER: dict[str, tuple[Any, str]] = {
     "stiffness": (derived_quantities.DerivedQuantities, "_stiffness"),
     "area": (Axisymmetric, "contact_area"),
-    "E_hertz": (derived_quantities.DerivedQuantities, "_hertz"),
+    "E_hertz": (derived_quantities.DerivedQuantities, "_hertz_modulus"),
     "fields": (Fields, "gather"),
     "sanity check of the rows": (single_run, "violated_bound"),
     "theory": (summary, "theory_comparison"),
     "Hertz fit": (summary, "hertz_fit"),
-    "experiment.csv": (conducted, "conduct"),
+    "experiment.csv": (history_on_curve, "evaluate_history"),
     "an auxiliary run of the error estimate": (pipeline, "states"),
-    "no-slip effect": (pipeline, "sticks"),
-    "force_indentation.png": (forces, "force_indentation"),
+    "no-slip effect": (pipeline, "solve_no_slip_effect"),
+    "force_indentation.png": (forces, "draw_force_indentation"),
 }
 INNER: dict[str, tuple[Any, str]] = {
-    "half-space formula": (summary, "_half_space"),
-    "film formulas": (summary, "_formulas"),
+    "half-space formula": (theory_comparison, "_half_space_comparison"),
+    "film formulas": (theory_comparison, "_formula_comparisons"),
     "experiment.png": (experiments, "draw"),
 }
 ERRORS = (

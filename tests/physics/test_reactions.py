@@ -233,7 +233,7 @@ def test_a_run_with_reactions_goes_on_with_them(tmp_path: Path) -> None:
         ({"body": {"shape": "half_space"}}, "without a mesh"),
         (
             {"body": {"shape": "layer", "height": 1.0}, "solver": {"method": "condensed"}},
-            "without end",
+            "unbounded body",
         ),
         (
             {

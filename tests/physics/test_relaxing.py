@@ -50,7 +50,7 @@ def relaxing(base: Scene, law: PronySeries) -> Scene:
     """The same scene of a material whose shear stress relaxes."""
     part = base.physics.domain
     return base.replace_physics(
-        part=replace(
+        domain=replace(
             part, regions=tuple(replace(one, relaxation_series=law) for one in part.regions)
         )
     )
@@ -183,7 +183,7 @@ class Trickle(Term):
 
     flows = True
 
-    def work(self, now: TimeLevel, before: TimeLevel, dt: Any) -> Any:
+    def virtual_work(self, now: TimeLevel, before: TimeLevel, dt: Any) -> Any:
         return None
 
 
@@ -341,7 +341,7 @@ def test_a_layer_relaxes_alone() -> None:
     part, grid = base.physics.domain, meshed(base)
     upper, lower = part.regions
     alone = base.replace_physics(
-        part=replace(part, regions=(replace(upper, relaxation_series=TWO_TIMES), lower))
+        domain=replace(part, regions=(replace(upper, relaxation_series=TWO_TIMES), lower))
     )
     *_, force = along(
         solver.create_equilibrium(alone, grid), [(0.02, 0.0), (0.02, 1.0), (0.02, 1e3), (0.02, 1e5)]
