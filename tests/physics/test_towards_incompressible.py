@@ -93,7 +93,10 @@ def test_a_body_that_keeps_a_fiftieth_of_its_shear() -> None:
     assert found.a == pytest.approx(0.3187, rel=4e-3)
     assert found.p_max == pytest.approx(0.00588, rel=8e-3)
     chosen = {choice.key: choice for choice in scene.plan.choices}["material.formulation"]
-    assert chosen.value == "mixed" and "after relaxation of the shear modulus nu = 0.49786" in chosen.why
+    assert (
+        chosen.value == "mixed"
+        and "after relaxation of the shear modulus nu = 0.49786" in chosen.why
+    )
 
 
 @pytest.mark.parametrize("method", ["augmented_lagrangian", "penalty", "uzawa", "active_set"])

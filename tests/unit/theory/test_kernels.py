@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.special import jv
 
-from indent_sim.theory import hankel, profiles
+from indent_sim.theory import hankel, profiles, quadrature
+from indent_sim.theory import layer as theory_layer
 from indent_sim.theory.hankel import EvenKernel, Kernel, axisymmetric_kernel, contact_kernel
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.stack import Stack, StackLayer
@@ -83,8 +84,8 @@ def test_a_contact_that_nearly_reaches_a_wall_is_solved_to_its_digits(tip, monke
         return layer.load_values(sizes, layer.linear_solutions(sizes.tolist(), sizes[-1]))
 
     known, alone = numbers(), [layer.solution_at_size(a) for a in sizes]
-    count = Layer._smooth_point_count
-    monkeypatch.setattr(Layer, "_smooth_point_count", lambda self, a: 2 * count(self, a))
+    rule = quadrature.gauss_legendre
+    monkeypatch.setattr(theory_layer, "gauss_legendre", lambda lo, hi, n: rule(lo, hi, 2 * n))
     finer = numbers()
     depth, force, stiffness, _ = known / finer - 1.0
     assert np.abs([depth, stiffness]).max() < 1e-7  # 6e-9 was seen; by modes 5e-5
