@@ -72,7 +72,8 @@ def _mesh_domain(domain: ModelDomain, sizes: Sizes, terminal: int = 0) -> Grid:
             )
     factors = " and ".join(f"{factor:g}" for factor in ALTERNATIVE_SIZE_FACTORS)
     raise MeshError(
-        f"{message}; a mesh.h_contact {factors} times as large was tried and cannot be meshed either"
+        f"{message}; a mesh.h_contact {factors} times as large was tried "
+        "and cannot be meshed either"
     )
 
 

@@ -76,7 +76,7 @@ class History:
 
     @property
     def shortest_time_to_row(self) -> float:
-        """Shortest time from the beginning of a segment of the history to an output row in it [time].
+        """Shortest time from the beginning of a segment of the history to a row in it [time].
 
         Infinite if no `times` of rows are given: every time step is a row then.
         """

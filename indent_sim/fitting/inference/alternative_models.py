@@ -282,7 +282,7 @@ def _thickness_candidates(
 
 
 def _add_relaxation(config: Config, max_depth: float) -> tuple[str, Config]:
-    """The scene of matter that relaxes by one term, and the key of its terms in the first material."""
+    """Return the scene with a relaxation of one term, and the key of that in the first material."""
     keys = [f"{key}.relaxation" for key, _ in config.materials()]
     settings: list[tuple[str, Any]] = [
         (key, {"prony": [[PRONY_FRACTIONS[0], 1.0]]}) for key in keys

@@ -43,7 +43,10 @@ def _profile_interval(estimate: Estimate, k: int) -> tuple[float, float]:
 
 
 def _profile_end(estimate: Estimate, k: int, side: float, critical_rise: float) -> float:
-    """Where the profile has risen by so much; the parabola's end where the others cannot be fitted."""
+    """Return the coordinate at which the profile has risen by `critical_rise`.
+
+    If the other parameters cannot be fitted there, return the end of the parabola instead.
+    """
     model = replace(estimate.model, fixed=frozenset({k}))
     noise = estimate.uncertainty.likeliest_noise
     p = estimate.p.copy()
