@@ -289,7 +289,7 @@ class Condenser:
         return self._last_compliance
 
     def _find_constrained_nodes(self, axes: Sequence[int]) -> np.ndarray:
-        """Return where the displacement along an axis is prescribed (axes, nodes of the surface)."""
+        """Return where the displacement along an axis is prescribed (axes, nodes)."""
         dofs = self.body.unknowns.displacement_dofs(self._owned_nodes)[..., list(axes)]
         is_constrained = np.zeros((len(axes), 1 + self._surface.nodes.max(initial=-1)))
         is_constrained[:, self._owned_rows] = np.isin(dofs, self.body.constrained_dofs).T

@@ -91,7 +91,7 @@ def _frictionless_scene(scene: Scene) -> Scene | None:
 
 
 def _direct_solver_scene(scene: Scene) -> Scene | None:
-    """Return the scene with a direct solver, which allows friction; None if it exceeds the memory."""
+    """Return the scene with a direct solver; None if it exceeds the memory."""
     physics = scene.physics
     domain = scene.physics.domain
     is_linear = physics.small_strain and physics.gap == "reference"
