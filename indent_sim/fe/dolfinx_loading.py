@@ -135,7 +135,7 @@ def _is_writable(folder: Path) -> bool:
 
 
 def _is_searchable(folder: Path) -> bool:
-    """Whether a file in the folder can be looked up; the file and the folder need not exist."""
+    """Return whether a path in the folder can be looked up; it need not exist."""
     try:
         (folder / "ffcx").stat()
     except OSError as error:

@@ -254,12 +254,12 @@ def _silence_compiler_log() -> Iterator[None]:
 
 
 def _is_warning(record: logging.LogRecord) -> bool:
-    """Whether the level of a log record is above INFO."""
+    """Return whether the level of a log record is above INFO."""
     return record.levelno > logging.INFO
 
 
 def _is_complete(entry: Path) -> bool:
-    """Whether an entry is marked as complete and its library exists and is not truncated.
+    """Return whether an entry is marked as complete and its library exists and is not truncated.
 
     The library of an entry that is not marked may still be being linked.
     """
@@ -276,7 +276,7 @@ def _is_unfinished(entry: Path) -> bool:
 
 
 def _has_full_length(library: Path) -> bool:
-    """Whether an ELF library is as long as its header requires; the section table comes last."""
+    """Return whether an ELF library is as long as its header requires."""
     try:
         with library.open("rb") as file:
             head = file.read(64)

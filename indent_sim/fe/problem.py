@@ -90,7 +90,7 @@ class Problem:
 
     @property
     def can_reuse_tangent(self) -> bool:
-        """Whether the tangent stays valid for the next step while the contact does not change.
+        """True if the tangent stays valid for the next step while the contact does not change.
 
         This is so for fluid flow in a linear body without friction.
         """
@@ -148,7 +148,7 @@ class Problem:
 
     @property
     def has_membrane(self) -> bool:
-        """Whether a term has a membrane stiffness, see `set_membrane_stiffness`."""
+        """True if a term has a membrane stiffness, see `set_membrane_stiffness`."""
         return any(term.has_membrane for term in self.terms)
 
     def set_membrane_stiffness(self, stiffness: float) -> None:
@@ -246,7 +246,7 @@ class Problem:
         self.follow_modulus(state.modulus_ratio)
 
     def is_admissible(self) -> bool:
-        """Whether J > 0, and any other limit of the elastic law, holds at every quadrature point.
+        """Return whether J > 0 and all limits of the elastic law hold at every quadrature point.
 
         The energy is then finite. Residual and tangent do not show a violation: the derivative of
         ln J is finite for J < 0, too.

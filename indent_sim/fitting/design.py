@@ -72,7 +72,7 @@ class DesignImprovement:
 
 @dataclass(frozen=True)
 class Design:
-    """What a measurement would tell about the parameters of a scene.
+    """Expected intervals of the parameters of a scene by a planned measurement.
 
     parameters: 95 % intervals; tied: ratio of each interval's width to its width with the other
     parameters known; helps: changes of the experiment with their intervals; baseline: length in

@@ -224,7 +224,7 @@ class BallInclusion(_ProductInclusion):
 
     @property
     def spans(self) -> Spans:
-        """One span of all axes."""
+        """Span along every axis."""
         return ((ALL_AXES, self.radius),)
 
 

@@ -40,7 +40,7 @@ CORNER_WHY = (
 
 @dataclass(frozen=True)
 class Choice:
-    """One decision of the program, or of the user, with its reason."""
+    """Decision of the program, or of the user, with its reason."""
 
     key: str
     value: str | float | int

@@ -107,7 +107,7 @@ def contact_values(body: ObservedBody) -> dict[str, float]:
 
 
 def _may_touch_unindented(body: ObservedBody, pressure: np.ndarray) -> bool:
-    """Whether there may be contact at delta <= 0, by adhesion or swelling (collective)."""
+    """Return whether there may be contact at delta <= 0, by adhesion or swelling (collective)."""
     physics = body.scene.physics
     if not physics.is_time_dependent:
         return physics.contact.may_snap_through

@@ -51,7 +51,7 @@ AGGREGATION: dict[str, Any] = {
 
 
 class Multigrid:
-    """One multigrid cycle as a preconditioner of the displacement block of the tangent.
+    """Multigrid cycle as a preconditioner of the displacement block of the tangent.
 
     It is built for one solution, and good near it.
     """
