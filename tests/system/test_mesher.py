@@ -144,7 +144,7 @@ def test_a_mesh_that_stays_flat_is_refused(monkeypatch, flat, told):
 
     monkeypatch.setattr(gmsh, "has_flat_cells", is_flat)
     mesher_process._mesher.stop()  # forked anew, it knows
-    with pytest.raises(MeshError, match=f"cells without volume; {told}"):
+    with pytest.raises(MeshError, match=f"cells without volume; a {told}"):
         grid_of(resolve(loads(SMALL)))
     mesher_process._mesher.stop()
 

@@ -512,7 +512,7 @@ class TestNothingToGoOnWith:
         assert indent_sim("--resume").exit_code == 0 and len(read(tmp_path / "out")) == 15
 
     @pytest.mark.parametrize("asked", [("--error-bars",), ("--set", "accuracy=0.01")])
-    @pytest.mark.parametrize("where", ["outcome", "follow"])
+    @pytest.mark.parametrize("where", ["error bars", "load path"])
     def test_stopped_before_the_first_row_with_error_bars(
         self, indent_sim, tmp_path, monkeypatch, asked, where
     ):
@@ -528,9 +528,9 @@ class TestNothingToGoOnWith:
         (tmp_path / "scene.yaml").write_text(scene.replace(mesh, "") if "--set" in asked else scene)
         with monkeypatch.context() as patch:
             at = (
-                (pipeline.SimulationDriver, "_bars")
-                if where == "outcome"
-                else (single_run.SingleRun, "follow")
+                (pipeline.SimulationDriver, "_error_bars")
+                if where == "error bars"
+                else (single_run.SingleRun, "solve_path")
             )
             patch.setattr(*at, stop)
             assert indent_sim(*asked).exit_code == 130
@@ -598,7 +598,7 @@ class TestNothingToGoOnWith:
         done = indent_sim("--resume", "--json")
         error = json.loads(done.stdout)["error"]
         assert (
-            done.exit_code == 3 and error["key"] == "solver.petsc" and "is gone" in error["message"]
+            done.exit_code == 3 and error["key"] == "solver.petsc" and "was removed" in error["message"]
         )
         assert "leave --resume out" in error["remedy"] and "PETSC_OPTIONS" in error["remedy"]
         assert snapshot(tmp_path) == before and scene_of(tmp_path / "out") == usual is not None
