@@ -400,6 +400,7 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
         *adhesion_choice,
         *tip_choice,
         *wall_choice,
+        *choices.side_force_choices(physics),
     )
     peak_reason = missing_peak_reason(physics, sizes, setup.a if setup.max_depth > 0 else 0.0)
     peak_choices = [Choice("p_max", "empty", peak_reason)] if peak_reason else []
