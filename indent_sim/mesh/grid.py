@@ -54,6 +54,45 @@ class Grid:
             digest.update(np.ascontiguousarray(self.cells[chunk]).tobytes())
         return digest.hexdigest()[:16]
 
+    def separate_regions(self) -> Grid:
+        """Return the same mesh with points of its own for each region where it meets others."""
+        origin, cells = split_at_interfaces(self.cells, self.regions, len(self.points))
+        return replace(self, points=self.points[origin], cells=cells)
+
+
+def split_at_interfaces(
+    cells: np.ndarray, regions: np.ndarray, point_count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Give each region points of its own where it meets others.
+
+    A point keeps its number in the first of its regions. Those of the others come after all points.
+    The result does not depend on the order of the cells.
+
+    Parameters
+    ----------
+    cells
+        Corners (m, k) of the cells, by their points.
+    regions
+        Region number (m,) of each cell.
+    point_count
+        Number of points n.
+
+    Returns
+    -------
+    origin
+        Point (n + added,) from which each point comes.
+    cells
+        Corners (m, k) of the cells, by the new points.
+    """
+    region_count = int(regions.max(initial=0)) + 1
+    corners = cells.astype(np.int64) * region_count + regions[:, None]
+    sides, side_of_corner = np.unique(corners, return_inverse=True)
+    points = sides // region_count
+    is_added = np.concatenate([[False], points[1:] == points[:-1]])
+    numbers = np.where(is_added, point_count - 1 + np.cumsum(is_added), points)
+    origin = np.concatenate([np.arange(point_count), points[is_added]])
+    return origin, numbers[side_of_corner].reshape(cells.shape)
+
 
 def map_grid(
     grid: Grid, source: ModelDomain, target: ModelDomain, radii: tuple[float, ...]

@@ -259,7 +259,7 @@ directory: result folder, below the working directory; default: results/ and the
 fields: steps whose fields are written for ParaView; last: the deepest and the last; auto: last if a
   mesh is solved, none with theory
 nodal_stress: whether the fields contain the stress at the nodes, too: the volume-weighted mean over
-  the adjacent cells of one region
+  the adjacent cells of one region; regions that meet have nodes of their own
 surface: state of the contact surface, point by point
 output.surface: steps whose contact surface is written to surface.csv; last: the deepest and the
   last

@@ -561,6 +561,16 @@ def flat_radius(tip: Indenter) -> float:
     return 0.0
 
 
+def sharp_edge_radius(tip: Indenter) -> float | None:
+    """Return the radius [length] of the sharp edge at which a tip ends; None without one."""
+    match tip:
+        case FlatPunch(radius=radius, edge_radius=0.0):
+            return radius
+        case Profile(points=points):
+            return points[-1][0]
+    return None
+
+
 def gap_under_tip(tip: Indenter, gap: Expr) -> Expr:
     """Return gaps [length] for output, with NaN at points outside the radius at which the tip ends.
 

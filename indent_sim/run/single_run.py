@@ -179,14 +179,8 @@ class SingleRun:
             field_metadata = {
                 f"region {k}": region.name for k, region in enumerate(scene.physics.domain.regions)
             }
-            L = scene.physics.scales.length
-            mesh_arrays = (
-                ()
-                if grid is None
-                else (grid.points * L, grid.cells, grid.regions, self._drawn_tip_geometry())
-            )
             run_output.open_fields(
-                *mesh_arrays,
+                *self._field_mesh(grid),
                 keep=self._keep_fields,
                 extra_arrays=self._fields.optional_names,
                 information=field_metadata,
@@ -198,6 +192,14 @@ class SingleRun:
             self._solver = HereditaryIntegralSolver(
                 self.scene, self._solver, self.clock.started - earlier_seconds
             )
+
+    def _field_mesh(self, grid: Any) -> tuple[Any, ...]:
+        """Mesh and tip of the field file, in the user's units; empty if the grid is None."""
+        if grid is None:
+            return ()
+        drawn = grid.separate_regions() if self.output_settings.nodal_stress else grid
+        points = drawn.points * self.scene.physics.scales.length
+        return points, drawn.cells, drawn.regions, self._drawn_tip_geometry()
 
     def _drawn_tip_geometry(self) -> TipGeometry:
         """Surface of the tip for the field file, in the user's units."""

@@ -79,6 +79,19 @@ def model_choices(setup: ProblemSetup) -> Choices:
     ]
 
 
+def side_force_choices(physics: ProblemDefinition) -> Choices:
+    """Side forces of friction that have no column in the table of rows, each with the reason."""
+    own_wall = (
+        "the roller wall through the tip is a mirror plane, and the mirror image of the body "
+        "pushes back as much; all other forces are those on the body itself, without its image"
+    )
+    part = "it is 0: a mirror plane of body and tip is normal to it"
+    return [
+        Choice(f"side_force_{axis}", "none", own_wall if is_own_wall else part)
+        for axis, is_own_wall in physics.missing_side_forces.items()
+    ]
+
+
 def _surface_membrane_reason(physics: ProblemDefinition) -> str:
     """Reason for the in-plane membrane that stabilizes the surface of a drop."""
     number = f"gamma/(mu R) = {physics.drop_number:.3g}: surface tension dominates the elasticity"

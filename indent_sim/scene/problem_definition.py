@@ -110,15 +110,35 @@ class ProblemDefinition:
 
         Symmetry excludes an axis that is normal to a mirror plane through the tip.
         """
-        if not self.has_friction or self.domain.kinematics.name == "axisymmetric":
-            return {}
-        mirror_surfaces = self.domain.mirror_walls(self.center)
-        axes = {name: axis for axis, name in enumerate("xy"[: self.domain.dim - 1])}
         return {
             name: axis
-            for name, axis in axes.items()
-            if not mirror_surfaces & {f"{name}_min", f"{name}_max"}
+            for name, axis in self._lateral_axes.items()
+            if not self._mirror_walls_across(name)
         }
+
+    @property
+    def missing_side_forces(self) -> dict[str, bool]:
+        """Horizontal axes along which symmetry excludes a side force.
+
+        The value is True if the mirror plane is a wall of the body itself, whose image pushes back,
+        and False if only a part of the body is modelled.
+        """
+        return {
+            name: name not in self.domain.mirror_axes
+            for name in self._lateral_axes
+            if self._mirror_walls_across(name)
+        }
+
+    @property
+    def _lateral_axes(self) -> dict[str, int]:
+        """Horizontal axes along which friction may push the tip; none in axisymmetry."""
+        if not self.has_friction or self.domain.kinematics.name == "axisymmetric":
+            return {}
+        return {name: axis for axis, name in enumerate("xy"[: self.domain.dim - 1])}
+
+    def _mirror_walls_across(self, axis_name: str) -> set[str]:
+        """Walls normal to an axis that are mirror planes through the tip."""
+        return self.domain.mirror_walls(self.center) & {f"{axis_name}_min", f"{axis_name}_max"}
 
     @property
     def mirror_multiplicity(self) -> int:

@@ -32,7 +32,7 @@ from indent_sim.scene.cost import predict_cost as cost_of
 from indent_sim.scene.diffusion_times import drained_face_size
 from indent_sim.scene.discretization_warnings import scene_warnings
 from indent_sim.scene.fluid_warnings import fluid_warnings
-from indent_sim.scene.history_path import problem_along_history
+from indent_sim.scene.history_path import problem_along_history, row_depths
 from indent_sim.scene.mesh_counts import candidate_count
 from indent_sim.scene.model_warnings import (
     ModelWarning,
@@ -385,7 +385,7 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
         raise _memory_error(config, physics, sizes, work, fineness)
     warnings = (
         *material_warnings(config, setup),
-        *scene_warnings(setup, law, gap, sizes),
+        *scene_warnings(setup, row_depths(setup, is_in_time), law, gap, sizes),
         *fluid_warnings(setup, physics, sizes),
     )
     body_choices = (
@@ -400,6 +400,7 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
         *adhesion_choice,
         *tip_choice,
         *wall_choice,
+        *choices.side_force_choices(physics),
     )
     peak_reason = missing_peak_reason(physics, sizes, setup.a if setup.max_depth > 0 else 0.0)
     peak_choices = [Choice("p_max", "empty", peak_reason)] if peak_reason else []

@@ -7,10 +7,12 @@ from __future__ import annotations
 import json
 import math
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import pytest
 from click.testing import CliRunner
+from mesh_files import section, write
 from scenes import placed
 from scipy.optimize import brentq
 
@@ -296,6 +298,38 @@ def test_a_surface_tension() -> None:
     found = row(HALF_SPACE, "surface_tension")
     tensed = HALF_SPACE | {"body": HALF_SPACE["body"] | {"surface_tension": threshold(found)}}
     assert row(tensed, "surface_tension").percent == pytest.approx(1.0, rel=0.05)
+
+
+def test_a_surface_tension_in_plane_strain() -> None:
+    """A strip with a tension, beside the same forces on elements half as large: each is right to
+    0.5 %, the effect of +30 % to 3 % of itself. Without a tension the effect of one is unknown,
+    and not zero.
+    """
+    strip = HALF_SPACE | {
+        "body": {"shape": "strip", "width": 4.0, "height": 1.0},
+        "loading": {"delta": 0.02, "steps": 1},
+    }
+    tensed = strip | {"body": strip["body"] | {"surface_tension": 0.1}}
+    fine = {"mesh": {"h_contact": 0.01}}
+    change = 100 * (force(tensed | fine) / force(strip | fine) - 1)
+    found = row(tensed, "surface_tension")
+    assert change > 10
+    assert found.percent == pytest.approx(change, rel=0.03)
+    unknown = row(strip, "surface_tension")
+    assert unknown.percent is unknown.low is unknown.high is None
+    assert unknown.max_change == math.inf and "not estimated" in unknown.source
+
+
+def test_a_mesh_from_a_file_cannot_tell_of_a_surface_tension(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its effect is unknown, and not zero."""
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "body.msh", section())
+    body = {"shape": "mesh", "file": "body.msh", "kinematics": "axisymmetric"}
+    unknown = row(HALF_SPACE | {"body": body}, "surface_tension")
+    assert unknown.percent is unknown.low is unknown.high is None
+    assert "not estimated" in unknown.source
 
 
 def test_a_blunt_tip() -> None:

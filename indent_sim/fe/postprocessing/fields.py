@@ -24,7 +24,9 @@ class Fields:
     * `pressure`, with friction also `shear` (points,) [pressure], averaged over the facets of a
       vertex as in the surface table;
     * `pore_pressure` (points,) [pressure], with pore fluid;
-    * `nodal_stress` (points, 3, 3) and `nodal_von_mises` (points,) [pressure], on request.
+    * `nodal_stress` (points, 3, 3) and `nodal_von_mises` (points,) [pressure], on request. All
+      fields at vertices then have a row for each region at a vertex where regions meet, in the
+      order of `mesh.grid.split_at_interfaces`.
 
     At the centroids of cells:
 
@@ -113,10 +115,17 @@ class Fields:
         tractions = [
             _nodal_means(touched_nodes, column, len(displacement)) for column in surface_tractions.T
         ]
-        return {
+        nodal = {
             "displacement": displacement,
             **dict(zip(("pressure", "shear"), tractions, strict=False)),
             **dict(zip(("pore_pressure",), fluid.T, strict=False)),
+        }
+        if averaged_stress is not None:
+            origin, nodal_stress = averaged_stress
+            nodal = {name: values[origin] for name, values in nodal.items()}
+            nodal |= _nodal_stress_fields(nodal_stress)
+        return {
+            **nodal,
             **_stress_fields(stress.reshape(-1, 3, 3)),
             **dict(
                 zip(
@@ -125,7 +134,6 @@ class Fields:
                     strict=False,
                 )
             ),
-            **({} if averaged_stress is None else _nodal_stress_fields(averaged_stress)),
         }
 
     @property

@@ -400,12 +400,6 @@ def _incompressible(solver: VariantSolver, tolerance: float) -> EffectSource:
 def _surface_tension(solver: VariantSolver, tolerance: float) -> EffectSource:
     """Surface tension; without one, x is the tension."""
     body: Any = solver.config.body
-    if isinstance(body, MeshFromFile) or body.dim == 2:
-        return no_effect(
-            "a mesh from a file has no surface tension"
-            if body.dim == 3
-            else "there is no theory of surface tension in plane strain"
-        )
     if body.surface_tension:
         variant = replace_sections(
             solver.plain_scene,
@@ -416,6 +410,10 @@ def _surface_tension(solver: VariantSolver, tolerance: float) -> EffectSource:
             variant,
             f"the body with its surface tension relative to one without{solver.stand_in_text}",
         )
+    if isinstance(body, MeshFromFile):
+        return UnknownEffect("not estimated: a mesh from a file cannot have a surface tension")
+    if body.dim == 2:
+        return UnknownEffect("not estimated: there is no theory of surface tension in plane strain")
     theory_variant = solver.layer_scene or solver.half_space_scene
     if theory_variant is None:
         return UnknownEffect("there is no theory of this tip and body")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from math import sqrt
 from pathlib import Path
 from typing import Any
 
@@ -94,6 +95,41 @@ def test_a_last_row_without_contact_has_no_error() -> None:
     found = scene(**SCENES["penalty"], loading={"deltas": [0.01, -0.01]})
     errors = {doubt.key: doubt.force_error for doubt in found.plan.model_warnings}
     assert errors["penalty"] == 0.0 and "force_error" not in found.plan.prediction
+
+
+ELASTIC = {"model": "linear_elastic", "E": 1.0, "nu": 0.3}
+SERIES = {"prony": [[0.5, 0.1]]}
+IN_TIME: dict[str, dict[str, Any]] = {
+    "draining": {"flow": {"diffusivity": 1.0}},
+    "relaxing in shear": {"relaxation": SERIES | {"of": "shear"}},
+    "relaxing as a whole, on the elastic curve": {"relaxation": SERIES | {"of": "all"}},
+}
+
+
+@pytest.mark.parametrize("name", IN_TIME)
+@pytest.mark.parametrize("first_depth", [0.01, 0.0025, None], ids=str)
+def test_only_rows_are_too_shallow(name: str, first_depth: float | None) -> None:
+    """The elements are compared with the contact of the shallowest row, by Hertz, and not with the
+    shallower ones of time steps before it. A history without times names no row in advance.
+    """
+    h, deepest = 0.03, 0.01
+    times = {} if first_depth is None else {"times": [first_depth / deepest, 2.0]}
+    found = scene(
+        body={"shape": "cylinder", "radius": 5.0, "height": 5.0},
+        material=ELASTIC | IN_TIME[name],
+        mesh={"h_contact": h},
+        loading={"history": [[0.0, 0.0], [1.0, deepest], [2.0, deepest]]} | times,
+    )
+    if found.history_on_curve and first_depth is None:
+        pytest.skip("its rows are interpolated between points of the curve")
+    said = [warning for warning in found.plan.warnings if "at the shallowest" in warning]
+    if first_depth in (None, deepest):
+        assert said == []
+        return
+    (warning,) = said
+    elements = float(warning.split("only ")[1].split()[0])
+    # Two digits are printed, and the body of the height 5 is not a half-space: a differs by 1 %.
+    assert elements == pytest.approx(sqrt(first_depth) / h, rel=0.05)
 
 
 @pytest.mark.parametrize(
