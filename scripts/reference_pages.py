@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Makes docs/config.md, symbols.md, scenes.md and files.md from schema, symbols, scenes and sources.
+"""Makes docs/config.md, symbols.md, scenes.md and files.md from the sources and the scenes.
 
 usage: scripts/reference_pages.py [FOLDER]
 """
@@ -10,8 +10,10 @@ import ast
 import dataclasses
 import inspect
 import itertools
+import re
 import sys
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, get_args, get_origin
 
@@ -19,15 +21,15 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from indent_sim.config import key_types, schema  # noqa: E402
-from indent_sim.config.key_types import (
+from indent_sim.config.key_types import (  # noqa: E402
     allowed_words,
     bare_type,
     describe_type,
     field_names,
     field_types,
     tag_of,
-    types_by_tag,
     union_members,
+    untagged_sections,
 )
 from indent_sim.config.schema import Config  # noqa: E402
 from indent_sim.model.symbols import GROUPS, lookup  # noqa: E402
@@ -38,20 +40,25 @@ UNLESS = {
 
 
 def config_markdown() -> str:
-    """docs/config.md."""
+    """Return docs/config.md: every section with its alternatives, and every key once."""
     parts = [
         "# The scene file\n\nGenerated from the schema by `scripts/reference_pages.py`.\n",
-        "YAML 1.2; any consistent system of units. z is up, the undeformed surface is z = 0. Where `units` are given,\n"
-        "numbers may carry units of their own, `2.5 um`, `1 kPa`, `3 nN`, `70 deg`, and are converted to those, times\n"
-        "to seconds.\n"
-        "Unknown and repeated keys are errors.\n",
+        "YAML 1.2; any consistent system of units. z is up, the undeformed surface is z = 0. Where\n"
+        "`units` are given, numbers may carry units of their own, `2.5 um`, `1 kPa`, `3 nN`,\n"
+        "`70 deg`, and are converted to those, times to seconds. Unknown and repeated keys are\n"
+        "errors.\n",
+        "One key of a section with alternatives chooses among them (`shape`, `model` or `method`).\n"
+        "The keys of all alternatives are in one table below them; its column `of` says which\n"
+        "alternatives have a key. Sections inside sections follow at the end of the page.\n",
         _table(
             ["section", "default", "meaning"], map(_section_row, schema.allowed_keys_at((), {}))
         ),
     ]
     for section, kinds in schema.sections().items():
-        parts.append(f"## {section}\n")
-        parts += [_kind_markdown(section, kind) for kind in kinds]
+        parts += [f"## {section}\n", *_section_parts(section, kinds)]
+    parts.append("## Sections inside sections\n")
+    for name, kinds in _inner_sections().items():
+        parts += [f"### Section {name}\n", *_inner_section_parts(name, kinds)]
     return "\n".join(parts)
 
 
@@ -60,81 +67,154 @@ def _section_row(name: str) -> list[str]:
     if name not in schema.sections():
         return [f"`{name}`", _shown(field.default), _meaning(name)]
     tag = schema.section_tags().get(name)
-    chosen = f"`{tag}: {getattr(field.default, tag, '')}`" if tag else "as below"
-    default = (
-        "**required**" if field.is_required() else chosen if field.default is not None else "none"
-    )
+    default = "as below" if tag is None else f"`{tag}: {getattr(field.default, tag, '')}`"
+    if field.default is None:
+        default = "none"
+    if field.is_required():
+        default = "**required**"
     return [f"[`{name}`](#{name})", UNLESS.get(name, default), _meaning(name)]
 
 
-def _kind_markdown(section: str, kind: type) -> str:
+def _section_parts(section: str, kinds: tuple[type, ...]) -> list[str]:
+    """Return the texts of a section: its alternatives and the table of their keys."""
     tag = schema.section_tags().get(section)
-    rows = [
-        row
-        for name in schema.file_order(kind)
-        if name != tag
-        for row in _key_rows(section, kind, name)
-    ]
+    rows = _key_rows(section, kinds, tag)
     if section == "indenter":
-        rows.append(
-            [
-                "`center`",
-                describe_type(field_types(Config)["center"]),
-                "",
-                "length",
-                _meaning("center"),
-            ]
-        )
-    table = _table(["key", "value", "default", "unit", "meaning"], rows)
-    text = f"{inspect.cleandoc(kind.__doc__ or '')}\n\n{table}"
-    values = (
-        {k: value for value, k in types_by_tag(field_types(Config)[section], tag).items()}
-        if tag
-        else {}
-    )
-    return f"### `{tag}: {values[kind]}`\n\n{text}" if tag else text
+        center = describe_type(field_types(Config)["center"])
+        rows.append(["`center`", "all", center, "", "length", _meaning("center")])
+    if tag is None:
+        return [f"{_description(kinds[0])}\n", _key_table(rows)]
+    parts = [f"### `{tag}: {_word(kind, tag)}`\n\n{_description(kind)}\n" for kind in kinds]
+    return [*parts, f"### Keys of {section}\n", _key_table(rows)]
 
 
-def _key_rows(section: str, kind: type, name: str, outside: str = "") -> list[list[str]]:
-    """The row of a key, and those of the keys inside where it is a section or a list of them."""
-    hint = field_types(kind)[name]
-    is_list = get_origin(bare_type(hint)) is tuple
-    item = (
-        get_args(bare_type(hint))[0]
-        if is_list
-        else None
-        if allowed_words(hint) or tag_of(hint)
-        else hint
-    )
-    within = f"{outside}{name}[]." if is_list else f"{outside}{name}."
+def _inner_section_parts(name: str, kinds: tuple[type, ...]) -> list[str]:
+    """Return the texts of a section inside others: its meaning and the table of its keys."""
+    common_keys = set.intersection(*(set(field_names(kind)) for kind in kinds))
+    tag = next(iter(common_keys & schema.TAG_KEYS), None)
+    if tag is None:
+        rows = _key_rows(name, kinds[:1], tag)
+        return ["\n\n".join(map(_description, kinds)) + "\n", _key_table(rows)]
+    words = key_types.join_words([_word(kind, tag) for kind in kinds])
+    rows = [[f"`{tag}`", "all", words, "**required**", "", _meaning(tag)]]
+    meaning = _meaning(name)
+    text = f"{meaning[0].upper()}{meaning[1:]}.\n"
+    return [text, _key_table(rows + _key_rows(name, kinds, tag))]
+
+
+def _inner_sections() -> dict[str, tuple[type, ...]]:
+    """Return the sections inside sections by name, each with the dataclasses that it may be."""
+    found: dict[str, tuple[type, ...]] = {}
+    owners = [kind for kinds in schema.sections().values() for kind in kinds]
+    while owners:
+        hints = itertools.chain.from_iterable(field_types(kind).items() for kind in owners)
+        inner = [(_inner_name(name, hint), _inner_kinds(hint)) for name, hint in hints]
+        owners = []
+        for name, kinds in inner:
+            new_kinds = [kind for kind in kinds if kind not in found.get(name, ())]
+            found[name] = (*found.get(name, ()), *new_kinds)
+            owners += new_kinds
+    return {name: kinds for name, kinds in found.items() if kinds}
+
+
+def _inner_kinds(hint: Any) -> tuple[type, ...]:
+    """Return the dataclasses of a key that is a section, or a list of sections, of its own."""
+    bare = bare_type(hint)
+    item = get_args(bare)[0] if get_origin(bare) is tuple else hint
+    is_word_alone = bool(allowed_words(item)) and not untagged_sections(hint)
+    if tag_of(hint) or is_word_alone:
+        return ()
+    members = [bare_type(member) for member in union_members(item)]
+    return tuple(member for member in members if dataclasses.is_dataclass(member))
+
+
+def _inner_name(name: str, hint: Any) -> str:
+    """Return the name of a section inside others; one that may replace a word has its own."""
+    replacing = untagged_sections(hint)
+    return replacing[0].lower() if replacing else name
+
+
+def _key_rows(section: str, kinds: tuple[type, ...], tag: str | None) -> list[list[str]]:
+    """Return a row for each key of a section with the alternatives that have it.
+
+    Parameters
+    ----------
+    section : str
+        Name of the section.
+    kinds : tuple of dataclasses
+        Its alternatives.
+    tag : str or None
+        Key that chooses an alternative; None if there is only one.
+    """
+    words = {kind: _word(kind, tag) if tag else "" for kind in kinds}
+    keys = [name for kind in kinds for name in schema.file_order(kind) if name != tag]
+    rows = []
+    for name in dict.fromkeys(keys):
+        owners = {word: kind for kind, word in words.items() if name in field_names(kind)}
+        values = {word: _value(name, field_types(kind)[name]) for word, kind in owners.items()}
+        defaults = {word: _default(kind, name) for word, kind in owners.items()}
+        among = _among(list(owners), list(words.values()))
+        texts = [_merged(values), _merged(defaults), _dimension(name, section)]
+        rows.append([f"`{name}`", among, *texts, _meaning(name, section)])
+    return rows
+
+
+def _among(owners: list[str], everything: list[str]) -> str:
+    """Return which alternatives have a key, in the fewest words."""
+    others = [word for word in everything if word not in owners]
+    if not others:
+        return "all"
+    if len(others) < len(owners):
+        return f"all but {key_types.join_words(others, 'and')}"
+    return key_types.join_words(owners, "and")
+
+
+def _merged(texts: dict[str, str]) -> str:
+    """Return the most frequent text, and each other one behind the alternatives that have it."""
+    frequent, *others = (text for text, _ in Counter(texts.values()).most_common())
+    parts = [frequent or "none" if others else frequent]
+    for text in others:
+        words = [word for word, own_text in texts.items() if own_text == text]
+        parts.append(f"{key_types.join_words(words, 'and')}: {text or 'none'}")
+    return "; ".join(parts)
+
+
+def _value(name: str, hint: Any) -> str:
+    """Return the values of a key in words, with a link if they are sections."""
+    text = describe_type(hint)
+    bare = bare_type(hint)
+    if get_origin(bare) is dict:
+        return text.replace("a section", "sections as [`material`](#material)")
+    if tag_of(hint):
+        return f"a section as [`{name}`](#{name})"
+    if not _inner_kinds(hint):
+        return text
+    link = f"#section-{_inner_name(name, hint)}"
+    return re.sub(r"\bsections?\b", rf"[\g<0>]({link})", text)
+
+
+def _key_table(rows: list[list[str]]) -> str:
+    """Return the table of keys; without the column `of` if all alternatives have all keys."""
+    head = ["key", "of", "value", "default", "unit", "meaning"]
+    if all(among == "all" for _, among, *_ in rows):
+        head.remove("of")
+        rows = [[key, *texts] for key, _, *texts in rows]
+    return _table(head, rows)
+
+
+def _description(kind: type) -> str:
+    """Return the docstring of a dataclass without the list of its attributes."""
+    return inspect.cleandoc(kind.__doc__ or "").split("\n\nAttributes\n")[0]
+
+
+def _word(kind: type, tag: str) -> str:
+    """Return the word that chooses a dataclass among the alternatives of a section."""
+    return str(get_args(field_types(kind)[tag])[0])
+
+
+def _dimension(name: str, section: str) -> str:
     symbol = lookup(name, section)
-    shown = symbol.dimension if symbol and symbol.dimension not in ("word", "1") else ""
-    value = f"a section as [`{name}`](#{name})" if tag_of(hint) and outside else describe_type(hint)
-    own = [f"`{outside}{name}`", value, _default(kind, name), shown, _meaning(name, section)]
-    return [own, *_rows_inside(name, item, within)]
-
-
-def _rows_inside(name: str, item: Any, within: str) -> Iterator[list[str]]:
-    """The rows of the keys of an item, each once: of all kinds that it may be, after the key that chooses."""
-    tag, kinds = (
-        tag_of(item),
-        [
-            bare_type(part)
-            for part in union_members(item)
-            if dataclasses.is_dataclass(bare_type(part))
-        ],
-    )
-    if tag:
-        yield [
-            f"`{within}{tag}`",
-            key_types.join_words(list(types_by_tag(item, tag))),
-            "**required**",
-            "",
-            _meaning(tag),
-        ]
-    owners = {key: kind for kind in kinds for key in field_names(kind) if key != tag}
-    for key, kind in owners.items():
-        yield from _key_rows(name, kind, key, within)
+    return symbol.dimension if symbol and symbol.dimension not in ("word", "1") else ""
 
 
 def _table(head: list[str], rows: Iterable[list[str]]) -> str:
