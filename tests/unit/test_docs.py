@@ -1,5 +1,5 @@
-"""The documentation is true: generated pages are current, links lead somewhere, named configs
-exist.
+"""The documentation is true: generated pages are current, links lead somewhere, named files exist,
+and all places state one version.
 """
 
 from __future__ import annotations
@@ -7,16 +7,26 @@ from __future__ import annotations
 import io
 import re
 import runpy
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from reference_pages import pages
+
+from indent_sim.process.version import VERSION
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 LINK = re.compile(r"\]\(([^)\s]+)(?:\s+\"[^\"]*\")?\)")
-CONFIG = re.compile(r"\bconfigs/[\w./-]*\w")
+# Folder and name, as in configs/hertz.yaml, scripts/setup or fe/problem.py.
+NAMED_PATH = re.compile(r"(?<![\w./-])(?:[\w.-]+/)+[\w.-]*\w")
+# Where named files are: in the repository, or in the package. `results` is the folder of a user.
+FOLDERS = {"configs", "docs", "indent_sim", "scripts", "tests"}
+PACKAGES = {path.parent.name for path in ROOT.glob("indent_sim/*/__init__.py")} - {"results"}
+# A file of another program, and the text "run/theory - 1".
+NOT_OURS = {"tools/synthetic.py", "run/theory"}
 CODE = re.compile(r"^```.*?^```|`[^`\n]*`", re.MULTILINE | re.DOTALL)
 
 
@@ -54,9 +64,30 @@ def anchors(page: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_named_configs_exist(page):
-    named = CONFIG.findall(page.read_text(encoding="utf-8"))
-    assert [name for name in named if not (ROOT / name).exists()] == []
+def test_named_files_exist(page):
+    """Paths are relative to the repository, to the package or to the page; `.py` may be missing."""
+    named = set(NAMED_PATH.findall(page.read_text(encoding="utf-8"))) - NOT_OURS
+    own = [
+        name for name in named if name.endswith(".py") or name.split("/")[0] in FOLDERS | PACKAGES
+    ]
+    folders = (ROOT, ROOT / "indent_sim", page.parent)
+    missing = [
+        name
+        for name in own
+        if not any((folder / f"{name}{end}").exists() for folder in folders for end in ("", ".py"))
+    ]
+    assert missing == []
+
+
+def test_all_places_state_one_version():
+    """A release is dated in CITATION.cff and CHANGELOG.md alike."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    unreleased, released = re.findall(r"^## (.*)$", changelog, re.MULTILINE)[:2]
+    assert project["version"] == citation["version"] == VERSION
+    assert unreleased == "Unreleased"
+    assert released == f"{VERSION} ({citation['date-released']})"
 
 
 def test_the_curve_of_the_tutorial_is_what_its_script_makes():
@@ -65,7 +96,6 @@ def test_the_curve_of_the_tutorial_is_what_its_script_makes():
     shipped, made = (
         np.loadtxt(io.StringIO(text), delimiter=",", skiprows=2)
         for text in (
-            # fmt: skip
             (ROOT / "configs" / "curves" / "thin_gel.csv").read_text(encoding="utf-8"),
             script["text"](),
         )
