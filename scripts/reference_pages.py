@@ -1,7 +1,9 @@
 #!/usr/bin/env python3
-"""Makes docs/config.md, symbols.md, scenes.md and files.md from the sources and the scenes.
+"""Makes docs/config.md, symbols.md, scenes.md and files.md from the schema and the sources.
 
 usage: scripts/reference_pages.py [FOLDER]
+
+The pages are written into FOLDER, which is docs/ by default.
 """
 
 from __future__ import annotations
@@ -17,11 +19,12 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, get_args, get_origin
 
-ROOT = Path(__file__).resolve().parents[1]
+from generated_page import ROOT
+
 sys.path.insert(0, str(ROOT))
 
-from indent_sim.config import key_types, schema  # noqa: E402
-from indent_sim.config.key_types import (  # noqa: E402
+from indent_sim.config import key_types, schema
+from indent_sim.config.key_types import (
     allowed_words,
     bare_type,
     describe_type,
@@ -31,28 +34,41 @@ from indent_sim.config.key_types import (  # noqa: E402
     union_members,
     untagged_sections,
 )
-from indent_sim.config.schema import Config  # noqa: E402
-from indent_sim.model.symbols import GROUPS, lookup  # noqa: E402
+from indent_sim.config.schema import Config
+from indent_sim.model.symbols import GROUPS, lookup
 
-UNLESS = {
+REQUIRED = "**required**"
+# Defaults of sections that the schema cannot express.
+SECTION_DEFAULTS = {
     "material": "**required** unless every layer, or region of a mesh file, has its own",
 }
+# Dimensions that are not shown as a unit.
+NO_UNIT = ("word", "1")
 
 
-def config_markdown() -> str:
+def pages() -> dict[str, str]:
+    """Return the text of every page by its name in docs/."""
+    return {
+        "config.md": config_page(),
+        "symbols.md": symbols_page(),
+        "scenes.md": scenes_page(),
+        "files.md": files_page(),
+    }
+
+
+def config_page() -> str:
     """Return docs/config.md: every section with its alternatives, and every key once."""
+    section_rows = [_section_row(name) for name in schema.allowed_keys_at((), {})]
     parts = [
         "# The scene file\n\nGenerated from the schema by `scripts/reference_pages.py`.\n",
-        "YAML 1.2; any consistent system of units. z is up, the undeformed surface is z = 0. Where\n"
-        "`units` are given, numbers may carry units of their own, `2.5 um`, `1 kPa`, `3 nN`,\n"
-        "`70 deg`, and are converted to those, times to seconds. Unknown and repeated keys are\n"
-        "errors.\n",
-        "One key of a section with alternatives chooses among them (`shape`, `model` or `method`).\n"
-        "The keys of all alternatives are in one table below them; its column `of` says which\n"
-        "alternatives have a key. Sections inside sections follow at the end of the page.\n",
-        _table(
-            ["section", "default", "meaning"], map(_section_row, schema.allowed_keys_at((), {}))
-        ),
+        "YAML 1.2; any consistent system of units. z is up, the undeformed surface is z = 0.\n"
+        "Where `units` are given, numbers may carry units of their own, `2.5 um`, `1 kPa`,\n"
+        "`3 nN`, `70 deg`, and are converted to those, times to seconds. Unknown and repeated\n"
+        "keys are errors.\n",
+        "One key of a section with alternatives chooses among them: `shape`, `model` or\n"
+        "`method`. The keys of all alternatives are in one table below them; its column `of`\n"
+        "says which alternatives have a key. Sections inside sections follow at the end.\n",
+        _table(["section", "default", "meaning"], section_rows),
     ]
     for section, kinds in schema.sections().items():
         parts += [f"## {section}\n", *_section_parts(section, kinds)]
@@ -63,16 +79,24 @@ def config_markdown() -> str:
 
 
 def _section_row(name: str) -> list[str]:
+    """Return the row of a section or of a key outside of all sections."""
     field = Config.model_fields[name]
     if name not in schema.sections():
-        return [f"`{name}`", _shown(field.default), _meaning(name)]
-    tag = schema.section_tags().get(name)
-    default = "as below" if tag is None else f"`{tag}: {getattr(field.default, tag, '')}`"
-    if field.default is None:
-        default = "none"
+        return [f"`{name}`", _shown_value(field.default), _meaning(name)]
+    return [f"[`{name}`](#{name})", _section_default(name), _meaning(name)]
+
+
+def _section_default(name: str) -> str:
+    """Return the default of a section in words."""
+    if name in SECTION_DEFAULTS:
+        return SECTION_DEFAULTS[name]
+    field = Config.model_fields[name]
     if field.is_required():
-        default = "**required**"
-    return [f"[`{name}`](#{name})", UNLESS.get(name, default), _meaning(name)]
+        return REQUIRED
+    if field.default is None:
+        return "none"
+    tag = schema.section_tags().get(name)
+    return f"`{tag}: {getattr(field.default, tag, '')}`" if tag else "as below"
 
 
 def _section_parts(section: str, kinds: tuple[type, ...]) -> list[str]:
@@ -96,7 +120,7 @@ def _inner_section_parts(name: str, kinds: tuple[type, ...]) -> list[str]:
         rows = _key_rows(name, kinds[:1], tag)
         return ["\n\n".join(map(_description, kinds)) + "\n", _key_table(rows)]
     words = key_types.join_words([_word(kind, tag) for kind in kinds])
-    rows = [[f"`{tag}`", "all", words, "**required**", "", _meaning(tag)]]
+    rows = [[f"`{tag}`", "all", words, REQUIRED, "", _meaning(tag)]]
     meaning = _meaning(name)
     text = f"{meaning[0].upper()}{meaning[1:]}.\n"
     return [text, _key_table(rows + _key_rows(name, kinds, tag))]
@@ -213,27 +237,23 @@ def _word(kind: type, tag: str) -> str:
 
 
 def _dimension(name: str, section: str) -> str:
+    """Return the unit of a key by the table of symbols."""
     symbol = lookup(name, section)
-    return symbol.dimension if symbol and symbol.dimension not in ("word", "1") else ""
-
-
-def _table(head: list[str], rows: Iterable[list[str]]) -> str:
-    lines = [
-        head,
-        ["---"] * len(head),
-        *([cell.replace("|", r"\|") for cell in row] for row in rows),
-    ]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+    return symbol.dimension if symbol and symbol.dimension not in NO_UNIT else ""
 
 
 def _default(kind: Any, name: str) -> str:
-    field = next(f for f in dataclasses.fields(kind) if f.name == name)
+    """Return the default of a field as it is shown."""
+    (field,) = [field for field in dataclasses.fields(kind) if field.name == name]
     if field.default_factory is not dataclasses.MISSING:
-        return _shown(field.default_factory())
-    return "**required**" if field.default is dataclasses.MISSING else _shown(field.default)
+        return _shown_value(field.default_factory())
+    if field.default is dataclasses.MISSING:
+        return REQUIRED
+    return _shown_value(field.default)
 
 
-def _shown(value: Any) -> str:
+def _shown_value(value: Any) -> str:
+    """Return a default value as it is shown; that of a dataclass is its first field."""
     if dataclasses.is_dataclass(value):
         value = getattr(value, field_names(value)[0])
     if isinstance(value, bool):
@@ -242,31 +262,38 @@ def _shown(value: Any) -> str:
 
 
 def _meaning(name: str, section: str = "") -> str:
+    """Return the meaning of a key by the table of symbols."""
     symbol = lookup(name, section)
     return symbol.meaning if symbol else ""
 
 
-def symbols_markdown() -> str:
-    """docs/symbols.md."""
+def symbols_page() -> str:
+    """Return docs/symbols.md: all names with their meaning and dimension."""
     parts = [
-        "# Symbols\n\nGenerated from `indent_sim/model/symbols.py` by `scripts/reference_pages.py`.\n",
-        "One name per thing, in YAML, Python and CSV alike. z is up, the undeformed surface is z = 0.\n",
+        "# Symbols\n\n"
+        "Generated from `indent_sim/model/symbols.py` by `scripts/reference_pages.py`.\n",
+        "One name per thing, in YAML, Python and CSV alike. z is up, the undeformed surface is "
+        "z = 0.\n",
     ]
     for title, group in GROUPS.items():
-        rows = [
-            f"| `{s.name}` | {f'${s.latex}$' if s.latex else ''} | {s.meaning} | {s.dimension} |"
-            for s in group
+        lines = [
+            f"## {title}\n",
+            "| name | symbol | meaning | dimension |",
+            "|---|---|---|---|",
         ]
-        head = ["| name | symbol | meaning | dimension |", "|---|---|---|---|"]
-        parts.append("\n".join([f"## {title}\n", *head, *rows]) + "\n")
+        for symbol in group:
+            latex = f"${symbol.latex}$" if symbol.latex else ""
+            lines.append(f"| `{symbol.name}` | {latex} | {symbol.meaning} | {symbol.dimension} |")
+        parts.append("\n".join(lines) + "\n")
     return "\n".join(parts)
 
 
-def scenes_markdown() -> str:
-    """docs/scenes.md: the scenes in configs/, each with the comment at its head."""
+def scenes_page() -> str:
+    """Return docs/scenes.md: the scenes in configs/, each with the comment at its head."""
     parts = [
         "# Shipped scenes\n\n"
-        "Generated from the first lines of each scene by `scripts/reference_pages.py`. Each answers one question and\n"
+        "Generated from the first lines of each scene by `scripts/reference_pages.py`. "
+        "Each answers one question and\n"
         "runs as it is by `indent-sim run`.\n",
     ]
     for heading, folder in (
@@ -280,21 +307,20 @@ def scenes_markdown() -> str:
 
 
 def _head_comment(scene: Path) -> str:
-    """The comment at the head of a scene file, as one paragraph."""
+    """Return the comment at the head of a scene file as one paragraph."""
     lines = scene.read_text(encoding="utf-8").splitlines()
-    return " ".join(
-        line.lstrip("# ") for line in itertools.takewhile(lambda line: line.startswith("#"), lines)
-    )
+    comment = itertools.takewhile(lambda line: line.startswith("#"), lines)
+    return " ".join(line.lstrip("# ") for line in comment)
 
 
-def files_markdown() -> str:
-    """docs/files.md: every module of the package with the first line of its docstring."""
+def files_page() -> str:
+    """Return docs/files.md: every module of the package with the first line of its docstring."""
     parts = [
-        "# The files of the package\n\nGenerated from the sources by `scripts/reference_pages.py`.\n"
+        "# The files of the package\n\n"
+        "Generated from the sources by `scripts/reference_pages.py`.\n"
     ]
     package = ROOT / "indent_sim"
-    folders = sorted({path.parent for path in package.rglob("*.py")})
-    for folder in folders:
+    for folder in sorted({path.parent for path in package.rglob("*.py")}):
         name = folder.relative_to(ROOT).as_posix()
         parts.append(f"## {name}\n\n{_first_line(folder / '__init__.py')}\n")
         modules = sorted(path for path in folder.glob("*.py") if path.name != "__init__.py")
@@ -305,22 +331,21 @@ def files_markdown() -> str:
 
 
 def _first_line(module: Path) -> str:
+    """Return the first paragraph of a module's docstring as the text of a table cell."""
     docstring = ast.get_docstring(ast.parse(module.read_text(encoding="utf-8"))) or ""
     paragraph = docstring.split("\n\n")[0]
     return " ".join(paragraph.split()).replace("|", "\\|")
 
 
-def pages() -> dict[str, str]:
-    """The pages by their names in docs/."""
-    return {
-        "config.md": config_markdown(),
-        "symbols.md": symbols_markdown(),
-        "scenes.md": scenes_markdown(),
-        "files.md": files_markdown(),
-    }
+def _table(head: list[str], rows: Iterable[list[str]]) -> str:
+    """Return a Markdown table."""
+    lines = [head, ["---"] * len(head)]
+    for row in rows:
+        lines.append([cell.replace("|", r"\|") for cell in row])
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
 if __name__ == "__main__":
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs"
-    for name, text in pages().items():
-        (folder / name).write_text(text, encoding="utf-8")
+    target_folder = Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs"
+    for page_name, page_text in pages().items():
+        (target_folder / page_name).write_text(page_text, encoding="utf-8")

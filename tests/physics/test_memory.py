@@ -229,7 +229,7 @@ class Maxwell(Term):
         """The way of the dashpots at the end of a step; share: k dt/c."""
         return (q + share * u) / (1 + share)
 
-    def work(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> Any:
+    def virtual_work(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> Any:
         u, way = now.fields["u"], self._body.unknowns.split_fields(now.test)["u"]
         stretch = u - self._gone(self._q, u, self._k * dt / self._c)
         return self._body.surface_integral(

@@ -172,7 +172,7 @@ class Trickle(Term):
 
     flows = True
 
-    def work(self, now: TimeLevel, before: TimeLevel, dt: Any) -> Any:
+    def virtual_work(self, now: TimeLevel, before: TimeLevel, dt: Any) -> Any:
         return None
 
 

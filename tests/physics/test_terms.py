@@ -41,7 +41,7 @@ class Dashpots(Term):
             body.surface_integral("base", self._c * body.dt * ufl.dot(self._rate, self._rate))
         )
 
-    def work(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> Any:
+    def virtual_work(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> Any:
         """int c du/dt . v over the base."""
         way = self._body.unknowns.split_fields(now.test)["u"]
         return self._body.surface_integral("base", self._c * ufl.dot(self._rate, way))

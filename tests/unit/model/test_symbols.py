@@ -10,7 +10,7 @@ import re
 from typing import get_args, get_origin
 
 import pytest
-from reference_pages import config_markdown
+from reference_pages import config_page
 
 from indent_sim.config import schema
 from indent_sim.config.json_schema import json_schema, sections_and_kinds
@@ -156,7 +156,7 @@ def test_the_page_of_the_scene_file_says_which_sections_another_may_replace():
     )
     rows = [
         row.split(" | ")
-        for row in config_markdown().splitlines()
+        for row in config_page().splitlines()
         if row.startswith("| [`") and "**required**" in row
     ]
     unless = {row[0].strip("| [`").split("`")[0]: "unless" in row[1] for row in rows}
@@ -164,12 +164,12 @@ def test_the_page_of_the_scene_file_says_which_sections_another_may_replace():
 
 
 def test_the_page_of_the_scene_file_has_no_row_twice():
-    rows = [row for row in config_markdown().splitlines() if row.startswith("| `")]
+    rows = [row for row in config_page().splitlines() if row.startswith("| `")]
     assert len(rows) > 100 and len(rows) == len(set(rows))
 
 
 def test_the_page_of_the_scene_file_has_every_key():
-    page = config_markdown()
+    page = config_page()
     missing = [
         name
         for section, kind, name in yaml_fields()
