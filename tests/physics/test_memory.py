@@ -69,10 +69,10 @@ class Hindered:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._equilibrium, name)
 
-    def predict(self, depth: float, earlier: Sequence[Any]) -> None:
+    def extrapolate(self, depth: float, earlier: Sequence[Any]) -> None:
         self.guessed.append((depth, *(state.depth for state in earlier)))
         if self._is_guessed:
-            self._equilibrium.predict(depth, earlier)
+            self._equilibrium.extrapolate(depth, earlier)
 
     def solve(self, depth: float, dt: float = 0.0) -> bool:
         """What is refused is solved first: its state is the one that must leave no trace."""
@@ -82,9 +82,9 @@ class Hindered:
         self._tries += depth == self._refused
         return is_found and depth != self._refused
 
-    def settle(self, depth: float, dt: float = 0.0) -> bool:
+    def relax_to_stable_state(self, depth: float, dt: float = 0.0) -> bool:
         self._depth = depth
-        return depth != self._refused and self._equilibrium.settle(depth, dt)
+        return depth != self._refused and self._equilibrium.relax_to_stable_state(depth, dt)
 
     def accept(self) -> float:
         self.accepted.append(self._depth)
