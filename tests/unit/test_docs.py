@@ -25,8 +25,8 @@ NAMED_PATH = re.compile(r"(?<![\w./-])(?:[\w.-]+/)+[\w.-]*\w")
 # Where named files are: in the repository, or in the package. `results` is the folder of a user.
 FOLDERS = {"configs", "docs", "indent_sim", "scripts", "tests"}
 PACKAGES = {path.parent.name for path in ROOT.glob("indent_sim/*/__init__.py")} - {"results"}
-# A file of another program, and the text "run/theory - 1".
-NOT_OURS = {"tools/synthetic.py", "run/theory"}
+# A file of another program.
+NOT_OURS = {"tools/synthetic.py"}
 CODE = re.compile(r"^```.*?^```|`[^`\n]*`", re.MULTILINE | re.DOTALL)
 
 
