@@ -12,8 +12,10 @@ import ast
 import dataclasses
 import inspect
 import itertools
+import re
 import sys
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, get_args, get_origin
 
@@ -29,8 +31,8 @@ from indent_sim.config.key_types import (
     field_names,
     field_types,
     tag_of,
-    types_by_tag,
     union_members,
+    untagged_sections,
 )
 from indent_sim.config.schema import Config
 from indent_sim.model.symbols import GROUPS, lookup
@@ -55,21 +57,24 @@ def pages() -> dict[str, str]:
 
 
 def config_page() -> str:
-    """Return docs/config.md: all keys of a scene file."""
+    """Return docs/config.md: every section with its alternatives, and every key once."""
     section_rows = [_section_row(name) for name in schema.allowed_keys_at((), {})]
     parts = [
         "# The scene file\n\nGenerated from the schema by `scripts/reference_pages.py`.\n",
-        "YAML 1.2; any consistent system of units. z is up, the undeformed surface is z = 0. "
-        "Where `units` are given,\n"
-        "numbers may carry units of their own, `2.5 um`, `1 kPa`, `3 nN`, `70 deg`, and are "
-        "converted to those, times\n"
-        "to seconds.\n"
-        "Unknown and repeated keys are errors.\n",
+        "YAML 1.2; any consistent system of units. z is up, the undeformed surface is z = 0.\n"
+        "Where `units` are given, numbers may carry units of their own, `2.5 um`, `1 kPa`,\n"
+        "`3 nN`, `70 deg`, and are converted to those, times to seconds. Unknown and repeated\n"
+        "keys are errors.\n",
+        "One key of a section with alternatives chooses among them: `shape`, `model` or\n"
+        "`method`. The keys of all alternatives are in one table below them; its column `of`\n"
+        "says which alternatives have a key. Sections inside sections follow at the end.\n",
         _table(["section", "default", "meaning"], section_rows),
     ]
     for section, kinds in schema.sections().items():
-        parts.append(f"## {section}\n")
-        parts += [_kind_text(section, kind) for kind in kinds]
+        parts += [f"## {section}\n", *_section_parts(section, kinds)]
+    parts.append("## Sections inside sections\n")
+    for name, kinds in _inner_sections().items():
+        parts += [f"### Section {name}\n", *_inner_section_parts(name, kinds)]
     return "\n".join(parts)
 
 
@@ -94,75 +99,147 @@ def _section_default(name: str) -> str:
     return f"`{tag}: {getattr(field.default, tag, '')}`" if tag else "as below"
 
 
-def _kind_text(section: str, kind: type) -> str:
-    """Return the part of a page on one type of a section: its docstring and its keys."""
+def _section_parts(section: str, kinds: tuple[type, ...]) -> list[str]:
+    """Return the texts of a section: its alternatives and the table of their keys."""
     tag = schema.section_tags().get(section)
-    rows = []
-    for name in schema.file_order(kind):
-        if name != tag:
-            rows += _key_rows(section, kind, name)
+    rows = _key_rows(section, kinds, tag)
     if section == "indenter":
-        value = describe_type(field_types(Config)["center"])
-        rows.append(["`center`", value, "", "length", _meaning("center")])
-    table = _table(["key", "value", "default", "unit", "meaning"], rows)
-    text = f"{inspect.cleandoc(kind.__doc__ or '')}\n\n{table}"
-    if not tag:
-        return text
-    tagged_types = types_by_tag(field_types(Config)[section], tag)
-    (word,) = [word for word, tagged_type in tagged_types.items() if tagged_type is kind]
-    return f"### `{tag}: {word}`\n\n{text}"
+        center = describe_type(field_types(Config)["center"])
+        rows.append(["`center`", "all", center, "", "length", _meaning("center")])
+    if tag is None:
+        return [f"{_description(kinds[0])}\n", _key_table(rows)]
+    parts = [f"### `{tag}: {_word(kind, tag)}`\n\n{_description(kind)}\n" for kind in kinds]
+    return [*parts, f"### Keys of {section}\n", _key_table(rows)]
 
 
-def _key_rows(section: str, kind: type, name: str, prefix: str = "") -> list[list[str]]:
-    """Return the row of a key, and the rows of the keys inside if it is a section or a list.
+def _inner_section_parts(name: str, kinds: tuple[type, ...]) -> list[str]:
+    """Return the texts of a section inside others: its meaning and the table of its keys."""
+    common_keys = set.intersection(*(set(field_names(kind)) for kind in kinds))
+    tag = next(iter(common_keys & schema.TAG_KEYS), None)
+    if tag is None:
+        rows = _key_rows(name, kinds[:1], tag)
+        return ["\n\n".join(map(_description, kinds)) + "\n", _key_table(rows)]
+    words = key_types.join_words([_word(kind, tag) for kind in kinds])
+    rows = [[f"`{tag}`", "all", words, REQUIRED, "", _meaning(tag)]]
+    meaning = _meaning(name)
+    text = f"{meaning[0].upper()}{meaning[1:]}.\n"
+    return [text, _key_table(rows + _key_rows(name, kinds, tag))]
+
+
+def _inner_sections() -> dict[str, tuple[type, ...]]:
+    """Return the sections inside sections by name, each with the dataclasses that it may be."""
+    found: dict[str, tuple[type, ...]] = {}
+    owners = [kind for kinds in schema.sections().values() for kind in kinds]
+    while owners:
+        hints = itertools.chain.from_iterable(field_types(kind).items() for kind in owners)
+        inner = [(_inner_name(name, hint), _inner_kinds(hint)) for name, hint in hints]
+        owners = []
+        for name, kinds in inner:
+            new_kinds = [kind for kind in kinds if kind not in found.get(name, ())]
+            found[name] = (*found.get(name, ()), *new_kinds)
+            owners += new_kinds
+    return {name: kinds for name, kinds in found.items() if kinds}
+
+
+def _inner_kinds(hint: Any) -> tuple[type, ...]:
+    """Return the dataclasses of a key that is a section, or a list of sections, of its own."""
+    bare = bare_type(hint)
+    item = get_args(bare)[0] if get_origin(bare) is tuple else hint
+    is_word_alone = bool(allowed_words(item)) and not untagged_sections(hint)
+    if tag_of(hint) or is_word_alone:
+        return ()
+    members = [bare_type(member) for member in union_members(item)]
+    return tuple(member for member in members if dataclasses.is_dataclass(member))
+
+
+def _inner_name(name: str, hint: Any) -> str:
+    """Return the name of a section inside others; one that may replace a word has its own."""
+    replacing = untagged_sections(hint)
+    return replacing[0].lower() if replacing else name
+
+
+def _key_rows(section: str, kinds: tuple[type, ...], tag: str | None) -> list[list[str]]:
+    """Return a row for each key of a section with the alternatives that have it.
 
     Parameters
     ----------
     section : str
-        The section of the key.
-    kind : type
-        The dataclass that has the key as a field.
-    name : str
-        The key.
-    prefix : str
-        The keys outside of this one, such as "layers[].".
+        Name of the section.
+    kinds : tuple of dataclasses
+        Its alternatives.
+    tag : str or None
+        Key that chooses an alternative; None if there is only one.
     """
-    hint = field_types(kind)[name]
+    words = {kind: _word(kind, tag) if tag else "" for kind in kinds}
+    keys = [name for kind in kinds for name in schema.file_order(kind) if name != tag]
+    rows = []
+    for name in dict.fromkeys(keys):
+        owners = {word: kind for kind, word in words.items() if name in field_names(kind)}
+        values = {word: _value(name, field_types(kind)[name]) for word, kind in owners.items()}
+        defaults = {word: _default(kind, name) for word, kind in owners.items()}
+        among = _among(list(owners), list(words.values()))
+        texts = [_merged(values), _merged(defaults), _dimension(name, section)]
+        rows.append([f"`{name}`", among, *texts, _meaning(name, section)])
+    return rows
+
+
+def _among(owners: list[str], everything: list[str]) -> str:
+    """Return which alternatives have a key, in the fewest words."""
+    others = [word for word in everything if word not in owners]
+    if not others:
+        return "all"
+    if len(others) < len(owners):
+        return f"all but {key_types.join_words(others, 'and')}"
+    return key_types.join_words(owners, "and")
+
+
+def _merged(texts: dict[str, str]) -> str:
+    """Return the most frequent text, and each other one behind the alternatives that have it."""
+    frequent, *others = (text for text, _ in Counter(texts.values()).most_common())
+    parts = [frequent or "none" if others else frequent]
+    for text in others:
+        words = [word for word, own_text in texts.items() if own_text == text]
+        parts.append(f"{key_types.join_words(words, 'and')}: {text or 'none'}")
+    return "; ".join(parts)
+
+
+def _value(name: str, hint: Any) -> str:
+    """Return the values of a key in words, with a link if they are sections."""
+    text = describe_type(hint)
+    bare = bare_type(hint)
+    if get_origin(bare) is dict:
+        return text.replace("a section", "sections as [`material`](#material)")
+    if tag_of(hint):
+        return f"a section as [`{name}`](#{name})"
+    if not _inner_kinds(hint):
+        return text
+    link = f"#section-{_inner_name(name, hint)}"
+    return re.sub(r"\bsections?\b", rf"[\g<0>]({link})", text)
+
+
+def _key_table(rows: list[list[str]]) -> str:
+    """Return the table of keys; without the column `of` if all alternatives have all keys."""
+    head = ["key", "of", "value", "default", "unit", "meaning"]
+    if all(among == "all" for _, among, *_ in rows):
+        head.remove("of")
+        rows = [[key, *texts] for key, _, *texts in rows]
+    return _table(head, rows)
+
+
+def _description(kind: type) -> str:
+    """Return the docstring of a dataclass without the list of its attributes."""
+    return inspect.cleandoc(kind.__doc__ or "").split("\n\nAttributes\n")[0]
+
+
+def _word(kind: type, tag: str) -> str:
+    """Return the word that chooses a dataclass among the alternatives of a section."""
+    return str(get_args(field_types(kind)[tag])[0])
+
+
+def _dimension(name: str, section: str) -> str:
+    """Return the unit of a key by the table of symbols."""
     symbol = lookup(name, section)
-    unit = symbol.dimension if symbol and symbol.dimension not in NO_UNIT else ""
-    value = describe_type(hint)
-    if tag_of(hint) and prefix:
-        value = f"a section as [`{name}`](#{name})"
-    key = f"{prefix}{name}"
-    row = [f"`{key}`", value, _default(kind, name), unit, _meaning(name, section)]
-    return [row, *_inner_rows(name, hint, key)]
-
-
-def _inner_rows(name: str, hint: Any, key: str) -> Iterator[list[str]]:
-    """Yield the rows of the keys inside a section or a list of sections.
-
-    Each key comes once, for all types that the section may have, after the key that chooses the
-    type. A section with a heading of its own on the page has no rows here.
-    """
-    if get_origin(bare_type(hint)) is tuple:
-        item = get_args(bare_type(hint))[0]
-        prefix = f"{key}[]."
-    elif allowed_words(hint) or tag_of(hint):
-        return
-    else:
-        item = hint
-        prefix = f"{key}."
-    tag = tag_of(item)
-    members = [bare_type(member) for member in union_members(item)]
-    kinds = [member for member in members if dataclasses.is_dataclass(member)]
-    if tag:
-        words = key_types.join_words(list(types_by_tag(item, tag)))
-        yield [f"`{prefix}{tag}`", words, REQUIRED, "", _meaning(tag)]
-    owners = {
-        field_name: kind for kind in kinds for field_name in field_names(kind) if field_name != tag
-    }
-    for field_name, kind in owners.items():
-        yield from _key_rows(name, kind, field_name, prefix)
+    return symbol.dimension if symbol and symbol.dimension not in NO_UNIT else ""
 
 
 def _default(kind: Any, name: str) -> str:

@@ -81,8 +81,8 @@ class Paraboloid(_Tip):
 class Sphere(_Tip):
     """Sphere f = r^2 / (R + sqrt(R^2 - r^2)) for r < R; no contact beyond.
 
-    `gap_current` is the distance from the whole sphere, its upper side included, but for a stem
-    that holds it.
+    With `gap: current` the gap is the distance from the whole sphere, including its upper side,
+    except for a stem within 30 degrees of the axis, which holds it.
     """
 
     R: Length
