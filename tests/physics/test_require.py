@@ -18,10 +18,10 @@ from scipy.optimize import brentq
 
 from indent_sim.cli import commands
 from indent_sim.config.scene_file import config_from_mapping
-from indent_sim.run.model_selection.effect_table import EFFECT_ROWS
-from indent_sim.run.model_selection.effects import Effect
+from indent_sim.run.model_selection.effect_table import EFFECTS
+from indent_sim.run.model_selection.effects import Effect, find_effect
 from indent_sim.run.model_selection.recommended_model import Requirements, require
-from indent_sim.run.model_selection.variant_solver import VariantSolver
+from indent_sim.run.model_selection.scene_variants import SceneVariants
 from indent_sim.run.pipeline import states
 from indent_sim.scene.scene import resolve
 from indent_sim.theory import half_space
@@ -83,8 +83,7 @@ def row(scene: dict[str, Any], name: str) -> Effect:
 @cache
 def _row(text: str, name: str) -> Effect:
     config = config_from_mapping(placed(json.loads(text)))
-    (requirement,) = (one for one in EFFECT_ROWS if one.name == name)
-    return requirement.effect(VariantSolver(config, resolve(config)), 0.01)
+    return find_effect(name, EFFECTS[name], SceneVariants(config, resolve(config)))
 
 
 def threshold(effect: Effect) -> float:

@@ -17,7 +17,6 @@ from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid
 from indent_sim.run.error_estimation.coarser_run import CoarserRun
 from indent_sim.run.error_estimation.error_bars import ErrorBars
 from indent_sim.run.explicit_config import explicit_config
-from indent_sim.scene.characteristic_strain import characteristic_strain
 from indent_sim.scene.expected_error import penalty_force_loss
 from indent_sim.scene.scene import Scene, resolve
 
@@ -142,11 +141,11 @@ def test_the_strain_is_a_fifth_of_the_slope_at_the_edge(tip: Indenter) -> None:
     """
     a, step = 0.3, 1e-6
     slope = (float(tip.height(a + step, 0.0)) - float(tip.height(a - step, 0.0))) / (2 * step)
-    assert characteristic_strain(tip, 0.01, a)[0] == pytest.approx(0.2 * slope, rel=0.012)
+    assert tip.characteristic_strain(0.01, a)[0] == pytest.approx(0.2 * slope, rel=0.012)
 
 
 def test_the_strain_under_a_punch_knows_its_depth() -> None:
-    assert characteristic_strain(FlatPunch(radius=0.3), 0.01, 0.3)[0] == pytest.approx(0.01)
+    assert FlatPunch(radius=0.3).characteristic_strain(0.01, 0.3)[0] == pytest.approx(0.01)
 
 
 def test_what_a_penalty_costs() -> None:
