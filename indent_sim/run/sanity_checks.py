@@ -81,15 +81,6 @@ Rule = Callable[[Scene, State, PreviousRows], "str | None"]
 Rules = tuple[Rule, ...]
 
 
-def precompute_theory_forces(scene: Scene) -> None:
-    """Let theory solve all prescribed depths at once, with which rows are compared."""
-    physics = scene.physics
-    if scene.plan.theory and physics.path.control == "depth":
-        # Rows have depths in the user's units: the conversion and back repeats their round-off.
-        scale = physics.scales.depth
-        scene.plan.theory.expect_depths([delta * scale / scale for delta in physics.deltas])
-
-
 def violated_bound(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
     """Return which bound a converged state violates, with a remedy; None if it violates none.
 
@@ -293,7 +284,7 @@ def _check_against_theory(scene: Scene, state: State, earlier: PreviousRows) -> 
     """The force agrees with theory: within the error bar if exact, else within a factor."""
     theory = scene.plan.theory
     scales = scene.physics.scales
-    solution = theory.solution_at_depth(state.delta / scales.depth) if theory else None
+    solution = scene.theory_solution(state.delta / scales.depth)
     if theory is None or solution is None or solution.force <= 0:
         return None
     expected = solution.force / scene.physics.mirror_multiplicity * scales.force

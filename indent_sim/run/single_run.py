@@ -26,7 +26,7 @@ from indent_sim.run.error_estimation.error_bars import AnyErrorBars
 from indent_sim.run.explicit_config import written_fields
 from indent_sim.run.previous_rows import PreviousRows
 from indent_sim.run.run_output import RunOutput
-from indent_sim.run.sanity_checks import precompute_theory_forces, violated_bound
+from indent_sim.run.sanity_checks import violated_bound
 from indent_sim.run.solvers.hereditary_integral import HereditaryIntegralSolver
 from indent_sim.run.solvers.semi_analytic import SemiAnalyticSolver
 from indent_sim.run.summary import rounded_timings, summary
@@ -137,7 +137,6 @@ class SingleRun:
         self._derived_quantities = DerivedQuantities(
             scene, self._solver.equilibrium, run_output.optional_output
         )
-        precompute_theory_forces(scene)
         dofs = self._solver.equilibrium.observed_body.dofs
         versions = fe.versions()
         if grid is not None:  # only rank 0 has it, which writes

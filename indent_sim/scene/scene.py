@@ -53,6 +53,7 @@ from indent_sim.scene.problem_setup import ProblemSetup, set_up_problem, truncat
 from indent_sim.scene.resolution import MeshResolution
 from indent_sim.scene.sizing import END_FRACTION
 from indent_sim.scene.time_prediction import TimePrediction, time_prediction
+from indent_sim.theory.solution import Solution
 from indent_sim.theory.theory import Theory
 
 if TYPE_CHECKING:
@@ -248,6 +249,30 @@ class Scene:
             friction and friction_sentence(self.physics, friction),
         )
         return tuple(sentence for sentence in sentences if sentence)
+
+    def theory_solution(self, delta: float) -> Solution | None:
+        """Contact of the reference theory at a depth [length]; None where it has none.
+
+        Parameters
+        ----------
+        delta : float
+            A depth, as a rule one that is prescribed: all of these are solved at once.
+        """
+        theory = self.plan.theory
+        if theory is None:
+            return None
+        return self._prescribed_solutions.get(delta) or theory.solution_at_depth(delta)
+
+    @cached_property
+    def _prescribed_solutions(self) -> dict[float, Solution]:
+        """Contacts of the reference theory at all prescribed depths; empty if it ends earlier."""
+        if self.plan.theory is None or self.physics.path.control != "depth":
+            return {}
+        # Rows have depths in the user's units: the conversion and back repeats their round-off.
+        scale = self.physics.scales.depth
+        deltas = [delta * scale / scale for delta in self.physics.deltas]
+        solutions = self.plan.theory.solutions_at_depths(deltas)
+        return dict(zip(deltas, solutions, strict=True)) if solutions else {}
 
     @property
     def exact_theory(self) -> Theory | None:

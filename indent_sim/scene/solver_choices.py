@@ -18,7 +18,6 @@ from indent_sim.scene.reasons import first_reason
 from indent_sim.scene.reference_theory import NO_INCLUSIONS
 from indent_sim.scene.resolution import target_error
 from indent_sim.scene.tip_theories import theory_tip_shape
-from indent_sim.theory.theory import MAX_KEPT_SOLUTIONS
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
@@ -242,9 +241,6 @@ def theory_obstacle(config: Config, setup: ProblemSetup) -> str:
             f"the relative error of the theory is {reference_theory.error:.0e}, and accuracy asks "
             f"for {target:g}"
         )
-    if setup.physics.path.control == "depth" and len(setup.physics.deltas) <= MAX_KEPT_SOLUTIONS:
-        # All depths are solved in one go; the deepest one is among them.
-        reference_theory.expect_depths(setup.physics.deltas)
     if not reference_theory.covers_path(setup.max_depth, setup.physics.largest_force):
         return (
             "the deepest contact is outside the range of the theory: it reaches a wall, the end of "

@@ -140,18 +140,25 @@ class HyperelasticBar:
             return 0.0
         if self.is_incompressible:
             return -axial_strain / (2 - self.confined_directions)
-        lateral_strain = 0.0
-        for _ in range(50):
-            slope = _first_derivative(lambda e: self._energy(e, axial_strain), lateral_strain)
-            curvature = _second_derivative(lambda e: self._energy(e, axial_strain), lateral_strain)
-            if not (curvature > 0 and math.isfinite(slope)):
-                break
-            lateral_strain -= slope / curvature
-            if abs(slope) <= STRAIN_TOLERANCE * curvature:
-                return lateral_strain
-        raise ValueError(
-            f"the material has no equilibrium at the stretch {math.exp(axial_strain):.4g} along z"
-        )
+        # This import takes 0.2 s, which other scenes need not spend.
+        from scipy.optimize import newton
+
+        def slope(lateral_strain: float) -> float:
+            return _first_derivative(lambda e: self._energy(e, axial_strain), lateral_strain)
+
+        def curvature(lateral_strain: float) -> float:
+            value = _second_derivative(lambda e: self._energy(e, axial_strain), lateral_strain)
+            if not value > 0:
+                raise ArithmeticError("the strain energy is not convex")
+            return value
+
+        try:
+            return float(newton(slope, 0.0, fprime=curvature, tol=STRAIN_TOLERANCE))
+        except (ArithmeticError, RuntimeError) as error:
+            raise ValueError(
+                "the material has no equilibrium at the stretch "
+                f"{math.exp(axial_strain):.4g} along z"
+            ) from error
 
 
 def _first_derivative(function: Callable[[float], float], x: float) -> float:

@@ -292,12 +292,9 @@ class ErrorBars:
 
     def _theory_distance(self, state: State) -> float:
         """|F - F_theory| [force] where theory is exact for the body at this depth, else 0."""
-        theory = self._scene.exact_theory
-        solution = (
-            theory.solution_at_depth(state.delta / self._scales.depth)
-            if theory and state.delta > 0
-            else None
-        )
+        if self._scene.exact_theory is None or state.delta <= 0:
+            return 0.0
+        solution = self._scene.theory_solution(state.delta / self._scales.depth)
         return abs(state.force - solution.force * self._scales.force) if solution else 0.0
 
     def _depth_error(self, state: State, error: float) -> float | None:

@@ -481,7 +481,7 @@ EFFECTS: dict[str, Cases] = {
             "the body with its surface tension relative to one without{v.stand_in_text}",
             lambda v: v.plain_scene,
             lambda v: v.replace_plain_body(surface_tension=0.0),
-            when=lambda v: getattr(v.config.body, "surface_tension", 0.0),
+            when=lambda v: v.config.body.surface_tension,
         ),
         Unknown(
             "not estimated: a mesh from a file cannot have a surface tension",

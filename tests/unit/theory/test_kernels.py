@@ -6,10 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from scipy.special import jv
 
-from indent_sim.theory import hankel, profiles, quadrature
 from indent_sim.theory import layer as theory_layer
+from indent_sim.theory import profiles, quadrature
 from indent_sim.theory.hankel import EvenKernel, Kernel, axisymmetric_kernel, contact_kernel
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.stack import Stack, StackLayer
@@ -56,21 +55,6 @@ def test_even_polynomials_are_the_kernel(name, a):
 def test_a_wide_contact_and_one_between_walls_have_the_kernel_itself(a, wall):
     kernel = contact_kernel(a, STACKS["rubber"], wall)
     assert kernel is axisymmetric_kernel(a, STACKS["rubber"], wall)
-
-
-def test_bessel_functions_are_those_of_scipy():
-    """Also beside zeros of J_0, where the recurrence divides by nearly nothing."""
-    x = np.concatenate([np.geomspace(1e-6, 44.0, 500), [2.404825557695773, 5.520078110286311]])
-    orders = 2 * np.arange(hankel.MAX_EVEN_POLYNOMIALS)[:, None]
-    found, expected = hankel._even_bessel(x, hankel.MAX_EVEN_POLYNOMIALS), jv(orders, x)
-    np.testing.assert_allclose(
-        found, expected, atol=1e-14
-    )  # of J_0(0) = 1: ninety steps, each rounded
-    small = (
-        np.broadcast_to(orders, expected.shape) > x
-    )  # there they have no zeros, and each has its own digits
-    seen = small & (np.abs(expected) > 1e-290)
-    np.testing.assert_allclose(found[seen], expected[seen], rtol=1e-12)
 
 
 @pytest.mark.parametrize("tip", [profiles.paraboloid(1.0), profiles.sphere(2.0)])
