@@ -226,7 +226,8 @@ def test_any_history_on_a_layer_against_stepping_with_all_of_the_past(compliance
     }
     experiment |= {"frame": {"compliance": compliance}} if compliance else {}
     base = scene_of(LAYER, experiment, "solver.method=condensed")
-    one = _HistoryEvaluation(base, pipeline.condense(base).equilibrium)
+    equilibrium = pipeline.condense(base).equilibrium
+    one = _HistoryEvaluation(base, equilibrium)
     surface, asked = one.relaxing_surface(0.01), [t for t, _ in TWICE[1:]]
     forces = []
     for step in (0.01, 0.005):
@@ -236,7 +237,7 @@ def test_any_history_on_a_layer_against_stepping_with_all_of_the_past(compliance
             np.interp(asked, times, stepped_directly(surface, one.modulus, times, z, compliance))
         )
     exact = forces[1] + (forces[1] - forces[0]) / 3
-    findings = evaluate_with_units(base, one._equilibrium)
+    findings = evaluate_with_units(base, equilibrium)
     assert findings.time["method"] == "time steps"
     assert [at(findings, t).force for t in asked] == pytest.approx(exact, abs=1e-4 * exact.max())
 

@@ -14,15 +14,16 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
-from scenes import CYLINDER, scene
+from scenes import CYLINDER, meshed, scene
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.fe.condensed.compliance import Condenser
 from indent_sim.fe.condensed.contact import CondensedContact
 from indent_sim.fe.path import step_size_control
 from indent_sim.fe.problem import Problem
-from indent_sim.fe.solve import uzawa
+from indent_sim.fe.solve import newton, uzawa
 from indent_sim.fe.solve.newton import Newton
+from indent_sim.fe.solver import create_equilibrium
 from indent_sim.process.errors import NotConverged
 from indent_sim.run.pipeline import Outcome, simulate
 
@@ -80,12 +81,13 @@ def tuned(**options: Any) -> Iterator[None]:
 )
 def test_the_environment_stands_over_the_programs_choice(tmp_path, options, monkeypatch):
     found = []
-    solve = Newton._run_snes
-    monkeypatch.setattr(
-        Newton,
-        "_run_snes",
-        lambda self, x: found.append(self.snes.ksp.pc.getType()) or solve(self, x),
-    )
+    solve = Newton.solve
+
+    def recorded(self, *given, **named):
+        found.append(self.snes.ksp.pc.getType())
+        return solve(self, *given, **named)
+
+    monkeypatch.setattr(Newton, "solve", recorded)
     usual = solved(tmp_path).states[-1].force
     with tuned(**options):
         assert solved(tmp_path).states[-1].force == pytest.approx(usual, rel=SAME)
@@ -128,6 +130,19 @@ def test_the_levels_of_the_multigrid_have_a_prefix_of_their_own(tmp_path):
     ]
 
 
+def newtons_of(monkeypatch: pytest.MonkeyPatch) -> list[Newton]:
+    """Newton's methods of all runs from now on."""
+    made: list[Newton] = []
+    begin = Newton.__init__
+
+    def recorded(self: Newton, problem: Problem) -> None:
+        begin(self, problem)
+        made.append(self)
+
+    monkeypatch.setattr(Newton, "__init__", recorded)
+    return made
+
+
 @pytest.mark.parametrize(
     ("method", "factors"),
     [
@@ -147,12 +162,8 @@ def test_a_symmetric_tangent_is_factored_as_such(tmp_path, monkeypatch, method, 
         assemble(problem, A)
         found.append((problem.has_symmetric_tangent, A.isSymmetric(1e-14 * A.norm())))
 
-    made: list[Newton] = []
-    create = Newton._create_snes
     monkeypatch.setattr(Problem, "assemble_tangent", watched)
-    monkeypatch.setattr(
-        Newton, "_create_snes", lambda self, **said: made.append(self) or create(self, **said)
-    )
+    made = newtons_of(monkeypatch)
     coarse = {"h_contact": 0.1, "h_far": 0.5}  # symmetric or not on any mesh
     solved(
         tmp_path,
@@ -166,17 +177,17 @@ def test_a_symmetric_tangent_is_factored_as_such(tmp_path, monkeypatch, method, 
 
 def test_where_symmetric_factors_fail_others_take_their_place(tmp_path, monkeypatch):
     """Here because MUMPS is given a hundredth of the memory that it wants."""
-    create, tried = Newton._create_snes, []
+    choose, tried = newton.use_direct_solver, []
 
-    def starved(self, *, symmetric):
-        tried.append(symmetric)
-        PETSc.Options().setValue("mat_mumps_icntl_14", -99 if symmetric else 60)
-        return create(self, symmetric=symmetric)
+    def starved(ksp, factors):
+        tried.append(factors)
+        PETSc.Options().setValue("mat_mumps_icntl_14", -99 if factors == "cholesky" else 60)
+        choose(ksp, factors)
 
-    monkeypatch.setattr(Newton, "_create_snes", starved)
+    monkeypatch.setattr(newton, "use_direct_solver", starved)
     with tuned(mat_mumps_icntl_14=60):
         assert solved(tmp_path).states[-1].force == pytest.approx(FORCE, rel=0.02)
-    assert tried == [True, False]
+    assert tried == ["cholesky", "lu"]
 
 
 def test_only_what_mumps_could_not_do_is_a_failed_step():
@@ -184,18 +195,22 @@ def test_only_what_mumps_could_not_do_is_a_failed_step():
     steps.
     """
 
-    def newton(code):
+    base = scene(CYLINDER, "mesh.h_contact=0.1", solver={"method": "newton"})
+    solver = create_equilibrium(base, meshed(base)).newton
+
+    def failing(code):
         def solve(*_):
             raise PETSc.Error(code)
 
-        return SimpleNamespace(
-            snes=SimpleNamespace(solve=solve), _create_snes=lambda symmetric: "anew"
-        )
+        return SimpleNamespace(solve=solve, setTolerances=lambda **_: None)
 
-    failed = newton(76)
-    assert not Newton._run_snes(failed, None) and failed.snes == "anew"
+    solver.problem.delta.value = 0.01
+    solver.snes = failing(76)
+    assert not solver.solve() and solver.failure == newton.LINEAR_SOLVER_FAILED
+    assert isinstance(solver.snes, PETSc.SNES) and solver.solve()
+    solver.snes = failing(55)
     with pytest.raises(PETSc.Error):
-        Newton._run_snes(newton(55), None)
+        solver.solve()
 
 
 @pytest.mark.parametrize("method", ["newton", "condensed"])
@@ -280,34 +295,32 @@ def test_only_the_reason_of_the_own_convergence_test_is_accepted(tmp_path, monke
     as the others that its own tests give. Each of them ends the run; so it is told apart from a
     step that has converged.
     """
-    made, create, runs = [], Newton._create_snes, Newton._run_snes
     reasons = PETSc.SNES.ConvergedReason
 
     def says(reason):
-        def run(self, guess):
-            ended = runs(self, guess)
-            self.snes.setConvergedReason(reason)
-            return ended
+        class Claiming(PETSc.SNES):
+            """A SNES that gives a reason of its own."""
 
-        return run
+            def getConvergedReason(self):
+                return reason
+
+        return Claiming
 
     monkeypatch.setattr(step_size_control, "SMALLEST_STEP_FRACTION", 0.5)
-    monkeypatch.setattr(
-        Newton, "_create_snes", lambda self, **said: made.append(create(self, **said)) or made[-1]
-    )
+    made = newtons_of(monkeypatch)
     for reason in (
         reasons.CONVERGED_SNORM_RELATIVE,
         reasons.CONVERGED_FNORM_ABS,
         reasons.CONVERGED_ITS,
     ):
         with monkeypatch.context() as patch:
-            patch.setattr(Newton, "_run_snes", says(reason))
+            patch.setattr(newton.PETSc, "SNES", says(reason))
             with pytest.raises(NotConverged, match=f"SNES stopped with reason {reason}"):
                 solved(tmp_path)
     assert solved(tmp_path).states[-1].force == pytest.approx(FORCE, rel=0.1)
     with tuned(snes_stol=1.0):  # nor does a short step end a solve, whatever the environment says
         solved(tmp_path / "tuned")
-    assert {snes.getTolerances()[2] for snes in made} == {0.0}
+    assert {one.snes.getTolerances()[2] for one in made} == {0.0}
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from indent_sim.fe.path.load_segment import LoadPoint
 from indent_sim.fe.path.load_stepping import LoadStepper
 from indent_sim.fe.path.solver_statistics import SolverStatistics
 from indent_sim.fe.path.step_size_control import (
@@ -210,11 +209,12 @@ def test_a_hold_is_cut_in_time() -> None:
     whole.
     """
     body = Spring()
-    walk = LoadStepper(body)  # type: ignore[arg-type]
-    assert walk._step_to(LoadPoint(1.0)) == 1
+    times, branches = (0.0, 1.0), ("approach", "hold")
+    path = LoadPath("depth", (1.0, 1.0), times, branches, start_time=0.0)
+    rows = LoadStepper(body).states(path, lambda step: False)  # type: ignore[arg-type]
+    assert next(rows).substeps == 1
     body.longest_time = 0.3
-    assert walk._step_to(LoadPoint(1.0, 1.0)) == 4
-    walk._accept_pending()
+    assert [row.substeps for row in rows] == [4]
     assert body.steps == pytest.approx([0.0, 0.25, 0.25, 0.25, 0.25])
     assert (body.depth, body.accepted) == (1.0, 1.0)
 
@@ -222,9 +222,9 @@ def test_a_hold_is_cut_in_time() -> None:
 def test_a_ramp_in_time_goes_straight() -> None:
     """Depth and time keep step, whichever of them made a step too long."""
     body = Spring(reach=0.6)
-    walk = LoadStepper(body)  # type: ignore[arg-type]
-    assert walk._step_to(LoadPoint(1.0, 4.0)) == 2
-    walk._accept_pending()
+    path = LoadPath("depth", (1.0,), (4.0,), ("approach",), start_time=0.0)
+    rows = LoadStepper(body).states(path, lambda step: False)  # type: ignore[arg-type]
+    assert [row.substeps for row in rows] == [2]
     assert body.steps == pytest.approx([2.0, 2.0])
 
 

@@ -456,7 +456,7 @@ class TestKills:
             patch.setattr(output_folder.shutil, "move", counted(output_folder.shutil.move))
             with suppress(Kill):
                 claim.rename_into_place()
-        os.close(claim._lock_descriptor)
+        close_files_below(tmp_path)
         again = output_folder.OutputFolder(tmp_path / "run")
         rows = (
             len(read(tmp_path / "run")) if earlier or result_files.has_rows(tmp_path / "run") else 0
@@ -478,6 +478,14 @@ class TestKills:
         finally:
             signal.signal(signal.SIGINT, before)
         assert done
+
+
+def close_files_below(folder: Path) -> None:
+    """Close this process's files in a folder, as the kernel does when a process is killed."""
+    for descriptor in Path("/proc/self/fd").iterdir():
+        with suppress(OSError):
+            if descriptor.readlink().is_relative_to(folder):
+                os.close(int(descriptor.name))
 
 
 def kept_steps(folder: Path) -> list[int]:

@@ -13,6 +13,7 @@ from mesh_files import section, write
 from indent_sim.config.scene_file import config_from_mapping, to_mapping
 from indent_sim.model.contact import Penalty
 from indent_sim.model.linear_elasticity import LinearElastic
+from indent_sim.model.state import State
 from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid
 from indent_sim.run.error_estimation.coarser_run import CoarserRun
 from indent_sim.run.error_estimation.error_bars import ErrorBars
@@ -179,9 +180,12 @@ def test_without_contact_only_that_is_said() -> None:
 
 def test_the_error_budget_has_the_doubt_of_the_finite_body() -> None:
     found = scene(**SCENES["half_space"])
-    bars = ErrorBars(found, CoarserRun(1.6, [], found))
+    row = State(1, 0.01, 2.0, 0.1, 0, 0, 0, 1, 0.0)
+    bars = ErrorBars(found, CoarserRun(1.6, [row], found))
+    bars.add_error_estimate(row)
     (doubt,) = (doubt for doubt in found.plan.model_warnings if doubt.key == "truncation")
-    assert bars._truncation == doubt.force_error == found.plan.prediction["truncation_error"]
+    assert bars.budgets[0].truncation == doubt.force_error * row.force
+    assert doubt.force_error == found.plan.prediction["truncation_error"]
 
 
 LAYERS = [
