@@ -23,13 +23,10 @@ def main() -> None:
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         # `Program.invoke` sets a handler that raises KeyboardInterrupt, which it catches.
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-    from indent_sim.process.quick_dataclasses import quick_dataclasses
-
     try:
-        with quick_dataclasses():
-            from indent_sim.cli.commands import main as run_program
+        from indent_sim.cli.commands import main as run_program
 
-            run_program()
+        run_program()
     finally:
         # The process ends: a last search for cycles in its objects would free nothing of use.
         gc.freeze()
