@@ -6,7 +6,6 @@ it crashes, only its current run is lost and a new process is forked for the nex
 
 from __future__ import annotations
 
-import gc
 import os
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, suppress
@@ -94,8 +93,6 @@ def _prepare_process(load: LoadLibraries) -> None:
     for name in [name for name in os.environ if name.startswith(LAUNCHER_VARIABLES)]:
         del os.environ[name]
     load()
-    # The garbage collector runs after every job and need not search the loaded libraries.
-    gc.freeze()
 
 
 def _run_job(job: Job) -> ExitStatus:
