@@ -145,9 +145,7 @@ def create_mesh(comm: MPI.Comm, cells: np.ndarray, points: np.ndarray, dim: int)
     domain = ufl.Mesh(_coordinate_element(dim, 1 if cells.shape[1] == dim + 1 else 2))
     ghosts = dolfinx.mesh.GhostMode.none
     if DOLFINX_VERSION < (0, 6):
-        # An array would be tried first and formatted into an error message, which takes 0.02 s
-        table = dolfinx.cpp.graph.AdjacencyList_int64(np.asarray(cells, dtype=np.int64))
-        return dolfinx.mesh.create_mesh(comm, table, points, domain, ghost_mode=ghosts)
+        return dolfinx.mesh.create_mesh(comm, cells, points, domain, ghost_mode=ghosts)
     partitioner = dolfinx.mesh.create_cell_partitioner(ghosts)
     arguments = (domain, points) if DOLFINX_VERSION >= (0, 10) else (points, domain)
     return dolfinx.mesh.create_mesh(comm, cells, *arguments, partitioner=partitioner)
@@ -155,9 +153,6 @@ def create_mesh(comm: MPI.Comm, cells: np.ndarray, points: np.ndarray, dim: int)
 
 def zero_bc(dofs: np.ndarray, space: fem.FunctionSpace) -> fem.DirichletBC:
     """Dirichlet condition that dofs of a space are zero."""
-    if DOLFINX_VERSION < (0, 6):
-        # A Python space would be tried first, and all dofs formatted into an error message (0.01 s)
-        space = space._cpp_object
     return fem.dirichletbc(PETSc.ScalarType(0), dofs.astype(np.int32), space)
 
 
