@@ -44,7 +44,7 @@ def load_dolfinx() -> Path:
         with _change_to_root_folder():
             from indent_sim.fe import compat
 
-            return compat.read_settings()
+            return compat.kernel_folder()
     finally:
         sys.argv = arguments
         if threading.current_thread() is threading.main_thread():
