@@ -871,7 +871,7 @@ def main() -> None:
 
 
 def _start_mesher(load_config: Callable[[], Config]) -> bool:
-    """Fork the mesher process on rank 0, before MPI starts; return whether MPI is needed.
+    """Start the mesher process on rank 0, before MPI is loaded; return whether MPI is needed.
 
     A scene that theory solves on a single rank needs neither.
     """
@@ -889,11 +889,7 @@ def _world_communicator() -> Any:
 
 
 def _refuse_parallel_run() -> None:
-    """Raise UsageError under mpirun for commands that fork processes.
-
-    A process that has started MPI must not fork; therefore mpirun is detected by the environment
-    that it sets.
-    """
+    """Raise UsageError under mpirun for commands that run on one rank."""
     from indent_sim.process.ranks import is_parallel
 
     if is_parallel():
