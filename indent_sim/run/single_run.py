@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import gc
 import os
-import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -547,7 +545,6 @@ def kernel_folder() -> Path:
 
 def backend() -> Any:
     """The module `fe.solver`; BackendError if a library is missing."""
-    is_new = "indent_sim.fe.solver" not in sys.modules
     try:
         # A signal inside an import would look like a missing library.
         with defer_signals():
@@ -555,8 +552,4 @@ def backend() -> Any:
             from indent_sim.fe import solver
     except ImportError as missing:
         raise BackendError(f"{missing}; `indent-sim doctor` says what is missing") from missing
-    # Libraries stay loaded in a program of one run; freezing them shortens the garbage
-    # collection at its end.
-    if is_new and not gc.isenabled():
-        gc.freeze()
     return solver

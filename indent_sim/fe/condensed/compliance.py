@@ -16,12 +16,12 @@ from functools import reduce
 from operator import add
 
 import numpy as np
-from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 
 from indent_sim.fe.discrete_body import Body
+from indent_sim.fe.kernel_cache import compile_form
 from indent_sim.fe.surface import Trace
 from indent_sim.fe.terms.scene_terms import bulk_terms
 from indent_sim.fe.terms.weak_roller import WeakRollerBC
@@ -106,7 +106,7 @@ class Condenser:
         # Ranks that solve one system together
         self._comm = MPI.COMM_SELF if self._solves_whole_body else body.comm
         tangents = [term.tangent(body.now, body.now, body.dt) for term in bulk]
-        matrix = fem_petsc.assemble_matrix(fem.form(reduce(add, tangents)))
+        matrix = fem_petsc.assemble_matrix(compile_form(reduce(add, tangents)))
         matrix.assemble()
         self.support_surfaces, self._support_rows = self._support_reaction_rows(
             matrix, bulk.rollers

@@ -10,6 +10,7 @@ import ufl
 from dolfinx import fem
 
 from indent_sim.fe import compat
+from indent_sim.fe.kernel_cache import compile_expression
 from indent_sim.fe.postprocessing import contact_sample
 from indent_sim.fe.postprocessing.nodal_stress import NodalStress, total_stress
 from indent_sim.model.gel import Gel
@@ -73,7 +74,7 @@ class Fields:
     def _expressions(self) -> list[tuple[fem.Expression, np.ndarray]]:
         centroid = np.full((1, self.body.body_mesh.dim), 1 / (self.body.body_mesh.dim + 1))
         return [
-            (fem.Expression(ufl.as_vector(self._cell_expressions(s)), centroid), s.cells)
+            (compile_expression(ufl.as_vector(self._cell_expressions(s)), centroid), s.cells)
             for s in self.body.strain_energies
         ]
 

@@ -18,6 +18,7 @@ from dolfinx import fem
 from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
+from indent_sim.fe.kernel_cache import compile_expression
 from indent_sim.mesh.grid import split_at_interfaces
 
 # Largest barycentric coordinate of each point of the quadrature of degree 2, by dimension
@@ -81,7 +82,7 @@ class NodalStress:
         for strain in self._body.strain_energies:
             stress = total_stress(self._body, strain)
             components = ufl.as_vector([stress[i, j] for i, j in np.ndindex(3, 3)])
-            expressions.append((fem.Expression(components, self._points), strain.cells))
+            expressions.append((compile_expression(components, self._points), strain.cells))
         return expressions
 
     def gather_averages(self, points: int) -> tuple[np.ndarray, np.ndarray] | None:
