@@ -1,14 +1,18 @@
 """Entry point of the program: Ctrl-C while it loads ends it without a traceback.
 
-Before `main` only modules are imported that Python has loaded by itself; all others are imported
-when the default handler of Ctrl-C is in place.
+The default handler of Ctrl-C is in place before any other module is imported, even of the standard
+library. Nothing but the program may import this module, because it changes the handler of the
+process.
 """
 
-from __future__ import annotations
+import _signal  # `signal` would import `enum` first
+
+if _signal.getsignal(_signal.SIGINT) is _signal.default_int_handler:
+    # `Program.invoke` sets a handler that raises KeyboardInterrupt, which it catches.
+    _signal.signal(_signal.SIGINT, _signal.SIG_DFL)
 
 import gc
 import os
-import signal
 
 # Number of new objects after which the garbage collector searches for cycles. Imports create many
 # objects and no garbage; the default of 700 would search them many times.
@@ -20,9 +24,6 @@ def main() -> None:
     gc.set_threshold(GC_THRESHOLD)
     # Pydantic would read the metadata of every installed package to find plugins.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        # `Program.invoke` sets a handler that raises KeyboardInterrupt, which it catches.
-        signal.signal(signal.SIGINT, signal.SIG_DFL)
     from indent_sim.process.quick_dataclasses import quick_dataclasses
 
     try:
