@@ -735,7 +735,32 @@ class TestAnotherScene:
         words = ("run", "scene.yaml", "--output", "out")
         assert indent_sim(*words, "--error-bars").exit_code == 0
         done = indent_sim(*words)
-        assert done.exit_code == 2 and "--error-bars was given and is not given" in done.stderr
+        assert done.exit_code == 2
+        assert "of another scene: it has error bars, and --error-bars is missing now" in done.stderr
+
+    @pytest.mark.parametrize(
+        ("old", "new", "said"),
+        [
+            ((), ("accuracy=0.1",), "accuracy was missing and is 0.1;"),
+            (("accuracy=0.1",), (), "accuracy was 0.1 and is missing now;"),
+            ((), ("indenter.R=2.0",), "indenter.R was 1.0 and is 2.0;"),
+            (
+                (),
+                ("indenter={shape: cone, half_angle: 70}",),
+                "indenter.R was 1.0 and is missing now",
+            ),
+        ],
+    )
+    def test_differences_are_sentences(self, indent_sim, old, new, said):
+        """A key is in both scenes, or missing from one of them."""
+        Path("scene.yaml").write_text(THEORY)
+        old_sets, new_sets = (
+            [word for setting in settings for word in ("--set", setting)] for settings in (old, new)
+        )
+        words = ("run", "scene.yaml", "--output", "out")
+        assert indent_sim(*words, *old_sets).exit_code == 0
+        done = indent_sim(*words, *new_sets)
+        assert done.exit_code == 2 and said in done.stderr, done.stderr
 
     def test_a_run_that_was_not_finished_is_replaced(self, indent_sim, theory_run):
         """Who corrects a scene whose run failed, or was stopped, need not say that the rows are of
