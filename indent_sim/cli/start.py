@@ -1,19 +1,18 @@
 """Entry point of the program: Ctrl-C while it loads ends it without a traceback.
 
-Before `main` only modules are imported that Python has loaded by itself; all others are imported
-when the default handler of Ctrl-C is in place.
+The default handler of Ctrl-C is in place before any other module of the program is imported.
+Nothing but the program may import this module, because it changes the handler of the process.
 """
 
-from __future__ import annotations
-
 import signal
+
+if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+    # `Program.invoke` sets a handler that raises KeyboardInterrupt, which it catches.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def main() -> None:
     """Run the program as a console script."""
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        # `Program.invoke` sets a handler that raises KeyboardInterrupt, which it catches.
-        signal.signal(signal.SIGINT, signal.SIG_DFL)
     from indent_sim.cli.commands import main as run_program
 
     run_program()
