@@ -4,6 +4,7 @@ left is cleared.
 
 from __future__ import annotations
 
+import importlib.util
 import logging
 import multiprocessing
 import os
@@ -12,8 +13,9 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
@@ -97,32 +99,40 @@ def test_cold_warm_and_half_written(indent_sim):
 # ---- several processes and one cache
 
 
-def cheap(folder: Path, seconds: float) -> None:
-    """FFCx's look-up and compilation without FFCx: the same files, no compiler; each start is a
-    line in `compiled`.
+def another_cache(lookup: Callable[..., Any], compilation: Callable[..., Any]) -> ModuleType:
+    """A fresh copy of the kernel cache, on an FFCx of these two functions."""
+    spec = importlib.util.spec_from_file_location(kernel_cache.__name__, kernel_cache.__file__)
+    assert spec and spec.loader
+    copy = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(copy)
+    copy.jit = SimpleNamespace(get_cached_module=lookup, _compile_objects=compilation)
+    return copy
+
+
+def cheap_cache(folder: Path, seconds: float) -> ModuleType:
+    """A kernel cache whose FFCx writes its files without a compiler, in so many seconds.
+
+    Every compilation writes a line to `compiled`.
     """
 
-    def found(name: str, objects: list[str], cache: Path, timeout: int) -> tuple[Any, Any]:
-        if (folder / f"{name}.c.cached").exists():
+    def lookup(module_name, object_names, cache_dir, timeout):
+        if (folder / f"{module_name}.c.cached").exists():
             return ["kernel"], "module"
         try:
-            (folder / f"{name}.c").touch(exist_ok=False)
+            (folder / f"{module_name}.c").touch(exist_ok=False)
         except FileExistsError:
             raise TimeoutError("nobody should have to wait here") from None
         return None, None
 
-    def compiled(
-        declaration: str, objects: Any, names: Any, module: str, options: Any, cache: Path
-    ) -> None:
+    def compilation(decl, ufl_objects, object_names, module_name, options, cache_dir):
         with (folder / "compiled").open("a") as log:
             log.write(f"{os.getpid()}\n")
         time.sleep(seconds)
-        finish(folder, module)
+        finish(folder, module_name)
 
-    kernel_cache._ffcx_lookup, kernel_cache._ffcx_compile = (
-        found,
-        compiled,
-    )  # in a process of its own
+    cache = another_cache(lookup, compilation)
+    assert cache.lock_ffcx_cache()
+    return cache
 
 
 def finish(folder: Path, module: str) -> None:
@@ -135,10 +145,10 @@ def race(folder: Path, runs: int, seconds: float) -> list[Any]:
     """Processes that all need the same kernel at the same time."""
 
     def run() -> None:
-        cheap(folder, seconds)
-        if kernel_cache.find_cached_module("one", [], folder, 10)[0] is None:
-            kernel_cache.compile_kernels("", [], [], "one", {}, folder)
-        assert kernel_cache.find_cached_module("one", [], folder, 10) == (["kernel"], "module")
+        cache = cheap_cache(folder, seconds)
+        if cache.find_cached_module("one", [], folder, 10)[0] is None:
+            cache.compile_kernels("", [], [], "one", {}, folder)
+        assert cache.find_cached_module("one", [], folder, 10) == (["kernel"], "module")
 
     context = multiprocessing.get_context("fork")
     processes = [context.Process(target=run) for _ in range(runs)]
@@ -179,32 +189,29 @@ class TestAnotherFFCx:
 
     @pytest.mark.parametrize("other", ["missing", "another"])
     @pytest.mark.parametrize("name", kernel_cache.EXPECTED_FFCX_FUNCTIONS)
-    def test_is_left_alone(self, monkeypatch, caplog, name, other):
+    def test_is_left_alone(self, caplog, name, other):
         caplog.set_level("INFO", "indent_sim")
-        monkeypatch.setattr(kernel_cache, "_logged_messages", set())
-        own = SimpleNamespace(get_cached_module=a_lookup, _compile_objects=a_compilation)
+        cache = another_cache(a_lookup, a_compilation)
         if other == "missing":
-            delattr(own, name)
+            delattr(cache.jit, name)
         else:
-            setattr(own, name, lambda key, folder: None)
-        before = dict(vars(own))
-        monkeypatch.setattr(kernel_cache, "jit", own)
-        assert not kernel_cache.lock_ffcx_cache() and vars(own) == before
-        assert "another way" in caplog.text
+            setattr(cache.jit, name, lambda key, folder: None)
+        before = dict(vars(cache.jit))
+        assert not cache.lock_ffcx_cache() and vars(cache.jit) == before
+        assert "does not allow the kernel cache to be locked" in caplog.text
 
-    def test_one_that_is_known_is_watched(self, monkeypatch):
-        own = SimpleNamespace(get_cached_module=a_lookup, _compile_objects=a_compilation)
-        kernel_cache.lock_ffcx_cache()
-        for name in ("_found", "_compiled"):
-            monkeypatch.setattr(
-                kernel_cache, name, getattr(kernel_cache, name)
-            )  # as before, afterwards
-        monkeypatch.setattr(kernel_cache, "jit", own)
-        assert kernel_cache.lock_ffcx_cache() and kernel_cache.lock_ffcx_cache()
-        assert (own.get_cached_module, kernel_cache._ffcx_lookup) == (
-            kernel_cache.find_cached_module,
-            a_lookup,
-        )
+    def test_one_that_is_known_is_watched(self, tmp_path):
+        asked = []
+
+        def lookup(module_name, object_names, cache_dir, timeout):
+            asked.append(module_name)
+            return None, None
+
+        cache = another_cache(lookup, a_compilation)
+        assert cache.lock_ffcx_cache() and cache.lock_ffcx_cache()
+        assert cache.jit.get_cached_module is cache.find_cached_module
+        assert cache.find_cached_module("one", [], tmp_path, 10) == (None, None)
+        assert asked == ["one"]
 
     def test_the_one_here_is_known_and_untouched_by_an_import(self):
         program = """
@@ -228,34 +235,28 @@ def a_compilation(decl, ufl_objects, object_names, module_name, options, cache_d
 class TestAnotherProgramsEntry:
     """One without a lock: it is waited for as long as it changes, by the clock of who waits."""
 
-    @pytest.fixture(autouse=True)
-    def patience(self, tmp_path, monkeypatch, caplog):
-        kernel_cache.lock_ffcx_cache()
-        for name in ("_found", "_compiled", "STALE"):
-            monkeypatch.setattr(
-                kernel_cache, name, getattr(kernel_cache, name)
-            )  # as before, afterwards
-        monkeypatch.setattr(kernel_cache, "_logged_messages", set())
-        cheap(tmp_path, 0.0)
-        kernel_cache.STALE_AFTER = 0.3
+    @pytest.fixture
+    def cache(self, tmp_path, caplog):
         caplog.set_level("INFO", "indent_sim")
+        cache = cheap_cache(tmp_path, 0.0)
+        cache.STALE_AFTER = 0.3
+        return cache
 
     @pytest.mark.parametrize("age", [3600.0, 0.0, -3600.0])
-    def test_left_behind(self, tmp_path, caplog, age):
+    def test_left_behind(self, cache, tmp_path, caplog, age):
+        """The clock of a file server may be another one than that of this machine."""
         (tmp_path / "one.c").touch()
-        os.utime(
-            tmp_path / "one.c", (time.time() - age,) * 2
-        )  # the clock of a file server may be another
+        os.utime(tmp_path / "one.c", (time.time() - age,) * 2)
         begin = time.monotonic()
-        assert kernel_cache.find_cached_module("one", [], tmp_path, 10) == (None, None)
+        assert cache.find_cached_module("one", [], tmp_path, 10) == (None, None)
         assert 0.3 <= time.monotonic() - begin < 5
         assert f"waiting for another program that compiles {tmp_path / 'one.c'}" in caplog.text
 
-    def test_finished_in_the_meantime(self, tmp_path):
+    def test_finished_in_the_meantime(self, cache, tmp_path):
         (tmp_path / "one.c").touch()
         later = threading.Timer(0.1, finish, (tmp_path, "one"))
         later.start()
-        assert kernel_cache.find_cached_module("one", [], tmp_path, 10) == (["kernel"], "module")
+        assert cache.find_cached_module("one", [], tmp_path, 10) == (["kernel"], "module")
         assert (tmp_path / "one.c").exists()
 
 
@@ -285,12 +286,13 @@ def test_a_caller_without_logging_sees_no_compiler(
     monkeypatch.setattr(root, "handlers", [])
     monkeypatch.setattr(root, "level", logging.WARNING)
 
-    def compiled(*asked: Any) -> str:
+    def compiled(decl, ufl_objects, object_names, module_name, options, cache_dir):
         root.setLevel(logging.INFO)
         logging.info("gcc -shared")
         return "done"
 
-    monkeypatch.setattr(kernel_cache, "_ffcx_compile", compiled, raising=False)
-    assert kernel_cache.compile_kernels("", [], [], "module", {}, tmp_path) == "done"
+    cache = another_cache(a_lookup, compiled)
+    assert cache.lock_ffcx_cache()
+    assert cache.compile_kernels("", [], [], "module", {}, tmp_path) == "done"
     assert capfd.readouterr().err == ""
     assert (root.handlers, root.level) == ([], logging.WARNING)

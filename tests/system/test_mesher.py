@@ -12,6 +12,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +37,16 @@ loading: {{delta: 0.01, steps: 1}}
 mesh: {mesh}
 """
 PATIENCE = 120  # s
+ITSELF = 0.5  # asks `half` for its process
+
+
+@pytest.fixture
+def new_mesher() -> Iterator[ForkedProcess]:
+    """The process that meshes, stopped: the next mesh forks a new one."""
+    mesher = mesher_process._mesher
+    mesher.stop()
+    yield mesher
+    mesher.stop()
 
 
 def near_a_corner(kind: str, d: float, width: float, h: float) -> Scene:
@@ -134,7 +145,7 @@ def test_a_flat_cell_is_told():
         (6, "a mesh.h_contact 0.9 times as large was tried and can be meshed"),
     ],
 )
-def test_a_mesh_that_stays_flat_is_refused(monkeypatch, flat, told):
+def test_a_mesh_that_stays_flat_is_refused(monkeypatch, new_mesher, flat, told):
     """And the message names a size that was tried; each is meshed with three shifts."""
     seen = []
 
@@ -143,10 +154,8 @@ def test_a_mesh_that_stays_flat_is_refused(monkeypatch, flat, told):
         return len(seen) <= flat
 
     monkeypatch.setattr(gmsh, "has_flat_cells", is_flat)
-    mesher_process._mesher.stop()  # forked anew, it knows
     with pytest.raises(MeshError, match=f"cells without volume; {told}"):
         grid_of(resolve(loads(SMALL)))
-    mesher_process._mesher.stop()
 
 
 def test_a_dropped_split_does_not_change_the_force():
@@ -171,7 +180,9 @@ def test_an_edge_lost_in_the_tolerance_of_the_cad_kernel_is_refused(radius):
 
 
 def half(x: float) -> float:
-    """The function called below: half of a number, or what the number stands for."""
+    """Half of a number, the process of the call, or the failure that a number stands for."""
+    if x == ITSELF:
+        return os.getpid()
     if x == 0:
         os.abort()
     if x < 0:
@@ -218,11 +229,9 @@ class TestForked:
         assert capfd.readouterr() == ("", "")
 
     def test_a_crash_between_two_calls_goes_unnoticed(self, halving):
-        halving.start()
-        os.kill(halving._child.pid, signal.SIGKILL)
-        os.waitid(
-            os.P_PID, halving._child.pid, os.WEXITED | os.WNOWAIT
-        )  # on a busy machine that takes a while
+        pid = halving.begin_call(ITSELF)()
+        os.kill(pid, signal.SIGKILL)
+        os.waitid(os.P_PID, pid, os.WEXITED | os.WNOWAIT)  # a busy machine takes a while
         assert halving.begin_call(3.0)() == 1.5
 
     def test_an_answer_that_nobody_waits_for_is_no_other_calls(self, halving):
@@ -232,8 +241,8 @@ class TestForked:
             late()
 
     def test_a_signal_ends_the_waiting_and_the_process(self, halving):
+        pid = halving.begin_call(ITSELF)()
         answer = halving.begin_call(60.0)
-        pid = halving._child.pid
         before = signal.signal(signal.SIGALRM, signal.default_int_handler)
         signal.setitimer(signal.ITIMER_REAL, 0.2)
         try:
@@ -292,9 +301,12 @@ class TestForked:
         script = """
 import os, signal, time
 from indent_sim.process.forked_process import ForkedProcess
-forked = ForkedProcess(time.sleep, lambda: None)
+def sleep(seconds):
+    time.sleep(seconds)
+    return os.getpid()
+forked = ForkedProcess(sleep, lambda: None)
+print(forked.begin_call(0.0)(), flush=True)
 forked.begin_call(60.0)
-print(forked._child.pid, flush=True)
 os.kill(os.getpid(), signal.SIGKILL)
 """
         ended = subprocess.run(
@@ -386,20 +398,18 @@ class TestRun:
         assert process.returncode == code and "Traceback" not in told
         assert not is_alive(int((tmp_path / "pid").read_text()))
 
-    def test_without_room_for_a_process_this_one_meshes(self, monkeypatch):
+    def test_without_room_for_a_process_this_one_meshes(self, monkeypatch, new_mesher):
         scene = resolve(loads(SMALL))
         expected = grid_of(scene)
+        new_mesher.stop()
 
         def refuse() -> int:
             raise BlockingIOError("no room")
 
-        mesher_process._mesher.stop()
         monkeypatch.setattr(os, "fork", refuse)
         assert grid_of(scene).hash == expected.hash
 
-    def test_among_ranks_nothing_is_forked_once_mpi_may_be_up(self, monkeypatch):
-        mesher_process._mesher.stop()
+    def test_among_ranks_nothing_is_forked_once_mpi_may_be_up(self, monkeypatch, new_mesher):
         monkeypatch.setenv("OMPI_COMM_WORLD_SIZE", "2")
-        assert (
-            len(grid_of(resolve(loads(SMALL))).cells) > 0 and not mesher_process._mesher.is_running
-        )
+        assert len(grid_of(resolve(loads(SMALL))).cells) > 0
+        assert not new_mesher.is_running
