@@ -1,4 +1,4 @@
-"""Dataclasses made quickly behave as those that Python makes."""
+"""Quickly made dataclasses behave as those of the standard library."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from indent_sim.process.quick_dataclasses import quick_dataclasses
 
 
 def made(quick: bool) -> dict[str, Any]:
-    """Some dataclasses of all kinds that this program has."""
+    """Dataclasses of every kind that the program has."""
     with quick_dataclasses() if quick else nullcontext():
 
         @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def made(quick: bool) -> dict[str, Any]:
 
 
 def seen(kinds: dict[str, Any]) -> list[Any]:
-    """What a program sees of them."""
+    """Everything that a program can observe of these dataclasses."""
     nan = float("nan")
     one, child = kinds["One"], kinds["Child"]
     loop = kinds["Open"]()
