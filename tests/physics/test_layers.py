@@ -15,8 +15,7 @@ from promised_bars import ROWS_OF_A_CLASS
 from scenes import ELASTIC, force, grid_of, scene, solve, state_on
 
 from indent_sim.config.scene_file import config_from_mapping
-from indent_sim.run import pipeline, single_run
-from indent_sim.run.error_estimation.error_bars import ErrorBars
+from indent_sim.run import pipeline
 from indent_sim.scene.scene import Scene, resolve
 
 Layers = list[tuple[float, float, float]]  # thickness, E, nu
@@ -292,21 +291,18 @@ def test_accuracy_of_stacks_drawn_at_random(tmp_path: Any) -> None:
 def judged(
     layers: Layers, tip: dict[str, Any], target: float, place: Any
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Forces of a run with `accuracy`, and their bars relative to them, without what theory adds to
-    them.
-    """
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ErrorBars, "_theory_distance", lambda self, state: 0.0)
-        patch.setattr(single_run, "violated_bound", lambda *_: None)  # it asks theory too
-        own = [{"thickness": h, "material": ELASTIC | {"E": E, "nu": nu}} for h, E, nu in layers]
-        config = config_from_mapping(
-            {
-                "body": WALLED | {"layers": own},
-                "indenter": tip,
-                "accuracy": target,
-                "loading": {"delta": 0.02, "steps": 10},
-                "output": {"plot": False, "fields": "none", "surface": "none"},
-            }
-        )
-        states = pipeline.simulate(config, directory=place).states
-    return np.array([s.force for s in states]), np.array([s.force_error / s.force for s in states])  # type: ignore[operator]
+    """Forces of a run with `accuracy` and their relative error bars from companion runs alone."""
+    own = [{"thickness": h, "material": ELASTIC | {"E": E, "nu": nu}} for h, E, nu in layers]
+    config = config_from_mapping(
+        {
+            "body": WALLED | {"layers": own},
+            "indenter": tip,
+            "accuracy": target,
+            "loading": {"delta": 0.02, "steps": 10},
+            "output": {"plot": False, "fields": "none", "surface": "none"},
+        }
+    )
+    outcome = pipeline.simulate(config, directory=place)
+    forces = np.array([state.force for state in outcome.states])
+    bars = np.array([budget.estimated for budget in outcome.report["error_budget"]])
+    return forces, bars / forces

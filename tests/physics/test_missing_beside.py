@@ -30,12 +30,13 @@ from indent_sim.run import (
     summary,
     theory_comparison,
 )
+from indent_sim.theory.theory import Theory
 
 # Every thing that stands beside the rows, by the words of its warning, and where it is found
 OUTER: dict[str, tuple[Any, str]] = {
-    "stiffness": (derived_quantities.DerivedQuantities, "_stiffness"),
+    "stiffness": (derived_quantities, "punches_of"),
     "area": (Axisymmetric, "contact_area"),
-    "E_hertz": (derived_quantities.DerivedQuantities, "_hertz_modulus"),
+    "E_hertz": (derived_quantities, "hertz_forces"),
     "fields": (Fields, "gather"),
     "sanity check of the rows": (single_run, "violated_bound"),
     "theory": (summary, "theory_comparison"),
@@ -46,8 +47,8 @@ OUTER: dict[str, tuple[Any, str]] = {
     "force_indentation.png": (forces, "draw_force_indentation"),
 }
 INNER: dict[str, tuple[Any, str]] = {
-    "half-space formula": (theory_comparison, "_half_space_comparison"),
-    "film formulas": (theory_comparison, "_formula_comparisons"),
+    "half-space formula": (theory_comparison, "half_space_force"),
+    "film formulas": (Theory, "formula_value"),
     "experiment.png": (experiments, "draw"),
 }
 ERRORS = (
@@ -148,6 +149,6 @@ def test_a_signal_beside_the_rows_ends_the_run(
     def interrupt(*args: Any) -> float:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(derived_quantities.DerivedQuantities, "_stiffness", interrupt)
+    monkeypatch.setattr(derived_quantities, "punches_of", interrupt)
     with pytest.raises(KeyboardInterrupt):
         pipeline.simulate(config_from_mapping(SCENE), directory=tmp_path / "run")

@@ -32,6 +32,7 @@ from indent_sim.process.errors import (
 from indent_sim.process.signals import Interrupted
 from indent_sim.results.reader import read
 from indent_sim.run.pipeline import simulate
+from indent_sim.run.single_run import SingleRun
 
 SCENE = """\
 title: A coarse one
@@ -794,16 +795,17 @@ class TestAnotherScene:
     def test_a_run_that_fails_leaves_the_finished_one(self, indent_sim, theory_run, monkeypatch):
         """Also after its first rows, of the same scene, whether it fails or is stopped."""
         before = content_of(theory_run)
+        solve_path = SingleRun.solve_path
         for end, code in ((NotConverged("no way"), 5), (KeyboardInterrupt(), 130)):
 
             def ends(run, progress, end=end):
-                run._record_state(
-                    next(run._solver.states(run.scene.physics.path, lambda step: False))
-                )
-                raise end
+                def stop(*_):
+                    raise end
+
+                solve_path(run, stop)
 
             with monkeypatch.context() as patched:
-                patched.setattr("indent_sim.run.single_run.SingleRun.solve_path", ends)
+                patched.setattr(SingleRun, "solve_path", ends)
                 done = indent_sim("run", "scene.yaml", "--output", "out")
             assert done.exit_code == code and "the finished run in out is unchanged" in done.stderr
             assert content_of(theory_run) == before

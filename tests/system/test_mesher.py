@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import environment
+from indent_sim.process.forked_process import ForkedProcess, ProcessCrash
 from scenes import grid_of
 
 from indent_sim.config.scene_file import loads
@@ -24,7 +25,6 @@ from indent_sim.mesh import gmsh, mesher_process
 from indent_sim.mesh.grid import Grid
 from indent_sim.process import usage
 from indent_sim.process.errors import ConfigError, MeshError
-from indent_sim.process.forked_process import ForkedProcess, ProcessCrash
 from indent_sim.run import pipeline
 from indent_sim.scene.scene import Scene, resolve
 

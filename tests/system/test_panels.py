@@ -516,16 +516,17 @@ class TestFields:
             list(found.values)
         )
 
-    def test_a_singular_point_does_not_take_the_colours(self):
+    def test_a_singular_point_does_not_take_the_colours(self, result, drawn, monkeypatch):
         """A thousand points at an edge, all in a millionth of the area, are beyond the colours; the
         rest is within.
         """
         values = np.append(np.linspace(0, 1, 100), np.full(1000, 50.0))
         areas = np.append(np.ones(100), np.full(1000, 1e-7))
-        assert fields._colour_range(values, areas, FIELDS["von_mises"])[:2] == pytest.approx(
-            (0.0, 1.0)
-        )
-        assert fields._colour_range(values + 1, areas, FIELDS["J"])[:2] == pytest.approx((0.0, 2.0))
+        for name, shift, limits in (("von_mises", 0.0, (0.0, 1.0)), ("J", 1.0, (0.0, 2.0))):
+            shown = (values + shift, areas)
+            monkeypatch.setattr(fields.Section, "values_in_frame", lambda *_, shown=shown: shown)
+            panel = drawn([result], what=("fields",), steps=("2",), fields=(name,)).axes[0]
+            assert panel.collections[0].get_clim() == pytest.approx(limits)
 
     def test_the_contact_is_inside_the_frame(self, result, drawn):
         left, right = drawn([result], what=("fields",), steps=("all",)).axes[0].get_xlim()

@@ -310,7 +310,7 @@ def test_same_histories_on_two_ranks(names: tuple[str, ...], mpirun: Mpirun) -> 
 
 TOGETHER = """
 from indent_sim.fe.condensed import compliance
-compliance._fits_every_rank = lambda body: False
+compliance.machine_memory = lambda: 0
 """
 
 
@@ -634,13 +634,13 @@ MISSING = """
 import sys
 from mpi4py import MPI
 from indent_sim.cli import commands
-from indent_sim.run.derived_quantities import DerivedQuantities
-hertz, rank = DerivedQuantities._hertz_modulus, int(sys.argv.pop(1))
-def fail(quantities, state):
+from indent_sim.model.kinematics import Axisymmetric
+area, rank = Axisymmetric.contact_area, int(sys.argv.pop(1))
+def fail(kinematics, a):
     if MPI.COMM_WORLD.rank == rank:
         raise KeyError("injected")
-    return hertz(quantities, state)
-DerivedQuantities._hertz_modulus = fail
+    return area(kinematics, a)
+Axisymmetric.contact_area = fail
 commands.main()
 """
 
@@ -652,12 +652,12 @@ def test_what_fails_beside_the_rows_on_one_rank_is_missing_on_all(
     """The rows stay, nobody waits, and one rank says what is missing."""
     finished = mpirun(2, "-c", MISSING, rank, "run", config, "--output", tmp_path / "out")
     assert finished.returncode == 0, finished.stderr
-    assert finished.stderr.count("E_hertz is missing: KeyError") == 1, finished.stderr
+    assert finished.stderr.count("area is missing: KeyError") == 1, finished.stderr
     table = [
         row.split(",")
         for row in (tmp_path / "out" / "force_indentation.csv").read_text().splitlines()
     ]
-    assert len(table) > 2 and all(row[table[0].index("E_hertz")] == "" for row in table[1:])
+    assert len(table) > 2 and all(row[table[0].index("area")] == "" for row in table[1:])
 
 
 # Rank 0 is stopped while it writes the second row: the others wait for it there

@@ -11,14 +11,13 @@ import subprocess
 from pathlib import Path
 
 import html_page
-import numpy as np
 import pytest
 from click.testing import CliRunner
-from made_results import a_result
 
 from indent_sim.cli import commands
 from indent_sim.config.scene_file import load
 from indent_sim.results import html_report
+from indent_sim.results.reader import read
 from indent_sim.run.pipeline import simulate
 from indent_sim.studies.study_report import study_page
 
@@ -288,18 +287,14 @@ def test_in_a_browser_nothing_stands_out_of_the_page(tmp_path, make, width):
     )
 
 
-def test_numbers_in_the_page_are_those_of_the_table():
-    """The deepest row, not the last: after unloading that is empty."""
-    from indent_sim.results.run_report import _key_numbers
-
-    result = a_result(units={"length": "m", "force": "N"})
-    result.table["force"][-1], result.table["delta"][-1] = 0.0, 0.0
-    assert dict(_key_numbers(result))["depth δ"] == "40 µm"
-    assert np.isclose(
-        float(dict(_key_numbers(result))["force F"].split()[0]),
-        1e3 * (4e-5) ** 1.5 * 1e6,
-        rtol=1e-3,
-    )
+def test_numbers_in_the_page_are_those_of_the_table(tmp_path):
+    """The numbers at the top of a page are those of the deepest row, not of the last one."""
+    page = written(tmp_path, given=("loading={deltas: [0.2 um, 0.4 um, 0.0]}",))
+    deepest = read(tmp_path / "out").table["force"][1]
+    numbers = dict(re.findall(r"<dt>([^<]*)</dt><dd>([^<]*)</dd>", page.read_text("utf-8")))
+    assert numbers["depth δ"] == "400 nm"
+    force, unit = numbers["force F"].split()
+    assert float(force) * {"pN": 1e-3, "nN": 1.0}[unit] == pytest.approx(deepest, rel=1e-3)
 
 
 def test_alike_warnings_are_one_line_with_a_range() -> None:

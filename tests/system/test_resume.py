@@ -25,6 +25,7 @@ from resumed_runs import CONDENSED, HYPERELASTIC, SCENE, kept_fields, same_numbe
 
 from indent_sim.cli import commands
 from indent_sim.config.scene_file import load
+from indent_sim.fe.path import load_stepping
 from indent_sim.fe.path.load_stepping import LoadStepper
 from indent_sim.fe.path.pull_off import PullPoint
 from indent_sim.model.load_path import LoadPath
@@ -33,6 +34,7 @@ from indent_sim.results.field_writer import FieldWriter
 from indent_sim.results.reader import read
 from indent_sim.results.result_scene import scene_of
 from indent_sim.run import pipeline, single_run
+from indent_sim.run.run_output import RunOutput
 
 ROOT = Path(__file__).resolve().parents[2]
 FORCES = "forces: [0.01, 0.03, 0.06, 0.02, 0, 0.04, 0.05]"
@@ -120,17 +122,21 @@ def same_pull_off(out: Path, expected: Path) -> None:
 
 
 def stopped_at(equilibrium: int) -> Callable:
-    """`Walk._equilibrium_between` of a search that is stopped at one of its equilibria."""
-    between, tried = LoadStepper._equilibrium_between, 0
+    """Search for the largest pull that is stopped at one of its equilibria."""
+    find = load_stepping.find_largest_pull
+    tried = 0
 
-    def stop(*args):
-        nonlocal tried
-        tried += 1
-        if tried == equilibrium:
-            raise KeyboardInterrupt
-        return between(*args)
+    def stopped(before, lowest, after, solve_between, tolerance):
+        def solve(*given):
+            nonlocal tried
+            tried += 1
+            if tried == equilibrium:
+                raise KeyboardInterrupt
+            return solve_between(*given)
 
-    return stop
+        return find(before, lowest, after, solve, tolerance)
+
+    return stopped
 
 
 @pytest.fixture
@@ -239,7 +245,7 @@ class TestKilled:
         interrupt(tmp_path, 3)
         early = (tmp_path / "out" / "checkpoint.h5").read_bytes()
         with monkeypatch.context() as patch:
-            patch.setattr(LoadStepper, "_equilibrium_between", stopped_at(2))
+            patch.setattr(load_stepping, "find_largest_pull", stopped_at(2))
             with pytest.raises(KeyboardInterrupt):
                 pipeline.simulate(
                     load(tmp_path / "scene.yaml"),
@@ -261,11 +267,15 @@ class TestKilled:
         is known.
         """
         (tmp_path / "scene.yaml").write_text(adhering("linear_elastic", STICKY))
-        monkeypatch.setattr(
-            LoadStepper,
-            "_equilibrium_between",
-            lambda walk, begin, end, delta: PullPoint(delta, 0.0, math.inf, a=0.0),
-        )
+        find = load_stepping.find_largest_pull
+
+        def lost(begin, end, delta):
+            return PullPoint(delta, 0.0, math.inf, a=0.0)
+
+        def failing(before, lowest, after, solve_between, tolerance):
+            return find(before, lowest, after, lost, tolerance)
+
+        monkeypatch.setattr(load_stepping, "find_largest_pull", failing)
         done = indent_sim()
         adhesion = read(tmp_path / "out").report["adhesion"]
         assert done.exit_code == 0 and adhesion["largest_pull"]["force"] < 0
@@ -309,7 +319,7 @@ class TestCheckpoint:
     ):
         file = tmp_path / "out" / "checkpoint.h5"
         if harm == "old":  # as after a kill: the one written at the first row
-            monkeypatch.setattr(single_run.SingleRun, "_save_checkpoint", lambda *_, **__: None)
+            monkeypatch.setattr(RunOutput, "save_checkpoint", lambda *_: None)
             interrupt(tmp_path, 3)
             monkeypatch.undo()
             monkeypatch.chdir(tmp_path)
@@ -512,7 +522,7 @@ class TestNothingToGoOnWith:
         assert indent_sim("--resume").exit_code == 0 and len(read(tmp_path / "out")) == 15
 
     @pytest.mark.parametrize("asked", [("--error-bars",), ("--set", "accuracy=0.01")])
-    @pytest.mark.parametrize("where", ["error bars", "load path"])
+    @pytest.mark.parametrize("where", ["companions", "run"])
     def test_stopped_before_the_first_row_with_error_bars(
         self, indent_sim, tmp_path, monkeypatch, asked, where
     ):
@@ -527,12 +537,10 @@ class TestNothingToGoOnWith:
         mesh = "mesh: {h_contact: 0.12, h_far: 0.6}\n"
         (tmp_path / "scene.yaml").write_text(scene.replace(mesh, "") if "--set" in asked else scene)
         with monkeypatch.context() as patch:
-            at = (
-                (pipeline.SimulationDriver, "_error_bars")
-                if where == "error bars"
-                else (single_run.SingleRun, "solve_path")
-            )
-            patch.setattr(*at, stop)
+            if where == "companions":
+                patch.setattr(pipeline, "states", stop)
+            else:
+                patch.setattr(single_run.SingleRun, "solve_path", stop)
             assert indent_sim(*asked).exit_code == 130
         assert result_files.read_report(tmp_path / "out")["rows"] == 0
         done = indent_sim("--resume", *asked)

@@ -1,6 +1,4 @@
-"""Relaxation in a scene file: what is refused, with its key and what would be right, and how it is
-followed.
-"""
+"""Relaxation in a scene file: refusals with key and remedy, and the increments in time."""
 
 from __future__ import annotations
 

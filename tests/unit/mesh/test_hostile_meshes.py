@@ -1,6 +1,4 @@
-"""Mesh files that try something: each ends in the exit table with a word, within the time and
-memory of its length.
-"""
+"""Hostile mesh files end with an exit code and a message, in bounded time and memory."""
 
 from __future__ import annotations
 
@@ -25,14 +23,15 @@ OWN = 2.0  # s: what else a command takes, and reading a limit that is looked at
 
 
 def waited_for() -> tuple[float, float]:
-    """CPU time [s] and the largest memory [bytes] of all processes that this one has waited for."""
+    """CPU time [s] and largest memory [bytes] of all child processes that have ended."""
     found = resource.getrusage(resource.RUSAGE_CHILDREN)
     return found.ru_utime + found.ru_stime, found.ru_maxrss * 1024.0
 
 
 def ended(seed: int, place: Path) -> tuple[int, float, float]:
-    """Exit code of `plan` of a hostile mesh file, CPU time [s] and memory [bytes], if it was the
-    largest so far, of the process that read it.
+    """Exit code of `plan` for a hostile mesh file, with CPU time [s] and memory [bytes].
+
+    The memory is that of the reading process if it was the largest so far, else 0.
     """
     place.mkdir()
     scene = hostile(seed, place)

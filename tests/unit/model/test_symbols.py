@@ -1,6 +1,4 @@
-"""The glossary is complete: no name in YAML, CSV or the states without a meaning, a sign and a
-dimension.
-"""
+"""The glossary has a meaning, a symbol and a dimension for every name in YAML and CSV."""
 
 from __future__ import annotations
 
@@ -27,8 +25,9 @@ from indent_sim.studies.reference import scoreboard
 
 
 def yaml_fields() -> list[tuple[str, type, str]]:
-    """Section, dataclass and name of every key of the scene file; keys inside, and those of items,
-    are of their own.
+    """Section, dataclass and name of every key of the scene file.
+
+    Keys inside a key and keys of list items have their own entries.
     """
     found = [("", Config, name) for name in Config.model_fields]
     for section, kinds in schema.sections().items():
@@ -155,7 +154,7 @@ def test_the_json_schema_knows_walls_tags_and_defaults():
 
 
 def test_the_page_of_the_scene_file_says_which_sections_another_may_replace():
-    """As a scene of layers with their own materials has no section of its own for one."""
+    """The page of the scene file marks `material` as replaceable by materials of layers."""
     layers = [{"material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3}}]
     body, loading = {"shape": "half_space", "layers": layers}, {"history": [[0, 0], [1, 0.01]]}
     config_from_mapping(

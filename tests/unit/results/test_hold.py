@@ -1,4 +1,4 @@
-"""The hold of a history, against exponentials and kinks that are known."""
+"""The hold of a history, on exponentials and kinks with known half times."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Measured curves read from text of any kind: the numbers come back, or a reason does."""
+"""Measured curves from text files of any format: their numbers, or the reason of a refusal."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ DIGITS = {"rtol": 1e-8, "atol": 1e-8}
 
 
 def rows(separator: str, decimal: str = ".") -> str:
-    """The curve as lines of two numbers."""
+    """Rows of the curve as lines of two numbers."""
     lines = (f"{x:.9f}{separator}{y:.9f}" for x, y in zip(DEPTHS, FORCES, strict=True))
     return "\n".join(line.replace(".", decimal) for line in lines) + "\n"
 
 
 def read(text: str | bytes, **how):  # type: ignore[no-untyped-def]
-    """The curve of a text."""
+    """Read a curve from a text."""
     return read_text_curve(
         Path("curve.csv"), text if isinstance(text, bytes) else text.encode(), **how
     )
@@ -183,7 +183,7 @@ def test_rows_that_lack_a_number_are_left_out():
 
 
 def hostile() -> dict[str, bytes]:
-    """Files that hold no curve, by what is wrong with them."""
+    """Files without a usable curve, by their defect."""
     good = rows(",")
     middle = good[: len(good) // 2]
     files = {
@@ -221,7 +221,7 @@ def test_a_file_without_a_curve_has_a_reason(name, data):
 
 
 def test_broken_files_at_random_end_in_a_curve_or_a_reason():
-    """Two hundred files that are cut, spliced or sprinkled with other bytes."""
+    """Randomly damaged files give finite numbers or a reason, and no other exception."""
     source, draw = rows(";", ",").encode(), np.random.default_rng(1)
     for _ in range(200):
         data = bytearray(b"depth [um];force [nN]\n" + source)

@@ -1,4 +1,4 @@
-"""A warning and its number are one thing: what is said, stated and budgeted comes from one list."""
+"""Model warnings: text, stated number and error budget come from one list."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ NUMBERS = {
 
 
 def document(**sections: Any) -> dict[str, Any]:
-    """A paraboloid on a thick cylinder; `sections` replace whole sections of that."""
+    """Mapping of a paraboloid on a thick cylinder; `sections` replace whole sections."""
     given: dict[str, Any] = {
         "body": {"shape": "cylinder", "radius": 2.0, "height": 1.0},
         "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3},
@@ -61,7 +61,7 @@ def document(**sections: Any) -> dict[str, Any]:
 
 
 def scene(**sections: Any) -> Scene:
-    """That scene, decided."""
+    """Resolved scene of that mapping."""
     return resolve(config_from_mapping(document(**sections)))
 
 
@@ -89,9 +89,7 @@ def test_nothing_speaks_against_a_theory_that_is_exact() -> None:
 
 
 def test_a_last_row_without_contact_has_no_error() -> None:
-    """What is stated is of the last row; the deepest one, which the penalty costs something, comes
-    before.
-    """
+    """The stated error is that of the last row, also if it has no contact."""
     found = scene(**SCENES["penalty"], loading={"deltas": [0.01, -0.01]})
     errors = {doubt.key: doubt.force_error for doubt in found.plan.model_warnings}
     assert errors["penalty"] == 0.0 and "force_error" not in found.plan.prediction
@@ -136,9 +134,10 @@ def test_only_rows_are_too_shallow(name: str, first_depth: float | None) -> None
     "tip", [Paraboloid(R=2.0), Cone(half_angle=70.0), Cone(half_angle=70.0, tip_radius=2.0)]
 )
 def test_the_strain_is_a_fifth_of_the_slope_at_the_edge(tip: Indenter) -> None:
-    """Tabor's; the slope by a central difference of the tip's own height.
+    """The characteristic strain is Tabor's fifth of the tip's slope at the contact edge.
 
-    A rounded apex is a ball, here taken for its paraboloid: 1.2 % at 0.15 of its radius.
+    The slope is a central difference of the height. A rounded apex is taken for its paraboloid,
+    which is off by 1.2 % at 0.15 of its radius.
     """
     a, step = 0.3, 1e-6
     slope = (float(tip.height(a + step, 0.0)) - float(tip.height(a - step, 0.0))) / (2 * step)
@@ -150,9 +149,10 @@ def test_the_strain_under_a_punch_knows_its_depth() -> None:
 
 
 def test_what_a_penalty_costs() -> None:
-    """Of a contact that fills the body from wall to wall: a spring lambda + 2 mu in series with
-    epsilon_n, of which no more than all is lost, and little of which in proportion to lambda + 2
-    mu.
+    """The force loss of a penalty is that of a spring lambda + 2 mu in series with epsilon_n.
+
+    The contact fills the body from wall to wall. The loss is below 1 and, for a stiff penalty,
+    proportional to lambda + 2 mu.
     """
     depth, a, little = 0.01, 50.0, {}
     for nu in (0.0, 0.3, 0.45):
@@ -215,9 +215,7 @@ OWN = {
 def test_a_material_that_nothing_has_is_named_and_read_by_nothing(
     body: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Choices, sizes and expectations are those of the scene without it, and so is the record of
-    the run.
-    """
+    """An unused material is warned of, and changes neither the scene nor the record of the run."""
     write(tmp_path / "gel.msh", section())
     monkeypatch.chdir(tmp_path)
     lacking, having = (
