@@ -103,8 +103,9 @@ class _Tip:
 
     def scaled(self, factor: float) -> Self:
         """Return the geometrically similar tip, with all lengths multiplied by a factor."""
-        units = field_units(type(self))
-        own_fields: Any = fields(self)  # type: ignore[arg-type]
+        kind: type = type(self)
+        units = field_units(kind)
+        own_fields: Any = fields(kind)
         lengths = {
             field.name: _multiply(getattr(self, field.name), factor)
             for field in own_fields

@@ -557,8 +557,7 @@ class _HistoryEvaluation:
     def _force_with_radius(self, radius_ratio: float) -> float:
         """The elastic force at the largest depth with the tip's radius times a factor."""
         theory = self.scene.plan.theory
-        tip = self.scene.physics.indenter
-        tip = replace(tip, R=radius_ratio * tip.R)  # type: ignore[arg-type, call-arg, union-attr]
+        tip = self.scene.physics.indenter.scaled(radius_ratio)
         contact = theory.contact if theory else None
         if (
             not self.scene.is_meshed

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 from mesh_files import section, write
-from scenes import placed
+from scenes import count_solutions, placed
 from scipy.optimize import brentq
 
 from indent_sim.cli import commands
@@ -105,6 +105,38 @@ def test_a_sphere_for_a_paraboloid() -> None:
         - 1
     )
     assert row(HALF_SPACE, "paraboloid").percent == pytest.approx(100 * exact, rel=1e-6)
+
+
+def sphere_of_points(spacing: float) -> dict[str, Any]:
+    """A profile with points on the sphere of radius 1, as far as half of that."""
+    radii = [k * spacing for k in range(round(0.5 / spacing) + 1)]
+    return {"shape": "profile", "points": [[r, 1 - math.sqrt(1 - r * r)] for r in radii]}
+
+
+@pytest.mark.parametrize("depth", [0.06, 0.09])
+def test_a_profile_on_a_sphere_has_the_rows_of_the_sphere(depth: float) -> None:
+    """And its warnings, word for word.
+
+    Between its points the profile is higher than the sphere by up to spacing^2/(8 R) = 2e-5, which
+    is 3e-4 of the depth and of the force; effects agree to 0.1 %, thresholds to one of the two
+    digits that are given.
+    """
+    tips = {"shape": "sphere", "R": 1.0}, sphere_of_points(0.0125)
+    scenes = [HALF_SPACE | {"indenter": tip, "loading": {"delta": depth}} for tip in tips]
+    warnings = [resolve(config_from_mapping(scene)).plan.warnings for scene in scenes]
+    assert warnings[0] == warnings[1]
+    assert any("strains near 0.2 a/R" in text for text in warnings[0]) == (depth == 0.09)
+    for name in ("paraboloid", "incompressible"):
+        sphere, profile = (row(scene, name) for scene in scenes)
+        assert profile.percent == pytest.approx(sphere.percent, abs=0.1) and sphere.percent
+        assert profile.source == sphere.source
+    for name in ("contact_point", "cantilever", "adhesion"):
+        sphere, profile = (row(scene, name) for scene in scenes)
+        assert threshold(profile) == pytest.approx(threshold(sphere), rel=0.1)
+    sphere, profile = (row(scene, "calibration") for scene in scenes)
+    assert sphere.needs == profile.needs
+    exponents = [float(effect.source.split("force ~ R^")[1]) for effect in (sphere, profile)]
+    assert exponents[1] == pytest.approx(exponents[0], abs=0.011)
 
 
 def test_nearly_incompressible() -> None:
@@ -541,6 +573,16 @@ def test_an_experiment_stays_with_the_curve_that_determines_it() -> None:
         found.config["material"]["model"] == "linear_elastic"
         and "no available model" in found.words
     )
+
+
+def test_no_variant_is_solved_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of all scenes that are solved for a cylinder with friction, no two are the same problem on
+    the same elements with the same solver.
+    """
+    solved = count_solutions(monkeypatch)
+    friction = CYLINDER | {"contact": {"friction": 0.2}, "loading": {"delta": 0.02}}
+    require(config_from_mapping(friction))
+    assert len(solved) > 20 and len(solved) == len(set(solved))
 
 
 @pytest.fixture

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from scenes import count_solutions
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.config.schema import Config
@@ -191,9 +192,14 @@ def test_the_elastic_body_within_the_tolerance_is_recommended(
     assert found.percent is not None and abs(found.percent) < 5 and force(chosen, way_in) > 0
 
 
-def test_where_no_elastic_body_is_near_the_scene_itself_is_recommended() -> None:
+def test_where_no_elastic_body_is_near_the_scene_itself_is_recommended(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The scene, its limits and the effects on a limit are solved once each."""
     config = scene(mesh=COARSE)
+    solved = count_solutions(monkeypatch)
     found = require(config)
+    assert len(solved) > 20 and len(solved) == len(set(solved))
     assert (
         config_from_mapping(found.config).material == config.material
         and "flow" in found.config["material"]

@@ -2,7 +2,7 @@
 
 An entry has the name of an effect and its cases; see `effects`. Texts and functions of a case refer
 to the variants v of the scene (`SceneVariants`) and, in a search, to the value x of its variable. A
-new effect is a new entry.
+new effect is a new entry, and `find_effect` evaluates all of them.
 """
 
 from __future__ import annotations
@@ -312,9 +312,9 @@ EFFECTS: dict[str, Cases] = {
             lambda v, x: v.theory_ratio(
                 replace_sections(v.plain_scene, body=InfiniteLayer(1 / x)), v.plain_scene
             ),
-            lambda v: 0.05 / _radius_at_depth(v),
-            lambda v, x: 1 / x,
-            " or less",
+            initial=lambda v: 0.05 / _radius_at_depth(v),
+            displayed_value=lambda v, x: 1 / x,
+            direction=" or less",
             when=lambda v: v.is_half_space,
         ),
         Change(
@@ -332,10 +332,10 @@ EFFECTS: dict[str, Cases] = {
             "theory of a layer with and without the wall",
             "a frictionless wall at radius",
             lambda v, x: v.theory_ratio(_wall_variant(v, x), v.plain_scene),
-            lambda v: min(0.3 / v.config.body.height, _largest_inverse_wall_radius(v)),
-            lambda v, x: 1 / x,
-            " or nearer",
-            _largest_inverse_wall_radius,
+            initial=lambda v: min(0.3 / v.config.body.height, _largest_inverse_wall_radius(v)),
+            displayed_value=lambda v, x: 1 / x,
+            direction=" or nearer",
+            max_value=_largest_inverse_wall_radius,
             when=lambda v: isinstance(v.config.body, UnboundedBody),
         ),
         Comparison(
@@ -386,9 +386,9 @@ EFFECTS: dict[str, Cases] = {
             f"theory of the layer on a half-space of nu = {SUBSTRATE_NU:g}",
             "a substrate of E",
             lambda v, x: v.theory_ratio(_substrate_variant(v, x), v.layer_scene),
-            lambda v: 1.0,
-            _substrate_modulus,
-            " or less",
+            initial=lambda v: 1.0,
+            displayed_value=_substrate_modulus,
+            direction=" or less",
         ),
     ),
     "layers": (
@@ -444,10 +444,10 @@ EFFECTS: dict[str, Cases] = {
                 change_materials(v.theory_variant, partial(incompressible_law, nu_deficit=x)),
                 v.theory_variant,
             ),
-            lambda v: 0.01,
-            lambda v, x: 0.5 - x,
-            " or less",
-            lambda v: 0.5,
+            initial=lambda v: 0.01,
+            displayed_value=lambda v, x: 0.5 - x,
+            direction=" or less",
+            max_value=lambda v: 0.5,
             digits=4,
         ),
     ),
@@ -472,7 +472,7 @@ EFFECTS: dict[str, Cases] = {
                 replace_sections(v.theory_variant, indenter=v.rounded_tip(x)),
                 replace_sections(v.theory_variant, indenter=v.rounded_tip(0.0)),
             ),
-            lambda v: min(0.1 * v.delta, _largest_rounding(v) / 2),
+            initial=lambda v: min(0.1 * v.delta, _largest_rounding(v) / 2),
             max_value=_largest_rounding,
         ),
     ),
@@ -496,7 +496,10 @@ EFFECTS: dict[str, Cases] = {
             when=lambda v: not (v.layer_scene or v.half_space_scene),
         ),
         Threshold(
-            "theory{v.stand_in_text}", "body.surface_tension", _tension_ratio, _first_tension
+            "theory{v.stand_in_text}",
+            "body.surface_tension",
+            _tension_ratio,
+            initial=_first_tension,
         ),
     ),
     "friction": (
@@ -551,7 +554,7 @@ EFFECTS: dict[str, Cases] = {
             "the JKR limit{v.stand_in_text}",
             "work",
             lambda v, x: v.jkr_limit.force_ratio(x),
-            lambda v: v.jkr_limit.work_of_force(0.01 * v.tolerance),
+            initial=lambda v: v.jkr_limit.work_of_force(0.01 * v.tolerance),
         ),
     ),
     "rate": (
@@ -561,8 +564,8 @@ EFFECTS: dict[str, Cases] = {
         ),
         Unknown(
             "Lee and Radok (1960): the force decreases by at most this fraction",
-            "above {v.percent:g} % from a fraction of the modulus that relaxes before the deepest "
-            "point = {v.tolerance:.2g}",
+            needs="above {v.percent:g} % from a fraction of the modulus that relaxes before the "
+            "deepest point = {v.tolerance:.2g}",
             when=lambda v: v.relaxation is None,
         ),
         Comparison(
@@ -593,17 +596,18 @@ EFFECTS: dict[str, Cases] = {
         ),
         Unknown(
             "the displacement of the base taken as the depth",
-            _stiffness_needs,
+            needs=_stiffness_needs,
         ),
     ),
     "contact_point": (
         Unknown(
             "slope of the force over the depth",
-            "above {v.percent:g} % from an error of the depth = {v.tolerated_depth_error:.2g}",
+            needs="above {v.percent:g} % from an error of the depth = "
+            "{v.tolerated_depth_error:.2g}",
         ),
     ),
     "calibration": (
-        Unknown(_calibration_source, _calibration_needs, when=lambda v: not _calibration(v)),
+        Unknown(_calibration_source, needs=_calibration_needs, when=lambda v: not _calibration(v)),
         Range(_calibration_source, _calibration_range),
     ),
 }

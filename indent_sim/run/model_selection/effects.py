@@ -13,7 +13,7 @@ it. `find_effect` evaluates the first case that applies.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from itertools import pairwise
 from math import inf
 from typing import Any, TypeVar
@@ -118,7 +118,7 @@ class Absent(Case):
 class Unknown(Case):
     """The force with or without the effect is unknown; `needs` as in Effect."""
 
-    needs: Text = ""
+    needs: Text = field(default="", kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -173,6 +173,7 @@ class Threshold(Case):
 
     parameter: Text
     force_ratio: Callable[[Any, float], float]
+    _: KW_ONLY
     initial: FromVariants[float]
     displayed_value: Callable[[Any, float], float] = lambda v, x: x
     direction: str = ""

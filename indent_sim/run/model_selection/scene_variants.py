@@ -327,7 +327,7 @@ class SceneVariants:
     @property
     def _theory_scene(self) -> Scene | None:
         """The theory variant as a scene; None if there is none."""
-        return self.theory_variant and self.solver.theory_scene(self.theory_variant)
+        return self.solver.theory_scene(self.theory_variant) if self.theory_variant else None
 
     @cached_property
     def scene_force(self) -> float:

@@ -55,14 +55,16 @@ class Spring:
 # The stiffness grows with a second spring of stiffness x, which the scene may already have.
 SECOND_SPRING: Cases = (
     Absent("a rigid body has no spring", when=lambda v: v.stiffness == inf),
-    Unknown("softer than nothing", "never for {v.stiffness:g}", when=lambda v: v.stiffness < 0),
+    Unknown(
+        "softer than nothing", needs="never for {v.stiffness:g}", when=lambda v: v.stiffness < 0
+    ),
     Comparison(
         "twice {v.stiffness:g}",
         lambda v: 2 * v.stiffness,
         lambda v: v.stiffness,
         when=lambda v: v.stiffness != 1,
     ),
-    Threshold("in parallel", "spring.x", lambda v, x: 1 + x**2, lambda v: 0.003),
+    Threshold("in parallel", "spring.x", lambda v, x: 1 + x**2, initial=lambda v: 0.003),
 )
 
 
@@ -100,7 +102,7 @@ def test_ranges_beyond_a_threshold_in_which_the_change_is_small_again() -> None:
     digits are given of all but the first.
     """
     wave = Threshold(
-        "a wave", "x", lambda v, x: 1 + sin(x) / 50, lambda v: 0.1, max_value=lambda v: 6.2
+        "a wave", "x", lambda v, x: 1 + sin(x) / 50, initial=lambda v: 0.1, max_value=lambda v: 6.2
     )
     found = of(1.0, (wave,))
     assert found.needs == "above 1 % from x = 0.52, except from 2.62 to 3.67 and from 5.76 to 6.2"
@@ -112,7 +114,7 @@ def test_a_parameter_stops_where_nothing_is_solved() -> None:
             raise NotConverged("too stiff")
         return 1 + x**2
 
-    found = of(1.0, (Threshold("in parallel", "x", ratio, lambda v: 0.003),))
+    found = of(1.0, (Threshold("in parallel", "x", ratio, initial=lambda v: 0.003),))
     assert found.needs == "x: below 1 % at all values that were tried"
     assert found.source.endswith("; beyond that not solved: too stiff")
     last = float(found.source.split("as far as ")[1].split(";")[0])
@@ -163,6 +165,6 @@ def test_a_failure_is_remembered(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(variant_solver, "states", fail)
     solver = VariantSolver()
     for _ in range(2):
-        with pytest.raises(NotConverged, match="^no equilibrium at any depth$"):
+        with pytest.raises(NotConverged, match=r"^no equilibrium at any depth$"):
             solver.force(HALF_SPACE)
     assert len(attempts) == 1
