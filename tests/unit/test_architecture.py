@@ -110,7 +110,7 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
         "studies/small_multiples.py",
         "fitting/fit_picture.py",
     ),
-    "scipy": ("theory/", "fe/", "fitting/"),
+    "scipy": ("theory/", "fe/", "fitting/", "model/", "scene/"),
     "yaml": ("config/strict_yaml.py",),
     "pint": ("config/quantities.py",),
     "jinja2": ("results/html_report.py",),
