@@ -13,6 +13,7 @@ of peers.csv.
 
 from __future__ import annotations
 
+import argparse
 import logging
 import os
 import platform
@@ -237,4 +238,8 @@ def predictions_table() -> str:
 
 
 if __name__ == "__main__":
-    main("--quick" in sys.argv[1:])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--quick", action="store_true")
+    main(parser.parse_args().quick)
