@@ -8,6 +8,7 @@ The pages are written into FOLDER, which is docs/ by default.
 
 from __future__ import annotations
 
+import argparse
 import ast
 import dataclasses
 import inspect
@@ -346,6 +347,10 @@ def _table(head: list[str], rows: Iterable[list[str]]) -> str:
 
 
 if __name__ == "__main__":
-    target_folder = Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs"
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("folder", nargs="?", type=Path, default=ROOT / "docs", metavar="FOLDER")
+    folder = parser.parse_args().folder
     for page_name, page_text in pages().items():
-        (target_folder / page_name).write_text(page_text, encoding="utf-8")
+        (folder / page_name).write_text(page_text, encoding="utf-8")
