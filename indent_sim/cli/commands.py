@@ -696,11 +696,8 @@ def _plot_study(paths: Sequence[Path], output: Path | None, options: dict[str, A
     if output is None:
         output = folder / f"{panel}.png"
         figures.refuse_foreign_picture(output)
-    figure_context = study_picture.curves_figure(curve_groups, title)
-    if panel != "curves":
-        figure_context = small_multiples.column_figure(curve_groups, panel, title)
     try:
-        with figure_context as figure:
+        with study_picture.requested_figure(curve_groups, panel, title) as figure:
             figures.save(figure, output, options.get("dpi"))
     except OSError as error:
         raise write_error(output, error) from error

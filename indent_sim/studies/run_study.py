@@ -263,7 +263,7 @@ def read_study(folder: Path) -> Study:
         raise UsageError(f"{folder} has no readable study: {error}", file=str(folder)) from None
     return Study(
         folder,
-        str(record.get("title")),
+        str(record.get("title") or folder.resolve().name),
         keys,
         str(record.get("compare_to")),
         rows,

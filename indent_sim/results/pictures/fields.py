@@ -65,6 +65,8 @@ class FieldQuantity:
         White value of a diverging colour map, for a field with both signs; None for other fields.
     lowest_value
         Lower end of the colours of other fields; None for the field's smallest value.
+    is_odd
+        Whether the mirror image in a plane x = const has the opposite sign.
     available_for
         Bodies that have the field.
     """
@@ -74,6 +76,7 @@ class FieldQuantity:
     values: Callable[[dict[str, np.ndarray]], np.ndarray]
     neutral_value: float | None = None
     lowest_value: float | None = 0.0
+    is_odd: bool = False
     available_for: str = "every body"
 
 
@@ -100,7 +103,7 @@ FIELDS = {
         r"stress $\sigma_{{zz}}$", "pressure", lambda f: f["stress"][:, 8], 0.0
     ),
     "sigma_xz": FieldQuantity(
-        r"stress $\sigma_{{{r}z}}$", "pressure", lambda f: f["stress"][:, 2], 0.0
+        r"stress $\sigma_{{{r}z}}$", "pressure", lambda f: f["stress"][:, 2], 0.0, is_odd=True
     ),
     "J": FieldQuantity("volume ratio J", "1", lambda f: f["J"], 1.0),
     "energy_density": FieldQuantity("energy density ψ", "pressure", lambda f: f["energy_density"]),
@@ -144,14 +147,16 @@ class Section:
     values: np.ndarray
     interfaces: np.ndarray
 
-    def mirror(self, middle: float) -> Section:
-        """Return the section with its mirror image in the vertical line x = middle."""
+    def mirror(self, middle: float, sign: float) -> Section:
+        """Return the section with its mirror image in the vertical line x = middle.
+
+        The values of the image are multiplied by `sign`.
+        """
         image = np.column_stack([2 * middle - self.points[:, 0], self.points[:, 1]])
         triangles = np.concatenate([self.triangles, self.triangles[:, ::-1] + len(image)])
         faces = np.concatenate([self.interfaces, self.interfaces + len(image)])
-        return Section(
-            np.concatenate([self.points, image]), triangles, np.tile(self.values, 2), faces
-        )
+        values = np.concatenate([self.values, sign * self.values])
+        return Section(np.concatenate([self.points, image]), triangles, values, faces)
 
     @cached_property
     def areas(self) -> np.ndarray:
@@ -223,7 +228,9 @@ def deformed_section(results: Results, step: float, field: FieldQuantity) -> Sec
     is_half = plan_choice(results.report, "symmetry") != "full" and left >= center[
         0
     ] - 1e-9 * np.ptp(fields["points"][:, 0])
-    return section.mirror(center[0]) if is_half else section
+    # On both sides of the axis of an axisymmetric body, the component rz refers to its own r.
+    is_odd = field.is_odd and horizontal_axis_name(results) == "x"
+    return section.mirror(center[0], -1.0 if is_odd else 1.0) if is_half else section
 
 
 def _region_interfaces(
@@ -442,9 +449,6 @@ class FieldRow:
             tuple(is_clipped), "neither"
         )
         draw_colour_bar(panels, colour_mesh, axis.label, where, extend=beyond)
-        if where == "right":
-            for axes in panels:
-                axes.label_outer()
 
 
 def _draw_section(

@@ -45,6 +45,9 @@ PRESSED_FRACTION = 0.02
 DISCONTINUITY_ELEMENTS = 1.5
 # The same next to the end of a tip, where the singularity is r^(-1/2) and not logarithmic.
 TIP_END_ELEMENTS = 4.0
+# Points that are not drawn take up at most this fraction of the contact radius: with few elements
+# in the contact nothing would be left otherwise.
+MAX_EXCLUDED_FRACTION = 0.5
 # A singularity up to so many contact radii is in contact: the radius of a row is that of nodes.
 CONTACT_RADIUS_FACTOR = 1.02
 # Middle nodes of deformed elements are this close to the midpoint, relative to the element.
@@ -204,11 +207,7 @@ def contact_surface(results: Results, step: float) -> ContactSurface:
             if is_pulled.any()
             else float(np.hypot(np.ptp(x), np.ptp(y)))
         )
-    singularities = tuple(
-        (place, excluded_radius)
-        for place, excluded_radius in _pressure_singularities(results, step)
-        if place <= CONTACT_RADIUS_FACTOR * a
-    )
+    singularities = _pressure_singularities(results, step, a)
     shear = surface["shear"][is_known] if "shear" in surface else None
     stick_radii = results.table.get("stick_radius", np.zeros(len(results)))[results["step"] == step]
     return ContactSurface(
@@ -229,8 +228,13 @@ def position_label(name: str, runs: Sequence[Results]) -> str:
     return f"{name} (deformed at finite strain)" if any(deformed) else name
 
 
-def _pressure_singularities(results: Results, step: float) -> tuple[tuple[float, float], ...]:
-    """Return radii at which a sharp tip makes the pressure infinite, with their excluded widths."""
+def _pressure_singularities(
+    results: Results, step: float, a: float
+) -> tuple[tuple[float, float], ...]:
+    """Return radii in the contact at which a sharp tip makes the pressure infinite, with widths.
+
+    Within these widths points are not drawn.
+    """
     peak = results.table.get("p_max", np.zeros(len(results)))[results["step"] == step]
     if not len(peak) or np.isfinite(peak[0]) or (scene := scene_of(results.path)) is None:
         return ()
@@ -238,10 +242,18 @@ def _pressure_singularities(results: Results, step: float) -> tuple[tuple[float,
     mesh = scene.mesh
     size = mesh.h_contact if isinstance(mesh.h_contact, float) else 0.0
     element_sizes = {True: mesh.h_axis or size, False: mesh.h_edge or size}
-    radii = [radius for radius, _ in tip.slope_discontinuities()]
+    radii = [r for r, _ in tip.slope_discontinuities() if r <= CONTACT_RADIUS_FACTOR * a]
     end = max_radius(tip)
+    # A width is excluded on both sides of its radius.
+    max_width = MAX_EXCLUDED_FRACTION * a / (2 * max(1, len(radii)))
     return tuple(
-        (r, (TIP_END_ELEMENTS if r >= end else DISCONTINUITY_ELEMENTS) * element_sizes[r == 0])
+        (
+            r,
+            min(
+                (TIP_END_ELEMENTS if r >= end else DISCONTINUITY_ELEMENTS) * element_sizes[r == 0],
+                max_width,
+            ),
+        )
         for r in radii
     )
 
