@@ -176,7 +176,7 @@ def test_one_process_compiles_and_the_others_wait(tmp_path):
 
 def test_another_process_takes_over_from_a_killed_one(tmp_path):
     """At once: nobody waits for the age of what it left."""
-    processes = race(tmp_path, 6, seconds=0.5)
+    processes = race(tmp_path, 6, seconds=2.0)
     while not compilations(tmp_path):
         time.sleep(0.01)
     os.kill(compilations(tmp_path)[0], signal.SIGKILL)

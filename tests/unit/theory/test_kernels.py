@@ -1,4 +1,4 @@
-"""Even polynomials are the kernel of a small contact."""
+"""Even polynomials reproduce the kernel of a small contact."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ ROUNDING = 1e-13
 
 
 def values(kernel: Kernel | EvenKernel, x: np.ndarray, of: str) -> np.ndarray:
-    """The kernel between places (n,), or how it changes with the second of them (n, n)."""
+    """Kernel between places (n,), or its change with the second of them, shape (n, n)."""
     return kernel.basis(x).T @ kernel.apply_weights(getattr(kernel, of)(x))
 
 
@@ -59,7 +59,10 @@ def test_a_wide_contact_and_one_between_walls_have_the_kernel_itself(a, wall):
 
 
 def test_bessel_functions_are_those_of_scipy():
-    """Also beside zeros of J_0, where the recurrence divides by nearly nothing."""
+    """The even Bessel functions are those of scipy, also next to zeros of J_0.
+
+    There the recurrence divides by nearly nothing.
+    """
     x = np.concatenate([np.geomspace(1e-6, 44.0, 500), [2.404825557695773, 5.520078110286311]])
     orders = 2 * np.arange(hankel.MAX_EVEN_POLYNOMIALS)[:, None]
     found, expected = hankel._even_bessel(x, hankel.MAX_EVEN_POLYNOMIALS), jv(orders, x)
@@ -75,8 +78,9 @@ def test_bessel_functions_are_those_of_scipy():
 
 @pytest.mark.parametrize("tip", [profiles.paraboloid(1.0), profiles.sphere(2.0)])
 def test_a_contact_that_nearly_reaches_a_wall_is_solved_to_its_digits(tip, monkeypatch):
-    """On twice as many points it is the same, one alone or with others; a system of modes would
-    lose four digits.
+    """A contact next to a wall is converged to 1e-7: twice the points change no more.
+
+    A system of modes would lose four digits.
     """
     layer, sizes = Layer.from_stack(tip, STACKS["rubber"], 1.2), np.array([0.9 * 1.2, 0.999 * 1.2])
 
@@ -96,7 +100,7 @@ def test_a_contact_that_nearly_reaches_a_wall_is_solved_to_its_digits(tip, monke
 
 
 def test_no_contact_has_a_kernel():
-    """A search may begin there."""
+    """A contact of size zero, at which a search may begin, has a solution."""
     assert (
         Layer.from_stack(profiles.sphere(1.0), STACKS["rubber"])
         .linear_solution(0.0)
