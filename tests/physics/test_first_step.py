@@ -250,10 +250,10 @@ def test_a_ball_does_not_tunnel(gel: Scene) -> None:
 @pytest.mark.verify
 @pytest.mark.parametrize("delta", [2.2, 2.64])
 def test_a_ball_beyond_its_diameter(gel: Scene, delta: float) -> None:
-    """Where it once came out at the other side, to a force of 0: more force than at 1.85 R, in one
-    step or in 11.
+    """A sphere beyond its diameter has more force than at 1.85 R, in one increment or in 11.
 
-    At 2.64 R the gel has closed over the ball, up to its stem: that is no tip that went through.
+    It once came out at the other side, with a force of 0. At 2.64 R the gel has closed over the
+    ball, up to its stem, which is no penetration.
     """
     (once,), fine = along(gel, [delta]), along(gel, [delta / 11 * k for k in range(1, 12)])
     assert once.force == pytest.approx(fine[-1].force, rel=AGREE)
@@ -262,7 +262,7 @@ def test_a_ball_beyond_its_diameter(gel: Scene, delta: float) -> None:
 
 
 def test_the_depth_of_a_deep_ball_is_found() -> None:
-    """Under force control, in one step: and at that depth there is that force."""
+    """Under force control a deep sphere is found in one increment, with that force at its depth."""
     pressed = resolve(load(GEL, ["loading={force: 20.66, steps: 1}"]))
     (state,) = pipeline.states(pressed, with_surface=False)
     assert state.converged and state.delta == pytest.approx(1.85, rel=2e-3)  # two meshes again
@@ -272,9 +272,10 @@ def test_the_depth_of_a_deep_ball_is_found() -> None:
 
 @pytest.mark.parametrize("steps", [pytest.param(1, marks=pytest.mark.verify), 14])
 def test_a_linear_body_that_turns_inside_out_is_refused(steps: int) -> None:
-    """Around the edge of a punch from 0.65 radii on; the forces before rise, and then fell to a
-    tenth of that. In a unit that makes all lengths thousands: how much may turn inside out is a
-    share of the contact radius.
+    """A linear body whose elements invert around a punch is refused, in any unit of length.
+
+    From 0.65 radii on the force fell to a tenth. The share of inverted elements is relative to the
+    contact radius.
     """
     config = {
         "body": {"shape": "cylinder", "radius": 2e3, "height": 1.2e3},
@@ -300,8 +301,9 @@ NEEDLES: dict[str, dict[str, Any]] = {
 
 @pytest.mark.parametrize("tip", NEEDLES.values(), ids=NEEDLES)
 def test_a_tip_deep_beyond_its_end_is_a_punch(tip: dict[str, Any]) -> None:
-    """F = 2 E* R (delta - O(R)), R/delta = 1e-4; the mesh costs 0.1 % at the edge. It was a plate
-    beyond 1000 R.
+    """A tip pressed in far beyond its end is a flat punch, F = 2 E* R (delta - O(R)).
+
+    R/delta is 1e-4, and the mesh costs 0.1 % at the edge. Beyond 1000 R it was taken for a plate.
     """
     deep = {
         "body": WALLED,
@@ -318,10 +320,9 @@ def test_a_tip_deep_beyond_its_end_is_a_punch(tip: dict[str, Any]) -> None:
 
 
 def test_a_contact_is_no_wider_than_its_ball() -> None:
-    """Around a ball deeper than its radius the surface hangs over; projected from above it ends at
-    the equator, R = 1.
+    """The contact radius of a ball deeper than its radius ends at the equator, R = 1.
 
-    A thousandth is for the facets' own roundness.
+    A thousandth is allowed for the facets.
     """
     states = list(
         pipeline.states(
