@@ -1,6 +1,7 @@
-"""`accuracy` and the error bars on scenes whose exact force is known: layers between frictionless
-walls, where layer theory (Lebedev & Ufliand 1958, Hayes et al. 1972, Dini sum of the wall)
-solves the very body that is meshed.
+"""`accuracy` and error bars on scenes whose exact force is known.
+
+These are layers between frictionless walls, where layer theory (Lebedev & Ufliand 1958, Hayes et
+al. 1972, Dini sum of the wall) solves the very body that is meshed.
 """
 
 from __future__ import annotations
@@ -72,7 +73,7 @@ SCENES += [
 
 @dataclass(frozen=True)
 class Judged:
-    """The relative errors of a run's forces, true and estimated, step by step."""
+    """True and estimated relative errors of a run's forces, row by row."""
 
     true: np.ndarray
     bar: np.ndarray
@@ -91,7 +92,7 @@ def judged(case: Case, target: float, folder: Path, **sections: Any) -> Judged:
 
 
 def statistics(runs: list[Judged]) -> dict[str, float]:
-    """Shares of rows and of last rows inside their bars, and the median of bar over true error."""
+    """Shares of all rows and of last rows inside their bars, and the median of bar over error."""
     inside = [run.true <= run.bar for run in runs]
     return {
         "rows": float(np.mean(np.concatenate(inside))),
@@ -105,10 +106,9 @@ def statistics(runs: list[Judged]) -> dict[str, float]:
 def test_every_scene_is_as_accurate_as_asked_for_and_knows_its_error(
     target: float, tmp_path: Path
 ) -> None:
-    """All tips, thick and thin layers, compressible or not.
+    """Every scene meets the target at every row, and the bars have the promised coverage.
 
-    The target holds at every step without exception, and the bars as is promised of a class of
-    scenes.
+    The scenes cover all tips, thick and thin layers, compressible or not.
     """
     runs = [judged(case, target, tmp_path / str(i)) for i, case in enumerate(SCENES)]
     for case, run_ in zip(SCENES, runs, strict=True):
@@ -127,7 +127,7 @@ def test_every_scene_is_as_accurate_as_asked_for_and_knows_its_error(
 @pytest.mark.verify
 @pytest.mark.parametrize("target", (0.01, 0.001))
 def test_scenes_drawn_at_random(target: float, tmp_path: Path) -> None:
-    """The target holds without exception, and the bars as is promised of a class of scenes."""
+    """Random scenes meet the target at every row, and the bars have the promised coverage."""
     runs = [judged(case, target, tmp_path / str(i)) for i, case in enumerate(drawn(30))]
     found = statistics(runs)
     print(target, found)
@@ -140,12 +140,12 @@ def test_scenes_drawn_at_random(target: float, tmp_path: Path) -> None:
     ["paraboloid", pytest.param("sphere", marks=pytest.mark.verify)],
 )
 def test_the_force_converges_with_the_elements_in_the_contact(tip: str) -> None:
-    """Near mesh, far mesh and growth together, as `accuracy` moves them.
+    """The force converges at least with the order 2 in the elements in the contact radius.
 
-    The error of a step jumps with the elements that happen to touch: taken is the root mean square
-    over five steps on three meshes whose sizes differ by 7 %. The energy of a smooth solution
-    converges as h^4 with quadratic elements; the contact edge, where the pressure ends like a root,
-    leaves less of it.
+    All sizes change together, as `accuracy` changes them. The error of a row jumps with the
+    elements that happen to touch; taken is the root mean square over five rows on three meshes
+    whose sizes differ by 7 %. The energy of a smooth solution converges as h^4 with quadratic
+    elements; the contact edge, where the pressure ends like a square root, leaves less of it.
     """
     config = config_from_mapping(Case(tip, 0.1, 0.3).mapping() | {"accuracy": 0.01})
     divisions = np.array((5, 8, 13, 20))
@@ -155,7 +155,7 @@ def test_the_force_converges_with_the_elements_in_the_contact(tip: str) -> None:
 
 
 def rms(divisions: list[float], config: Config) -> float:
-    """Root mean square of the relative force errors of all steps on some meshes."""
+    """Root mean square of the relative force errors of all rows on several meshes."""
     errors, exact = [], exact_forces(config)
     for n in divisions:
         found = states(resolve(config, n), with_surface=False)
@@ -192,8 +192,9 @@ OTHERS: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("target", (0.01, 0.001))
 @pytest.mark.parametrize("name", OTHERS)
 def test_other_bodies_methods_and_paths(name: str, target: float, tmp_path: Path) -> None:
-    """A row or two of six may be outside its bar, by no more than its width: the sets of rows are
-    small.
+    """Other bodies, methods and paths meet the target; at most two of six rows exceed their bar.
+
+    They exceed it by no more than its width; the sets of rows are small.
     """
     found = judged(Case("paraboloid", 0.1, 0.3), target, tmp_path, **OTHERS[name])
     assert np.nanmax(found.true) <= target
@@ -210,8 +211,9 @@ SPHERE_ON_GEL = {  # force at depth; see test_hyperelastic.py for where they com
 @pytest.mark.parametrize("target", TARGETS)
 @pytest.mark.parametrize("nu", SPHERE_ON_GEL)
 def test_hyperelastic_bodies(nu: float, target: float, tmp_path: Path) -> None:
-    """A sphere on a neo-Hookean layer, gap at the deformed point, against computations with
-    elements of order 6; the references are good to 1e-5.
+    """A sphere on a neo-Hookean layer with the current gap meets the target.
+
+    References are computations with elements of order 6, good to 1e-5.
     """
     exact = np.array(list(SPHERE_ON_GEL[nu].values()))
     config = config_from_mapping(
@@ -231,7 +233,7 @@ def test_hyperelastic_bodies(nu: float, target: float, tmp_path: Path) -> None:
 
 
 def test_the_forces_on_a_finite_body_are_those_of_independent_computations() -> None:
-    """Two numbers give all ten forces on the cylinder to the seven digits that are known."""
+    """Two fitted constants give all ten forces on the cylinder to the seven known digits."""
     found = least_squares(lambda k: forces_on_a_finite_body(*k) / FORCES - 1, [0.4, 0.2])
     assert np.abs(found.fun).max() <= 1e-6
 
@@ -260,10 +262,10 @@ def test_a_cube(target: float, tmp_path: Path) -> None:
 @pytest.mark.verify
 @pytest.mark.parametrize(("radius", "nu"), [(0.1, 0.3), (0.25, 0.45), (0.5, 0.3)])
 def test_a_punch_on_a_box(radius: float, nu: float, tmp_path: Path) -> None:
-    """The edge, a circle that straight facets follow, costs most of the mesh.
+    """A flat punch on a box meets the target; its error bar may be half too narrow.
 
-    Theory's layer ends at a round wall, or nowhere: this wide a box differs by less than 1e-3. A
-    bar may be half too narrow: few elements share the edge.
+    The edge is a circle that straight facets follow, which costs most of the mesh. The reference
+    ends at a round wall or nowhere: so wide a box differs by less than 1e-3.
     """
     config = config_from_mapping(
         {
@@ -285,7 +287,10 @@ def test_a_punch_on_a_box(radius: float, nu: float, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("case", FEW, ids=str)
 def test_accuracy_is_met_and_the_bars_hold_the_error(case: Case, tmp_path: Path) -> None:
-    """One row in twenty may be outside its bar: one of five is let go."""
+    """A target of 1 % is met, and at most one of five rows exceeds its error bar.
+
+    One row in twenty may exceed it.
+    """
     found = judged(case, 0.01, tmp_path)
     assert found.true.max() <= 0.01
     assert np.all(found.bar <= 0.01)

@@ -1,6 +1,4 @@
-"""The plan of the house, kept true by reading the syntax trees: who may import whom, and who may do
-what.
-"""
+"""The architecture of the package, read off its syntax trees: imports, libraries and names."""
 
 from __future__ import annotations
 
@@ -132,13 +130,13 @@ ENDS = {
 
 
 def name_of(path: Path) -> str:
-    """Path inside the package."""
+    """Path of a file inside the package."""
     return path.relative_to(PACKAGE).as_posix()
 
 
 @cache
 def tree_of(path: Path) -> ast.Module:
-    """The syntax tree of a file."""
+    """Syntax tree of a file."""
     return ast.parse(path.read_text(encoding="utf-8"), str(path))
 
 
@@ -150,7 +148,7 @@ def nodes_of(path: Path) -> list[ast.AST]:
 
 @cache
 def imports(path: Path) -> list[str]:
-    """Every module that a file imports, wherever in the file, as a dotted name."""
+    """Dotted name of every module that a file imports, anywhere in the file."""
     return list(_imports(path))
 
 
@@ -166,19 +164,19 @@ def _imports(path: Path) -> Iterator[str]:
 
 
 def _module(base: str, name: str) -> str:
-    """`from base import name` imports the module base.name, if there is one, else base."""
+    """Module that `from base import name` imports: base.name if there is one, else base."""
     inside = PACKAGE.parent.joinpath(*base.split("."), name)
     return f"{base}.{name}" if inside.with_suffix(".py").exists() or inside.is_dir() else base
 
 
 def place(module: str, depth: int) -> str:
-    """The room (depth 1), or the part of fe (depth 2), of a dotted module; "" for what is above."""
+    """Room (depth 1) or part of fe (depth 2) of a dotted module; "" for what is above."""
     parts = module.split(".")
     return parts[depth] if len(parts) > depth else ""
 
 
 def module_of(path: Path) -> str:
-    """The dotted name of a file."""
+    """Dotted name of a file."""
     return ".".join(["indent_sim", *path.relative_to(PACKAGE).with_suffix("").parts]).removesuffix(
         ".__init__"
     )
@@ -216,9 +214,7 @@ def test_the_tables_have_no_circle() -> None:
 
 
 def test_no_module_imports_itself_in_a_circle() -> None:
-    """Whatever is imported, also inside functions and for type checking, is imported by nothing
-    above it.
-    """
+    """The graph of all imports, also in functions and for type checking, has no cycle."""
     graph = {
         module_of(path): {m for m in imports(path) if m.startswith("indent_sim.")} for path in FILES
     }
@@ -238,7 +234,7 @@ def test_no_module_imports_itself_in_a_circle() -> None:
 
 
 def test_the_longest_chain_of_rooms_is_seven() -> None:
-    """cli, study, run, fe, scene, and two more below: what a reader has to keep in mind at most."""
+    """The longest chain of rooms, from the command line down, has at most seven."""
     used: dict[str, set[str]] = {}
     for path in FILES:
         here = place(module_of(path), 1)
@@ -349,7 +345,7 @@ def test_what_make_check_runs_starts_no_process_and_solves_nothing() -> None:
 
 
 def test_no_test_module_imports_another() -> None:
-    """What tests share stands in helper modules; programs in strings count, too."""
+    """Shared code of tests stands in helper modules; programs in strings count, too."""
     texts = {path: path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("*.py")}
     assert not [path.name for path, text in texts.items() if IMPORT_OF_A_TEST.search(text)]
 

@@ -99,7 +99,7 @@ def test_pressure_and_surface_are_solved_for_when_asked():
 
 
 def no_polynomial() -> dict[str, ContactCurve]:
-    """Contacts that are no polynomials of their size, or need none."""
+    """Contacts that no polynomial of their size approximates, or that need none."""
     return {
         "a rim": Layer.from_stack(profiles.flat_punch(1.0, 0.3), RUBBER),
         "a punch": Layer.from_stack(profiles.flat_punch(1.0), RUBBER),
@@ -150,7 +150,7 @@ def test_a_depth_that_is_no_number_is_refused_among_many(wrong):
 
 
 def test_a_depth_that_is_not_found_is_an_error(monkeypatch):
-    """No wrong numbers are returned; `Theory` then solves for each depth on its own."""
+    """A depth that is not found raises an error; `Theory` then solves each depth on its own."""
     contact, deepest = SMOOTH["a film much thinner than the contact"]
     monkeypatch.setattr(contact_curve, "SIZE_TOLERANCE", 1.0)  # one step of the search
     with pytest.raises(ArithmeticError, match="not found"):
@@ -159,9 +159,7 @@ def test_a_depth_that_is_not_found_is_an_error(monkeypatch):
 
 @pytest.mark.parametrize("name", SMOOTH)
 def test_all_contacts_at_once_are_those_one_by_one(name):
-    """Numbers and pressures of a row of sizes, worked out together, beside those that each contact
-    has.
-    """
+    """Numbers and pressures of many sizes at once are those of each contact alone."""
     contact, deepest = SMOOTH[name]
     sizes = [one.a / contact.h for one in one_by_one(contact, [0.2 * deepest, deepest])]
     sampled = ChebyshevContactCurve.interpolate(contact, *sizes, max_sizes=228)

@@ -57,7 +57,7 @@ def film(E, base_E=1.0, nu=0.3):
 
 
 def integral(f, edges, count=80):
-    """∫ f dr over panels, nodes crowded towards the ends of every one."""
+    """int f dr over panels, with nodes crowded towards the ends of every one."""
     u, w = np.polynomial.legendre.leggauss(count)
     u, w = 0.5 * (1.0 + u), 0.5 * w
     t, dt = u**2 * (3.0 - 2.0 * u), 6.0 * u * (1.0 - u)
@@ -76,7 +76,7 @@ def clear_caches():
 
 @pytest.fixture
 def refined(monkeypatch):
-    """Twice as many nodes of every quadrature, further out and closer to k = 0."""
+    """Double the nodes of every quadrature, and extend it to smaller and larger wavenumbers."""
 
     def refine():
         finest = Stack.min_wavenumber.fget
