@@ -24,8 +24,6 @@ from typing import Any
 from indent_sim.process import usage
 from indent_sim.process.ranks import environment_without_launcher
 
-# The last error message is searched in so many bytes at the end of the printed output.
-CRASH_OUTPUT_BYTES = 4096
 # Time [s] after which a child process notices that its parent was killed.
 PARENT_CHECK_INTERVAL = 0.2
 
@@ -158,7 +156,10 @@ class ChildProcess:
         if code < 0:
             ending = f"died of {signal.Signals(-code).name}"
         length = self._output.seek(0, os.SEEK_END)
-        self._output.seek(max(0, length - CRASH_OUTPUT_BYTES))
+        # The last error message is searched in so many bytes at the end of the printed
+        # output.
+        crash_output_bytes = 4096
+        self._output.seek(max(0, length - crash_output_bytes))
         lines = self._output.read().decode("utf-8", "replace").splitlines()
         errors = [line for line in lines if line.startswith("Error")]
         if errors:
