@@ -1,4 +1,4 @@
-"""Stress at the nodes: exact where it is constant, right up to faces of layers and the surface."""
+"""Nodal stresses: exact where constant, and right up to interfaces and the surface."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ GIVEN: dict[str, Any] = {
 
 
 def written(given: dict[str, Any], folder: Path) -> dict[str, np.ndarray]:
-    """The fields of the last row of a run."""
+    """Fields of the last row of a run."""
     outcome = simulate(config_from_mapping(given), directory=folder)
     return read_fields(folder, outcome.states[-1].step)
 
@@ -42,9 +42,10 @@ def written(given: dict[str, Any], folder: Path) -> dict[str, np.ndarray]:
 def test_layers_in_a_confined_column_have_one_stress_each(
     body: dict[str, Any], tmp_path: Path
 ) -> None:
-    """Uniaxial strain: sigma_z is one, sigma_x = nu/(1-nu) sigma_z that of each layer, up to the
-    face between the two, whose nodes have that of the upper one. Linear displacements are exact;
-    1e-8 is what Newton's method leaves.
+    """Layers of a confined column have uniform nodal stresses up to their interface.
+
+    sigma_z is one, and sigma_x = nu/(1-nu) sigma_z of each layer; nodes of the interface have that
+    of the upper one. 1e-8 is what Newton's method leaves.
     """
     fields = written(GIVEN | {"body": body | LAYERS}, tmp_path / "run")
     stress, z = fields["nodal_stress"].reshape(-1, 3, 3), fields["points"][:, 2]
@@ -58,8 +59,9 @@ def test_layers_in_a_confined_column_have_one_stress_each(
 
 
 def test_under_a_ball_the_nodes_have_the_pressure_of_the_surface(tmp_path: Path) -> None:
-    """sigma_z = -p, 2.5 % of the largest p in the inner contact; the cells beneath are half an
-    element away.
+    """Under a ball sigma_z = -p at the nodes, to 2.5 % of the peak in the inner contact.
+
+    The cells below are half an element away.
     """
     given = GIVEN | {
         "body": {"shape": "cylinder", "radius": 1.0, "height": 1.0},
