@@ -7,13 +7,13 @@ standard input and writes pickled answers to its standard output.
 from __future__ import annotations
 
 import atexit
+import ctypes
 import os
 import pickle
 import resource
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -24,8 +24,8 @@ from typing import Any
 from indent_sim.process import usage
 from indent_sim.process.ranks import environment_without_launcher
 
-# Time [s] after which a child process notices that its parent was killed.
-PARENT_CHECK_INTERVAL = 0.2
+# The last error message is searched in so many bytes at the end of the printed output.
+CRASH_OUTPUT_BYTES = 4096
 
 
 class ProcessCrash(Exception):
@@ -156,10 +156,7 @@ class ChildProcess:
         if code < 0:
             ending = f"died of {signal.Signals(-code).name}"
         length = self._output.seek(0, os.SEEK_END)
-        # The last error message is searched in so many bytes at the end of the printed
-        # output.
-        crash_output_bytes = 4096
-        self._output.seek(max(0, length - crash_output_bytes))
+        self._output.seek(max(0, length - CRASH_OUTPUT_BYTES))
         lines = self._output.read().decode("utf-8", "replace").splitlines()
         errors = [line for line in lines if line.startswith("Error")]
         if errors:
@@ -179,7 +176,7 @@ def call_in_child(function: Callable[..., Any], *arguments: Any) -> Any:
 def _serve_calls() -> None:
     """Execute calls in the child process until the parent closes the pipe."""
     signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
-    threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
+    _end_with_parent()
     # A crash writes no core file.
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     # Libraries print to the file of stderr; their output would damage the answers.
@@ -209,11 +206,11 @@ def _serve_calls() -> None:
         answers.flush()
 
 
-def _end_with_parent(parent: int) -> None:
-    """End this process when its parent, given by its process id, has ended."""
-    while os.getppid() == parent:
-        time.sleep(PARENT_CHECK_INTERVAL)
-    os.kill(os.getpid(), signal.SIGKILL)
+def _end_with_parent() -> None:
+    """Let Linux kill this process when its parent is killed, also inside a call of a library."""
+    pr_set_pdeathsig = 1  # PR_SET_PDEATHSIG of linux/prctl.h
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
 
 
 if __name__ == "__main__":
