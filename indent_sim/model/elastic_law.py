@@ -28,8 +28,6 @@ from indent_sim.model.units import (
 )
 
 Formulation = Literal["auto", "displacement", "mixed"]
-# Displacement elements lock from this Poisson's ratio on: see `docs/theory.md`.
-LOCKING_POISSON_RATIO = 0.45
 
 
 class Constants(NamedTuple):

@@ -16,6 +16,7 @@ from indent_sim.model.algebra import (
 )
 from indent_sim.model.elastic_law import Constants, ElasticLaw
 from indent_sim.model.finite_strain import excess_and_volume_growth
+from indent_sim.model.measured_constants import SWELLING_ROUNDING
 from indent_sim.model.pore_flow import Flow
 from indent_sim.model.relaxation import Relaxation
 from indent_sim.model.units import (
@@ -263,10 +264,6 @@ class Gel(ElasticLaw):
         )
 
 
-# Largest difference [kT] of two chemical potentials that count as equal. The potential of a free
-# stretch that was found for a bath differs from the bath's by up to 3e-16 (300 random gels of chi 0
-# to 0.7, n_omega 1e-4 to 0.03, baths 0 and -1e-6 to -0.1).
-SWELLING_ROUNDING = 1e-14
 # Values of stretch - 1 between which a root is searched.
 STRETCH_INCREMENTS = tuple(10 ** (k / 20) for k in range(-240, 241))
 

@@ -29,12 +29,6 @@ ALL_AXES = (0, 1, 2)
 # Positions that differ by less than this fraction of a body's size count as equal, because lengths
 # are rounded to 12 digits.
 POSITION_TOLERANCE = 2e-11
-# Alternating projections end when the distance decreases by less than this fraction.
-MAX_PROJECTIONS = 1000
-LEAST_APPROACH = 1e-9
-# Points are moved by this fraction of a semi-axis off a plane of symmetry, on which the farthest
-# point of an ellipsoid is not unique.
-SYMMETRY_OFFSET = 1e-12
 
 
 class _Inclusion(ABC):
@@ -103,16 +97,17 @@ class _Inclusion(ABC):
     def overlaps(self, second: _Inclusion, min_distance: float) -> bool:
         """Return whether two inclusions are nearer to each other than `min_distance` [length].
 
-        The distance is found by alternating projections onto the two convex sets.
+        The distance is found by alternating projections onto the two convex sets, which end when it
+        decreases by less than 1e-9 of its value.
         """
         point = list(self.center)
         distance = inf
-        for _ in range(MAX_PROJECTIONS):
+        for _ in range(1000):
             nearest = second.nearest_point(point)
             point = self.nearest_point(nearest)
             previous_distance = distance
             distance = float(_norm([a - b for a, b in zip(point, nearest, strict=True)]))
-            if distance < min_distance or distance > (1 - LEAST_APPROACH) * previous_distance:
+            if distance < min_distance or distance > (1 - 1e-9) * previous_distance:
                 break
         return distance < min_distance
 
@@ -325,9 +320,8 @@ class EllipsoidInclusion(_Inclusion):
         from scipy.optimize import brentq
 
         s = np.array([self.semi_axes[axis] for axis in axes])
-        offset = (
-            np.array([abs(point[axis] - self.center[axis]) for axis in axes]) + SYMMETRY_OFFSET * s
-        )
+        # On a plane of symmetry the farthest point is not unique: points are moved off it.
+        offset = np.array([abs(point[axis] - self.center[axis]) for axis in axes]) + 1e-12 * s
         squared_differences = (s.max() - s) * (s.max() + s)
         # One term of the sum is 1 at the lower end, none is above 1/len(s) at the upper one.
         low = 0.99 * s.max() * offset[np.argmax(s)]

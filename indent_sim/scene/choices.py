@@ -9,7 +9,7 @@ from indent_sim.config.strict_yaml import key_text
 from indent_sim.mesh.imported_domain import ImportedDomain
 from indent_sim.mesh.model_domain import Region
 from indent_sim.mesh.sizes import Sizes
-from indent_sim.model.elastic_law import LOCKING_POISSON_RATIO
+from indent_sim.model.measured_constants import LOCKING_POISSON_RATIO
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.diffusion_times import DiffusionTimes, drained_face_size
 from indent_sim.scene.history_path import first_step

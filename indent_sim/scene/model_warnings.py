@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from indent_sim.model import stability
-from indent_sim.model.elastic_law import LOCKING_POISSON_RATIO
+from indent_sim.model.measured_constants import LOCKING_POISSON_RATIO
 from indent_sim.model.tips import (
     STEM_HALF_ANGLE,
     FlatPunch,

@@ -12,11 +12,11 @@ import numpy as np
 
 from indent_sim.mesh.model_domain import ModelDomain, Region
 from indent_sim.model.body import DimensionedBody
-from indent_sim.model.elastic_law import LOCKING_POISSON_RATIO
 from indent_sim.model.gel import Gel
 from indent_sim.model.imported_body import MeshFromFile
 from indent_sim.model.layers import Layer
 from indent_sim.model.materials import Material
+from indent_sim.model.measured_constants import LOCKING_POISSON_RATIO
 from indent_sim.model.unbounded_bodies import UnboundedBody
 from indent_sim.model.units import Scales, round_length
 from indent_sim.process.errors import ConfigError

@@ -36,25 +36,12 @@ from indent_sim.theory.solution import (
 from indent_sim.theory.stack import Stack
 
 TENSION_RINGS = 40  # Rings of a contact in which the sign of the pressure is checked.
-TENSION_TOLERANCE = 1e-6  # Tensile part of the force below which the sign is rounding.
-# Interpolation pays for this many depths and more, as long as it solves no more sizes per depth
-# than this; the search for the size of one depth solves four or five.
-FEWEST_DEPTHS = 8
-SIZES_PER_DEPTH = 1.9
-# Numbers of Chebyshev points that are tried in turn. The points are nested (n -> 2 n - 1), so that
-# every contact size that was solved for one number is used again for the next.
-SIZE_COUNTS = (8, 15, 29, 57, 113)
+FEWEST_DEPTHS = 8  # Number of depths from which on interpolation pays.
 # A polynomial has converged when its last coefficients, this many, are this small relative to the
 # largest one.
 TAIL_TOLERANCE = 2e-13
 TAIL_COEFFICIENTS = 2
-# Relative error of a depth or force above which the search for its contact size has failed.
-SEARCH_TOLERANCE = 1e-11
-# Margin of the number of sizes that is predicted from the decay of the coefficients: smaller
-# numbers are skipped.
-SIZE_COUNT_MARGIN = 2.0
 SIZE_TOLERANCE = 1e-11  # Relative step at which the secant search for sizes ends.
-PEAK_SAMPLING_STRIDE = 7  # The place of the largest pressure is checked for every seventh size.
 # Points across a contact at which the largest pressure is searched for: the pressure varies over h.
 LEAST_PEAK_POINTS = 21
 PEAK_POINTS_PER_RADIUS = 8.0
@@ -261,7 +248,8 @@ class ContactCurve(ABC):
             or self.tip.slope_discontinuities
         ):
             return None
-        max_sizes = int(SIZES_PER_DEPTH * count)
+        # The search for the contact size of a single depth solves four or five sizes.
+        max_sizes = int(1.9 * count)
         smallest, largest = self._estimated_sizes(first_depth, last_depth)
         if largest < self.max_size():
             interpolated = ChebyshevContactCurve.interpolate(self, smallest, largest, max_sizes)
@@ -347,7 +335,8 @@ class ContactCurve(ABC):
             * solution.area
             / solution.force
         )
-        return fraction if fraction > TENSION_TOLERANCE else 0.0
+        # The sign of a smaller part is rounding.
+        return fraction if fraction > 1e-6 else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -371,8 +360,12 @@ class ChebyshevContactCurve:
         """
         solution_of_size: dict[float, Any] = {}
         needed_count = 0.0
-        for count in (count for count in SIZE_COUNTS if count <= max_sizes):
-            if count < needed_count - SIZE_COUNT_MARGIN:
+        # The Chebyshev points are nested (n -> 2 n - 1), so that every contact size that was solved
+        # for one number is used again for the next.
+        for count in (count for count in (8, 15, 29, 57, 113) if count <= max_sizes):
+            # Numbers below the one that the decay of the coefficients predicts are skipped, with a
+            # margin of two.
+            if count < needed_count - 2.0:
                 continue
             sizes = list(
                 map(
@@ -504,7 +497,7 @@ class ChebyshevContactCurve:
         )
         a = np.exp(np.clip(log_a, log_sizes[0], log_sizes[-1]))
         if not np.all(
-            np.abs(self._load_values(a)[column] - requested) <= SEARCH_TOLERANCE * np.abs(requested)
+            np.abs(self._load_values(a)[column] - requested) <= 1e-11 * np.abs(requested)
         ):
             raise ArithmeticError("contact sizes were not found for all depths or forces at once")
         return a
@@ -529,10 +522,10 @@ class _PeakPressures:
     def _are_central(self) -> bool:
         """True if the largest pressure lies in the center, where an even pressure has slope 0.
 
-        Every PEAK_SAMPLING_STRIDE-th size is checked, and all are taken to be alike.
+        Every seventh size is checked, and all are taken to be alike.
         """
         curve = self._curve
-        stride = slice(None, None, PEAK_SAMPLING_STRIDE)
+        stride = slice(None, None, 7)
         point_count = min(
             PEAK_POINTS, LEAST_PEAK_POINTS + math.ceil(PEAK_POINTS_PER_RADIUS * curve.sizes[-1])
         )

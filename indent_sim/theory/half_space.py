@@ -12,13 +12,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from indent_sim.theory.measured_constants import PYRAMID_CONSTANT
 from indent_sim.theory.roots import depth_of_force
 from indent_sim.theory.solution import require_positive, tangent_of_half_angle
 
 # Coefficients of q^(2n + 1) in (1 + q^2) artanh(q) - q, from the highest power down.
 SPHERE_SERIES = tuple(1.0 / (2 * n + 1) + 1.0 / (2 * n - 1) for n in range(17, 0, -1))
-# Boundary-element result with an uncertainty of 2e-5; the often quoted 0.7453 is 1 % too high.
-PYRAMID_CONSTANT = 0.73762
 
 
 def E_star(E: float, nu: float) -> float:

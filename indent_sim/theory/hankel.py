@@ -25,16 +25,9 @@ from indent_sim.theory.quadrature import (
 )
 from indent_sim.theory.stack import Stack
 
-AXIS_POINTS = 64  # Gauss points of an integral of cosh(y x), an entire function, up to x < W.
-# Smallest and largest radius [h] of a kernel in even polynomials.
-MIN_EVEN_RADIUS = 2.0**-10
-MAX_EVEN_RADIUS = 2.0
-# Largest number of even polynomials, and the relative size of coefficients that are left out.
-MAX_EVEN_POLYNOMIALS = 32
-EVEN_TOLERANCE = 1e-17
-WALL_FORM_SWITCH = (
-    2.0  # The value of k W at which the wall integral changes from its split to its direct form.
-)
+MAX_EVEN_POLYNOMIALS = 32  # Largest number of even polynomials of a kernel.
+# The value of k W at which the wall integral changes from its split to its direct form.
+WALL_FORM_SWITCH = 2.0
 
 
 @dataclass(frozen=True)
@@ -96,7 +89,8 @@ class Kernel:
         cosines = -self.k[:, None] * sici(np.multiply.outer(self.k, a))[0]
         if not self.y.size:
             return cosines
-        x, w = gauss_legendre(0.0, 1.0, AXIS_POINTS)
+        # The integrand cosh(y x) is an entire function.
+        x, w = gauss_legendre(0.0, 1.0, 64)
         hyperbolic = self.slope_over_x(np.multiply.outer(a, x).ravel())[self.k.size :].reshape(
             -1, a.size, x.size
         )
@@ -177,8 +171,8 @@ def contact_kernel(a: float, stack: Stack, wall: float) -> Kernel | EvenKernel:
     Without walls the kernel is analytic up to 2 h off the real axis: polynomials approximate it
     where the contact is smaller. They are cached for radii in powers of sqrt(2).
     """
-    if math.isinf(wall) and a <= MAX_EVEN_RADIUS:
-        max_radius = 2.0 ** (0.5 * math.ceil(2.0 * math.log2(max(a, MIN_EVEN_RADIUS))))
+    if math.isinf(wall) and a <= 2.0:
+        max_radius = 2.0 ** (0.5 * math.ceil(2.0 * math.log2(max(a, 2.0**-10))))
         if polynomial_kernel := _polynomial_kernel(max_radius, stack):
             return polynomial_kernel
     return axisymmetric_kernel(a, stack, wall)
@@ -197,7 +191,8 @@ def _polynomial_kernel(max_radius: float, stack: Stack) -> EvenKernel | None:
     waves = np.where(j == 0, 1.0, 2.0 * (-1.0) ** j) * jv(2 * j, kernel.k * max_radius)
     matrix = waves @ (kernel.weight[:, None] * waves.T)
     sizes = np.abs(matrix).max(axis=0)
-    polynomial_count = max(1, int(np.count_nonzero(sizes > EVEN_TOLERANCE * sizes.max())))
+    # Coefficients below rounding are left out.
+    polynomial_count = max(1, int(np.count_nonzero(sizes > 1e-17 * sizes.max())))
     return (
         EvenKernel(max_radius, matrix[:polynomial_count, :polynomial_count])
         if polynomial_count < MAX_EVEN_POLYNOMIALS

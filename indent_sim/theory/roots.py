@@ -15,16 +15,12 @@ import numpy as np
 from indent_sim.theory.solution import SOLUTION_ERRORS
 
 ForceCurve = Callable[[float], float]  # Force [F] at a depth [L].
-# Sizes over the limit at which the tip's profile is tabulated for the first guess.
-GUESS_FRACTIONS = np.geomspace(1e-18, 1.0, 400)
-# Relative distance from a wall or from the end of the tip at which the search gives up.
-LEAST_END_DISTANCE = 1e-4
 ROOT_TOLERANCE = 1e-13  # Relative error of a root.
 
 
 def first_guess(profile: Callable[[np.ndarray], np.ndarray], depth: float, limit: float) -> float:
     """Return a contact size in (0, limit) at which an increasing profile(x) is about `depth`."""
-    grid = limit * (1.0 - 1e-9) * GUESS_FRACTIONS
+    grid = limit * (1.0 - 1e-9) * np.geomspace(1e-18, 1.0, 400)
     values = profile(grid)
     if values[-1] <= depth:
         return 0.5 * limit
@@ -77,7 +73,7 @@ def increasing_root(
     width = max(0.6 * abs(log_excess(low)), ROOT_TOLERANCE)
     while log_excess(high) < 0.0:
         size = math.exp(high)
-        if size > limit * (1.0 - LEAST_END_DISTANCE):
+        if size > limit * (1.0 - 1e-4):
             raise ValueError(
                 f"the contact would grow to {limit:g} thicknesses, where it meets a wall or the "
                 "end of the tip, or where the layer is too thin for the theory"

@@ -15,14 +15,12 @@ import numpy as np
 from indent_sim.theory.compression import Compression
 from indent_sim.theory.contact_curve import ContactCurve
 from indent_sim.theory.layer import Layer
+from indent_sim.theory.measured_constants import THEORY_ERROR
 from indent_sim.theory.roots import ForceCurve, depth_of_force
 from indent_sim.theory.solution import SOLUTION_ERRORS, Solution
 
 if TYPE_CHECKING:
     from indent_sim.theory.adhesion import Jkr
-
-THEORY_ERROR = 1e-8  # Stated relative error of the theory: ten times the measured one.
-TENSION_CHECK_DEPTHS = 10  # Depths of a path at which the sign of the contact pressure is checked.
 
 
 @dataclass(frozen=True)
@@ -84,7 +82,10 @@ class Theory:
         return deepest if deepest_solution and deepest_solution.force <= force else None
 
     def checked_for_tension(self, deltas: Sequence[float]) -> Theory:
-        """Return the theory, marked as inexact if its pressure is tensile at one of the depths."""
+        """Return the theory, marked as inexact if its pressure is tensile at one of the depths.
+
+        About ten of the depths are checked.
+        """
         if (
             not self.is_exact
             or isinstance(self.contact, Compression)
@@ -92,9 +93,7 @@ class Theory:
         ):
             return self
         sampled_depths = sorted(
-            delta
-            for delta in {*deltas[:: ceil(len(deltas) / TENSION_CHECK_DEPTHS)], max(deltas)}
-            if delta > 0
+            delta for delta in {*deltas[:: ceil(len(deltas) / 10)], max(deltas)} if delta > 0
         )
         solutions = self.solutions_at_depths(sampled_depths)
         if solutions is None:

@@ -33,14 +33,8 @@ from indent_sim.theory.surface_contact import (
     SurfaceContactLCP,
 )
 
-# Steps of one length at the beginning of a segment before their length doubles, and steps that a
-# segment has at least.
+# Steps of one length at the beginning of a segment before their length doubles.
 KINK_STEPS = 40
-LEAST_STEPS_PER_SEGMENT = 150
-# Steps of a history, about, beside at least one in each segment.
-MAX_HISTORY_STEPS = 2000
-STEPS_PER_RELAXATION_TIME = 20.0  # The first steps per shortest relaxation time.
-FORCE_TOLERANCE = 1e-12  # Relative error of a prescribed force.
 MAX_SEARCH_STEPS = 60  # Newton steps of the search for the depth of a force.
 
 
@@ -100,7 +94,8 @@ class ViscoelasticTimeStepper:
         Response
             The first one is that of the first time.
         """
-        self._longest_step = (times[-1] - times[0]) / MAX_HISTORY_STEPS
+        # About 2000 steps in all, beside at least one in each segment.
+        self._longest_step = (times[-1] - times[0]) / 2000
         yield self._step(times[0], 0.0, values[0])
         pieces = pairwise(zip(times, values, strict=True))
         for ((t0, v0), (t1, v1)), row_count in zip(
@@ -120,14 +115,13 @@ class ViscoelasticTimeStepper:
     def _steps_of_segment(self, start: float, end: float) -> list[tuple[float, float]]:
         """Return the steps of a segment as pairs (end, length), with few different lengths.
 
-        Short ones come first, since relaxation may be fast after the kink at the beginning of a
-        segment; then they are doubled up to the longest one.
+        There are at least 150. Short ones come first, 20 per shortest relaxation time, since
+        relaxation may be fast after the kink at the beginning of a segment; then they are doubled
+        up to the longest one.
         """
         span = end - start
-        longest_step = min(max(span / LEAST_STEPS_PER_SEGMENT, self._longest_step), span)
-        dt = min(
-            longest_step, min(self._relaxation_times, default=span) / STEPS_PER_RELAXATION_TIME
-        )
+        longest_step = min(max(span / 150, self._longest_step), span)
+        dt = min(longest_step, min(self._relaxation_times, default=span) / 20.0)
         dt = longest_step / 2.0 ** np.ceil(np.log2(longest_step / dt))
         steps = []
         t = start
@@ -195,7 +189,7 @@ class ViscoelasticTimeStepper:
                 delta = 0.5 * (lower_depth + delta)
                 continue
             force_deficit = force - float(areas @ p)
-            if abs(force_deficit) <= FORCE_TOLERANCE * force:
+            if abs(force_deficit) <= 1e-12 * force:
                 return delta, p
             lower_depth = delta if force_deficit > 0.0 else lower_depth
             delta += force_deficit / contact.stiffness

@@ -25,7 +25,7 @@ from indent_sim.run.pipeline import simulate, states
 from indent_sim.run.theory_comparison import theory_comparison
 from indent_sim.scene.scene import Scene, resolve
 from indent_sim.studies import cases, study_file
-from indent_sim.theory.no_slip import (
+from indent_sim.theory.measured_constants import (
     LAYER_FORCE_RATIOS,
     MAP_ERROR,
     MAPPED_POISSON_RATIOS,

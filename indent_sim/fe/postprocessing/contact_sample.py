@@ -175,16 +175,8 @@ def gap_of_displacement(
     if physics.gap == "current":
         x, y = horizontal_position(X + u)
         return gap_current(physics.indenter, x, y, X[..., -1] + u[..., -1], body.depth)
-
-    def open_gap() -> np.ndarray:
-        x, y = horizontal_position(X)
-        return gap_reference(physics.indenter, x, y, X[..., -1], 0.0)
-
-    return (
-        trace.cached_values("gap", (physics.indenter, physics.center), points, open_gap)
-        - body.depth
-        - u[..., -1]
-    )
+    x, y = horizontal_position(X)
+    return gap_reference(physics.indenter, x, y, X[..., -1], 0.0) - body.depth - u[..., -1]
 
 
 def _area_ratio(

@@ -8,13 +8,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from indent_sim.theory.no_slip import (
-    LAYER_FORCE_RATIOS,
-    MAPPED_POISSON_RATIOS,
-    force_ratio,
-    layer_force_range,
-    radius_ratio,
-)
+from indent_sim.theory.measured_constants import LAYER_FORCE_RATIOS, MAPPED_POISSON_RATIOS
+from indent_sim.theory.no_slip import force_ratio, layer_force_range, radius_ratio
 
 # Force without slip over the frictionless one: flat punch, cone, paraboloid, by superposed bonded
 # punches on rings
