@@ -229,7 +229,7 @@ def test_the_command_draws_a_study(tmp_path: Path) -> None:
     points = np.concatenate([part.get_offsets() for part in figure.axes[0].collections])
     assert np.asarray(points) == pytest.approx(np.column_stack([[5, 10], study["a"]]))
     for options, said in (
-        (["--what", "pressure"], "is one of curves"),
+        (["--what", "pressure"], "must be one of curves"),
         (["--zoom", "2"], "has no option zoom"),
     ):
         refused = CliRunner().invoke(commands.program, ["plot", str(folder), *options])

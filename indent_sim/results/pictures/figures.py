@@ -66,7 +66,8 @@ AXIS_LABEL_WIDTH = 0.75
 BAR_HEIGHT = 0.12
 MIN_LINE_LETTERS = 12  # Texts are broken into lines of so many letters at least.
 MM_PER_INCH = 25.4
-BarPosition = Literal["right", "bottom"]
+POINTS_PER_INCH = 72.0
+BarPosition = Literal["right", "bottom", "beside"]
 TITLE_LETTERS_PER_INCH = 9.0
 # Longer texts are shortened.
 MAX_SUBTITLE_LETTERS = 200
@@ -178,8 +179,10 @@ def _draw_in_columns(draw: Callable[..., Legend], width: float) -> Legend:
     """Draw a legend with as many columns as fit into a width [inches], and return it."""
     legend = draw(ncol=1)
     column_width = legend.get_window_extent().width / legend.figure.dpi
+    names = legend.get_texts()
+    gap = legend.columnspacing * names[0].get_fontsize() / POINTS_PER_INCH
     legend.remove()
-    return draw(ncol=int(np.clip(width / column_width, 1, len(legend.get_texts()))))
+    return draw(ncol=int(np.clip((width + gap) / (column_width + gap), 1, len(names))))
 
 
 def _wrap_names(names: Sequence[str], width: float) -> list[str]:
@@ -226,18 +229,22 @@ def draw_colour_bar(
     label
         Label of the bar.
     where
-        "right" of all panels, as high as they are, or at the "bottom" of the only panel.
+        "right" of all panels, as high as they are; at the "bottom" of the only panel; or "beside"
+        the only panel, which is true to scale and smaller than its place.
     """
     figure = panels[0].get_figure()
     if where == "right":
-        bar = figure.colorbar(drawn, ax=list(panels), label=label, aspect=25, **look)
+        look |= {"ax": list(panels), "aspect": 25}
+    elif where == "beside":
+        look["cax"] = panels[0].inset_axes((1.07, 0.0, 0.07, 1.0), label="<colorbar>")
     else:
-        below = panels[0].inset_axes(
+        look["orientation"] = "horizontal"
+        look["cax"] = panels[0].inset_axes(
             (0, -AXIS_LABEL_HEIGHT - BAR_HEIGHT, 1, BAR_HEIGHT),
             transform=_inches_below(panels[0]),
             label="<colorbar>",
         )
-        bar = figure.colorbar(drawn, cax=below, orientation="horizontal", label=label, **look)
+    bar = figure.colorbar(drawn, label=label, **look)
     bar.outline.set_visible(False)
     return bar
 
