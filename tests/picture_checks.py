@@ -4,6 +4,7 @@ that a legend does not tell apart, and more names than anybody reads.
 
 from __future__ import annotations
 
+import re
 from itertools import combinations
 from typing import Any
 
@@ -120,9 +121,11 @@ def _unseen(figure: Any) -> set[int]:
 
 
 def _names_itself(numbers: list[Any]) -> bool:
-    """Whether what stands along an axis are words."""
+    """Whether what stands along an axis are words; powers of ten are none."""
     return any(
-        character.isalpha() for label in numbers for character in label.get_text().replace("e", "")
+        character.isalpha()
+        for label in numbers
+        for character in re.sub(r"\\\w+|e", "", label.get_text())
     )
 
 

@@ -40,7 +40,7 @@ FONT_SIZE = 10.0  # Standard font size [points].
 PICTURE_FORMATS = (".png", ".svg", ".pdf")
 DPI = {"png": 160, "svg": 200, "pdf": 300}  # Resolution of rasterized parts.
 # Largest number of intervals of an axis, and least distance of its tick labels [pixels].
-MAX_TICKS = 6
+MAX_TICKS = 9
 TICK_LABEL_GAP = 3.0
 # Agg cannot draw longer sides [pixels]. A pixel takes 11 bytes until it is compressed: the second
 # limit keeps a picture below about 1 GB.
@@ -92,6 +92,15 @@ RC_PARAMETERS: PlotStyle = {
     **dict.fromkeys(("axes.labelcolor", "text.color", "xtick.labelcolor", "ytick.labelcolor"), INK),
 }
 
+# Lengths at the standard font size [points]; they grow with the letters.
+RC_LENGTHS = {
+    **dict.fromkeys(("xtick.major.size", "ytick.major.size"), 3.5),
+    **dict.fromkeys(("xtick.minor.size", "ytick.minor.size"), 2.0),
+    **dict.fromkeys(("xtick.major.pad", "ytick.major.pad"), 3.5),
+    "axes.labelpad": 4.0,
+    "axes.titlepad": 6.0,
+}
+
 
 @contextmanager
 def new_figure(size: tuple[float, float] = (9.2, 4.8), font: float = FONT_SIZE) -> Iterator[Figure]:
@@ -101,7 +110,8 @@ def new_figure(size: tuple[float, float] = (9.2, 4.8), font: float = FONT_SIZE) 
         warnings.filterwarnings("ignore", "Unable to import Axes3D")
         import matplotlib
         from matplotlib.figure import Figure
-    with matplotlib.rc_context(RC_PARAMETERS | {"font.size": font}):
+    lengths = {name: length * font / FONT_SIZE for name, length in RC_LENGTHS.items()}
+    with matplotlib.rc_context(RC_PARAMETERS | lengths | {"font.size": font}):
         yield Figure(figsize=size, layout="constrained")
 
 
@@ -379,15 +389,23 @@ def place_panels(figure: Figure) -> None:
 
 
 def thin_tick_labels(figure: Figure) -> None:
-    """Reduce the tick labels of linear axes until they do not touch."""
+    """Fix the numbers of ticks of linear axes so that their labels do not touch.
+
+    Otherwise the numbers of ticks would depend on the font size of the program that draws the
+    figure.
+    """
+    from matplotlib.ticker import MaxNLocator
+
     for axes in figure.axes:
-        if not axes.axison:
-            continue
         for axis in (axes.xaxis, axes.yaxis):
-            bins = MAX_TICKS
-            while axis.get_scale() == "linear" and bins > 1 and _has_touching_labels(axis):
-                axes.locator_params(axis=axis.axis_name, nbins=bins)
+            locator = axis.get_major_locator()
+            if not isinstance(locator, MaxNLocator):
+                continue
+            bins = int(np.clip(axis.get_tick_space(), 1, MAX_TICKS))
+            locator.set_params(nbins=bins)
+            while bins > 1 and _has_touching_labels(axis):
                 bins -= 1
+                locator.set_params(nbins=bins)
 
 
 def _has_touching_labels(axis: Any) -> bool:

@@ -504,7 +504,6 @@ class PressureMaps:
             strict=True,
         ):
             set_limits(length(middle - half), length(middle + half))
-        axes.locator_params(nbins=5)
         axes.set(
             xlabel=length.label,
             ylabel=Axis(position_label("y", self._runs), unit=length.unit).label,
