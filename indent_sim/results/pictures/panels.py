@@ -54,8 +54,8 @@ MAX_FILM_COLUMNS = 6
 MAX_LINE_COLUMNS = 3
 MAX_PANELS = 40
 T = TypeVar("T")
-# Least widths of panels at the standard font size [inches]: in a narrower panel the vertical axis is
-# shorter than its name. Several maps in a row have one colour bar right of them.
+# Least widths of panels at the standard font size [inches]. In a narrower panel the vertical axis
+# is shorter than its name. Several maps in a row have one colour bar right of them.
 MIN_PANEL_WIDTH = 2.6
 MIN_MAP_WIDTH = 1.8
 LabelledStep = tuple[Results, float, str]  # Result, step, and label.
