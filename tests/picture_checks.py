@@ -4,6 +4,7 @@ that a legend does not tell apart, and more names than anybody reads.
 
 from __future__ import annotations
 
+import re
 from itertools import combinations
 from typing import Any
 
@@ -20,10 +21,9 @@ TOUCH = 1.0  # pixels that two boxes may share, for they are those of the letter
 def faults(figure: Any) -> list[str]:
     """What is wrong with a laid-out figure, in words."""
     figure.draw_without_rendering()
-    renderer = figure._get_renderer()
     unseen = _unseen(figure)
     words = [text for text in figure.findobj(Text) if _is_seen(text) and id(text) not in unseen]
-    boxes = [(text.get_text(), text.get_window_extent(renderer)) for text in words]
+    boxes = [(text.get_text(), text.get_window_extent()) for text in words]
     found = [
         f"{one!r} lies on {other!r}"
         for (one, a), (other, b) in combinations(boxes, 2)
@@ -45,7 +45,7 @@ def faults(figure: Any) -> list[str]:
         for axes in panels
         if text.axes is not None
         and text.axes is not axes
-        and _overlap(box, axes.get_window_extent(renderer))
+        and _overlap(box, axes.get_window_extent())
     ]
     curves = [
         axes for axes in panels if axes.get_aspect() == "auto"
@@ -58,7 +58,7 @@ def faults(figure: Any) -> list[str]:
     ]
     for axes in figure.axes:
         for along in (axes.xaxis, axes.yaxis):
-            labels = [] if not axes.axison else [tick.label1 for tick in along._update_ticks()]
+            labels = [] if not axes.axison else [tick.label1 for tick in _ticks_in_view(along)]
             numbers = [label for label in labels if label.get_visible() and label.get_text()]
             is_bar = axes.get_label() == "<colorbar>"  # whose other axis has no numbers
             if numbers and not (is_bar or along.get_label_text() or _names_itself(numbers)):
@@ -107,7 +107,7 @@ def _unseen(figure: Any) -> set[int]:
     for axes in figure.findobj(Axes):  # bars of colours inside a panel too
         for along in (axes.xaxis, axes.yaxis):
             ticks = [*along.get_major_ticks(), *along.get_minor_ticks()]
-            drawn = along._update_ticks() if axes.axison and axes.get_visible() else []
+            drawn = _ticks_in_view(along) if axes.axison and axes.get_visible() else []
             found |= {
                 id(label)
                 for tick in ticks
@@ -119,10 +119,20 @@ def _unseen(figure: Any) -> set[int]:
     return found
 
 
+def _ticks_in_view(along: Any) -> list[Any]:
+    """Ticks between the ends of an axis; matplotlib draws no others."""
+    low, high = sorted(along.get_view_interval())
+    rounding = 1e-9 * (high - low)
+    ticks = [*along.get_major_ticks(), *along.get_minor_ticks()]
+    return [tick for tick in ticks if low - rounding <= tick.get_loc() <= high + rounding]
+
+
 def _names_itself(numbers: list[Any]) -> bool:
-    """Whether what stands along an axis are words."""
+    """Whether what stands along an axis are words; powers of ten are none."""
     return any(
-        character.isalpha() for label in numbers for character in label.get_text().replace("e", "")
+        character.isalpha()
+        for label in numbers
+        for character in re.sub(r"\\\w+|e", "", label.get_text())
     )
 
 

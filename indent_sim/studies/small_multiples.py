@@ -346,7 +346,7 @@ def representative_values(curve_groups: CurveGroups, column: str) -> tuple[list[
     return values, f"{column_axis.label}, {row_text}"
 
 
-def group_indices(curve_groups: CurveGroups, key: str) -> dict[str, list[int]]:
+def _group_indices(curve_groups: CurveGroups, key: str) -> dict[str, list[int]]:
     """Return the indices of the curves, grouped by the values of all other varied keys as text."""
     groups: dict[str, list[int]] = {}
     for index, name in enumerate(
@@ -363,6 +363,7 @@ def draw_over_number(
     values: Sequence[float],
     label: str,
     styles: Sequence[PlotStyle],
+    group_styles: Sequence[PlotStyle] | None = None,
 ) -> None:
     """Draw results over a varied number; runs that differ in it alone are joined by a line.
 
@@ -374,27 +375,28 @@ def draw_over_number(
         Result of each curve, and its axis label.
     styles
         Style of each curve; its points have this colour.
+    group_styles
+        Style of the line of each curve, if the lines are named in a legend.
     """
     numbers = curve_groups.key_numbers(key)
-    for indices in group_indices(curve_groups, key).values():
+    for name, indices in _group_indices(curve_groups, key).items():
         ordered = sorted(indices, key=lambda index: numbers[index])
-        colours = [styles[index]["color"] for index in ordered]
         x = [numbers[index] for index in ordered]
         y = [values[index] for index in ordered]
+        if group_styles:
+            axes.plot(x, y, lw=1.0, ms=5, **group_styles[ordered[0]], label=picture_text(name))
+            continue
+        colours = [styles[index]["color"] for index in ordered]
         line = colours[0] if len(set(map(str, colours))) == 1 else figures.GREY
         axes.plot(x, y, lw=0.9, color=line, zorder=1)
         axes.scatter(x, y, s=12, color=colours, zorder=2)
-    scale_number_axis(axes, numbers)
+    number_ratio = value_ratio(numbers)
+    if number_ratio > LOG_NUMBER_RATIO:
+        axes.set_xscale("log")
+        set_plain_log_ticks(axes.xaxis, number_ratio)
     if value_ratio(values) >= LOG_RESULT_RATIO:
         axes.set_yscale("log")
     axes.set(xlabel=key_label(curve_groups, key), ylabel=label)
-
-
-def scale_number_axis(axes: Axes, numbers: Sequence[float]) -> None:
-    """Set a logarithmic x axis for a varied number that spans decades."""
-    if value_ratio(numbers) > LOG_NUMBER_RATIO:
-        axes.set_xscale("log")
-        set_plain_log_ticks(axes.xaxis, value_ratio(numbers))
 
 
 def set_plain_log_ticks(matplotlib_axis: Any, ratio: float) -> None:
@@ -418,7 +420,8 @@ def is_grid(curve_groups: CurveGroups, keys: Sequence[str]) -> bool:
         zip(curve_groups.key_numbers(keys[0]), curve_groups.key_numbers(keys[1]), strict=True)
     )
     counts = [len({pair[i] for pair in pairs}) for i in (0, 1)]
-    return min(counts) >= MIN_MAP_VALUES and len(pairs) == counts[0] * counts[1]
+    is_full = len(pairs) == len(curve_groups.curves) == counts[0] * counts[1]
+    return min(counts) >= MIN_MAP_VALUES and is_full
 
 
 def draw_map(
@@ -434,23 +437,16 @@ def draw_map(
         Result of each curve, and its label.
     """
     from matplotlib.colors import LogNorm
-    from matplotlib.ticker import LogLocator, MaxNLocator
+    from matplotlib.ticker import MaxNLocator
 
-    x, y = (curve_groups.key_numbers(key) for key in keys)
-    value_at = {
-        pair: value for *pair_, value in zip(x, y, values, strict=True) for pair in [tuple(pair_)]
-    }
-    across = sorted(set(x))
-    up = sorted(set(y))
-    value_grid = np.array(
-        [[value_at[across_value, up_value] for across_value in across] for up_value in up]
-    )
+    x, y = (np.array(curve_groups.key_numbers(key)) for key in keys)
+    across = np.unique(x)
+    up = np.unique(y)
+    value_grid = np.array(values)[np.lexsort((x, y))].reshape(len(up), len(across))
     is_log = value_ratio(values) >= LOG_RESULT_RATIO
     low = min(values)
     high = max(values) if max(values) > low else low + 1.0
-    levels = np.linspace(low, high, MAP_LEVELS + 1)
-    if is_log:
-        levels = np.geomspace(low, high, MAP_LEVELS + 1)
+    levels = (np.geomspace if is_log else np.linspace)(low, high, MAP_LEVELS + 1)
     norm_style: PlotStyle = {"norm": LogNorm(low, high)} if is_log else {}
     filled_contours = axes.contourf(
         across, up, value_grid, levels=levels, cmap="viridis", extend="neither", **norm_style
@@ -466,8 +462,10 @@ def draw_map(
             set_plain_log_ticks(matplotlib_axis, value_ratio(numbers))
     axes.set(xlabel=key_label(curve_groups, keys[0]), ylabel=key_label(curve_groups, keys[1]))
     bar = figures.draw_colour_bar([axes], filled_contours, label, "bottom")
-    bar.set_ticks(LogLocator(subs=(1, 2, 5)) if is_log else MaxNLocator(5))
-    bar.ax.xaxis.set_major_formatter("{x:g}")
+    if is_log:
+        set_plain_log_ticks(bar.ax.xaxis, high / low)
+    else:
+        bar.set_ticks(MaxNLocator(5))
     bar.minorticks_off()
 
 

@@ -28,12 +28,12 @@ from indent_sim.studies import small_multiples, study_table
 from indent_sim.studies.curve_table import CurveGroups, distinguishing_labels
 from indent_sim.studies.small_multiples import (
     DASHES,
-    LOG_NUMBER_RATIO,
     MAX_COLOURS,
     MAX_NAMED_GROUPS,
     draw_number_bar,
-    group_indices,
+    draw_over_number,
     key_label,
+    representative_values,
     set_plain_log_ticks,
     styles_by_key,
     value_ratio,
@@ -424,41 +424,20 @@ def _common_holds(holds: Holds) -> list[HoldRelaxation]:
 def _draw_over_number(
     axes: Axes, curve_groups: CurveGroups, key: str, styles: Sequence[PlotStyle], holds: Holds
 ) -> None:
-    """Draw the representative force of every run, or the half time of its hold, over a number.
-
-    Runs that differ in this number alone are joined by a line. The lines have styles of their own
-    if they are few and named, else their points have the colours of the curves.
-    """
-    force = axis_of_column("force", [curve.results for curve in curve_groups.curves])
+    """Draw the representative force of every run, or the half time of its hold, over a number."""
+    values, label = representative_values(curve_groups, "force")
     common_holds = _common_holds(holds)
-    group_styles = _group_styles(curve_groups, key)
-    values = curve_groups.key_numbers(key)
-    y = [hold.half_time for hold in common_holds] or [
-        float(force(_representative_force(curve.results))) for curve in curve_groups.curves
-    ]
-    for name, indices in group_indices(curve_groups, key).items():
-        ordered = sorted(indices, key=lambda index: values[index])
-        x_y = [values[index] for index in ordered], [y[index] for index in ordered]
-        if group_styles:
-            axes.plot(*x_y, lw=1.0, ms=5, **group_styles[ordered[0]], label=picture_text(name))
-            continue
-        axes.plot(*x_y, lw=1.0, color=figures.GREY, zorder=1)
-        axes.scatter(*x_y, s=14, color=[styles[index]["color"] for index in ordered], zorder=2)
-    all_time_histories = all("t" in curve.results.table for curve in curve_groups.curves)
-    if value_ratio(values) > (1.0 if common_holds else LOG_NUMBER_RATIO):
-        axes.set_xscale("log")
-        set_plain_log_ticks(axes.xaxis, value_ratio(values))
-    if common_holds or value_ratio(y) >= LOG_FORCE_RATIO:
-        axes.set_yscale("log")
-    y_label = f"{'largest' if all_time_histories else 'last'} {force.label}"
     if common_holds:
-        y_label = f"half of the fall is over at t{_time_unit(curve_groups)}"
-    axes.set(xlabel=key_label(curve_groups, key), ylabel=y_label)
-
-
-def _representative_force(run: Results) -> float:
-    """Return the force of the row that represents a run in the table."""
-    return float(run["force"][study_table.representative_row(run)])
+        values = [hold.half_time for hold in common_holds]
+        label = f"half of the fall is over at t{_time_unit(curve_groups)}"
+    group_styles = _group_styles(curve_groups, key)
+    draw_over_number(axes, curve_groups, key, values, label, styles, group_styles)
+    number_ratio = value_ratio(curve_groups.key_numbers(key))
+    if common_holds:
+        axes.set_yscale("log")
+    if common_holds and number_ratio > 1:
+        axes.set_xscale("log")
+        set_plain_log_ticks(axes.xaxis, number_ratio)
 
 
 def _draw_error_over_cost(axes: Axes, groups: dict[str, list[Row]]) -> None:

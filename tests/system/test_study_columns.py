@@ -169,7 +169,7 @@ LAYER = {
 
 
 def test_runs_of_one_depth_have_numbers_along_the_depth() -> None:
-    """Forces over six decades at a single depth: a logarithmic axis of depths would have no end."""
+    """Forces over six decades, a single depth: a logarithmic axis of it would have no ends."""
     curves = families(**{"material.E": (1.0, 1e3, 1e6), "indenter.R": RADII}).curves
     single = tuple(
         RunCurve(

@@ -442,7 +442,6 @@ class FieldRow:
                     length,
                 )
             axes.set(aspect="equal", xlim=length(frame[:2]), ylim=length(frame[2:]))
-            axes.locator_params(nbins=5)
             draw_panel_title(axes, panel_title(run, step, words, apart="\n"))
             axes.set(xlabel=length.label, ylabel=Axis("z", unit=length.unit).label)
         is_clipped = [axis(inside).min() < low, axis(inside).max() > high]

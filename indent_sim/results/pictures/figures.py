@@ -40,7 +40,7 @@ FONT_SIZE = 10.0  # Standard font size [points].
 PICTURE_FORMATS = (".png", ".svg", ".pdf")
 DPI = {"png": 160, "svg": 200, "pdf": 300}  # Resolution of rasterized parts.
 # Largest number of intervals of an axis, and least distance of its tick labels [pixels].
-MAX_TICKS = 6
+MAX_TICKS = 9
 TICK_LABEL_GAP = 3.0
 # Agg cannot draw longer sides [pixels]. A pixel takes 11 bytes until it is compressed: the second
 # limit keeps a picture below about 1 GB.
@@ -66,7 +66,8 @@ AXIS_LABEL_WIDTH = 0.75
 BAR_HEIGHT = 0.12
 MIN_LINE_LETTERS = 12  # Texts are broken into lines of so many letters at least.
 MM_PER_INCH = 25.4
-BarPosition = Literal["right", "bottom"]
+POINTS_PER_INCH = 72.0
+BarPosition = Literal["right", "bottom", "beside"]
 TITLE_LETTERS_PER_INCH = 9.0
 # Longer texts are shortened.
 MAX_SUBTITLE_LETTERS = 200
@@ -91,6 +92,15 @@ RC_PARAMETERS: PlotStyle = {
     **dict.fromkeys(("axes.labelcolor", "text.color", "xtick.labelcolor", "ytick.labelcolor"), INK),
 }
 
+# Lengths at the standard font size [points]; they grow with the letters.
+RC_LENGTHS = {
+    **dict.fromkeys(("xtick.major.size", "ytick.major.size"), 3.5),
+    **dict.fromkeys(("xtick.minor.size", "ytick.minor.size"), 2.0),
+    **dict.fromkeys(("xtick.major.pad", "ytick.major.pad"), 3.5),
+    "axes.labelpad": 4.0,
+    "axes.titlepad": 6.0,
+}
+
 
 @contextmanager
 def new_figure(size: tuple[float, float] = (9.2, 4.8), font: float = FONT_SIZE) -> Iterator[Figure]:
@@ -100,7 +110,8 @@ def new_figure(size: tuple[float, float] = (9.2, 4.8), font: float = FONT_SIZE) 
         warnings.filterwarnings("ignore", "Unable to import Axes3D")
         import matplotlib
         from matplotlib.figure import Figure
-    with matplotlib.rc_context(RC_PARAMETERS | {"font.size": font}):
+    lengths = {name: length * font / FONT_SIZE for name, length in RC_LENGTHS.items()}
+    with matplotlib.rc_context(RC_PARAMETERS | lengths | {"font.size": font}):
         yield Figure(figsize=size, layout="constrained")
 
 
@@ -178,8 +189,10 @@ def _draw_in_columns(draw: Callable[..., Legend], width: float) -> Legend:
     """Draw a legend with as many columns as fit into a width [inches], and return it."""
     legend = draw(ncol=1)
     column_width = legend.get_window_extent().width / legend.figure.dpi
+    names = legend.get_texts()
+    gap = legend.columnspacing * names[0].get_fontsize() / POINTS_PER_INCH
     legend.remove()
-    return draw(ncol=int(np.clip(width / column_width, 1, len(legend.get_texts()))))
+    return draw(ncol=int(np.clip((width + gap) / (column_width + gap), 1, len(names))))
 
 
 def _wrap_names(names: Sequence[str], width: float) -> list[str]:
@@ -226,18 +239,22 @@ def draw_colour_bar(
     label
         Label of the bar.
     where
-        "right" of all panels, as high as they are, or at the "bottom" of the only panel.
+        "right" of all panels, as high as they are; at the "bottom" of the only panel; or "beside"
+        the only panel, which is true to scale and smaller than its place.
     """
     figure = panels[0].get_figure()
     if where == "right":
-        bar = figure.colorbar(drawn, ax=list(panels), label=label, aspect=25, **look)
+        look |= {"ax": list(panels), "aspect": 25}
+    elif where == "beside":
+        look["cax"] = panels[0].inset_axes((1.07, 0.0, 0.07, 1.0), label="<colorbar>")
     else:
-        below = panels[0].inset_axes(
+        look["orientation"] = "horizontal"
+        look["cax"] = panels[0].inset_axes(
             (0, -AXIS_LABEL_HEIGHT - BAR_HEIGHT, 1, BAR_HEIGHT),
             transform=_inches_below(panels[0]),
             label="<colorbar>",
         )
-        bar = figure.colorbar(drawn, cax=below, orientation="horizontal", label=label, **look)
+    bar = figure.colorbar(drawn, label=label, **look)
     bar.outline.set_visible(False)
     return bar
 
@@ -372,15 +389,23 @@ def place_panels(figure: Figure) -> None:
 
 
 def thin_tick_labels(figure: Figure) -> None:
-    """Reduce the tick labels of linear axes until they do not touch."""
+    """Fix the numbers of ticks of linear axes so that their labels do not touch.
+
+    Otherwise the numbers of ticks would depend on the font size of the program that draws the
+    figure.
+    """
+    from matplotlib.ticker import MaxNLocator
+
     for axes in figure.axes:
-        if not axes.axison:
-            continue
         for axis in (axes.xaxis, axes.yaxis):
-            bins = MAX_TICKS
-            while axis.get_scale() == "linear" and bins > 1 and _has_touching_labels(axis):
-                axes.locator_params(axis=axis.axis_name, nbins=bins)
+            locator = axis.get_major_locator()
+            if not isinstance(locator, MaxNLocator):
+                continue
+            bins = int(np.clip(axis.get_tick_space(), 1, MAX_TICKS))
+            locator.set_params(nbins=bins)
+            while bins > 1 and _has_touching_labels(axis):
                 bins -= 1
+                locator.set_params(nbins=bins)
 
 
 def _has_touching_labels(axis: Any) -> bool:

@@ -54,9 +54,9 @@ MAX_FILM_COLUMNS = 6
 MAX_LINE_COLUMNS = 3
 MAX_PANELS = 40
 T = TypeVar("T")
-MIN_CELL_WIDTH = 1.5  # Least width of a panel in a layout at the standard font size [inches].
-# Least widths of panels at the standard font size [inches].
-MIN_LINE_PANEL_WIDTH = 2.6
+# Least widths of panels at the standard font size [inches]. In a narrower panel the vertical axis
+# is shorter than its name. Several maps in a row have one colour bar right of them.
+MIN_PANEL_WIDTH = 2.6
 MIN_MAP_WIDTH = 1.8
 LabelledStep = tuple[Results, float, str]  # Result, step, and label.
 
@@ -182,11 +182,24 @@ class _Panel:
 
 @dataclass(frozen=True)
 class _Row:
-    """Panels of one size in lines and columns, with their ratio of height to width."""
+    """Panels of one size in lines and columns.
+
+    Attributes
+    ----------
+    lines, columns
+        Numbers of lines and columns.
+    aspect
+        Ratio of height to width of the panels.
+    min_panel_width
+        Least width of a panel with its labels at the standard font size [inches].
+    draw
+        Draws the panels and returns their axes.
+    """
 
     lines: int
     columns: int
     aspect: float
+    min_panel_width: float
     draw: Callable[[SubFigure], Sequence[Axes]]
 
 
@@ -237,7 +250,7 @@ def requested_figure(runs: Sequence[Results], request: PlotRequest) -> Iterator[
         if request.layout
         else _automatic_rows(runs, names, request)
     )
-    width = _picture_width(request, max(row.columns for row in rows))
+    width = _picture_width(request, rows)
     labels_height = LABELS_HEIGHT + NAME_HEIGHT * (len(runs) + len(request.what))
     heights = [
         row.lines * (row.aspect * width / row.columns + labels_height * request.font_scale)
@@ -268,9 +281,10 @@ def requested_figure(runs: Sequence[Results], request: PlotRequest) -> Iterator[
         yield figure
 
 
-def _picture_width(request: PlotRequest, columns: int) -> float:
+def _picture_width(request: PlotRequest, rows: Sequence[_Row]) -> float:
     """Return the width of a picture [inches]; UsageError if it is too small for its letters."""
-    min_width = MIN_CELL_WIDTH * request.font_scale * columns
+    columns = max(row.columns for row in rows)
+    min_width = request.font_scale * max(row.columns * row.min_panel_width for row in rows)
     if request.width is None:
         return max(PANEL_WIDTH * min(MAX_LINE_COLUMNS, columns), min_width)
     width = request.width * MM
@@ -390,7 +404,7 @@ def _automatic_rows(
                     MIN_MAP_WIDTH, MAX_FILM_COLUMNS if panel_kind == "film" else MAX_MAPS_IN_ROW
                 )
                 map_rows.append(_map_row(maps, max_columns))
-    max_columns = request.max_columns(MIN_LINE_PANEL_WIDTH, MAX_LINE_COLUMNS)
+    max_columns = request.max_columns(MIN_PANEL_WIDTH, MAX_LINE_COLUMNS)
     columns = (
         2
         if len(single_panels) == 4 and max_columns > 2
@@ -530,7 +544,7 @@ def _panel_row(panels: Sequence[_Panel], columns: int) -> _Row:
             unused.remove()
         return places[: len(panels)]
 
-    return _Row(1, columns, aspect, into)
+    return _Row(1, columns, aspect, MIN_PANEL_WIDTH, into)
 
 
 def _map_row(maps: FieldRow | PressureMaps, max_columns: int) -> _Row:
@@ -552,7 +566,7 @@ def _map_row(maps: FieldRow | PressureMaps, max_columns: int) -> _Row:
                 panel.label_outer()
         return used
 
-    return _Row(lines, columns, maps.aspect, into)
+    return _Row(lines, columns, maps.aspect, MIN_MAP_WIDTH, into)
 
 
 def _split_rows(panels: Sequence[T], max_columns: int) -> list[Sequence[T]]:

@@ -42,8 +42,6 @@ PRESSURE_VIEW = 1.5  # Half-width of the view around the tip, in contact radii.
 PRESSED_FRACTION = 0.02
 # Darkest colour of the map, behind labels that may be outside of the body.
 LABEL_BACKGROUND = "#00224e"
-# Colour bar beside a map: left, bottom, width and height relative to the map.
-COLOUR_BAR_BOX = (1.07, 0.0, 0.07, 1.0)
 
 
 @dataclass(frozen=True)
@@ -415,7 +413,7 @@ class PressureMaps:
         self,
         panels: Sequence[Axes],
         some: slice = slice(None),
-        where: BarPosition | Literal["beside"] = "right",
+        where: BarPosition = "right",
         aspect: float = 1.0,
     ) -> None:
         """Draw some of the maps with one colour bar.
@@ -427,8 +425,7 @@ class PressureMaps:
         some
             The maps to be drawn.
         where
-            Position of the colour bar: right of all panels, at the bottom of the only panel, or
-            "beside" a map in a place of another shape.
+            Position of the colour bar.
         aspect
             Ratio of height to width of the panels, at least 1.
         """
@@ -445,12 +442,7 @@ class PressureMaps:
             drawn = self._draw_map(axes, contact, length, pressure, (low, top), aspect)
             draw_panel_title(axes, panel_title(run, step, words))
         ticks = [tick for tick in MaxNLocator(5).tick_values(low, top) if low <= tick <= top]
-        if where == "beside":  # The bar is as high as the map, which is true to scale.
-            bar_axes = panels[0].inset_axes(COLOUR_BAR_BOX, label="<colorbar>")
-            bar = panels[0].figure.colorbar(drawn, cax=bar_axes, label=pressure.label, ticks=ticks)
-            bar.outline.set_visible(False)  # type: ignore[operator, unused-ignore]
-        else:
-            draw_colour_bar(panels, drawn, pressure.label, where, ticks=ticks)
+        draw_colour_bar(panels, drawn, pressure.label, where, ticks=ticks)
 
     def _colour_range(self, pressure: Axis) -> tuple[float, float]:
         """Return the smallest and the largest pressure shown.
@@ -514,7 +506,6 @@ class PressureMaps:
             strict=True,
         ):
             set_limits(length(middle - half), length(middle + half))
-        axes.locator_params(nbins=5)
         axes.set(
             xlabel=length.label,
             ylabel=Axis(position_label("y", self._runs), unit=length.unit).label,
