@@ -6,6 +6,7 @@ when the default handler of Ctrl-C is in place.
 
 from __future__ import annotations
 
+import gc
 import signal
 
 
@@ -16,7 +17,11 @@ def main() -> None:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     from indent_sim.cli.commands import main as run_program
 
-    run_program()
+    try:
+        run_program()
+    finally:
+        # The interpreter would search all objects of the libraries for garbage before it ends.
+        gc.freeze()
 
 
 if __name__ == "__main__":

@@ -122,7 +122,7 @@ class TestWithoutARun:
         """A Ctrl-C then would be a traceback out of an import: 13 of 60 were, sent in the first 0.3
         s of `plan`.
         """
-        known = "{'indent_sim', 'indent_sim.cli', 'indent_sim.cli.start', 'signal'}"
+        known = "{'indent_sim', 'indent_sim.cli', 'indent_sim.cli.start', 'gc', 'signal'}"
         names = f"{{name for name in sys.modules if name not in before}} - {known}"
         script = (
             f"import sys; before = set(sys.modules); import indent_sim.cli.start; print({names})"

@@ -107,7 +107,7 @@ def test_a_plate_is_no_tip_for_a_flat_top(body: dict[str, Any]) -> None:
 
 
 def test_what_can_be_told_at_a_look() -> None:
-    """Whether the mesher is forked before anything is resolved: never for a scene that theory
+    """Whether the mesher is started before anything is resolved: never for a scene that theory
     solves.
     """
 
