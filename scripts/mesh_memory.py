@@ -3,7 +3,7 @@
 usage: mpirun -n N .venv/bin/python scripts/mesh_memory.py SCENE [KEY=VALUE]...
 
 What this prints are MB of the process itself, beyond what it had with all libraries loaded: at most until then, and of
-the process beside rank 0 that meshes, or reads a mesh file. Files that are mapped are not among them.
+the process beside rank 0 that meshes, or reads a mesh file.
 """
 
 from __future__ import annotations
