@@ -4,7 +4,6 @@ usage: mpirun -n N .venv/bin/python scripts/mesh_memory.py SCENE [KEY=VALUE]...
 
 Prints, in MB, the largest memory of every rank beyond the memory that it has once all libraries are
 loaded, and the memory of the process beside rank 0 that makes the mesh or reads the mesh file.
-Memory-mapped files do not count.
 """
 
 from __future__ import annotations

@@ -121,13 +121,20 @@ class ChildProcess:
 
     def stop(self) -> None:
         """End the process."""
-        if self._process is not None:
-            atexit.unregister(self.stop)
-            self._process.kill()
-            self._process.communicate()
-            self._output.close()
+        process = self._process
         self._process = None
         self._is_busy = False
+        if process is None:
+            return
+        atexit.unregister(self.stop)
+        process.kill()
+        assert process.stdin is not None and process.stdout is not None
+        # A call that the process has not read is lost.
+        with suppress(BrokenPipeError):
+            process.stdin.close()
+        process.stdout.close()
+        process.wait()
+        self._output.close()
 
     def _receive_answer(self, process: subprocess.Popen[bytes]) -> Any:
         """Wait for the answer of a call; see `begin_call`."""

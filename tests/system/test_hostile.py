@@ -214,6 +214,11 @@ def is_compiler(event: str, arguments: tuple[Any, ...]) -> bool:
     )
 
 
+def is_child(event: str, arguments: tuple[Any, ...]) -> bool:
+    """Whether a process is one in which this program calls gmsh or a reader of mesh files."""
+    return event == "subprocess.Popen" and "indent_sim.process.child_process" in arguments[1]
+
+
 @contextmanager
 def watched(place: Path) -> Iterator[list[str]]:
     """What is started, and what is opened for writing outside a folder, while the block runs."""
@@ -221,7 +226,7 @@ def watched(place: Path) -> Iterator[list[str]]:
     fine = (str(place), "/dev/", "/proc/")
 
     def watch(event: str, arguments: tuple[Any, ...]) -> None:
-        if event in PROCESSES and not is_compiler(event, arguments):
+        if event in PROCESSES and not (is_compiler(event, arguments) or is_child(event, arguments)):
             seen.append(f"{event} {arguments}")
         elif event == "open" and isinstance(arguments[0], (str, bytes)):
             path = os.path.abspath(os.fsdecode(arguments[0]))

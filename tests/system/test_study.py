@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import study_runs
 from click.testing import CliRunner
 from command_line import environment
 
@@ -23,13 +24,10 @@ from indent_sim import studies
 from indent_sim.cli import commands
 from indent_sim.process.errors import ConfigError, NotConverged, UsageError
 from indent_sim.results.reader import Results, read
-from indent_sim.run import pipeline
-from indent_sim.run.pipeline import warm_up
 from indent_sim.studies import cases as case_list
 from indent_sim.studies import study_table
 from indent_sim.studies.parameter_points import StiffnessMultiple
 from indent_sim.studies.reference.reference_solution import ReferenceSolution
-from indent_sim.studies.worker import Job, Worker
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENE = """\
@@ -48,12 +46,6 @@ vary:
   mesh.h_contact: [0.06, 0.05, 0.04]
 """
 UNEQUAL = ("wall_s", "memory_MB", "peak_memory_MB")  # what the next time differs in, beside cpu_*
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _libraries_are_there() -> None:
-    """Loaded once here, not in every worker that is forked off."""
-    warm_up()
 
 
 @pytest.fixture
@@ -462,23 +454,16 @@ class TestRuns:
     @pytest.mark.parametrize(
         ("ending", "exit_code", "reason"),
         [
-            ("raise ZeroDivisionError('x')", 1, "ZeroDivisionError: x"),
-            ("os.kill(os.getpid(), 11)", 139, "SIGSEGV"),
-            ("os._exit(3)", 3, "exit code 3"),
-            ("raise NotConverged('x')", 5, "x"),
+            (study_runs.divide_by_zero, 1, "ZeroDivisionError: x"),
+            (study_runs.crash, 139, "SIGSEGV"),
+            (study_runs.leave, 3, "exit code 3"),
+            (study_runs.not_converge, 5, "never"),
         ],
     )
     def test_whatever_ends_a_run_ends_that_run_alone(
         self, written, tmp_path, monkeypatch, ending, exit_code, reason
     ):
-        whole = pipeline.simulate
-
-        def run(config, **options):
-            if config.mesh.h_contact == 0.05:
-                exec(ending)
-            return whole(config, **options)
-
-        monkeypatch.setattr(pipeline, "simulate", run)
+        monkeypatch.setattr("indent_sim.studies.worker.run_job", ending)
         text = METHODS.replace("[penalty, active_set]", "active_set")
         done = studies.execute_study(written(text), output=tmp_path / "out")
         assert [row["status"] for row in done.rows] == ["done", "failed", "done"]
@@ -490,13 +475,7 @@ class TestRuns:
         """Batch systems send SIGTERM to every process of a job; that the study's own one ends is
         enough.
         """
-        whole = pipeline.simulate
-
-        def run(config, **options):
-            os.kill(os.getpid(), signal.SIGTERM)
-            return whole(config, **options)
-
-        monkeypatch.setattr(pipeline, "simulate", run)
+        monkeypatch.setattr("indent_sim.studies.worker.run_job", study_runs.stop_worker)
         assert studies.execute_study(written(METHODS), output=tmp_path / "out").failures == []
 
     def test_a_run_that_was_cut_off_goes_on(self, written, tmp_path, monkeypatch):
@@ -540,10 +519,7 @@ class TestRuns:
         assert last["memory_MB"] > 0.4 * first["memory_MB"]  # and what a run needed is still seen
 
     def test_no_result_at_all_is_a_failure(self, written, tmp_path, monkeypatch):
-        def run(*args, **options):
-            raise NotConverged("never")
-
-        monkeypatch.setattr("indent_sim.run.pipeline.simulate", run)
+        monkeypatch.setattr("indent_sim.studies.worker.run_job", study_runs.fail)
         with pytest.raises(NotConverged, match="never"):
             studies.execute_study(written(METHODS), output=tmp_path / "out")
         assert {row["reason"] for row in rows_of(tmp_path / "out")} == {"never"}
@@ -584,11 +560,8 @@ class TestRuns:
             files = (tmp_path / "out" / "runs").rglob("*")
             return {file: file.read_bytes() for file in files if file.is_file()}
 
-        def fails(*given: object, **options: object) -> None:
-            raise NotConverged("no memory left")
-
         before, table = content(), rows_of(tmp_path / "out")
-        monkeypatch.setattr("indent_sim.run.pipeline.simulate", fails)
+        monkeypatch.setattr("indent_sim.studies.worker.run_job", study_runs.fail)
         studies.execute_study(path, output=tmp_path / "out")
         assert content() == before and rows_of(tmp_path / "out") == table
 
@@ -781,13 +754,12 @@ class TestRuns:
         assert [row["status"] for row in rows_of(tmp_path / "out")] == ["pending"] * 6
 
     def test_the_worker_is_gone_after_the_study(self, written, tmp_path):
-        case = case_list.resolve_cases(studies.read(written(METHODS)))[0][0]
-        before = child_processes()
-        with Worker({"the first": Job(case.planned_run, tmp_path / "run")}) as worker:
-            worker.begin_job("the first")
-            assert worker.wait_for_job() == (0, "")
-            assert len(child_processes() - before) == 1
-        assert child_processes() <= before
+        tell = []
+        studies.execute_study(written(METHODS), output=tmp_path / "out", tell=tell.append)
+        assert len(tell) == 6
+        children = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
+        commands = [Path(f"/proc/{pid}/cmdline").read_text() for pid in children]
+        assert not any("studies.worker" in command for command in commands)
 
 
 class TestAnotherKindOfFile:
