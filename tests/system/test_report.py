@@ -292,7 +292,7 @@ def test_numbers_in_the_page_are_those_of_the_table(tmp_path):
     page = written(tmp_path, given=("loading={deltas: [0.2 um, 0.4 um, 0.0]}",))
     deepest = read(tmp_path / "out").table["force"][1]
     numbers = dict(re.findall(r"<dt>([^<]*)</dt><dd>([^<]*)</dd>", page.read_text("utf-8")))
-    assert numbers["depth δ"] == "400 nm"
+    assert numbers["depth δ"] == "0.4 µm"
     force, unit = numbers["force F"].split()
     assert float(force) * {"pN": 1e-3, "nN": 1.0}[unit] == pytest.approx(deepest, rel=1e-3)
 
