@@ -8,6 +8,7 @@ import pickle
 from typing import Any
 
 import numpy as np
+import pytest
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.mesh import gmsh
@@ -15,6 +16,7 @@ from indent_sim.mesh.grid import Grid
 from indent_sim.model.contact import Penalty
 from indent_sim.model.state import State
 from indent_sim.run import pipeline
+from indent_sim.run.model_selection import variant_solver
 from indent_sim.run.previous_rows import PreviousRows
 from indent_sim.run.sanity_checks import violated_bound
 from indent_sim.scene.scene import Scene, resolve
@@ -146,3 +148,20 @@ def state_on(base: Scene, grid: Any) -> Any:
     mesh = solver.distribute(dataclasses.replace(grid, regions=regions), part, MPI.COMM_SELF)
     *_, last = solver.create_load_stepper(base, mesh).states(base.physics.path, lambda step: False)
     return last.to_user_units(base.physics.scales)
+
+
+def count_solutions(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Scenes that `require` solves from now on, in words: problem, elements, solver, history."""
+    solved: list[str] = []
+
+    def wrap(solve: Any) -> Any:
+        def wrapped(scene: Scene, **options: Any) -> Any:
+            parts = ("physics", "sizes", "solver", "experiment", "history_on_curve", "relaxation")
+            solved.append(" ".join(repr(getattr(scene, part)) for part in parts))
+            return solve(scene, **options)
+
+        return wrapped
+
+    for name in ("states", "condense"):
+        monkeypatch.setattr(variant_solver, name, wrap(getattr(variant_solver, name)))
+    return solved

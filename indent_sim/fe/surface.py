@@ -53,7 +53,7 @@ class Trace:
 
     @property
     def has_ripples(self) -> bool:
-        """Whether a multiplier oscillates at the vertices, see `interpolate_from_midpoints`."""
+        """True if a multiplier oscillates at the vertices, see `interpolate_from_midpoints`."""
         return self.dim == 3
 
     @cached_property

@@ -151,7 +151,7 @@ class ElasticLaw(ABC):
 
     @property
     def flow_by_permeability(self) -> Flow | None:
-        """Its flow, given by the permeability; ValueError as of `Flow.canonical`."""
+        """Flow given by the permeability; raises ValueError as `Flow.canonical` does."""
         return self.flow and self.flow.canonical(self.confined_modulus)
 
     def volume_growth(self, H: Expr) -> Expr:

@@ -1,4 +1,4 @@
-"""How an indentation is measured: adhesion without range, instrument, oscillations, uncertainty."""
+"""Experiment: adhesion without range, instrument, oscillations, and calibration uncertainty."""
 
 from __future__ import annotations
 

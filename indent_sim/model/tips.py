@@ -11,16 +11,23 @@ return g [length], >= 0 open; formulas accept floats, numpy arrays or UFL expres
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import reduce
 from itertools import pairwise
 from math import atan, degrees, inf, nan, pi
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from annotated_types import Ge, Le, Len
 
 from indent_sim.model.algebra import Expr, cos, maximum, minimum, sin, sqrt, tan, where_less
-from indent_sim.model.units import ANGLE, LENGTH, HalfAngle, Length, LengthOrZero
+from indent_sim.model.units import (
+    ANGLE,
+    LENGTH,
+    HalfAngle,
+    Length,
+    LengthOrZero,
+    field_units,
+)
 
 # Height of a tip outside the radius at which it ends, in multiples of that radius. It is above
 # every body (a scene whose body is higher is refused), and its square is finite.
@@ -29,6 +36,10 @@ ENDED_TIP_HEIGHT = 1e15
 STEM_HALF_ANGLE = 30.0
 # Added to a radius of curvature [length], so that sharp corners are not divided by zero.
 TINY_LENGTH = 1e-30
+# A tip is round up to a radius r if the spheres through its apex and its surface at r and at r/2
+# differ by at most this fraction of their radius. They differ by 5 % for a paraboloid at r = R/2,
+# and by a factor of 2 for a cone.
+MAX_RADIUS_DIFFERENCE = 0.1
 
 Angle = Annotated[float, ANGLE]
 Faces = Annotated[int, Ge(3), Le(64)]
@@ -41,9 +52,66 @@ class _Tip:
 
     is_axisymmetric: ClassVar[bool] = True
 
+    def height(self, x: Expr, y: Expr) -> Expr:
+        """Return f(x, y) [length]."""
+        raise NotImplementedError
+
+    def slope(self, r: Expr) -> Expr:
+        """Return f'(r), by a central difference of the height."""
+        # Step of the numerical derivative of a tip's height, relative to the radius.
+        slope_step = 1e-6
+        step = slope_step * r
+        return (self.height(r + step, 0.0 * r) - self.height(r - step, 0.0 * r)) / (2 * step)
+
     def slope_discontinuities(self) -> list[tuple[float, float]]:
         """Return radius and rounding width [length] of each circle where the slope jumps."""
         return []
+
+    def radius_scale(self, r: float) -> float | None:
+        """Return the radius [length] that measures the size of the tip up to the radius r [length].
+
+        It is that of the sphere through the apex and the surface at r. None if the tip is not round
+        there.
+        """
+        inner_radius, radius = (_sphere_radius(x, float(self.height(x, 0.0))) for x in (r / 2, r))
+        return radius if abs(inner_radius - radius) <= MAX_RADIUS_DIFFERENCE * radius else None
+
+    def characteristic_strain(self, delta: float, a: float) -> tuple[float, str]:
+        """Return the strain beside a contact, and the formula that gave it.
+
+        It is 0.2 times the slope of the tip at the edge of the contact (Tabor 1951 for a ball,
+        Johnson 1985, 6.3 for a cone, whatever its depth). Round tips are balls; a contact that
+        reaches the end of the tip is that of a punch.
+
+        Parameters
+        ----------
+        delta
+            Depth [length].
+        a
+            Contact radius [length].
+        """
+        if a >= max_radius(self):
+            return _punch_strain(delta, a)
+        radius = self.radius_scale(a)
+        if radius is not None:
+            return 0.2 * a / radius, "0.2 a/R"
+        return self._strain_of_slope(a)
+
+    def _strain_of_slope(self, a: float) -> tuple[float, str]:
+        """Return 0.2 times the slope at the edge of the contact, and a text for it."""
+        return 0.2 * self.slope(a), "0.2 times the slope at the contact's edge"
+
+    def scaled(self, factor: float) -> Self:
+        """Return the geometrically similar tip, with all lengths multiplied by a factor."""
+        kind: type = type(self)
+        units = field_units(kind)
+        own_fields: Any = fields(kind)
+        lengths = {
+            field.name: _multiply(getattr(self, field.name), factor)
+            for field in own_fields
+            if units[field.name] == LENGTH
+        }
+        return replace(self, **lengths)  # type: ignore[type-var]
 
 
 class _PointedTip(_Tip):
@@ -55,6 +123,10 @@ class _PointedTip(_Tip):
     def slope_discontinuities(self) -> list[tuple[float, float]]:
         """Return radius and width [length] of the rounding of the apex."""
         return [(0.0, self.tip_radius * float(cos(self.half_angle)))]
+
+    def radius_scale(self, r: float) -> None:
+        """Return None: the size of the tip is that of its rounding, which is not a radius R."""
+        return None
 
 
 @dataclass(frozen=True)
@@ -76,13 +148,17 @@ class Paraboloid(_Tip):
         """Return the radius of the tip's section `depth` above its apex [length]."""
         return float(sqrt(2 * self.R * depth))
 
+    def radius_scale(self, r: float) -> float:
+        """Return R."""
+        return self.R
+
 
 @dataclass(frozen=True)
 class Sphere(_Tip):
     """Sphere f = r^2 / (R + sqrt(R^2 - r^2)) for r < R; no contact beyond.
 
-    `gap_current` is the distance from the whole sphere, its upper side included, but for a stem
-    that holds it.
+    With `gap: current` the gap is the distance from the whole sphere, including its upper side,
+    except for a stem within 30 degrees of the axis, which holds it.
     """
 
     R: Length
@@ -118,6 +194,10 @@ class Sphere(_Tip):
         """Return the radius of the tip's section `depth` above its apex [length]."""
         depth = min(depth, self.R)
         return float(sqrt(depth * (2 * self.R - depth)))
+
+    def radius_scale(self, r: float) -> float:
+        """Return R."""
+        return self.R
 
 
 @dataclass(frozen=True)
@@ -162,6 +242,12 @@ class Cone(_PointedTip):
             return float(sqrt(depth * (2 * rho - depth)))
         return float((depth + rho * (1 / sin(self.half_angle) - 1)) * tan(self.half_angle))
 
+    def characteristic_strain(self, delta: float, a: float) -> tuple[float, str]:
+        """Return the strain beside a contact, on the flank or on the rounded apex."""
+        if a > self.tip_radius * cos(self.half_angle):
+            return 0.2 / tan(self.half_angle), "0.2 cot(half_angle)"
+        return 0.2 * a / self.tip_radius, "0.2 a/tip_radius"
+
 
 @dataclass(frozen=True)
 class Hyperboloid(_Tip):
@@ -205,6 +291,14 @@ class Hyperboloid(_Tip):
         """Return the radius of the tip's section `depth` above its apex [length]."""
         slope = 1 / tan(self.half_angle)
         return float(sqrt(depth * (2 * self.R + depth / slope**2)))
+
+    def radius_scale(self, r: float) -> float:
+        """Return R, the only length of the tip."""
+        return self.R
+
+    def characteristic_strain(self, delta: float, a: float) -> tuple[float, str]:
+        """Return 0.2 times the slope at the edge of the contact, and a text for it."""
+        return self._strain_of_slope(a)
 
 
 @dataclass(frozen=True)
@@ -251,6 +345,14 @@ class FlatPunch(_Tip):
         """Return the punch's radius, the same at any depth [length]."""
         return self.radius
 
+    def radius_scale(self, r: float) -> None:
+        """Return None: the size of the tip is that of its face, which is not a radius R."""
+        return None
+
+    def characteristic_strain(self, delta: float, a: float) -> tuple[float, str]:
+        """Return the strain beside a contact, and the formula that gave it."""
+        return _punch_strain(delta, a)
+
     def slope_discontinuities(self) -> list[tuple[float, float]]:
         """Return radius and rounding width [length] of each circle where the slope jumps."""
         return [(self.radius - self.edge_radius, self.edge_radius)]
@@ -273,6 +375,14 @@ class Plate(_Tip):
     def radius_at(self, depth: float) -> float:
         """Return infinity: a plane has no end [length]."""
         return inf
+
+    def radius_scale(self, r: float) -> None:
+        """Return None: a plane has no size."""
+        return None
+
+    def characteristic_strain(self, delta: float, a: float) -> tuple[float, str]:
+        """Return the strain beside a contact, and the formula that gave it."""
+        return _punch_strain(delta, a)
 
 
 class RegularPyramid(_PointedTip):
@@ -355,6 +465,11 @@ class RegularPyramid(_PointedTip):
         return inscribed_cone.radius_at(depth) * (
             1.0 if is_on_cap else self.equivalent_radius_ratio
         )
+
+    def characteristic_strain(self, delta: float, a: float) -> tuple[float, str]:
+        """Return the strain beside a contact with the cone of equal sections."""
+        strain = 0.2 / (self.equivalent_radius_ratio * tan(self.half_angle))
+        return strain, "0.2 cot(half_angle of the cone of equal sections)"
 
     @property
     def equivalent_radius_ratio(self) -> float:
@@ -516,6 +631,27 @@ class Profile(_Tip):
         return [*corners, (self.points[-1][0], 0.0)]
 
 
+def _punch_strain(delta: float, a: float) -> tuple[float, str]:
+    """Return the strain beside the contact of a flat punch, which has no slope, and its formula.
+
+    It is the same share of the mean pressure 2 E* delta/(pi a) as 0.2 a/R is of a ball's
+    4 E* a/(3 pi R), within 1 %.
+    """
+    return 0.3 * delta / a, "0.3 delta/a"
+
+
+def _sphere_radius(r: float, height: float) -> float:
+    """Return the radius [length] of the sphere through the apex and a point of the surface."""
+    return (r * r + height * height) / (2 * height) if height > 0 else inf
+
+
+def _multiply(value: Any, factor: float) -> Any:
+    """Return a number, or all numbers of nested tuples, times a factor."""
+    if isinstance(value, tuple):
+        return tuple(_multiply(part, factor) for part in value)
+    return factor * value
+
+
 def _largest(values: Sequence[Expr]) -> Expr:
     """Return the maximum of several expressions by pairs, so that their nesting is shallow."""
     while len(values) > 1:
@@ -539,7 +675,7 @@ Indenter = (
 )
 
 
-def max_radius(tip: Indenter) -> float:
+def max_radius(tip: _Tip) -> float:
     """Return the radius [length] at which a tip ends; infinity if it does not end."""
     match tip:
         case Sphere(R=R):
@@ -559,6 +695,16 @@ def flat_radius(tip: Indenter) -> float:
         case FlatPunch(radius=radius, edge_radius=edge_radius):
             return radius - edge_radius
     return 0.0
+
+
+def sharp_edge_radius(tip: Indenter) -> float | None:
+    """Return the radius [length] of the sharp edge at which a tip ends; None without one."""
+    match tip:
+        case FlatPunch(radius=radius, edge_radius=0.0):
+            return radius
+        case Profile(points=points):
+            return points[-1][0]
+    return None
 
 
 def gap_under_tip(tip: Indenter, gap: Expr) -> Expr:

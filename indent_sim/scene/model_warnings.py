@@ -16,21 +16,16 @@ from indent_sim.model.elastic_law import LOCKING_POISSON_RATIO
 from indent_sim.model.tips import (
     STEM_HALF_ANGLE,
     FlatPunch,
-    Hyperboloid,
     Paraboloid,
     Sphere,
     max_radius,
 )
-from indent_sim.scene.characteristic_strain import characteristic_strain
 from indent_sim.scene.half_space_formulas import half_space_force
 from indent_sim.scene.problem_setup import ATTRACTION_CUTOFF, ProblemSetup
 from indent_sim.scene.regions import unused_material_message
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
-
-# Characteristic strain up to which forces at small strain are good to some per cent: a/R = 0.25.
-MAX_SMALL_STRAIN = 0.05
 
 
 @dataclass(frozen=True)
@@ -92,11 +87,14 @@ def _model_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
     tip = physics.indenter
     delta = setup.max_depth
     a = setup.a
-    strain, formula = characteristic_strain(setup.relative_tip, delta, a)
+    strain, formula = setup.relative_tip.characteristic_strain(delta, a)
     if physics.is_compressed:
         strain = delta / body.height
         formula = "delta/height"
-    if physics.small_strain and strain > MAX_SMALL_STRAIN:
+    # Characteristic strain up to which forces at small strain are good to some per cent: a/R
+    # = 0.25.
+    max_small_strain = 0.05
+    if physics.small_strain and strain > max_small_strain:
         yield ModelWarning(
             "small_strain",
             f"strains near {formula} = {strain:.2g}: small strain is no longer a good model",
@@ -192,11 +190,10 @@ def _adhesion_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
     JKR limit by 1 %.
     """
     limit = setup.jkr_limit
-    if (
-        limit is None
-        or limit.range is None
-        or not isinstance(setup.relative_tip, Paraboloid | Sphere | Hyperboloid)
-    ):
+    if limit is None or limit.range is None:
+        return
+    radius = setup.relative_tip.radius_scale(setup.a)
+    if radius is None:
         return
     from indent_sim.theory.maugis import (  # Loads scipy, which no other scene needs.
         maugis_lambda,
@@ -204,7 +201,7 @@ def _adhesion_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
         tabor_number,
     )
 
-    parameters = limit.work, limit.range, setup.relative_tip.R, setup.physics.material.E_star
+    parameters = limit.work, limit.range, radius, setup.physics.material.E_star
     pull_off_factor = maugis_pull_off(maugis_lambda(*parameters))
     if abs(pull_off_factor / -1.5 - 1) > 0.01:
         range_text = (

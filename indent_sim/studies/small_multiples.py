@@ -35,10 +35,11 @@ LOG_NUMBER_RATIO = 20.0
 # Results of many runs are on a logarithmic axis beyond this ratio: on a linear one half of the
 # curves would lie on zero.
 LOG_RESULT_RATIO = 30.0
-# A map needs so many values of each of its two keys.
-MIN_MAP_VALUES = 3
 # A logarithmic axis with a larger ratio of its ends has ticks only at 1, 2 and 5 of a decade.
 FEW_TICKS_RATIO = 6.0
+# Margin of a logarithmic axis: a factor that is a power of the ratio of its ends, and its minimum.
+LOG_MARGIN_EXPONENT = 0.05
+MIN_LOG_MARGIN = 1.25
 MAP_LEVELS = 12
 # Width and height of a small multiple [inches].
 MULTIPLE_SIZE = (2.0, 1.75)
@@ -140,8 +141,7 @@ def small_multiples_figure(curve_groups: CurveGroups, title: str) -> Iterator[Fi
                     draw_map(axes, curve_groups, number_keys, values, label)
                 else:
                     draw_over_number(axes, curve_groups, key, values, label, styles)
-        if first_axes.get_legend_handles_labels()[1]:
-            figures.draw_figure_legend(figure, first_axes)
+        figures.draw_figure_legend(figure, first_axes)
         figures.draw_title(figure, title, _subtitle(curve_groups, key_roles, across))
         yield figure
 
@@ -224,16 +224,19 @@ def _draw_multiples(
                     force,
                     [styles[i] for i in panel_runs],
                 )
-            figures.draw_panel_title(axes, picture_text(", ".join(filter(None, (name, row_name)))))
+            value_names = [
+                value_name or f"{curve_groups.short_key(key)} not given"
+                for key, value_name in ((key_roles.across, name), (key_roles.down, row_name))
+                if key
+            ]
+            figures.draw_panel_title(axes, picture_text(", ".join(value_names)))
             axes.set(xlabel=depth.label, ylabel=force.label)
     first_axes: Axes = panels[0, 0]
     _scale_axes(first_axes, runs, depth, force)
     for axes in panels.ravel():
         axes.label_outer()
     if bar is not None:
-        figures.draw_colour_bar(
-            list(panels.ravel()), bar, key_label(curve_groups, key_roles.colour), "right"
-        )
+        draw_number_bar(list(panels.ravel()), bar, key_label(curve_groups, key_roles.colour))
     else:
         style_by_name = dict(zip(names[key_roles.colour], styles, strict=True))
         for name, style in style_by_name.items():
@@ -262,15 +265,19 @@ def _scale_axes(axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis) -
     if value_ratio([run["force"].max() for run in runs]) < LOG_RESULT_RATIO:
         axes.autoscale_view()
         return
-    axes.set(xscale="log", yscale="log")
-    for matplotlib_axis, set_limits, convert, column in (
-        (axes.xaxis, axes.set_xlim, depth, "delta"),
-        (axes.yaxis, axes.set_ylim, force, "force"),
+    for matplotlib_axis, set_scale, set_limits, convert, column in (
+        (axes.xaxis, axes.set_xscale, axes.set_xlim, depth, "delta"),
+        (axes.yaxis, axes.set_yscale, axes.set_ylim, force, "force"),
     ):
         values = np.concatenate([run[column] for run in runs])
         positive_values = convert(values[values > 0])
-        set_limits(0.8 * positive_values.min(), 1.25 * positive_values.max())
-        set_plain_log_ticks(matplotlib_axis, max(value_ratio(positive_values), FEW_TICKS_RATIO))
+        ratio = value_ratio(positive_values)
+        if ratio == 1:  # All runs have one step at the same depth.
+            continue
+        set_scale("log")
+        margin = max(MIN_LOG_MARGIN, ratio**LOG_MARGIN_EXPONENT)
+        set_limits(positive_values.min() / margin, margin * positive_values.max())
+        set_plain_log_ticks(matplotlib_axis, max(ratio, FEW_TICKS_RATIO))
         matplotlib_axis.set_minor_locator(NullLocator())
 
 
@@ -302,6 +309,16 @@ def number_colours(values: Sequence[float]) -> tuple[list[Colour], Any]:
     colour_map = LinearSegmentedColormap.from_list("shades", viridis(np.linspace(0.0, 0.9, 256)))
     colours = [tuple(colour) for colour in viridis(0.9 * np.asarray(norm(values))).tolist()]
     return colours, ScalarMappable(norm, colour_map)
+
+
+def draw_number_bar(panels: Sequence[Axes], colour_scale: Any, label: str) -> None:
+    """Draw the colour bar of a varied number right of the panels."""
+    from matplotlib.colors import LogNorm
+
+    bar = figures.draw_colour_bar(panels, colour_scale, label, "right")
+    norm = colour_scale.norm
+    if isinstance(norm, LogNorm):
+        set_plain_log_ticks(bar.ax.yaxis, norm.vmax / norm.vmin)
 
 
 def key_label(curve_groups: CurveGroups, key: str) -> str:
@@ -399,7 +416,9 @@ def is_grid(curve_groups: CurveGroups, keys: Sequence[str]) -> bool:
         zip(curve_groups.key_numbers(keys[0]), curve_groups.key_numbers(keys[1]), strict=True)
     )
     counts = [len({pair[i] for pair in pairs}) for i in (0, 1)]
-    return min(counts) >= MIN_MAP_VALUES and len(pairs) == counts[0] * counts[1]
+    # A map needs so many values of each of its two keys.
+    min_map_values = 3
+    return min(counts) >= min_map_values and len(pairs) == counts[0] * counts[1]
 
 
 def draw_map(
@@ -436,7 +455,8 @@ def draw_map(
     filled_contours = axes.contourf(
         across, up, value_grid, levels=levels, cmap="viridis", extend="neither", **norm_style
     )
-    axes.plot(x, y, ls="", marker=".", ms=4, color="white", mec=figures.INK, mew=0.3)
+    dot_style: PlotStyle = {"ls": "", "marker": "o", "ms": 3, "color": "white", "clip_on": False}
+    axes.plot(x, y, mec=figures.INK, mew=0.5, zorder=3, **dot_style)
     for numbers, scale, matplotlib_axis in (
         (across, axes.set_xscale, axes.xaxis),
         (up, axes.set_yscale, axes.yaxis),
@@ -463,6 +483,45 @@ def column_figure(curve_groups: CurveGroups, column: str, title: str) -> Iterato
     UsageError
         No number varies, or no run has this column.
     """
+    panel_keys = _keys_of_panels(curve_groups, column)
+    is_map = len(panel_keys[0]) == 2
+    count = len(panel_keys)
+    width = PANEL_SIZE[0] * count * (1.4 if count == 1 else 1.0)
+    with figures.new_figure(
+        (width, TITLE_HEIGHT + PANEL_SIZE[1] + (1.0 if is_map else 0.4))
+    ) as figure:
+        panels = figure.subplots(1, count, squeeze=False)[0]
+        _draw_column(panels, curve_groups, column, panel_keys)
+        figures.draw_figure_legend(figure, panels[0])
+        figures.draw_title(figure, title, f"{len(curve_groups.curves)} runs")
+        yield figure
+
+
+def draw_column_into(axes: Axes, curve_groups: CurveGroups, column: str) -> None:
+    """Draw one of `PLOTTED_COLUMNS` into axes of another program's figure, with a legend inside.
+
+    Raises
+    ------
+    UsageError
+        As `column_figure` raises it, and if the column needs several panels.
+    """
+    panel_keys = _keys_of_panels(curve_groups, column)
+    if len(panel_keys) > 1:
+        keys = ", ".join(key for keys in panel_keys for key in keys)
+        raise UsageError(
+            f"ax is for one panel, but {column} has {len(panel_keys)}: over {keys}",
+            "plot it without ax",
+        )
+    _draw_column([axes], curve_groups, column, panel_keys)
+    if axes.get_legend_handles_labels()[1]:
+        axes.legend()
+
+
+def _keys_of_panels(curve_groups: CurveGroups, column: str) -> list[tuple[str, ...]]:
+    """Return the varied numbers of each panel of a column: one, or two for a map.
+
+    UsageError if there are none, or no run has the column.
+    """
     numeric = curve_groups.numeric_keys()
     if not numeric:
         raise UsageError(
@@ -472,39 +531,35 @@ def column_figure(curve_groups: CurveGroups, column: str, title: str) -> Iterato
         np.isfinite(curve.results.table.get(column, np.nan)).any() for curve in curve_groups.curves
     ):
         raise UsageError(f"no run of this study has {column}")
-    number_keys = (
-        (STIFFNESS_KEY,)
-        if column == "penetration" and STIFFNESS_KEY in numeric
-        else numeric[:MAX_NUMBER_PANELS]
-    )
+    if column == "penetration" and STIFFNESS_KEY in numeric:
+        return [(STIFFNESS_KEY,)]
+    if is_grid(curve_groups, numeric):
+        return [numeric]
+    return [(key,) for key in numeric[:MAX_NUMBER_PANELS]]
+
+
+def _draw_column(
+    panels: Sequence[Axes],
+    curve_groups: CurveGroups,
+    column: str,
+    panel_keys: Sequence[tuple[str, ...]],
+) -> None:
+    """Draw a column into its panels: a map, or points over a varied number in each panel."""
     values, label = representative_values(curve_groups, column)
-    is_map = number_keys == numeric and is_grid(curve_groups, number_keys)
-    count = 1 if is_map else len(number_keys)
-    width = PANEL_SIZE[0] * count * (1.4 if count == 1 else 1.0)
-    with figures.new_figure(
-        (width, TITLE_HEIGHT + PANEL_SIZE[1] + (1.0 if is_map else 0.4))
-    ) as figure:
-        panels = figure.subplots(1, count, squeeze=False)[0]
-        if is_map:
-            draw_map(panels[0], curve_groups, number_keys, values, label)
-        else:
-            _draw_over_each(figure, panels, curve_groups, number_keys, (values, label))
-        if number_keys == (STIFFNESS_KEY,):
-            _draw_pressure_over_stiffness(panels[0], curve_groups)
-            if (
-                min(values) > 0
-                and value_ratio(curve_groups.key_numbers(STIFFNESS_KEY)) > LOG_NUMBER_RATIO
-            ):
-                # Penetration is inversely proportional to the stiffness.
-                panels[0].set_yscale("log")
-        if panels[0].get_legend_handles_labels()[1]:
-            figures.draw_figure_legend(figure, panels[0])
-        figures.draw_title(figure, title, f"{len(curve_groups.curves)} runs")
-        yield figure
+    if len(panel_keys[0]) == 2:
+        draw_map(panels[0], curve_groups, panel_keys[0], values, label)
+        return
+    number_keys = [key for (key,) in panel_keys]
+    _draw_over_each(panels, curve_groups, number_keys, (values, label))
+    if column == "penetration" and number_keys == [STIFFNESS_KEY]:
+        _draw_pressure_over_stiffness(panels[0], curve_groups)
+        stiffness_ratio = value_ratio(curve_groups.key_numbers(STIFFNESS_KEY))
+        if min(values) > 0 and stiffness_ratio > LOG_NUMBER_RATIO:
+            # Penetration is inversely proportional to the stiffness.
+            panels[0].set_yscale("log")
 
 
 def _draw_over_each(
-    figure: Figure,
     panels: Sequence[Axes],
     curve_groups: CurveGroups,
     number_keys: Sequence[str],
@@ -528,7 +583,7 @@ def _draw_over_each(
         )
         styles, bar = styles_by_key(curve_groups, colour_key)
         if bar is not None:
-            figures.draw_colour_bar(list(panels), bar, key_label(curve_groups, colour_key), "right")
+            draw_number_bar(list(panels), bar, key_label(curve_groups, colour_key))
     else:
         styles = [{"color": figures.COLOURS[0]} for _ in names]
     for axes, key in zip(panels, number_keys, strict=True):

@@ -80,9 +80,9 @@ class Hindered:
         self._tries += depth == self._refused
         return is_found and depth != self._refused
 
-    def settle(self, depth: float, dt: float = 0.0) -> bool:
+    def relax_to_stable_state(self, depth: float, dt: float = 0.0) -> bool:
         self._depth = depth
-        return depth != self._refused and self._equilibrium.settle(depth, dt)
+        return depth != self._refused and self._equilibrium.relax_to_stable_state(depth, dt)
 
     def accept(self) -> float:
         self.accepted.append(self._depth)

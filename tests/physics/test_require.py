@@ -8,19 +8,21 @@ from __future__ import annotations
 import json
 import math
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import pytest
 from click.testing import CliRunner
-from scenes import placed
+from mesh_files import section, write
+from scenes import count_solutions, placed
 from scipy.optimize import brentq
 
 from indent_sim.cli import commands
 from indent_sim.config.scene_file import config_from_mapping
-from indent_sim.run.model_selection.effect_table import EFFECT_ROWS
-from indent_sim.run.model_selection.effects import Effect
+from indent_sim.run.model_selection.effect_table import EFFECTS
+from indent_sim.run.model_selection.effects import Effect, find_effect
 from indent_sim.run.model_selection.recommended_model import Requirements, require
-from indent_sim.run.model_selection.variant_solver import VariantSolver
+from indent_sim.run.model_selection.scene_variants import SceneVariants
 from indent_sim.run.pipeline import states
 from indent_sim.scene.scene import resolve
 from indent_sim.theory import half_space
@@ -82,8 +84,7 @@ def row(scene: dict[str, Any], name: str) -> Effect:
 @cache
 def _row(text: str, name: str) -> Effect:
     config = config_from_mapping(placed(json.loads(text)))
-    (requirement,) = (one for one in EFFECT_ROWS if one.name == name)
-    return requirement.effect(VariantSolver(config, resolve(config)), 0.01)
+    return find_effect(name, EFFECTS[name], SceneVariants(config, resolve(config)))
 
 
 def threshold(effect: Effect) -> float:
@@ -105,6 +106,38 @@ def test_a_sphere_for_a_paraboloid() -> None:
         - 1
     )
     assert row(HALF_SPACE, "paraboloid").percent == pytest.approx(100 * exact, rel=1e-6)
+
+
+def sphere_of_points(spacing: float) -> dict[str, Any]:
+    """A profile with points on the sphere of radius 1, as far as half of that."""
+    radii = [k * spacing for k in range(round(0.5 / spacing) + 1)]
+    return {"shape": "profile", "points": [[r, 1 - math.sqrt(1 - r * r)] for r in radii]}
+
+
+@pytest.mark.parametrize("depth", [0.06, 0.09])
+def test_a_profile_on_a_sphere_has_the_rows_of_the_sphere(depth: float) -> None:
+    """And its warnings, word for word.
+
+    Between its points the profile is higher than the sphere by up to spacing^2/(8 R) = 2e-5, which
+    is 3e-4 of the depth and of the force; effects agree to 0.1 %, thresholds to one of the two
+    digits that are given.
+    """
+    tips = {"shape": "sphere", "R": 1.0}, sphere_of_points(0.0125)
+    scenes = [HALF_SPACE | {"indenter": tip, "loading": {"delta": depth}} for tip in tips]
+    warnings = [resolve(config_from_mapping(scene)).plan.warnings for scene in scenes]
+    assert warnings[0] == warnings[1]
+    assert any("strains near 0.2 a/R" in text for text in warnings[0]) == (depth == 0.09)
+    for name in ("paraboloid", "incompressible"):
+        sphere, profile = (row(scene, name) for scene in scenes)
+        assert profile.percent == pytest.approx(sphere.percent, abs=0.1) and sphere.percent
+        assert profile.source == sphere.source
+    for name in ("contact_point", "cantilever", "adhesion"):
+        sphere, profile = (row(scene, name) for scene in scenes)
+        assert threshold(profile) == pytest.approx(threshold(sphere), rel=0.1)
+    sphere, profile = (row(scene, "calibration") for scene in scenes)
+    assert sphere.needs == profile.needs
+    exponents = [float(effect.source.split("force ~ R^")[1]) for effect in (sphere, profile)]
+    assert exponents[1] == pytest.approx(exponents[0], abs=0.011)
 
 
 def test_nearly_incompressible() -> None:
@@ -317,6 +350,38 @@ def test_a_surface_tension() -> None:
     found = row(HALF_SPACE, "surface_tension")
     tensed = HALF_SPACE | {"body": HALF_SPACE["body"] | {"surface_tension": threshold(found)}}
     assert row(tensed, "surface_tension").percent == pytest.approx(1.0, rel=0.05)
+
+
+def test_a_surface_tension_in_plane_strain() -> None:
+    """A strip with a tension, beside the same forces on elements half as large: each is right to
+    0.5 %, the effect of +30 % to 3 % of itself. Without a tension the effect of one is unknown,
+    and not zero.
+    """
+    strip = HALF_SPACE | {
+        "body": {"shape": "strip", "width": 4.0, "height": 1.0},
+        "loading": {"delta": 0.02, "steps": 1},
+    }
+    tensed = strip | {"body": strip["body"] | {"surface_tension": 0.1}}
+    fine = {"mesh": {"h_contact": 0.01}}
+    change = 100 * (force(tensed | fine) / force(strip | fine) - 1)
+    found = row(tensed, "surface_tension")
+    assert change > 10
+    assert found.percent == pytest.approx(change, rel=0.03)
+    unknown = row(strip, "surface_tension")
+    assert unknown.percent is unknown.low is unknown.high is None
+    assert unknown.max_change == math.inf and "not estimated" in unknown.source
+
+
+def test_a_mesh_from_a_file_cannot_tell_of_a_surface_tension(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its effect is unknown, and not zero."""
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "body.msh", section())
+    body = {"shape": "mesh", "file": "body.msh", "kinematics": "axisymmetric"}
+    unknown = row(HALF_SPACE | {"body": body}, "surface_tension")
+    assert unknown.percent is unknown.low is unknown.high is None
+    assert "not estimated" in unknown.source
 
 
 def test_a_blunt_tip() -> None:
@@ -536,6 +601,16 @@ def test_an_experiment_stays_with_the_curve_that_determines_it() -> None:
         found.config["material"]["model"] == "linear_elastic"
         and "no available model" in found.words
     )
+
+
+def test_no_variant_is_solved_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of all scenes that are solved for a cylinder with friction, no two are the same problem on
+    the same elements with the same solver.
+    """
+    solved = count_solutions(monkeypatch)
+    friction = CYLINDER | {"contact": {"friction": 0.2}, "loading": {"delta": 0.02}}
+    require(config_from_mapping(friction))
+    assert len(solved) > 20 and len(solved) == len(set(solved))
 
 
 @pytest.fixture

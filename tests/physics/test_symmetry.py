@@ -308,6 +308,69 @@ def test_a_roller_wall_under_the_tip_is_a_mirror_plane() -> None:
         )
 
 
+def side_force_reasons(base: Scene) -> dict[str, str]:
+    """Why side forces have no column, by the column."""
+    return {
+        choice.key: choice.why
+        for choice in base.plan.choices
+        if choice.key.startswith("side_force_")
+    }
+
+
+def test_rough_box_cut_by_a_roller_wall(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A body on one side of a roller wall through the tip takes half of the force and of the side
+    force along the wall. Across it nothing pushes the whole tip, and the plan says so.
+    """
+    sections: dict[str, Any] = {
+        "contact": {"method": "auto", "friction": 0.3},
+        "mesh": {"h_contact": 0.2, "symmetry": "full"},
+    } | DEEP
+    cut_sides = {"x_min": "free", "x_max": "free", "y_min": "roller", "y_max": "free"}
+    cut, whole = (
+        scene(
+            BOX | {"size": [2.0, width, 1.0], "sides": sides},
+            indenter=PARABOLOID | {"center": [0.8, y]},
+            **sections,
+        )
+        for width, sides, y in ((1.0, cut_sides, 0.0), (2.0, "free", 1.0))
+    )
+    grid = grid_of(cut)
+    joined = mirrored(grid, axis=1, plane=0.0)
+    moved = Grid(joined.points + np.array([0.0, 1.0, 0.0]), joined.cells)
+    one = on_grid(cut, grid, monkeypatch)[-1]
+    both = on_grid(whole, moved, monkeypatch)[-1]
+    assert 2 * one.force == pytest.approx(both.force, rel=SAME)
+    assert 2 * one.side_force_x == pytest.approx(both.side_force_x, abs=SAME * both.force)
+    assert abs(both.side_force_x) > 1e-5 * both.force
+    assert one.side_force_y is None
+    assert abs(both.side_force_y) <= SAME * both.force
+    reasons = side_force_reasons(cut)
+    assert {*reasons} == {"side_force_y"} and "mirror image" in reasons["side_force_y"]
+    assert side_force_reasons(whole) == {}
+
+
+@pytest.mark.parametrize(
+    ("body", "symmetry", "friction", "missing"),
+    [
+        (BOX, "quarter", 0.3, {"side_force_x", "side_force_y"}),
+        (BOX, "full", 0.3, set()),
+        (BOX, "quarter", 0.0, set()),
+        (STRIP, "half", 0.3, {"side_force_x"}),
+    ],
+)
+def test_side_forces_that_are_left_out_have_a_reason(
+    body: dict[str, Any], symmetry: str, friction: float, missing: set[str]
+) -> None:
+    """Every side force is a column or is said to be zero."""
+    base = scene(
+        body,
+        contact={"friction": friction},
+        mesh={"h_contact": 0.2, "symmetry": symmetry},
+    )
+    assert {*side_force_reasons(base)} == missing
+    assert not missing & {*base.physics.columns}
+
+
 @pytest.mark.parametrize("method", ["newton", "condensed"])
 def test_no_side_force_has_no_sign(method: str) -> None:
     """The side force is 0, not -0, once the tip has left."""

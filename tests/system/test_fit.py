@@ -91,7 +91,7 @@ def test_a_folder_of_curves_in_two_processes(command, tmp_path):
     [
         (("--vary", "material.Q"), 3, "material.Q: is not a number of the scene"),
         (("--columns", "x,force"), 3, "there is no column 'x'"),
-        (("--columns", "a"), 3, "names 1 columns"),
+        (("--columns", "a"), 3, "has 1 columns"),
         (("--units", "mass=kg"), 2, "--units mass"),
         (("--segment", "back"), 2, "'back' is not one of"),
         (("--scene", "nothing.yaml"), 2, "cannot read the config"),
@@ -159,7 +159,7 @@ def test_a_design_says_what_a_measurement_would_tell(command, tmp_path):
         (
             ("--design", "scene.yaml", "--noise", "0.01", "--vary", "loading.delta"),
             3,
-            "loading.delta: is nothing",
+            "loading.delta: cannot be found from a measured curve",
         ),
         (
             ("--design", "scene.yaml", "--noise", "0.01", "--set", "loading.delta=-1"),

@@ -82,7 +82,9 @@ class TestSignals:
             wait_for_rows(tmp_path, process, 2)
             process.send_signal(number)
             _, told = process.communicate(timeout=PATIENCE)
-        assert process.returncode == code and "--resume goes on" in told and "Traceback" not in told
+        assert (
+            process.returncode == code and "--resume continues" in told and "Traceback" not in told
+        )
         stopped = read(tmp_path / "out")
         assert (
             stopped.report["status"] == "interrupted"

@@ -11,6 +11,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from matplotlib.figure import Figure
 from picture_checks import faults
 
 import indent_sim
@@ -113,6 +114,17 @@ def test_colours_and_frame_are_those_asked_for(gel: Path) -> None:
     assert panels_of(near)[0].get_xlim()[1] == pytest.approx(radius, rel=1e-6)
 
 
+@pytest.mark.parametrize("what", ["force", "pressure", "profile", "fields"])
+def test_panels_are_drawn_into_axes_of_ones_own(gel: Path, what: str) -> None:
+    """Axes in the second column, and axes outside of a grid, have both names and their numbers."""
+    own = Figure()
+    for axes in (own.subplots(1, 2)[1], own.add_axes((0.1, 0.1, 0.4, 0.4))):
+        assert indent_sim.plot(gel, what, ax=axes) is own
+        assert axes.get_xlabel()
+        assert axes.get_ylabel()
+        assert any(label.get_text() for label in axes.get_yticklabels())
+
+
 def test_a_layout_without_room_is_refused(gel: Path) -> None:
     with pytest.raises(UsageError, match=r"1x1 has room for 1 panels; these are 2"):
         indent_sim.plot(gel, "force,pressure", layout=(1, 1))
@@ -120,6 +132,34 @@ def test_a_layout_without_room_is_refused(gel: Path) -> None:
         indent_sim.plot(gel, "force", layout=(1, 4), width=60)
     with pytest.raises(UsageError, match="plot has no option colour; it has fields"):
         indent_sim.plot(gel, "force", colour="red")
+
+
+@pytest.mark.parametrize(
+    ("width", "font"), [(30, 40), (30, 10), (85, 40), (30, 7.8), (152.4, 40)], ids=str
+)
+@pytest.mark.parametrize("what", ["force", "pressure", "fields"])
+def test_letters_too_large_for_a_width_are_refused(
+    gel: Path, what: str, width: float, font: float
+) -> None:
+    """The message names a width and a font size, and both of them make a picture without faults."""
+    if width / font >= 1.5 * 25.4 / 10:  # 1.5 inches for letters of 10 points.
+        assert faults(indent_sim.plot(gel, what, width=width, font=font)) == []
+        return
+    with pytest.raises(UsageError, match="pt need --width") as refused:
+        indent_sim.plot(gel, what, width=width, font=font)
+    message = str(refused.value)
+    needed_width = float(message.split("--width ")[1].split(",")[0])
+    fitting_font = float(message.split("--font-size ")[1].split()[0])
+    for changed in ({"width": needed_width, "font": font}, {"width": width, "font": fitting_font}):
+        assert faults(indent_sim.plot(gel, what, **changed)) == []
+
+
+def test_a_text_without_room_is_refused() -> None:
+    """Matplotlib's layout leaves no room for axes: an error instead of a picture of letters."""
+    with figures.new_figure((1.0, 1.0), 40.0) as figure:
+        figure.subplots().set(xlabel="depth", ylabel="force")
+        with pytest.raises(UsageError, match="no room for the panels in a width of 25 mm"):
+            figures.apply_layout(figure)
 
 
 @pytest.mark.parametrize(

@@ -66,7 +66,7 @@ def test_a_dictionary_is_enough(tmp_path: Path) -> None:
     assert next(iter(indent_sim.states(tmp_path / "scene.json"))).force == pytest.approx(
         forces[0], rel=1e-12
     )
-    with pytest.raises(TypeError, match="not what `resolve` made of it"):
+    with pytest.raises(TypeError, match="not a resolved Scene"):
         indent_sim.simulate(
             indent_sim.resolve(indent_sim.load(SCENE)), directory=tmp_path / "other"
         )

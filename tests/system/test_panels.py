@@ -293,6 +293,29 @@ class TestPressure:
             curve.get_xdata()[shown] - place
         ).min() > 1.4e-6 and edge.get_xdata() == pytest.approx([place] * 2)
 
+    @pytest.mark.parametrize("tip", ["cone, half_angle: 70", "flat_punch, radius: 1e-4"])
+    @pytest.mark.parametrize("kind", ["axisymmetric", "three_dimensional"])
+    def test_few_elements_beside_a_singularity_leave_the_pressure_inside(
+        self, drawn, tmp_path, tip, kind
+    ):
+        """Elements are larger than the contact: most of the pressure is shown nevertheless.
+
+        The scale ends between the pressure at the axis and five times the median.
+        """
+        result = a_result(kind, units={}, center=[0.0, 0.0])
+        a = result["a"][-1]
+        result = in_folder(tmp_path / "run", result, f"{{shape: {tip.replace('1e-4', str(a))}}}")
+        result.table["p_max"] = np.full(len(result), np.nan)
+        axes, *bars = drawn([result], what=("pressure",)).axes
+        if kind == "axisymmetric":
+            x, p = axes.get_lines()[0].get_data()
+            assert np.isfinite(p[x < a]).sum() > 0.5 * (x < a).sum()
+            assert 0.5 < axes.get_ylim()[1] < 5
+        else:
+            (bar,) = axes.child_axes
+            assert 0.5 < bar.get_xlim()[1] < 5
+            assert not bars
+
     def test_a_map_is_mirrored_and_centred(self, drawn):
         """A quarter is modelled: the whole contact is shown, the tip in the middle, and no number
         touches another.
@@ -472,6 +495,20 @@ class TestFields:
         assert {tuple(point) for point in np.round(half, 9)} == deformed
         assert found.points[len(half) :] == pytest.approx(half * [-1, 1])
         assert sorted(set(found.values)) == pytest.approx(some_fields(2)["von_mises"])
+
+    @pytest.mark.parametrize(("kind", "sign"), [("plane_strain", -1), ("axisymmetric", 1)])
+    def test_shear_changes_its_sign_in_the_image(self, result, kind, sign):
+        """A mirror plane x = const is free of shear: sigma_xz is odd across it.
+
+        In cylindrical coordinates sigma_rz refers to the direction away from the axis on both
+        sides. Other components are even.
+        """
+        result.report["plan"]["choices"][0]["value"] = kind
+        for name, factor in (("sigma_xz", sign), ("sigma_xx", 1), ("von_mises", 1)):
+            values = deformed_section(result, 2.0, FIELDS[name]).values
+            half = values[: len(values) // 2]
+            assert np.abs(half).max() > 0
+            assert values[len(half) :] == pytest.approx(factor * half)
 
     def test_lines_are_drawn_where_regions_meet(self, result, drawn):
         """The two cells are of two regions: their common side, and its image."""

@@ -74,7 +74,7 @@ class TestOneRun:
         forces.draw_force_indentation(a_result(units={}), tmp_path / "picture.png")
         figures.apply_layout(drawn_figures[0])
         along = drawn_figures[0].axes[0].xaxis
-        assert along.get_offset_text().get_text() == "×10⁻⁵"
+        assert "10^{−5}" in along.get_offset_text().get_text()
 
     def test_the_words_on_it(self, svg):
         forces.draw_force_indentation(a_result(error=True), svg)
@@ -148,10 +148,11 @@ class TestOneRun:
         ]
         assert np.abs(regions[-1].vertices).max() <= np.unique(result.surface["x"])[1]
 
-    def test_two_drawings_are_the_same_file(self, tmp_path):
-        for name in ("a.svg", "b.svg"):
-            forces.draw_force_indentation(a_result(), tmp_path / name)
-        assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
+    @pytest.mark.parametrize("suffix", figures.PICTURE_FORMATS)
+    def test_two_drawings_are_the_same_file(self, tmp_path, suffix):
+        for name in ("a", "b"):
+            forces.draw_force_indentation(a_result(), tmp_path / f"{name}{suffix}")
+        assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes()
 
 
 class TestPressure:
@@ -315,14 +316,14 @@ class TestSeveralRuns:
     def test_the_legend_says_what_differs_and_hides_nothing(self, drawn, number, error):
         values = np.linspace(0, 0.49, number)
         figure = drawn([(float(nu), "penalty") for nu in values[::-1]], error)
-        force, radius, beside = figure.axes
-        told = [text.get_text() for text in beside.get_legend().get_texts()]
+        force, radius = figure.axes
+        told = [text.get_text() for text in radius.get_legend().get_texts()]
         names = [f"nu {nu:.4g}" for nu in values]
         assert [name for name in told if name != forces.ERROR_LABEL] == names and (
             forces.ERROR_LABEL in told
         ) == error
-        legend = beside.get_legend().get_window_extent()
-        assert not any(legend.overlaps(axes.get_tightbbox()) for axes in (force, radius))
+        legend = radius.get_legend().get_window_extent()
+        assert not any(legend.overlaps(axes.get_window_extent()) for axes in (force, radius))
         assert (
             figure.bbox.x0 <= legend.x0
             and legend.x1 <= figure.bbox.x1
@@ -347,7 +348,7 @@ class TestSeveralRuns:
 
     def test_several_keys_that_differ_are_all_named(self, drawn):
         figure = drawn([(nu, method) for nu in (0.1, 0.3) for method in ("penalty", "nitsche")])
-        told = [text.get_text() for text in figure.axes[2].get_legend().get_texts()]
+        told = [text.get_text() for text in figure.axes[1].get_legend().get_texts()]
         assert told == [
             f"nu {nu}, method {method}" for nu in (0.1, 0.3) for method in ("nitsche", "penalty")
         ]
@@ -359,7 +360,7 @@ class TestSeveralRuns:
         named = [
             line.get_label() for line in axes[0].get_lines() if line.get_label().startswith("nu")
         ]
-        assert len(set(named)) == number == len(axes[2].get_legend().get_texts())
+        assert len(set(named)) == number == len(axes[1].get_legend().get_texts())
 
 
 class TestText:

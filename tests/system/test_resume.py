@@ -606,7 +606,9 @@ class TestNothingToGoOnWith:
         done = indent_sim("--resume", "--json")
         error = json.loads(done.stdout)["error"]
         assert (
-            done.exit_code == 3 and error["key"] == "solver.petsc" and "is gone" in error["message"]
+            done.exit_code == 3
+            and error["key"] == "solver.petsc"
+            and "was removed" in error["message"]
         )
         assert "leave --resume out" in error["remedy"] and "PETSC_OPTIONS" in error["remedy"]
         assert snapshot(tmp_path) == before and scene_of(tmp_path / "out") == usual is not None

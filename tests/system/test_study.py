@@ -471,9 +471,7 @@ class TestRuns:
     def test_whatever_ends_a_run_ends_that_run_alone(
         self, written, tmp_path, monkeypatch, ending, exit_code, reason
     ):
-        from indent_sim.run.pipeline import simulate
-
-        whole = simulate.simulate
+        whole = pipeline.simulate
 
         def run(config, **options):
             if config.mesh.h_contact == 0.05:
@@ -492,9 +490,7 @@ class TestRuns:
         """Batch systems send SIGTERM to every process of a job; that the study's own one ends is
         enough.
         """
-        from indent_sim.run.pipeline import simulate
-
-        whole = simulate.simulate
+        whole = pipeline.simulate
 
         def run(config, **options):
             os.kill(os.getpid(), signal.SIGTERM)
@@ -877,7 +873,7 @@ class TestComparison:
         )
         errors = ("force_error_vs", "force_error_worst", "a_error_vs", "p_error_vs")
         assert [row[name] for row in done.rows for name in errors] == [None] * 8
-        assert "compared with no other" in done.notes[0] and not done.recommendations
+        assert "no run is compared with another" in done.notes[0] and not done.recommendations
 
     def test_accuracy_is_one_more_way_to_solve_the_same_problem(self, written, tmp_path):
         (tmp_path / "scene.yaml").write_text(

@@ -12,6 +12,7 @@ import pytest
 from click.testing import CliRunner
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
 from picture_checks import faults
 
 import indent_sim
@@ -167,6 +168,56 @@ LAYER = {
 }
 
 
+def test_runs_of_one_depth_have_numbers_along_the_depth() -> None:
+    """Forces over six decades at a single depth: a logarithmic axis of depths would have no end."""
+    curves = families(**{"material.E": (1.0, 1e3, 1e6), "indenter.R": RADII}).curves
+    single = tuple(
+        RunCurve(
+            curve.values,
+            Results(
+                Path("run"),
+                {name: column[-1:] for name, column in curve.results.table.items()},
+                curve.results.report,
+            ),
+        )
+        for curve in curves
+    )
+    groups = CurveGroups(single, ("material.E", "indenter.R"))
+    with study_picture.curves_figure(groups, "one depth") as figure:
+        figures.apply_layout(figure)
+        assert faults(figure) == []
+        first = panels_of(figure)[0]
+        assert (first.get_xscale(), first.get_yscale()) == ("linear", "log")
+
+
+def test_a_study_is_drawn_into_axes_of_ones_own(tmp_path: Path) -> None:
+    """By its folder too: a column over one number is a panel, and so are the curves."""
+    folder = tmp_path / "study"
+    study = indent_sim.study({"base": LAYER, "vary": {"body.height": [5, 10]}}, directory=folder)
+    own = Figure()
+    first, second = own.subplots(1, 2)
+    assert indent_sim.plot(folder, "a", ax=second) is own
+    points = np.concatenate([part.get_offsets() for part in second.collections])
+    assert np.asarray(points) == pytest.approx(np.column_stack([[5, 10], study["a"]]))
+    assert not first.lines and not first.collections
+    assert indent_sim.plot(str(folder), ax=first) is own
+    assert first.get_xlabel() == "depth δ [µm]"
+    ends = [line.get_ydata()[-1] for line in first.lines if len(line.get_xdata()) > 2]
+    assert study["force"] == pytest.approx(ends[:2])
+    assert len(indent_sim.plot(folder).axes) == len(indent_sim.plot(study).axes)
+    for what, options, said in (
+        ("pressure", {}, "plotted as curves"),
+        ("a", {"zoom": 2}, "has no option zoom"),
+    ):
+        with pytest.raises(UsageError, match=said):
+            indent_sim.plot(folder, what, ax=first, **options)
+
+
+def test_a_column_of_several_panels_does_not_fit_into_axes(four: CurveGroups) -> None:
+    with pytest.raises(UsageError, match="ax is for one panel, but force has 3"):
+        small_multiples.draw_column_into(Figure().subplots(), four, "force")
+
+
 def test_the_command_draws_a_study(tmp_path: Path) -> None:
     folder = tmp_path / "study"
     study = indent_sim.study({"base": LAYER, "vary": {"body.height": [5, 10]}}, directory=folder)
@@ -178,7 +229,7 @@ def test_the_command_draws_a_study(tmp_path: Path) -> None:
     points = np.concatenate([part.get_offsets() for part in figure.axes[0].collections])
     assert np.asarray(points) == pytest.approx(np.column_stack([[5, 10], study["a"]]))
     for options, said in (
-        (["--what", "pressure"], "is one of curves"),
+        (["--what", "pressure"], "must be one of curves"),
         (["--zoom", "2"], "has no option zoom"),
     ):
         refused = CliRunner().invoke(commands.program, ["plot", str(folder), *options])

@@ -10,7 +10,6 @@ import shlex
 import stat
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -172,8 +171,7 @@ class TestHome:
         assert done.returncode == 7 and "kernels cannot be compiled: CompileError" in done.stderr
         assert "Traceback" not in done.stderr
 
-    def test_an_interrupted_compilation_takes_its_claim_back(self, place, plain):
-        """Otherwise the next run would wait for it: half a minute, before it compiled itself."""
+    def test_a_run_goes_on_after_an_interrupted_compilation(self, place, plain):
         cold = {"XDG_CACHE_HOME": str(place / "cache")}
         words = [
             sys.executable,
@@ -190,14 +188,8 @@ class TestHome:
             assert process.stderr
             while "compiling kernels" not in process.stderr.readline():
                 assert process.poll() is None
-            while not list((place / "cache" / "fenics").glob("*.c")):
-                time.sleep(0.02)
             process.terminate()
             assert process.wait(60) == 143
-        claims = {entry.name for entry in (place / "cache" / "fenics").glob("*.c")}
-        assert {f"{name}.cached" for name in claims} <= {
-            entry.name for entry in (place / "cache" / "fenics").iterdir()
-        }
         done = shell(place, "$indent_sim run scene.yaml --output out", **cold)
         assert done.returncode == 0, done.stderr
         same(read(place / "out"), plain)

@@ -104,8 +104,6 @@ ELSEWHERE = {  # blocks of commands that are not run here, by their first words
     "indent-sim plan scene.yaml     #": "tests/system/test_slurm.py",
     "export XDG_CACHE_HOME": "tests/system/test_slurm.py",
     "module load": "an installation on a cluster",
-    "   body = Body(scene": "tests/physics/test_terms.py, step by step, "
-    "with the term that it describes",
     "docker build": "needs a Docker daemon",
     **{
         f"indent-sim init {kind}\n": "tests/system/test_journeys.py"

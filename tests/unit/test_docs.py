@@ -1,20 +1,30 @@
-"""The documentation is true: generated pages are current, and links and named configs exist."""
+"""The documentation is true: pages are current, links and named files exist, versions agree."""
 
 from __future__ import annotations
 
 import io
 import re
 import runpy
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from reference_pages import pages
+
+from indent_sim.process.version import VERSION
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 LINK = re.compile(r"\]\(([^)\s]+)(?:\s+\"[^\"]*\")?\)")
-CONFIG = re.compile(r"\bconfigs/[\w./-]*\w")
+# Folder and name, as in configs/hertz.yaml, scripts/setup or fe/problem.py.
+NAMED_PATH = re.compile(r"(?<![\w./-])(?:[\w.-]+/)+[\w.-]*\w")
+# Where named files are: in the repository, or in the package. `results` is the folder of a user.
+FOLDERS = {"configs", "docs", "indent_sim", "scripts", "tests"}
+PACKAGES = {path.parent.name for path in ROOT.glob("indent_sim/*/__init__.py")} - {"results"}
+# A file of another program.
+NOT_OURS = {"tools/synthetic.py"}
 CODE = re.compile(r"^```.*?^```|`[^`\n]*`", re.MULTILINE | re.DOTALL)
 
 
@@ -57,15 +67,41 @@ def test_anchors_exist():
     assert dead == []
 
 
-def test_named_configs_exist():
-    """Every path in configs/ that the documentation names exists."""
+def test_named_files_exist():
+    """Every path that the documentation names exists.
+
+    Paths are relative to the repository, to the package or to the page; `.py` may be missing.
+    """
     missing = [
         (page, name)
         for page in PAGES
-        for name in CONFIG.findall(page.read_text(encoding="utf-8"))
-        if not (ROOT / name).exists()
+        for name in named_paths(page)
+        if not any(
+            (folder / f"{name}{end}").exists()
+            for folder in (ROOT, ROOT / "indent_sim", page.parent)
+            for end in ("", ".py")
+        )
     ]
     assert missing == []
+
+
+def named_paths(page: Path) -> set[str]:
+    """Paths in the text of a page that are names of our own files and folders."""
+    names = set(NAMED_PATH.findall(page.read_text(encoding="utf-8"))) - NOT_OURS
+    return {
+        name for name in names if name.endswith(".py") or name.split("/")[0] in FOLDERS | PACKAGES
+    }
+
+
+def test_all_places_state_one_version():
+    """A release is dated in CITATION.cff and CHANGELOG.md alike."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    unreleased, released = re.findall(r"^## (.*)$", changelog, re.MULTILINE)[:2]
+    assert project["version"] == citation["version"] == VERSION
+    assert unreleased == "Unreleased"
+    assert released == f"{VERSION} ({citation['date-released']})"
 
 
 def test_the_curve_of_the_tutorial_is_what_its_script_makes():

@@ -251,6 +251,11 @@ def max_over_ranks(body: ObservedBody, *numbers: float) -> list[float]:
     return list(map(float, largest))
 
 
+def min_over_ranks(body: ObservedBody, *numbers: float) -> list[float]:
+    """Smallest value of each number over all ranks (collective)."""
+    return [-number for number in max_over_ranks(body, *(-number for number in numbers))]
+
+
 def components_first(vectors: np.ndarray) -> np.ndarray:
     """Vectors (..., axes) as components (axes, ...)."""
     return vectors.transpose(vectors.ndim - 1, *range(vectors.ndim - 1))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -40,19 +41,15 @@ PANEL_OPTIONS = {
     "limits": ("--limits", (*PRESSURE_PANELS, *MAP_PANELS)),
     "zoom": ("--zoom", MAP_PANELS),
 }
-MM = 1 / 25.4  # One millimetre in inches.
-PANEL_WIDTH = 4.4  # Default width of a panel [inches].
-LINE_ASPECT = 0.72  # Ratio of height to width of panels of curves.
+MM = 1 / figures.MM_PER_INCH  # One millimetre in inches.
 # First estimate of the height of labels, numbers and colour bars around the panels of a line
 # [inches]; the layout then finds the height that they need.
 LABELS_HEIGHT = 1.6
-LAYOUT_PASSES = 2  # The second pass knows the heights of the panels from the first.
 MAX_MAPS_IN_ROW = 4
 MAX_FILM_COLUMNS = 6
 MAX_LINE_COLUMNS = 3
 MAX_PANELS = 40
 T = TypeVar("T")
-MIN_CELL_WIDTH = 1.5  # Least width of a panel in a layout at the standard font size [inches].
 # Least widths of panels at the standard font size [inches].
 MIN_LINE_PANEL_WIDTH = 2.6
 MIN_MAP_WIDTH = 1.8
@@ -112,10 +109,13 @@ class PlotRequest:
         most
             Largest number of panels.
         """
-        columns = (
-            self.width * MM / (narrowest * self.font / figures.FONT_SIZE) if self.width else most
-        )
+        columns = self.width * MM / (narrowest * self.font_scale) if self.width else most
         return int(np.clip(columns, 1, most))
+
+    @property
+    def font_scale(self) -> float:
+        """Font size, relative to the standard one."""
+        return self.font / figures.FONT_SIZE
 
     @property
     def file_name(self) -> str:
@@ -232,17 +232,12 @@ def requested_figure(runs: Sequence[Results], request: PlotRequest) -> Iterator[
         if request.layout
         else _automatic_rows(runs, names, request)
     )
-    width = (
-        request.width * MM
-        if request.width
-        else PANEL_WIDTH * min(MAX_LINE_COLUMNS, max(row.columns for row in rows))
-    )
-    labels_height = LABELS_HEIGHT + figures.LINE_HEIGHT * (len(runs) + len(request.what))
+    width = _picture_width(request, max(row.columns for row in rows))
+    # Height of a line of a legend in that estimate.
+    name_height = 0.2
+    labels_height = LABELS_HEIGHT + name_height * (len(runs) + len(request.what))
     heights = [
-        row.lines
-        * (row.aspect * width / row.columns + labels_height)
-        * request.font
-        / figures.FONT_SIZE
+        row.lines * (row.aspect * width / row.columns + labels_height * request.font_scale)
         for row in rows
     ]
     with figures.new_figure((width, sum(heights)), request.font) as figure:
@@ -255,7 +250,9 @@ def requested_figure(runs: Sequence[Results], request: PlotRequest) -> Iterator[
         # For axes that are smaller than their place the layout reserves no room for tick labels.
         for axes in true_scale_axes:
             axes.set_aspect("auto")
-        for _ in range(LAYOUT_PASSES):
+        # The second pass knows the heights of the panels from the first.
+        layout_passes = 2
+        for _ in range(layout_passes):
             figures.place_panels(figure)
             figures.thin_tick_labels(figure)
             heights = [
@@ -268,6 +265,26 @@ def requested_figure(runs: Sequence[Results], request: PlotRequest) -> Iterator[
         for axes in true_scale_axes:
             axes.set_aspect("equal")
         yield figure
+
+
+def _picture_width(request: PlotRequest, columns: int) -> float:
+    """Return the width of a picture [inches]; UsageError if it is too small for its letters."""
+    # Least width of a panel in a layout at the standard font size [inches].
+    min_cell_width = 1.5
+    min_width = min_cell_width * request.font_scale * columns
+    if request.width is None:
+        # Default width of a panel [inches].
+        panel_width = 4.4
+        return max(panel_width * min(MAX_LINE_COLUMNS, columns), min_width)
+    width = request.width * MM
+    if width < min_width:
+        panels = "panels" if columns == 1 else f"{columns} panels side by side"
+        fitting_font = math.floor(10 * request.font * width / min_width) / 10
+        raise UsageError(
+            f"{panels} with letters of {request.font:g} pt need --width "
+            f"{math.ceil(min_width / MM)}, or --font-size {fitting_font:g}"
+        )
+    return width
 
 
 def _row_height(row: _Row, part: SubFigure, panels: Sequence[Axes], dpi: float) -> float:
@@ -400,13 +417,6 @@ def _requested_rows(
             f"--layout {count}x{columns} has room for {count * columns} panels; these are "
             f"{len(panels)}"
         )
-    min_width = MIN_CELL_WIDTH * request.font / figures.FONT_SIZE
-    if request.width and request.width * MM < columns * min_width:
-        min_width_mm = columns * min_width / MM
-        raise UsageError(
-            f"{columns} panels side by side with letters of {request.font:g} pt need --width "
-            f"{min_width_mm:.0f}"
-        )
     return [_panel_row(part, columns) for part in _split_rows(panels, columns)]
 
 
@@ -511,8 +521,10 @@ def _map_panel(maps: FieldRow | PressureMaps, i: int) -> _Panel:
 
 def _panel_row(panels: Sequence[_Panel], columns: int) -> _Row:
     """Return panels side by side, of equal size, whether the row is full or not."""
+    # Ratio of height to width of panels of curves.
+    line_aspect = 0.72
     aspect = max(
-        (panel.aspect for panel in panels if panel.aspect is not None), default=LINE_ASPECT
+        (panel.aspect for panel in panels if panel.aspect is not None), default=line_aspect
     )
 
     def into(part: SubFigure) -> Sequence[Axes]:
@@ -538,8 +550,12 @@ def _map_row(maps: FieldRow | PressureMaps, max_columns: int) -> _Row:
         ).ravel()
         for unused in axes[len(maps.steps) :]:
             unused.remove()
-        maps.draw(list(axes[: len(maps.steps)]))
-        return list(axes[: len(maps.steps)])
+        used = list(axes[: len(maps.steps)])
+        maps.draw(used)
+        if is_shared:
+            for panel in used:
+                panel.label_outer()
+        return used
 
     return _Row(lines, columns, maps.aspect, into)
 

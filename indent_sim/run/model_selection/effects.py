@@ -1,36 +1,45 @@
-"""Effects that a model may neglect, in per cent of the force.
+"""Effects that a model may neglect, in per cent of the force, and the cases that find them.
 
 An effect is 100 (F_with/F_without - 1), with the forces F at the deepest row and at the same depth.
 Both are solutions of scenes: by theory if it is exact for both, otherwise on the same mesh, whose
 discretisation error largely cancels. If the scene does not have the effect, its parameter is varied
 up to the threshold at which the effect exceeds the tolerance.
+
+A table of effects is data: each entry has the cases of an effect in the order of preference, each
+of which states for which scenes it applies, what is compared there, and the sentence that describes
+it. `find_effect` evaluates the first case that applies.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from itertools import pairwise
 from math import inf
+from typing import Any, TypeVar
 
 import numpy as np
 
 from indent_sim.config.schema import Config
 from indent_sim.process.errors import ConfigError, NotConverged
-from indent_sim.run.model_selection.variant_solver import VariantSolver
 from indent_sim.theory.solution import SOLUTION_ERRORS
 
 # Ratio of successive values of a varied parameter. An effect that exceeds the tolerance only
 # between two of them is not found.
 FIRST_STEP_RATIO = 1.5
-# The ratio shrinks to this value towards parameters for which a scene cannot be solved.
-MIN_STEP_RATIO = 1.03
 # A parameter is varied by at most this factor in either direction.
 MAX_PARAMETER_RANGE = 1e6
 # A parameter is varied until the force has changed by this fraction.
 MAX_FORCE_CHANGE = 0.5
 # Relative width of the interval of a threshold, in which the effect is interpolated linearly.
 THRESHOLD_TOLERANCE = 0.01
+# Errors of a variant that cannot be solved.
+UNSOLVED = (NotConverged, ConfigError, *SOLUTION_ERRORS)
+
+T = TypeVar("T")
+# Function of the variants v of a scene, or a text in which {v.name} is an attribute of them.
+FromVariants = Callable[[Any], T]
+Text = str | FromVariants[str]
 
 
 @dataclass(frozen=True)
@@ -82,59 +91,63 @@ class Effect:
         return bool(self.percent != 0.0 or self.needs or self.low or self.high)
 
 
-def solve_effect(name: str, find: Callable[[], Effect]) -> Effect:
-    """Evaluate an effect; if a scene cannot be solved, its source states the reason.
+@dataclass(frozen=True)
+class Case:
+    """A way to find an effect, for the scenes to which it applies.
 
-    Parameters
+    Attributes
     ----------
-    name
-        Name of the effect.
-    find
-        Computes the effect; it may raise NotConverged, ConfigError or an error of a theory.
+    source
+        Description of the solutions that are compared, or the reason why the effect is absent or
+        unknown.
+    when
+        True for the scenes to which the case applies.
     """
-    try:
-        # Theories try depths beyond the end of a tip, where numbers are not finite.
-        with np.errstate(all="ignore"):
-            return find()
-    except (NotConverged, ConfigError, *SOLUTION_ERRORS) as error:
-        return Effect(name, None, None, None, f"not solved: {error}")
+
+    source: Text
+    when: FromVariants[bool] = field(default=lambda v: True, kw_only=True)
+
+
+class Absent(Case):
+    """The scene cannot have the effect."""
 
 
 @dataclass(frozen=True)
-class FixedEffect:
-    """A known effect: bounds of the relative change of the force, and the change if it is known."""
+class Unknown(Case):
+    """The force with or without the effect is unknown; `needs` as in Effect."""
 
-    low: float
-    high: float
-    source: str
-    change: float | None = None
-
-
-def no_effect(reason: str) -> FixedEffect:
-    """An effect that the scene cannot have."""
-    return FixedEffect(0.0, 0.0, reason, 0.0)
+    needs: Text = field(default="", kw_only=True)
 
 
 @dataclass(frozen=True)
-class UnknownEffect:
-    """An unknown effect, since the force with or without it is unknown; `needs` as in Effect."""
+class Comparison(Case):
+    """The effect is the ratio of the forces of two variants, one with the effect, one without."""
 
-    reason: str
-    needs: str = ""
-
-
-@dataclass(frozen=True)
-class VariantPair:
-    """An effect as the ratio of the forces of two scenes, one with the effect and one without."""
-
-    with_effect: Config
-    without_effect: Config
-    source: str
+    with_effect: FromVariants[Config]
+    without_effect: FromVariants[Config]
 
 
 @dataclass(frozen=True)
-class ThresholdSearch:
-    """Search of the threshold of an effect that the scene does not have.
+class Change(Case):
+    """The effect is a relative change of the force that is computed in another way."""
+
+    find: FromVariants[float]
+
+
+@dataclass(frozen=True)
+class Range(Case):
+    """The effect has bounds.
+
+    `find` gives the lower and upper bound of the relative change of the force, and the change
+    itself, or None if only the bounds are known.
+    """
+
+    find: FromVariants[tuple[float, float, float | None]]
+
+
+@dataclass(frozen=True)
+class Threshold(Case):
+    """The scene does not have the effect, and a parameter is varied up to its threshold.
 
     The effect is a function of a variable x > 0 and vanishes as x tends to 0.
 
@@ -143,13 +156,11 @@ class ThresholdSearch:
     parameter
         Name of the parameter in texts.
     force_ratio
-        F_with/F_without as a function of x.
+        F_with/F_without as a function of the variants and x.
     initial
         Value of x at which the search begins.
-    source
-        Description of the solutions that are compared.
     displayed_value
-        Value of the parameter as a function of x.
+        Value of the parameter as a function of the variants and x.
     direction
         Text after the threshold, such as " or less"; empty if larger values have the effect.
     max_value
@@ -158,178 +169,167 @@ class ThresholdSearch:
         Digits of the first threshold in texts; further ones have one more.
     """
 
-    parameter: str
-    force_ratio: Callable[[float], float]
-    initial: float
-    source: str
-    displayed_value: Callable[[float], float] = lambda x: x
+    parameter: Text
+    force_ratio: Callable[[Any, float], float]
+    _: KW_ONLY
+    initial: FromVariants[float]
+    displayed_value: Callable[[Any, float], float] = lambda v, x: x
     direction: str = ""
-    max_value: float = inf
+    max_value: FromVariants[float] = lambda v: inf
     digits: int = 2
 
 
-EffectSource = FixedEffect | UnknownEffect | VariantPair | ThresholdSearch
+# The first case that applies to a scene gives the effect; the last one applies to all scenes.
+Cases = tuple[Case, ...]
 
 
-@dataclass(frozen=True)
-class EffectRow:
-    """A row of the table of effects.
+def find_effect(name: str, cases: Cases, v: Any) -> Effect:
+    """Evaluate an entry of a table of effects.
 
-    Attributes
+    Parameters
     ----------
-    name
-        Name of the effect.
-    find_source
-        Chooses the scenes to compare, for a scene and a relative tolerance.
+    name, cases
+        The entry.
+    v
+        Variants of a scene.
+
+    Returns
+    -------
+    Effect
+        If a variant cannot be solved, its source states the reason.
     """
+    try:
+        # Theories try depths beyond the end of a tip, where numbers are not finite.
+        with np.errstate(all="ignore"):
+            case = next(case for case in cases if case.when(v))
+            return _evaluate(name, case, _text(case.source, v), v)
+    except UNSOLVED as error:
+        return Effect(name, None, None, None, f"not solved: {error}")
 
-    name: str
-    find_source: Callable[[VariantSolver, float], EffectSource]
 
-    def effect(self, solver: VariantSolver, tolerance: float) -> Effect:
-        """The effect on a scene.
+def _evaluate(name: str, case: Case, source: str, v: Any) -> Effect:
+    """Evaluate a case."""
+    low = high = 0.0
+    change: float | None = 0.0
+    match case:
+        case Unknown(needs=needs):
+            return Effect(name, None, None, None, source, _text(needs, v))
+        case Threshold():
+            return _threshold_effect(name, case, source, v)
+        case Comparison(with_effect=with_effect, without_effect=without_effect):
+            low = high = change = v.force_ratio(with_effect(v), without_effect(v)) - 1
+        case Change(find=find):
+            low = high = change = find(v)
+        case Range(find=find_range):
+            low, high, change = find_range(v)
+    return Effect(name, change and 100 * change, 100 * low, 100 * high, source)
 
-        Parameters
-        ----------
-        solver
-            The scene, which solves its variants.
-        tolerance
-            Relative change of the force from which on an effect matters.
 
-        Returns
-        -------
-        Effect
-            If a scene cannot be solved, its source states the reason.
-        """
-        return solve_effect(
-            self.name,
-            lambda: self._evaluate(self.find_source(solver, tolerance), solver, tolerance),
-        )
+def _text(text: Text, v: Any) -> str:
+    """A text about the variants v."""
+    return text.format(v=v) if isinstance(text, str) else text(v)
 
-    def _evaluate(
-        self, effect_source: EffectSource, solver: VariantSolver, tolerance: float
-    ) -> Effect:
-        """Compute the effect from its source."""
-        match effect_source:
-            case UnknownEffect(reason, needs):
-                return Effect(self.name, None, None, None, reason, needs)
-            case FixedEffect(low, high, source, change):
-                return Effect(self.name, change and 100 * change, 100 * low, 100 * high, source)
-            case VariantPair(with_effect, without_effect, source):
-                percent = 100 * (solver.force_ratio(with_effect, without_effect) - 1)
-                return Effect(self.name, percent, percent, percent, source)
-        return self._threshold_effect(effect_source, tolerance)
 
-    def _threshold_effect(self, search: ThresholdSearch, tolerance: float) -> Effect:
-        """Effect whose thresholds are known, and ranges beyond them in which it is small again."""
-        samples, stop_reason = sample_changes(search, tolerance)
-        last_text = f"{search.displayed_value(samples[-1][0]):.{search.digits}g}"
-        indexed_crossings = enumerate(threshold_crossings(search, samples, tolerance))
-        thresholds = [
-            f"{search.displayed_value(x):.{search.digits + (k > 0)}g}" for k, x in indexed_crossings
-        ]
-        if thresholds:
-            needs = (
-                f"above {100 * tolerance:g} % from {search.parameter} = {thresholds[0]}"
-                f"{search.direction}"
-            )
-        else:
-            needs = f"{search.parameter}: below {100 * tolerance:g} % at all values that were tried"
-        source = f"{search.source}, tried as far as {last_text}{stop_reason}"
-        range_ends = [*thresholds[1:], last_text][: 2 * (len(thresholds) // 2)]
-        small_ranges = " and ".join(
-            f"from {start} to {end}"
-            for start, end in zip(range_ends[::2], range_ends[1::2], strict=True)
-        )
-        if small_ranges:
-            needs += f", except {small_ranges}"
-        return Effect(self.name, None, None, None, source, needs)
+def _threshold_effect(name: str, case: Threshold, source: str, v: Any) -> Effect:
+    """Effect whose thresholds are known, and ranges beyond them in which it is small again."""
+    search = _ThresholdSearch(case, v)
+    samples, stop_reason = search.sample_changes()
+
+    def displayed(x: float, digits: int) -> str:
+        """Value of the parameter as text."""
+        return f"{case.displayed_value(v, x):.{digits}g}"
+
+    last_text = displayed(samples[-1][0], case.digits)
+    thresholds = [
+        displayed(x, case.digits + (k > 0)) for k, x in enumerate(search.crossings(samples))
+    ]
+    if thresholds:
+        needs = f"above {v.percent:g} % from {search.parameter} = {thresholds[0]}{case.direction}"
+    else:
+        needs = f"{search.parameter}: below {v.percent:g} % at all values that were tried"
+    range_ends = [*thresholds[1:], last_text][: 2 * (len(thresholds) // 2)]
+    small_ranges = " and ".join(
+        f"from {start} to {end}"
+        for start, end in zip(range_ends[::2], range_ends[1::2], strict=True)
+    )
+    if small_ranges:
+        needs += f", except {small_ranges}"
+    source = f"{source}, tried as far as {last_text}{stop_reason}"
+    return Effect(name, None, None, None, source, needs)
 
 
 # Value of x and relative change of the force.
 Sample = tuple[float, float]
-Samples = list[Sample]
 
 
-def sample_changes(search: ThresholdSearch, tolerance: float) -> tuple[Samples, str]:
-    """Sample the relative change of the force over the variable x of a parameter.
+class _ThresholdSearch:
+    """Search of the values of x at which the force changes by the tolerance."""
 
-    Samples begin where the change is below the tolerance, and end where it exceeds
-    MAX_FORCE_CHANGE, where x has its largest value, or where a scene cannot be solved.
+    def __init__(self, case: Threshold, v: Any):
+        self.parameter = _text(case.parameter, v)
+        self._change = lambda x: case.force_ratio(v, x) - 1
+        self._initial = case.initial(v)
+        self._max_value = case.max_value(v)
+        self._tolerance = v.tolerance
 
-    Parameters
-    ----------
-    search
-        The parameter.
-    tolerance
-        Relative change of the force from which on the effect matters.
+    def sample_changes(self) -> tuple[list[Sample], str]:
+        """Samples of the change, and a text on the scene that could not be solved, if any.
 
-    Returns
-    -------
-    samples
-        Values of x in ascending order and the relative changes of the force.
-    stop_reason
-        Text on the scene that could not be solved; empty if there is none.
+        Samples begin where the change is below the tolerance, and end where it exceeds
+        MAX_FORCE_CHANGE, where x has its largest value, or where a scene cannot be solved.
+        """
+        x = self._initial
+        stop_reason = ""
+        change = self._change(x)
+        while abs(change) >= self._tolerance:
+            x /= FIRST_STEP_RATIO**2
+            change = self._change(x)
+            if x < self._initial / MAX_PARAMETER_RANGE:
+                raise NotConverged(
+                    f"{self.parameter} changes the force by more than the tolerance at all values "
+                    "that were tried"
+                )
+        samples = [(x, change)]
+        step = FIRST_STEP_RATIO
+        # The ratio shrinks to this value towards parameters for which a scene cannot be
+        # solved.
+        min_step_ratio = 1.03
+        while (
+            abs(change) < MAX_FORCE_CHANGE
+            and x < min(self._max_value, self._initial * MAX_PARAMETER_RANGE)
+            and step > min_step_ratio
+        ):
+            factor = step if abs(change) > self._tolerance / 10 else step**2
+            next_x = min(x * factor, self._max_value)
+            try:
+                change = self._change(next_x)
+            except UNSOLVED as error:
+                stop_reason = f"; beyond that not solved: {error}"
+                step = step**0.5
+                continue
+            x = next_x
+            samples.append((x, change))
+        return samples, stop_reason
 
-    Raises
-    ------
-    NotConverged
-        If no value of x has a change below the tolerance.
-    """
-    x = search.initial
-    stop_reason = ""
-    change = search.force_ratio(x) - 1
-    while abs(change) >= tolerance:
-        x /= FIRST_STEP_RATIO**2
-        change = search.force_ratio(x) - 1
-        if x < search.initial / MAX_PARAMETER_RANGE:
-            raise NotConverged(
-                f"{search.parameter} changes the force by more than the tolerance at all values "
-                "that were tried"
-            )
-    samples = [(x, change)]
-    step = FIRST_STEP_RATIO
-    while (
-        abs(change) < MAX_FORCE_CHANGE
-        and x < min(search.max_value, search.initial * MAX_PARAMETER_RANGE)
-        and step > MIN_STEP_RATIO
-    ):
-        next_x = min(x * (step if abs(change) > tolerance / 10 else step**2), search.max_value)
-        try:
-            change = search.force_ratio(next_x) - 1
-        except (NotConverged, ConfigError, *SOLUTION_ERRORS) as error:
-            stop_reason = f"; beyond that not solved: {error}"
-            step = step**0.5
-            continue
-        x = next_x
-        samples.append((x, change))
-    return samples, stop_reason
+    def crossings(self, samples: list[Sample]) -> list[float]:
+        """Values of x, ascending, at which the absolute change passes the tolerance."""
+        return sorted(
+            self._bisect(level, low, high)
+            for low, high in pairwise(samples)
+            for level in (self._tolerance, -self._tolerance)
+            if (low[1] - level) * (high[1] - level) < 0
+        )
 
+    def _bisect(self, level: float, low: Sample, high: Sample) -> float:
+        """Value of x at which the change passes a level between two samples.
 
-def threshold_crossings(search: ThresholdSearch, samples: Samples, tolerance: float) -> list[float]:
-    """Values of x, ascending, at which the absolute change passes the tolerance."""
-    level_intervals = [
-        (low, high, level) for low, high in pairwise(samples) for level in (tolerance, -tolerance)
-    ]
-    brackets = [
-        (level, low, high)
-        for low, high, level in level_intervals
-        if (low[1] - level) * (high[1] - level) < 0
-    ]
-    return sorted(
-        _bisect_threshold(lambda x: search.force_ratio(x) - 1, *bracket) for bracket in brackets
-    )
-
-
-def _bisect_threshold(
-    change: Callable[[float], float], level: float, low: Sample, high: Sample
-) -> float:
-    """Value of x at which a change passes a level between two samples.
-
-    The interval is bisected to THRESHOLD_TOLERANCE, and the change is interpolated in it.
-    """
-    while high[0] > low[0] * (1 + THRESHOLD_TOLERANCE):
-        x = (low[0] * high[0]) ** 0.5
-        middle = x, change(x)
-        low, high = (middle, high) if (middle[1] - level) * (low[1] - level) > 0 else (low, middle)
-    return low[0] + (high[0] - low[0]) * (level - low[1]) / (high[1] - low[1])
+        The interval is bisected to THRESHOLD_TOLERANCE, and the change is interpolated in it.
+        """
+        while high[0] > low[0] * (1 + THRESHOLD_TOLERANCE):
+            x = (low[0] * high[0]) ** 0.5
+            middle = x, self._change(x)
+            if (middle[1] - level) * (low[1] - level) > 0:
+                low = middle
+            else:
+                high = middle
+        return low[0] + (high[0] - low[0]) * (level - low[1]) / (high[1] - low[1])

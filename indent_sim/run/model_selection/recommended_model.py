@@ -22,26 +22,28 @@ from indent_sim.model.unbounded_bodies import HalfSpace, UnboundedBody
 from indent_sim.model.walled_bodies import Box
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.model_selection import variants
-from indent_sim.run.model_selection.effect_table import EFFECT_ROWS
-from indent_sim.run.model_selection.effects import Effect, EffectRow
+from indent_sim.run.model_selection.effect_table import EFFECTS
+from indent_sim.run.model_selection.effects import Effect, find_effect
+from indent_sim.run.model_selection.scene_variants import SceneVariants
 from indent_sim.run.model_selection.time_dependence import (
-    ElasticLimit,
-    TimeDependentEffects,
-    elastic_limits,
+    TransientVariants,
+    elastic_limit_changes,
 )
-from indent_sim.run.model_selection.variant_solver import VariantSolver
 from indent_sim.run.model_selection.variants import Document, replace_sections
 from indent_sim.scene.regions import remove_unused_material
-from indent_sim.scene.scene import Scene, resolve
+from indent_sim.scene.scene import resolve
 
-# Simpler bodies, from the simplest on.
-BODY_VARIANTS = {
-    "half_space": variants.half_space_variant,
-    "layer": variants.layer_variant,
-    "no inclusions": variants.remove_inclusions,
-}
-# Names of those without a mesh in texts.
+ConfigChange = Callable[[Config], Config]
+# Names of simpler bodies without a mesh in texts.
 UNBOUNDED_NAMES = {"half_space": "a half-space", "layer": "an infinitely wide layer"}
+# Simpler bodies, from the simplest on, each with the effects that it neglects. Unbounded bodies
+# keep the layers. The last one is the body of the scene.
+BODY_MODELS: dict[str, tuple[ConfigChange | None, tuple[str, ...]]] = {
+    "half_space": (variants.half_space_variant, ("inclusions", "thickness", "side_walls")),
+    "layer": (variants.layer_variant, ("inclusions", "side_walls")),
+    "no inclusions": (variants.remove_inclusions, ("inclusions",)),
+    "": (None, ()),
+}
 BATH_TEXT = "a bath swells or shrinks the body, so that no elastic body has the same force"
 # Effects that only the scene itself can have, and no model that is chosen here.
 SCENE_ONLY_EFFECTS = ("rate", "adhesion", "cantilever", "calibration")
@@ -108,62 +110,46 @@ def require(config: Config, within: float = 0.01) -> Requirements:
         scene = resolve(config)
         config = variants.set_gel_stretch(remove_unused_material(config, scene.physics.domain))
         if scene.physics.is_time_dependent:
-            return _transient_requirements(config, TimeDependentEffects(config, scene), within)
-        return _elastic_requirements(config, _variant_solver(config, scene), within)
+            return _transient_requirements(TransientVariants(config, scene, within))
+        effects = _elastic_effects(SceneVariants(config, scene, within), tuple(EFFECTS))
+        model, variant = _simplest_model(config, effects, (), within)
+        text = _recommendation_text(model, variant, effects, within)
+        return Requirements(
+            tuple(effects.values()), variants.minimal_document(variant), model.percent, text
+        )
     except ConfigError as error:
         raise locate_error(config, error) from None
 
 
-def _variant_solver(config: Config, scene: Scene) -> VariantSolver:
-    """Solver of the variants of a scene; ConfigError if the tip never touches the body."""
-    solver = VariantSolver(config, scene)
-    if solver.delta <= 0:
+def _elastic_effects(v: SceneVariants, names: tuple[str, ...]) -> dict[str, Effect]:
+    """Effects on the force of an elastic body; ConfigError if the tip never touches it."""
+    if v.delta <= 0:
         problem = "never presses the tip into the body, so that there is no force to compare"
         raise ConfigError("loading", problem, "give a depth > 0")
-    return solver
+    return {name: find_effect(name, EFFECTS[name], v) for name in names}
 
 
-def _elastic_requirements(config: Config, solver: VariantSolver, tolerance: float) -> Requirements:
-    """Requirements of a scene whose body does not depend on time."""
-    effects = {row.name: row.effect(solver, tolerance) for row in EFFECT_ROWS}
-    model, variant = _simplest_model(config, effects, (), tolerance)
-    text = _recommendation_text(model, variant, effects, tolerance)
-    return Requirements(
-        tuple(effects.values()), variants.minimal_document(variant), model.percent, text
-    )
-
-
-def _transient_requirements(
-    config: Config, time_dependence: TimeDependentEffects, tolerance: float
-) -> Requirements:
+def _transient_requirements(v: TransientVariants) -> Requirements:
     """Requirements of a scene whose body drains, swells or relaxes in shear.
 
     Effects that do not concern time are those of the nearest elastic limits. If no elastic model is
     within the tolerance, the scene itself is recommended.
     """
-    time_effects = {effect.name: effect for effect in time_dependence.effects}
-    limit_effects = _limit_body_effects(
-        time_dependence,
-        {row.name: row for row in EFFECT_ROWS if row.name not in time_effects},
-        tolerance,
-    )
-    effects = tuple(time_effects.get(row.name) or limit_effects[row.name] for row in EFFECT_ROWS)
-    effects += tuple(effect for name, effect in time_effects.items() if name == "drainage")
-    if not time_dependence.has_bath:
-        neglected = tuple(limit.neglected_effect for limit in time_dependence.nearest_limits)
-        model, variant = _simplest_model(
-            time_dependence.elastic_variant, limit_effects, neglected, tolerance
-        )
-        if model.is_within(tolerance):
+    limit_effects = _limit_effects(v)
+    ordered = dict.fromkeys(EFFECTS) | limit_effects | v.time_effects
+    effects = tuple(effect for effect in ordered.values() if effect)
+    if not v.has_bath:
+        neglected = tuple(v.nearest_limits.values())
+        model, variant = _simplest_model(v.elastic_variant, limit_effects, neglected, v.tolerance)
+        if model.is_within(v.tolerance):
             text = (
-                f"{_recommendation_text(model, variant, limit_effects, tolerance)} "
-                f"{_limit_sentence(time_dependence)}"
+                f"{_recommendation_text(model, variant, limit_effects, v.tolerance)} "
+                f"{_limit_sentence(v)}"
             )
             return Requirements(effects, variants.minimal_document(variant), model.percent, text)
-    is_small_strain = any(law.is_small_strain for law in variants.materials(config))
     neglects_effect = {
-        "paraboloid": isinstance(config.indenter, Paraboloid),
-        "small_strain": is_small_strain,
+        "paraboloid": isinstance(v.config.indenter, Paraboloid),
+        "small_strain": any(law.is_small_strain for law in v.materials),
     }
     model = _Model(
         tuple(
@@ -173,43 +159,42 @@ def _transient_requirements(
         )
     )
     deviation = f": {_deviation_text(model)}" if model.neglected_effects else ""
-    text = f"Model the scene as it is, in time{deviation}. {_limit_sentence(time_dependence)}"
-    return Requirements(effects, variants.minimal_document(config), model.percent, text)
+    text = f"Model the scene as it is, in time{deviation}. {_limit_sentence(v)}"
+    return Requirements(effects, variants.minimal_document(v.config), model.percent, text)
 
 
-def _limit_body_effects(
-    time_dependence: TimeDependentEffects, rows: Mapping[str, EffectRow], tolerance: float
-) -> dict[str, Effect]:
+def _limit_effects(v: TransientVariants) -> dict[str, Effect]:
     """Effects on the nearest elastic limit of a scene, at the depth of its largest force."""
-    if time_dependence.has_bath:
-        return {name: Effect(name, None, None, None, f"not solved: {BATH_TEXT}") for name in rows}
-    config = time_dependence.variant_at_depth
-    names = ", ".join(limit.name for limit in time_dependence.nearest_limits)
-    solver = _variant_solver(config, resolve(config))
-    limit_effects = {name: row.effect(solver, tolerance) for name, row in rows.items()}
+    names = tuple(name for name in EFFECTS if name not in v.time_effects)
+    if v.has_bath:
+        source = f"not solved: {BATH_TEXT}"
+        return {name: Effect(name, None, None, None, source) for name in names}
+    config = v.variant_at_depth
+    limit = SceneVariants(config, resolve(config), v.tolerance, v.solver)
+    limit_names = ", ".join(v.nearest_limits)
     return {
-        name: replace(effect, source=f"{effect.source}; for the {names} elastic body")
-        for name, effect in limit_effects.items()
+        name: replace(effect, source=f"{effect.source}; for the {limit_names} elastic body")
+        for name, effect in _elastic_effects(limit, names).items()
     }
 
 
-def _limit_sentence(time_dependence: TimeDependentEffects) -> str:
+def _limit_sentence(v: TransientVariants) -> str:
     """Sentence on the deviations of the elastic limits from the scene."""
-    if time_dependence.has_bath:
+    if v.has_bath:
         return f"{BATH_TEXT[0].upper()}{BATH_TEXT[1:]}."
     deviations = [
-        f"the {limit.name} body {_limit_deviation_text(limit)}"
-        for effect in time_dependence.effects
-        for limit in elastic_limits(effect)
+        f"the {name} body {_limit_deviation_text(change)}"
+        for effect in v.time_effects.values()
+        for name, change in elastic_limit_changes(effect).items()
     ]
     return f"Elastic bodies deviate from the force of the scene: {', '.join(deviations)}."
 
 
-def _limit_deviation_text(limit: ElasticLimit) -> str:
+def _limit_deviation_text(change: float | None) -> str:
     """Deviation of the force of an elastic limit from that of the scene, such as "by +5 %"."""
-    if limit.percent is None or limit.percent <= -100:
+    if change is None or change <= -100:
         return "by an unknown amount"
-    return f"by {100 * (100 / (100 + limit.percent) - 1):+.2g} %"
+    return f"by {100 * (100 / (100 + change) - 1):+.2g} %"
 
 
 def _simplest_model(
@@ -217,18 +202,8 @@ def _simplest_model(
 ) -> tuple[_Model, Config]:
     """The simplest model within the tolerance, and its scene.
 
-    If no model is within the tolerance, it is the one with most effects that can be run.
-
-    Parameters
-    ----------
-    config
-        The scene.
-    effects
-        Effects on its force by name.
-    neglected
-        Effects that the scene itself already neglects.
-    tolerance
-        Relative tolerance of the force.
+    If no model is within the tolerance, it is the one with most effects that can be run. The scene
+    itself already neglects some effects.
     """
     model = _Model(neglected_effects=neglected)
     model_scene = config
@@ -249,21 +224,15 @@ class _Model:
     ----------
     neglected_effects
         The effects that it neglects.
+    changes
+        Changes of the scene that make the model of it.
     body
-        Key of BODY_VARIANTS; empty for the body of the scene.
-    change_strain
-        Changes the scene to finite or small strain; None if it stays as it is.
-    has_sphere
-        A sphere replaces a paraboloid.
-    is_plain_contact
-        The contact law has neither friction nor adhesion.
+        Key of BODY_MODELS.
     """
 
     neglected_effects: tuple[Effect, ...]
+    changes: tuple[ConfigChange, ...] = ()
     body: str = ""
-    change_strain: Callable[[Config], Config] | None = None
-    has_sphere: bool = False
-    is_plain_contact: bool = False
 
     @property
     def percent(self) -> float | None:
@@ -288,26 +257,34 @@ class _Model:
     def apply(self, config: Config) -> Config | None:
         """The scene with this model; None if it cannot be run."""
         with suppress(ConfigError):
-            if self.body:
-                config = BODY_VARIANTS[self.body](config)
-            # Unbounded bodies are solved by theory, without a mesh.
-            if self.body in UNBOUNDED_NAMES:
-                output = dataclasses.replace(config.output, fields="auto")
-                default_sections = {
-                    "solver": SolverSettings(),
-                    "mesh": MeshSettings(),
-                    "contact": AutoContact(),
-                }
-                config = replace_sections(config, **default_sections, accuracy=None, output=output)
-            if self.has_sphere and isinstance(config.indenter, Paraboloid):
-                config = replace_sections(config, indenter=Sphere(config.indenter.R))
-            if self.is_plain_contact:
-                config = replace_sections(config, contact=AutoContact())
-            if self.change_strain:
-                config = self.change_strain(config)
+            for change in self.changes:
+                config = change(config)
             resolve(config)
             return config
         return None
+
+
+def _remove_mesh(config: Config) -> Config:
+    """The scene without settings of a mesh: theory solves it."""
+    return replace_sections(
+        config,
+        solver=SolverSettings(),
+        mesh=MeshSettings(),
+        contact=AutoContact(),
+        accuracy=None,
+        output=replace(config.output, fields="auto"),
+    )
+
+
+def _use_sphere(config: Config) -> Config:
+    """The scene with a sphere in place of a paraboloid."""
+    assert isinstance(config.indenter, Paraboloid)
+    return replace_sections(config, indenter=Sphere(config.indenter.R))
+
+
+def _use_plain_contact(config: Config) -> Config:
+    """The scene without friction and adhesion of the contact law."""
+    return replace_sections(config, contact=AutoContact())
 
 
 def _candidate_models(
@@ -320,76 +297,71 @@ def _candidate_models(
     """
     is_finite = not all(layer.material.is_small_strain for layer in config.layers if layer.material)
     contact_extra = config.contact.path_key
-    knows_finite = effects["small_strain"].percent is not None
-    is_paraboloid = isinstance(config.indenter, Paraboloid)
-    scene_parts = curve_parts(config)
+    knows_finite = is_finite or effects["small_strain"].percent is not None
     # Only the elastic load curve of small strain has these effects.
     curve_effects = [
         effects[name]
-        for name, part_names in EXPERIMENT_PARTS.items()
-        if scene_parts & {*part_names} and effects[name].max_change > 0
+        for name in _effects_on_curve(config, tuple(EXPERIMENT_PARTS))
+        if effects[name].max_change > 0
     ]
     must_be_linear = any(
         effect.max_change >= effects["small_strain"].max_change for effect in curve_effects
     )
-    bodies = (*BODY_VARIANTS, "")
-    choices = (False, True)
-    walls = () if isinstance(config.body, UnboundedBody) else ("side_walls",)
-    # Unbounded bodies keep the layers.
-    body_effects = {
-        "half_space": ("inclusions", "thickness", *walls),
-        "layer": ("inclusions", *walls),
-        "no inclusions": ("inclusions",),
-        "": (),
-    }
-    for is_finite_variant, body, has_sphere, plain_contact in product(
-        choices, bodies, choices, (True, False)
-    ):
+    strains = (False, True) if knows_finite and not must_be_linear else (False,)
+    bodies = [body for body in BODY_MODELS if not body or _is_simpler_body(body, config)]
+    tips = (False, True) if isinstance(config.indenter, Paraboloid) else (False,)
+    contacts = (True, False) if contact_extra else (True,)
+    for is_finite_variant, body, has_sphere, is_plain in product(strains, bodies, tips, contacts):
         # Theory solves unbounded bodies at small strain without friction and adhesion only.
-        is_without_theory = body in UNBOUNDED_NAMES and (is_finite_variant or not plain_contact)
-        is_inapplicable = (
-            (body and not _is_simpler_body(body, config))
-            or (has_sphere and not is_paraboloid)
-            or not (plain_contact or contact_extra)
-        )
-        is_unknown = is_finite_variant and not (knows_finite or is_finite)
-        lacks_curve = is_finite_variant and must_be_linear
-        if is_without_theory or is_inapplicable or is_unknown or lacks_curve:
+        if body in UNBOUNDED_NAMES and (is_finite_variant or not is_plain):
             continue
-        geometry_effects = [effects[name] for name in body_effects[body]]
-        if is_paraboloid and not has_sphere:
-            geometry_effects.append(effects["paraboloid"])
+        changes: list[ConfigChange] = []
+        change_body, body_effects = BODY_MODELS[body]
+        geometry_effects = [
+            effects[name]
+            for name in body_effects
+            if not (name == "side_walls" and isinstance(config.body, UnboundedBody))
+        ]
         neglected_effects: list[Effect] = []
+        if change_body:
+            changes.append(change_body)
+        if body in UNBOUNDED_NAMES:
+            changes.append(_remove_mesh)
+        if has_sphere:
+            changes.append(_use_sphere)
+        elif isinstance(config.indenter, Paraboloid):
+            geometry_effects.append(effects["paraboloid"])
+        if is_plain and contact_extra:
+            changes.append(_use_plain_contact)
+        if is_finite_variant != is_finite:
+            changes.append(
+                variants.finite_strain_variant
+                if is_finite_variant
+                else variants.small_strain_variant
+            )
         if is_finite_variant:
             neglected_effects += curve_effects
-        elif knows_finite or is_finite:
+        elif knows_finite:
             neglected_effects.append(effects["small_strain"])
         # Effects are relative to the force without adhesion, which may be much larger than the
         # force with adhesion.
         force_fraction = 1.0
-        if contact_extra == "adhesion" and not plain_contact:
+        if contact_extra == "adhesion" and not is_plain:
             force_fraction = abs(1 + (effects["adhesion"].percent or 0.0) / 100)
         gain = 1 / force_fraction if force_fraction else inf
         neglected_effects += [effect.scaled(gain) for effect in geometry_effects]
-        if contact_extra and plain_contact:
+        if contact_extra and is_plain:
             neglected_effects.append(effects[contact_extra])
-        change_strain = (
-            variants.finite_strain_variant if is_finite_variant else variants.small_strain_variant
-        )
-        possible_effects = tuple(effect for effect in neglected_effects if effect.is_possible)
-        yield _Model(
-            (*neglected, *possible_effects),
-            body,
-            None if is_finite_variant == is_finite else change_strain,
-            has_sphere,
-            bool(plain_contact and contact_extra),
-        )
+        possible_effects = [effect for effect in neglected_effects if effect.is_possible]
+        yield _Model((*neglected, *possible_effects), tuple(changes), body)
 
 
-def curve_parts(config: Config) -> set[str]:
-    """Parts of a scene that act on its elastic load curve: those of the experiment, relaxation."""
-    names = {name for name, value in vars(config.experiment or Experiment()).items() if value}
-    return names | {"relaxation" for _, material in config.materials() if material.relaxation}
+def _effects_on_curve(config: Config, names: tuple[str, ...]) -> list[str]:
+    """Those of several effects that parts of the scene have on its elastic load curve."""
+    parts = {name for name, value in vars(config.experiment or Experiment()).items() if value}
+    if any(material.relaxation for _, material in config.materials()):
+        parts.add("relaxation")
+    return [name for name in names if parts & {*EXPERIMENT_PARTS.get(name, ())}]
 
 
 def _is_simpler_body(body: str, config: Config) -> bool:
@@ -407,21 +379,12 @@ def _recommendation_text(
 ) -> str:
     """Sentences on the recommended model, its deviation, and effects that no model has.
 
-    Parameters
-    ----------
-    model
-        The model.
-    config
-        Its scene.
-    effects
-        Effects on the force of the original scene by name.
-    tolerance
-        Relative tolerance of the force.
+    `config` is the scene of the model, `effects` are those on the original scene.
     """
     body = UNBOUNDED_NAMES.get(config.body.shape, "the body as it is")
     if model.body == "no inclusions":
         body += " without its inclusions"
-    is_small_strain = all(law.is_small_strain for law in variants.materials(config))
+    is_small_strain = all(law.is_small_strain for _, law in config.materials())
     strain = "small strain" if is_small_strain else "finite strain"
     tip = config.indenter.shape.replace("_", " ")
     contact_extra = config.contact.path_key
@@ -445,8 +408,7 @@ def _recommendation_text(
         for name in names
         if effects[name].max_change > 100 * tolerance and (effects[name].low or effects[name].high)
     ]
-    scene_parts = curve_parts(config)
-    computed = [name for name in significant if scene_parts & set(EXPERIMENT_PARTS.get(name, ()))]
+    computed = _effects_on_curve(config, tuple(significant))
     if computed:
         text += f" Its experiment adds the effects of {_joined_names(computed)}."
     if unknown := [name for name in significant if name not in computed]:

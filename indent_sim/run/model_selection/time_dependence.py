@@ -8,7 +8,8 @@ drained and the undrained body, those of `rate` the unrelaxed and the relaxed bo
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -16,12 +17,13 @@ from indent_sim.config.scene_sections import MeshSettings, OutputSettings, Solve
 from indent_sim.config.schema import Config
 from indent_sim.model.contact import AugmentedLagrangian
 from indent_sim.model.drainage import Drainage
+from indent_sim.model.imported_body import MeshFromFile
 from indent_sim.model.loading import Loading
 from indent_sim.model.materials import Material
 from indent_sim.model.state import State
 from indent_sim.process.errors import NotConverged
-from indent_sim.run.model_selection.effects import Effect, solve_effect
-from indent_sim.run.model_selection.variant_solver import VariantSolver
+from indent_sim.run.model_selection.effects import Cases, Effect, Range, find_effect
+from indent_sim.run.model_selection.scene_variants import SceneVariants
 from indent_sim.run.model_selection.variants import (
     change_materials,
     drained_law,
@@ -30,177 +32,148 @@ from indent_sim.run.model_selection.variants import (
     rounded_law,
     undrained_law,
 )
-from indent_sim.run.pipeline import states
 from indent_sim.scene.elastic_limit_laws import relaxed_law
 from indent_sim.scene.prescribed_history import remaining_modulus_fraction
 from indent_sim.scene.problem_definition import largest_diffusivity
 from indent_sim.scene.scene import Scene, resolve
 
-# Longest run of a scene for its requirements [s].
-MAX_SECONDS = 600.0
 # Forces that agree to this relative tolerance count as equal. The first row of the largest force
 # is used, because a prescribed force is often held.
 FORCE_TOLERANCE = 1e-6
-# Fluid does not flow any more after this multiple of the diffusion time H^2/D.
-EQUILIBRATION_FACTOR = 1e3
-# Smaller pressures of a bath, relative to E, are zero.
-NEGLIGIBLE_BATH_PRESSURE = 1e-9
 # First and second elastic limit of each effect.
 LIMITS = {"drainage": ("drained", "undrained"), "rate": ("unrelaxed", "relaxed")}
+TIME_EFFECTS: dict[str, Cases] = {
+    "drainage": (
+        Range(
+            "the scene relative to its swelling equilibrium, the range from the body before any "
+            "flow{v.row_text}",
+            lambda v: v.swelling_range,
+            when=lambda v: v.has_bath,
+        ),
+        Range(
+            "the scene relative to its drained body, the range up to its undrained body"
+            "{v.row_text}",
+            lambda v: v.drainage_range,
+        ),
+    ),
+    "rate": (
+        Range(
+            "the scene relative to its unrelaxed body, the range down to its relaxed body"
+            "{v.row_text}",
+            lambda v: v.relaxation_range,
+        ),
+    ),
+}
 
 
-@dataclass(frozen=True)
-class ElasticLimit:
-    """An elastic limit of a time-dependent body.
-
-    Attributes
-    ----------
-    effect
-        Name of the effect that it neglects.
-    name
-        Name of the limit.
-    percent
-        100 (F/F_limit - 1) with the force F of the scene and F_limit of the limit [per cent]; None
-        if it is unknown.
-    """
-
-    effect: str
-    name: str
-    percent: float | None
-
-    @property
-    def neglected_effect(self) -> Effect:
-        """The effect that a model of this elastic body neglects."""
-        return Effect(
-            self.effect, self.percent, self.percent, self.percent, f"the {self.name} body"
-        )
-
-
-class TimeDependentEffects:
-    """Effects of time on the force of a scene; every force is computed once.
+class TransientVariants(SceneVariants):
+    """Variants of a scene that depends on time, of which the solver solves each once.
 
     Attributes
     ----------
-    config, physics
-        The scene and its nondimensional problem.
     has_bath
         A bath swells or shrinks the body, which then has no elastic limits.
     """
 
-    def __init__(self, config: Config, scene: Scene):
-        self.config = config
+    def __init__(self, config: Config, scene: Scene, tolerance: float = 0.01):
+        super().__init__(config, scene, tolerance)
         self.physics = scene.physics
-        pressures = [
-            region.material.bath_pressure(p)
+        # A bath always lies between these values.
+        bath_values = scene.physics.drainage.bath_values
+        # Smaller pressures of a bath, relative to E, are zero.
+        negligible_bath_pressure = 1e-9
+        self.has_bath = any(
+            abs(region.material.bath_pressure(value)) > negligible_bath_pressure
             for region in scene.physics.permeable_regions
-            for p in self._baths
-        ]
-        self.has_bath = any(abs(pressure) > NEGLIGIBLE_BATH_PRESSURE for pressure in pressures)
-        self._solver = VariantSolver(self.config, scene)
-        self._cache = dict[tuple[str, ...], float]()
-
-    @property
-    def _baths(self) -> tuple[float, ...]:
-        """Values of the bath, between which it always lies."""
-        return self.physics.drainage.bath_values
+            for value in bath_values
+        )
 
     @cached_property
-    def effects(self) -> tuple[Effect, ...]:
+    def time_effects(self) -> dict[str, Effect]:
         """The effects "drainage" and "rate", if the body drains or relaxes in shear."""
-        rows = []
-        if self.physics.permeable_regions:
-            rows.append(solve_effect("drainage", self._drainage_effect))
-        if self.physics.relaxing_regions:
-            rows.append(solve_effect("rate", self._rate_effect))
-        return tuple(rows)
+        regions: dict[str, Sequence[object]] = {
+            "drainage": self.physics.permeable_regions,
+            "rate": self.physics.relaxing_regions,
+        }
+        return {
+            name: find_effect(name, cases, self)
+            for name, cases in TIME_EFFECTS.items()
+            if regions[name]
+        }
 
     @property
-    def nearest_limits(self) -> tuple[ElasticLimit, ...]:
-        """The limit of each effect whose force is nearest to that of the scene."""
-        return tuple(
-            min(elastic_limits(effect), key=lambda limit: limit.neglected_effect.max_change)
-            for effect in self.effects
-        )
+    def nearest_limits(self) -> dict[str, Effect]:
+        """The limit of each effect whose force is nearest to that of the scene.
+
+        They are given by name, with the effect that a model of this elastic body neglects.
+        """
+        limits = {}
+        for effect in self.time_effects.values():
+            changes = elastic_limit_changes(effect)
+            neglected = [
+                Effect(effect.name, change, change, change, f"the {name} body")
+                for name, change in changes.items()
+            ]
+            pairs = zip(changes, neglected, strict=True)
+            name, nearest = min(pairs, key=lambda pair: pair[1].max_change)
+            limits[name] = nearest
+        return limits
 
     @property
     def elastic_variant(self) -> Config:
         """The scene with the elastic laws of the nearest limits."""
-        variant = self._replace_laws(
-            self.config, tuple(limit.name for limit in self.nearest_limits)
-        )
-        loading = replace(variant.loading, per_doubling=None)
+        variant = self._replace_laws(self.config, tuple(self.nearest_limits))
         return replace_sections(
-            variant, loading=loading, output=replace(variant.output, fields="auto")
+            variant,
+            loading=replace(variant.loading, per_doubling=None),
+            output=replace(variant.output, fields="auto"),
         )
 
     @property
     def variant_at_depth(self) -> Config:
         """The elastic variant in a single step to the depth of the largest force."""
         try:
-            loading = Loading(delta=self._largest_force_row.delta, steps=1)
+            delta = self._largest_force_row.delta
         except NotConverged:
-            loading = Loading(delta=max(self.physics.deltas) * self.physics.scales.depth, steps=1)
-        return replace_sections(self.elastic_variant, loading=loading)
+            delta = self.delta
+        return replace_sections(self.elastic_variant, loading=Loading(delta=delta, steps=1))
 
-    def _drainage_effect(self) -> Effect:
+    @property
+    def drainage_range(self) -> tuple[float, float, float]:
         """The force of the scene relative to its drained body."""
-        if self.has_bath:
-            return self._swelling_effect()
-        source = (
-            "the scene relative to its drained body, the range up to its undrained body"
-            f"{self._row_text}"
-        )
-        change = self._largest_force_row.force / self._limit_force("drained") - 1
-        return _make_effect(
-            "drainage",
-            change,
-            self._limit_force("undrained") / self._limit_force("drained") - 1,
-            source,
+        return _range_of_limits(
+            self._largest_force_row.force,
+            self._limit_force("drained"),
+            self._limit_force("undrained"),
         )
 
-    def _swelling_effect(self) -> Effect:
+    @property
+    def swelling_range(self) -> tuple[float, float, float]:
         """The force relative to swelling equilibrium in the bath of the row, at the same depth."""
-        source = (
-            "the scene relative to its swelling equilibrium, the range from the body before any "
-            f"flow{self._row_text}"
-        )
         equilibrated = self._equilibrated_force
         instantaneous = self._limit_force("undrained") if self._largest_force_row.delta > 0 else 0.0
         if not equilibrated > 0:
             raise NotConverged("the force in swelling equilibrium is not positive")
-        return _make_effect(
-            "drainage",
-            self._largest_force_row.force / equilibrated - 1,
-            instantaneous / equilibrated - 1,
-            source,
-        )
+        return _range_of_limits(self._largest_force_row.force, equilibrated, instantaneous)
 
-    def _rate_effect(self) -> Effect:
+    @property
+    def relaxation_range(self) -> tuple[float, float, float]:
         """The force of the scene, or of its drained body, relative to its unrelaxed body."""
-        source = (
-            "the scene relative to its unrelaxed body, the range down to its relaxed body"
-            f"{self._row_text}"
-        )
-        drained_limit = ("drained",) if self.physics.permeable_regions else ()
-        force = (
-            self._limit_force(*drained_limit) if drained_limit else self._largest_force_row.force
-        )
-        unrelaxed_force = self._limit_force(*drained_limit, "unrelaxed")
-        return _make_effect(
-            "rate",
-            force / unrelaxed_force - 1,
-            self._limit_force(*drained_limit, "relaxed") / unrelaxed_force - 1,
-            source,
+        drained = ("drained",) if self.physics.permeable_regions else ()
+        return _range_of_limits(
+            self._limit_force(*drained) if drained else self._largest_force_row.force,
+            self._limit_force(*drained, "unrelaxed"),
+            self._limit_force(*drained, "relaxed"),
         )
 
     @property
-    def _row_text(self) -> str:
+    def row_text(self) -> str:
         """Text on the row of the largest force, to be appended to the source of an effect."""
         row = self._largest_force_row
-        friction_text = ", without friction" if self._solver.friction_or_adhesion else ""
+        friction_text = ", without friction" if self.friction_or_adhesion else ""
         return (
             f", at t = {row.t:.4g}, delta = {row.delta:.4g}, on one mesh{friction_text}"
-            f"{self._solver.stand_in_text}"
+            f"{self.stand_in_text}"
         )
 
     @cached_property
@@ -211,35 +184,38 @@ class TimeDependentEffects:
         of the scene, and its mesh otherwise has default settings.
         """
         config = self.config
-        default_sections = {
-            "contact": AugmentedLagrangian(gap=config.contact.gap),
-            "solver": SolverSettings(),
-            "output": OutputSettings(),
-        }
-        loading = (
-            replace(config.loading, times="auto")
-            if self.has_bath
-            else _cut_after_last_rise(config.loading)
-        )
         transient = replace_sections(
             config,
-            **default_sections,
-            indenter=self._solver.tip,
+            contact=AugmentedLagrangian(gap=config.contact.gap),
+            solver=SolverSettings(),
+            output=OutputSettings(),
+            indenter=self.tip,
             accuracy=None,
             experiment=None,
-            loading=loading,
+            loading=(
+                replace(config.loading, times="auto")
+                if self.has_bath
+                else _cut_after_last_rise(config.loading)
+            ),
         )
-        transient = self._solver.replace_body(transient)
+        transient = self.replace_body(transient)
         scene = resolve(transient)
-        if self._solver.has_imported_mesh:
+        if isinstance(config.body, MeshFromFile):
             return transient
         h_contact = scene.sizes.h_contact * scene.physics.scales.length
         return replace_sections(transient, mesh=MeshSettings(h_contact=h_contact))
 
+    def _rows(self, config: Config) -> list[State]:
+        """The rows of a variant; NotConverged if one of them does not converge."""
+        rows = self.solver.rows(config)
+        if not rows[-1].converged:
+            raise NotConverged(rows[-1].reason)
+        return rows
+
     @cached_property
     def _largest_force_row(self) -> State:
         """The first row of the largest force; NotConverged if the force is not positive."""
-        rows = _solve_rows(self._transient_scene)
+        rows = self._rows(self._transient_scene)
         max_force = max(row.force for row in rows)
         min_force = max_force - FORCE_TOLERANCE * abs(max_force)
         largest_row = next(row for row in rows if row.force >= min_force)
@@ -252,30 +228,30 @@ class TimeDependentEffects:
 
         A body that still depends on time follows the history up to this row.
         """
-        if limits not in self._cache:
-            config = self._replace_laws(self._transient_scene, limits)
-            is_time_dependent = any(law.is_time_dependent for _, law in config.materials())
-            loading = (
-                self._loading_to_row()
-                if is_time_dependent
-                else Loading(delta=self._largest_force_row.delta, steps=1)
-            )
-            self._cache[limits] = _solve_rows(replace_sections(config, loading=loading))[-1].force
-        return self._cache[limits]
+        config = self._replace_laws(self._transient_scene, limits)
+        is_time_dependent = any(law.is_time_dependent for _, law in config.materials())
+        loading = (
+            self._loading_to_row()
+            if is_time_dependent
+            else Loading(delta=self._largest_force_row.delta, steps=1)
+        )
+        return self._rows(replace_sections(config, loading=loading))[-1].force
 
-    @cached_property
+    @property
     def _equilibrated_force(self) -> float:
         """Force in swelling equilibrium, at the depth and in the bath of the largest force."""
         t = self._largest_force_row.t
         delta = self._largest_force_row.delta
         drainage = self._transient_scene.drainage or Drainage()
+        # Fluid does not flow any more after this multiple of the diffusion time H^2/D.
+        equilibration_factor = 1e3
         duration = (
-            EQUILIBRATION_FACTOR * self.physics.body.height**2 / largest_diffusivity(self.physics)
+            equilibration_factor * self.physics.body.height**2 / largest_diffusivity(self.physics)
         )
         hold = Loading(history=((0.0, delta), (duration, delta)), times=(duration,), per_doubling=2)
         constant_bath = replace(drainage, bath=drainage.bath_at(t or 0.0))
         scene = replace_sections(self._transient_scene, loading=hold, drainage=constant_bath)
-        return _solve_rows(scene)[-1].force
+        return self._rows(scene)[-1].force
 
     def _replace_laws(self, config: Config, limits: tuple[str, ...]) -> Config:
         """A scene with the material laws of limits."""
@@ -299,14 +275,12 @@ class TimeDependentEffects:
             return law
 
         laws = [replace_law(law) for _, law in config.materials()]
-        drainage = config.drainage if any(law.flow for law in laws) else None
-        per_doubling = (
-            config.loading.per_doubling if any(law.is_time_dependent for law in laws) else None
-        )
+        is_time_dependent = any(law.is_time_dependent for law in laws)
+        per_doubling = config.loading.per_doubling if is_time_dependent else None
         return change_materials(
             config,
             replace_law,
-            drainage=drainage,
+            drainage=config.drainage if any(law.flow for law in laws) else None,
             loading=replace(config.loading, per_doubling=per_doubling),
         )
 
@@ -328,53 +302,33 @@ class TimeDependentEffects:
         )
 
 
-def _make_effect(name: str, change: float, limit_change: float, source: str) -> Effect:
-    """An effect from the relative force changes of the scene and of the second limit."""
-    low, high = sorted((0.0, 100 * limit_change))
-    return Effect(name, 100 * change, low, high, source)
+def _range_of_limits(force: float, first: float, second: float) -> tuple[float, float, float]:
+    """Bounds of the relative change of the force from the first limit, and the change itself."""
+    low, high = sorted((0.0, second / first - 1))
+    return low, high, force / first - 1
 
 
-def elastic_limits(effect: Effect) -> tuple[ElasticLimit, ElasticLimit]:
-    """First and second limit of an effect "drainage" or "rate", compared with the scene."""
+def elastic_limit_changes(effect: Effect) -> dict[str, float | None]:
+    """100 (F/F_limit - 1) for both limits of an effect "drainage" or "rate" by their names.
+
+    F is the force of the scene and F_limit that of the limit; None if it is unknown.
+    """
     first, second = LIMITS[effect.name]
-    if effect.percent is None or effect.low is None or effect.high is None:
-        return ElasticLimit(effect.name, first, None), ElasticLimit(effect.name, second, None)
-    range_end = effect.low if effect.low < 0 else effect.high
     second_percent = None
-    if range_end > -100:
-        second_percent = 100 * ((100 + effect.percent) / (100 + range_end) - 1)
-    return (
-        ElasticLimit(effect.name, first, effect.percent),
-        ElasticLimit(effect.name, second, second_percent),
-    )
+    if effect.percent is not None and effect.low is not None and effect.high is not None:
+        range_end = effect.low if effect.low < 0 else effect.high
+        if range_end > -100:
+            second_percent = 100 * ((100 + effect.percent) / (100 + range_end) - 1)
+    return {first: effect.percent, second: second_percent}
 
 
 def _cut_after_last_rise(loading: Loading) -> Loading:
     """A loading in time up to the last rise of its value, after which the force is not larger."""
     (quantity,) = loading.given_path_keys
     points = getattr(loading, quantity)
-    rises = [
-        k
-        for k, (previous, following) in enumerate(pairwise(points), start=1)
-        if following[1] > previous[1]
-    ]
+    rises = [k for k, (previous, point) in enumerate(pairwise(points), 1) if point[1] > previous[1]]
     end = max(rises, default=0) + 1
     # A jump at the beginning is followed by a hold, without which there is no time.
     while points[end - 1][0] == points[0][0]:
         end += 1
     return replace(loading, times="auto", **{quantity: points[:end]})  # type: ignore[arg-type]
-
-
-def _solve_rows(config: Config) -> list[State]:
-    """The rows of a scene; NotConverged if it takes too long, or one of them does not converge."""
-    scene = resolve(config)
-    seconds = scene.plan.prediction.get("seconds", 0.0)
-    if seconds > MAX_SECONDS:
-        raise NotConverged(
-            f"the run would take about {seconds:.2g} s; run the scene and its elastic limits "
-            "instead"
-        )
-    rows = list(states(scene, with_surface=False))
-    if not rows[-1].converged:
-        raise NotConverged(rows[-1].reason)
-    return rows

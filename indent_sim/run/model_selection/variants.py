@@ -13,7 +13,6 @@ from indent_sim.config.scene_sections import SolverSettings, Source
 from indent_sim.config.schema import Config
 from indent_sim.model.gel import Gel
 from indent_sim.model.hyperelasticity import NeoHookean
-from indent_sim.model.imported_body import MeshFromFile
 from indent_sim.model.inclusions import Inclusion
 from indent_sim.model.layers import Layer
 from indent_sim.model.linear_elasticity import LinearElastic, TransverselyIsotropic
@@ -55,17 +54,6 @@ def replace_sections(config: Config, **changes: Any) -> Config:
     variant = Config(**{name: getattr(config, name) for name in Config.model_fields} | changes)
     variant._source = Source(config.source.name)
     return variant
-
-
-def materials(config: Config) -> list[Material]:
-    """All materials of a scene, beginning with those of the layers."""
-    laws: list[Material | None] = []
-    if not isinstance(config.body, MeshFromFile):
-        laws += [layer.material for layer in config.layers]
-    laws += [inclusion.material for inclusion in config.body.inclusions or ()]
-    if regions := getattr(config.body, "regions", None):
-        laws += [config.material, *regions.values()]
-    return [material.canonical() for material in laws or [config.material] if material]
 
 
 def change_materials(config: Config, change: LawChange, **sections: Any) -> Config:

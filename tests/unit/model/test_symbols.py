@@ -8,7 +8,7 @@ import re
 from typing import get_args, get_origin
 
 import pytest
-from reference_pages import config_markdown
+from reference_pages import config_page
 
 from indent_sim.config import schema
 from indent_sim.config.json_schema import json_schema, sections_and_kinds
@@ -33,10 +33,17 @@ def yaml_fields() -> list[tuple[str, type, str]]:
     for section, kinds in schema.sections().items():
         for kind in kinds:
             inside = {name: bare_type(hint) for name, hint in field_types(kind).items()}
+            innermost = {
+                name: bare_type(hint)
+                for owner in inside.values()
+                if dataclasses.is_dataclass(owner)
+                for name, hint in field_types(owner).items()
+            }
             owners = [
                 (section, kind),
                 *((section, hint) for hint in inside.values()),
                 *inside.items(),
+                *innermost.items(),
             ]
             lists = {
                 name: bare_type(hint)
@@ -155,19 +162,20 @@ def test_the_page_of_the_scene_file_says_which_sections_another_may_replace():
     )
     rows = [
         row.split(" | ")
-        for row in config_markdown().splitlines()
-        if "](#" in row and "**required**" in row
+        for row in config_page().splitlines()
+        if row.startswith("| [`") and "**required**" in row
     ]
-    unless = {
-        row[0].strip("| [`").split("`")[0]: "unless" in row[1]
-        for row in rows
-        if not row[0].endswith("[]")
-    }
+    unless = {row[0].strip("| [`").split("`")[0]: "unless" in row[1] for row in rows}
     assert {name for name, is_conditional in unless.items() if is_conditional} == {"material"}
 
 
+def test_the_page_of_the_scene_file_has_no_row_twice():
+    rows = [row for row in config_page().splitlines() if row.startswith("| `")]
+    assert len(rows) > 100 and len(rows) == len(set(rows))
+
+
 def test_the_page_of_the_scene_file_has_every_key():
-    page = config_markdown()
+    page = config_page()
     missing = [
         name
         for section, kind, name in yaml_fields()

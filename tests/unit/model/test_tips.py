@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -23,8 +24,10 @@ from indent_sim.model.tips import (
     Pyramid,
     Sphere,
     Vickers,
+    _Tip,
     gap_under_tip,
 )
+from indent_sim.model.units import Length
 from indent_sim.scene.tip_theories import theory_tip_shape
 
 BITS = ((0.0, 0.0), (0.2, 0.0), (0.5, 0.1), (1.0, 0.6))
@@ -384,3 +387,50 @@ def test_no_gap_is_written_beside_a_tip_that_ends(tip: Indenter) -> None:
     ends = {"sphere": 1.3, "flat_punch": 1.0, "profile": 1.0}.get(tip.shape, np.inf)
     assert np.array_equal(np.isnan(gap_under_tip(tip, gap)), r > ends)
     assert np.array_equal(gap_under_tip(tip, gap)[r <= ends], gap[r <= ends])
+
+
+@dataclass(frozen=True)
+class Quartic(_Tip):
+    """A tip of one's own, f = r^4/R^3, that says nothing but its height."""
+
+    R: Length
+    shape: Literal["quartic"] = "quartic"
+
+    def height(self, x: Any, y: Any) -> Any:
+        return (x * x + y * y) ** 2 / self.R**3
+
+
+def test_a_tip_of_ones_own_has_the_strain_of_its_slope() -> None:
+    """0.2 f' = 0.8 a^3/R^3, by the default of all tips; the central difference is good to 1e-9."""
+    strain, formula = Quartic(2.0).characteristic_strain(0.01, 0.5)
+    assert strain == approx(0.8 * 0.25**3, rel=1e-9) and "slope" in formula
+    assert Quartic(2.0).radius_scale(0.5) is None  # it is no ball: flat at its apex
+
+
+@pytest.mark.parametrize("a", [0.2, 0.4, 0.55])
+def test_a_profile_on_a_sphere_has_its_radius_and_its_strain(a: float) -> None:
+    """Twenty points as far as 0.6 R: between them the chord is above the sphere by up to 1.5e-4 R,
+    3e-3 of the smallest height.
+    """
+    radii = np.linspace(0.0, 0.6 * 1.3, 21)
+    points = tuple((float(r), float(1.3 - np.sqrt(1.3**2 - r**2))) for r in radii)
+    sphere, profile = Sphere(1.3), Profile(points)
+    assert profile.radius_scale(1.3 * a) == approx(1.3, rel=1e-2)
+    found, exact = (tip.characteristic_strain(0.01, 1.3 * a) for tip in (profile, sphere))
+    assert found[0] == approx(exact[0], rel=1e-2) and found[1] == exact[1] == "0.2 a/R"
+
+
+def test_which_tips_have_a_radius() -> None:
+    """Those with a key R, and no cone, pyramid, punch or profile with a flat end."""
+    radii = {name: tip.radius_scale(0.3) for name, tip in TIPS.items()}
+    round_tips = {name: R for name, R in radii.items() if R is not None}
+    assert round_tips == {"paraboloid": 1.3, "sphere": 1.3, "hyperboloid": 0.2}
+    assert Plate().radius_scale(0.3) is None
+
+
+@pytest.mark.parametrize("name", OF_REVOLUTION)
+def test_a_scaled_tip_is_similar(name: str) -> None:
+    """f_s(s r) = s f(r)."""
+    tip, r = OF_REVOLUTION[name], np.linspace(0.05, 0.9, 12)
+    scaled = on_axis_plane(tip.scaled(2.5), 2.5 * r)
+    assert scaled == approx(2.5 * on_axis_plane(tip, r), rel=1e-12)

@@ -1,4 +1,4 @@
-"""The config that reproduces a run leaves `auto` only what docs/conventions.md says."""
+"""The config that reproduces a run: what docs/results.md says stays `auto`, and nothing else."""
 
 from __future__ import annotations
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from math import sqrt
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,6 @@ from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid
 from indent_sim.run.error_estimation.coarser_run import CoarserRun
 from indent_sim.run.error_estimation.error_bars import ErrorBars
 from indent_sim.run.explicit_config import explicit_config
-from indent_sim.scene.characteristic_strain import characteristic_strain
 from indent_sim.scene.expected_error import penalty_force_loss
 from indent_sim.scene.scene import Scene, resolve
 
@@ -95,6 +95,41 @@ def test_a_last_row_without_contact_has_no_error() -> None:
     assert errors["penalty"] == 0.0 and "force_error" not in found.plan.prediction
 
 
+ELASTIC = {"model": "linear_elastic", "E": 1.0, "nu": 0.3}
+SERIES = {"prony": [[0.5, 0.1]]}
+IN_TIME: dict[str, dict[str, Any]] = {
+    "draining": {"flow": {"diffusivity": 1.0}},
+    "relaxing in shear": {"relaxation": SERIES | {"of": "shear"}},
+    "relaxing as a whole, on the elastic curve": {"relaxation": SERIES | {"of": "all"}},
+}
+
+
+@pytest.mark.parametrize("name", IN_TIME)
+@pytest.mark.parametrize("first_depth", [0.01, 0.0025, None], ids=str)
+def test_only_rows_are_too_shallow(name: str, first_depth: float | None) -> None:
+    """The elements are compared with the contact of the shallowest row, by Hertz, and not with the
+    shallower ones of time steps before it. A history without times names no row in advance.
+    """
+    h, deepest = 0.03, 0.01
+    times = {} if first_depth is None else {"times": [first_depth / deepest, 2.0]}
+    found = scene(
+        body={"shape": "cylinder", "radius": 5.0, "height": 5.0},
+        material=ELASTIC | IN_TIME[name],
+        mesh={"h_contact": h},
+        loading={"history": [[0.0, 0.0], [1.0, deepest], [2.0, deepest]]} | times,
+    )
+    if found.history_on_curve and first_depth is None:
+        pytest.skip("its rows are interpolated between points of the curve")
+    said = [warning for warning in found.plan.warnings if "at the shallowest" in warning]
+    if first_depth in (None, deepest):
+        assert said == []
+        return
+    (warning,) = said
+    elements = float(warning.split("only ")[1].split()[0])
+    # Two digits are printed, and the body of the height 5 is not a half-space: a differs by 1 %.
+    assert elements == pytest.approx(sqrt(first_depth) / h, rel=0.05)
+
+
 @pytest.mark.parametrize(
     "tip", [Paraboloid(R=2.0), Cone(half_angle=70.0), Cone(half_angle=70.0, tip_radius=2.0)]
 )
@@ -106,11 +141,11 @@ def test_the_strain_is_a_fifth_of_the_slope_at_the_edge(tip: Indenter) -> None:
     """
     a, step = 0.3, 1e-6
     slope = (float(tip.height(a + step, 0.0)) - float(tip.height(a - step, 0.0))) / (2 * step)
-    assert characteristic_strain(tip, 0.01, a)[0] == pytest.approx(0.2 * slope, rel=0.012)
+    assert tip.characteristic_strain(0.01, a)[0] == pytest.approx(0.2 * slope, rel=0.012)
 
 
 def test_the_strain_under_a_punch_knows_its_depth() -> None:
-    assert characteristic_strain(FlatPunch(radius=0.3), 0.01, 0.3)[0] == pytest.approx(0.01)
+    assert FlatPunch(radius=0.3).characteristic_strain(0.01, 0.3)[0] == pytest.approx(0.01)
 
 
 def test_what_a_penalty_costs() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from typing import Any, get_args
 
 import numpy as np
@@ -31,6 +32,7 @@ from indent_sim.scene.reference_theory import half_space_theory, layer_theory, r
 from indent_sim.scene.scene import Scene, resolve
 from indent_sim.scene.tip_theories import TIP_THEORIES, theory_tip_shape
 from indent_sim.theory.contact_curve import ContactCurve
+from indent_sim.theory.solution import Solution
 
 GEL = LinearElastic(E=1.0, nu=0.3)
 CYLINDER = Cylinder(2.0, 1.0, sides="roller")
@@ -158,39 +160,26 @@ def test_half_space_forces_of_blunt_tips() -> None:
     ],
     ids=["plain", "penalty", "accuracy", "soft", "half_space", "hyperelastic"],
 )
-def test_theory_is_asked_once_for_each_depth(
+def test_theory_solves_the_same_depths_once(
     monkeypatch: pytest.MonkeyPatch, sections: dict[str, Any]
 ) -> None:
-    """Resolving a scene evaluates theory once at each depth.
+    """Sizes, choices, warnings and prediction of one scene ask for the same contacts."""
+    solved: Counter[tuple[ContactCurve, tuple[float, ...]]] = Counter()
+    solve = ContactCurve.solutions_at_depths
 
-    Sizes, choices, warnings and prediction need the same contacts.
-    """
-    asked: Counter[tuple[ContactCurve, float]] = Counter()
-    march = ContactCurve.solutions_at_depths
-
-    def counted(layer: ContactCurve, deltas: Any) -> Any:
-        asked.update((layer, float(delta)) for delta in deltas if delta > 0)
-        return march(layer, deltas)
+    def counted(curve: ContactCurve, deltas: Sequence[float]) -> list[Solution]:
+        solved[curve, tuple(deltas)] += 1
+        return solve(curve, deltas)
 
     monkeypatch.setattr(ContactCurve, "solutions_at_depths", counted)
     found = scene(**sections)
-    assert found.plan.theory and set(asked.values()) == {1}
-    depths = {delta for layer, delta in asked if layer == found.plan.theory.contact}
-    assert set(found.physics.deltas) <= depths
-    assert (
-        len(depths) <= 3 + 2 * 7
-    )  # a penalty that costs much wants seven more, at the deepest contact and the last
-    before = asked.total()
-    assert np.all(
-        np.array(
-            [
-                solution.force
-                for solution in found.plan.theory.solutions_at_depths(found.physics.deltas) or []
-            ]
-        )
-        > 0
-    )
-    assert asked.total() == before
+    theory = found.plan.theory
+    assert theory and set(solved.values()) == {1}
+    depths = [deltas for curve, deltas in solved if curve == theory.contact]
+    # A penalty that costs much wants eight contacts at the deepest depth and at the last one.
+    assert 0 < sum(map(len, depths)) <= 3 + 2 * 8
+    assert all(map(theory.solutions_at_depths, depths))
+    assert set(solved.values()) == {1}
 
 
 @pytest.mark.parametrize(

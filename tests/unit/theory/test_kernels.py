@@ -1,4 +1,4 @@
-"""Even polynomials reproduce the kernel of a small contact."""
+"""Even polynomials are the kernel of a small contact."""
 
 from __future__ import annotations
 
@@ -6,10 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from scipy.special import jv
 
-from indent_sim.theory import hankel, profiles, quadrature
 from indent_sim.theory import layer as theory_layer
+from indent_sim.theory import profiles, quadrature
 from indent_sim.theory.hankel import EvenKernel, Kernel, axisymmetric_kernel, contact_kernel
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.stack import Stack, StackLayer
@@ -30,7 +29,7 @@ ROUNDING = 1e-13
 
 
 def values(kernel: Kernel | EvenKernel, x: np.ndarray, of: str) -> np.ndarray:
-    """Kernel between places (n,), or its change with the second of them, shape (n, n)."""
+    """The kernel between places (n,), or how it changes with the second of them (n, n)."""
     return kernel.basis(x).T @ kernel.apply_weights(getattr(kernel, of)(x))
 
 
@@ -58,29 +57,10 @@ def test_a_wide_contact_and_one_between_walls_have_the_kernel_itself(a, wall):
     assert kernel is axisymmetric_kernel(a, STACKS["rubber"], wall)
 
 
-def test_bessel_functions_are_those_of_scipy():
-    """The even Bessel functions are those of scipy, also next to zeros of J_0.
-
-    There the recurrence divides by nearly nothing.
-    """
-    x = np.concatenate([np.geomspace(1e-6, 44.0, 500), [2.404825557695773, 5.520078110286311]])
-    orders = 2 * np.arange(hankel.MAX_EVEN_POLYNOMIALS)[:, None]
-    found, expected = hankel._even_bessel(x, hankel.MAX_EVEN_POLYNOMIALS), jv(orders, x)
-    np.testing.assert_allclose(
-        found, expected, atol=1e-14
-    )  # of J_0(0) = 1: ninety steps, each rounded
-    small = (
-        np.broadcast_to(orders, expected.shape) > x
-    )  # there they have no zeros, and each has its own digits
-    seen = small & (np.abs(expected) > 1e-290)
-    np.testing.assert_allclose(found[seen], expected[seen], rtol=1e-12)
-
-
 @pytest.mark.parametrize("tip", [profiles.paraboloid(1.0), profiles.sphere(2.0)])
 def test_a_contact_that_nearly_reaches_a_wall_is_solved_to_its_digits(tip, monkeypatch):
-    """A contact next to a wall is converged to 1e-7: twice the points change no more.
-
-    A system of modes would lose four digits.
+    """On twice as many points it is the same, one alone or with others; a system of modes would
+    lose four digits.
     """
     layer, sizes = Layer.from_stack(tip, STACKS["rubber"], 1.2), np.array([0.9 * 1.2, 0.999 * 1.2])
 
@@ -100,7 +80,7 @@ def test_a_contact_that_nearly_reaches_a_wall_is_solved_to_its_digits(tip, monke
 
 
 def test_no_contact_has_a_kernel():
-    """A contact of size zero, at which a search may begin, has a solution."""
+    """A search may begin there."""
     assert (
         Layer.from_stack(profiles.sphere(1.0), STACKS["rubber"])
         .linear_solution(0.0)

@@ -304,6 +304,7 @@ def test_symbols():
     ) == pytest.approx(1 - free[1:], abs=1e-12)
     from scipy.special import jn_zeros
 
+    # The program takes the first 32 from scipy and the others from McMahon's expansion.
     assert bessel_j1_zeros(np.arange(1.0, 41.0)) == pytest.approx(jn_zeros(1, 40), rel=1e-14)
 
 

@@ -1,0 +1,41 @@
+"""JKR limit of the adhesion of a scene: force at its deepest row for any work of adhesion."""
+
+from __future__ import annotations
+
+from indent_sim.scene.scene import Scene
+from indent_sim.theory.adhesion import Jkr
+from indent_sim.theory.layer import Layer
+from indent_sim.theory.punches import LayerPunches
+from indent_sim.theory.roots import increasing_root
+
+# Depths of that search are at least this fraction of the prescribed depth.
+MIN_DEPTH_FRACTION = 1e-6
+
+
+class JkrLimit:
+    """The JKR limit of a scene that theory solves as a layer."""
+
+    def __init__(self, scene: Scene, contact: Layer):
+        self._delta = scene.physics.deltas[-1]
+        self._work_unit = scene.physics.scales.pressure * scene.physics.scales.length
+        self._punches = LayerPunches(contact)
+        self._nonadhesive = contact.solutions_at_depths([self._delta])[0]
+
+    def force_ratio(self, work: float) -> float:
+        """Force with a work of adhesion, relative to that without, at the same depth."""
+        jkr = Jkr(self._punches, work / self._work_unit)
+        # The search for the contact radius with adhesion begins above that without, by
+        # this fraction.
+        radius_margin = 1e-3
+        # The contact radius of the stable equilibrium is larger than that without adhesion.
+        radius = increasing_root(
+            lambda a: max(jkr.equilibrium_at(a).delta, MIN_DEPTH_FRACTION * self._delta),
+            self._delta,
+            self._nonadhesive.a * (1 + radius_margin),
+            self._punches.max_radius,
+        )
+        return jkr.equilibrium_at(radius).force / self._nonadhesive.force
+
+    def work_of_force(self, fraction: float) -> float:
+        """Work of adhesion [force/length]: a fraction of the force over the contact radius."""
+        return fraction * self._nonadhesive.force * self._work_unit / self._nonadhesive.a
