@@ -1,4 +1,4 @@
-"""Scenes whose exact force is known, with which `accuracy` and error bars are judged."""
+"""Scenes whose exact force is known, on which `accuracy` and error bars are judged."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ WIDE = 2.0  # radius of the wall over height, or over the contact radius where t
 
 @dataclass(frozen=True)
 class Case:
-    """A tip pressed into a layer of height 1 until the contact radius is about `a`, in `steps`
-    equal steps.
+    """A tip pressed into a layer of height 1 up to a contact radius near `a`.
+
+    The path has `steps` equal steps.
     """
 
     tip: str
@@ -53,7 +54,7 @@ class Case:
         }
 
     def depth(self, tip: dict[str, Any]) -> float:
-        """Where the sections of the tip are about this wide, in a layer that is thick or thin."""
+        """The depth at which sections of the tip are about `a` wide, in a thick or a thin layer."""
         sink = 0.6 if self.a > 0.5 else 1.0  # a thin layer's surface follows the tip
         if self.tip == "cone":
             return sink * 1.57 * self.a * np.tan(np.radians(5))
@@ -69,7 +70,7 @@ def exact_forces(config: Config) -> np.ndarray:
 
 
 def drawn(count: int, seed: int = 7) -> list[Case]:
-    """Scenes drawn at random, none of which chose a constant of `accuracy`."""
+    """Random scenes, none of which was used to choose a constant of `accuracy`."""
     draw = np.random.default_rng(seed)
     return [
         Case(
@@ -92,9 +93,11 @@ DEPTHS = np.arange(1, 11) * 1e-3
 
 
 def forces_on_a_finite_body(k_0: float, k_2: float) -> np.ndarray:
-    """Hertz' force at DEPTHS on a body (E = 1, nu = 0.3) that sinks F (k_0 - k_2 (r^2 + s^2)) less
-    at r than a half-space does, F at distances s from the axis, s^2 = 2 a^2/5 in the mean: what
-    is far away is smooth.
+    """Hertz' force at DEPTHS on a body of finite size (E = 1, nu = 0.3).
+
+    At a distance r from the axis the body sinks by F (k_0 - k_2 (r^2 + s^2)) less than a half-space
+    does. F acts at distances s from the axis, with s^2 = 2 a^2/5 in the mean: what is far away acts
+    smoothly.
     """
     E_star = 1 / (1 - 0.3**2)
 
@@ -107,10 +110,10 @@ def forces_on_a_finite_body(k_0: float, k_2: float) -> np.ndarray:
 
 
 def cube_forces() -> np.ndarray:
-    """Of the whole cube at DEPTHS.
+    """Forces of the whole cube at DEPTHS.
 
-    What the cylinder's independent forces say of k_2, and the cube's last one of k_0
-    (test_hertz.py); half of k_2 more or less would change the first force by 8e-5 of it.
+    k_2 follows from the cylinder's independent forces, and k_0 from the cube's last one
+    (test_hertz.py). Half of k_2 more or less would change the first force by 8e-5 of it.
     """
     _, k_2 = least_squares(lambda k: forces_on_a_finite_body(*k) / FORCES - 1, [0.4, 0.2]).x
     k_0 = brentq(lambda k: forces_on_a_finite_body(k, k_2)[-1] / CUBE_FORCE - 1, 0.3, 0.5)

@@ -118,7 +118,7 @@ LENGTHS = (
 
 @contextmanager
 def within(seconds: float) -> Iterator[None]:
-    """Fail in the midst of a block that takes longer."""
+    """Fail within a block that takes longer."""
 
     def late(number: int, frame: Any) -> None:
         raise AssertionError(f"still at it after {seconds:g} s")

@@ -1,4 +1,4 @@
-"""Forces of HERTZ, the benchmark that the tests and `scripts/bench` both hold the program to."""
+"""Forces of HERTZ, the benchmark of the tests and of `scripts/bench`."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Curve files that are broken, absurd, or written in a way of their own, from a seed: what should
-become of each.
-"""
+"""Random curve files that are broken, absurd or unusual, and the right outcome of each."""
 
 from __future__ import annotations
 
@@ -19,8 +17,9 @@ UNREADABLE = "not a curve: "
 
 @dataclass(frozen=True)
 class Hostile:
-    """A file: its name, its bytes, and the beginning of the reason why it is refused; DONE where it
-    holds a curve, None where either may be right.
+    """A file: its name, its bytes, and the beginning of the reason for which it is refused.
+
+    The reason is DONE where the file holds a curve, and None where either may be right.
     """
 
     name: str
@@ -55,7 +54,7 @@ def hostile(draw: np.random.Generator) -> Iterator[Hostile]:
 
 
 def _written_otherwise(draw: np.random.Generator) -> dict[str, tuple[str | bytes, str | None]]:
-    """Curves that are curves."""
+    """Curves in unusual formats."""
     x, F = curve(draw)
     plain, blanks = text((x, F)), text((x, F), " ", "# depth force\n")
     german = text((x, F), ";", "Tiefe [µm];Kraft [nN]\n")
@@ -93,7 +92,7 @@ def _written_otherwise(draw: np.random.Generator) -> dict[str, tuple[str | bytes
 
 
 def _no_text(draw: np.random.Generator) -> dict[str, tuple[str | bytes, str | None]]:
-    """Bytes of something else, under the name of a curve."""
+    """Bytes of something else under the name of a curve."""
     plain = text(curve(draw)).encode()
     archive = io.BytesIO()
     with zipfile.ZipFile(archive, "w") as file:
@@ -189,7 +188,7 @@ def _no_curve(draw: np.random.Generator) -> dict[str, tuple[str | bytes, str | N
 
 
 def _damaged(draw: np.random.Generator) -> dict[str, tuple[str | bytes, str | None]]:
-    """A good file that was cut, spliced or sprinkled; and instruments' files that are none."""
+    """Good files that were cut, spliced or sprinkled, and false files of instruments."""
     good = text(curve(draw), ";", "depth [um];force [nN]\n").encode()
 
     def sprinkled() -> bytes:

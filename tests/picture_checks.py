@@ -1,5 +1,6 @@
-"""What may not be in a picture: words over words, words beyond the edge, axes without a name, lines
-that a legend does not tell apart, and more names than anybody reads.
+"""Checks of pictures: overlapping or cut words, nameless axes, and legends that mislead.
+
+A legend misleads where lines look alike, or where it has more names than anyone reads.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ TOUCH = 1.0  # pixels that two boxes may share, for they are those of the letter
 
 
 def faults(figure: Any) -> list[str]:
-    """What is wrong with a laid-out figure, in words."""
+    """The faults of a laid-out figure, in words."""
     figure.draw_without_rendering()
     unseen = _unseen(figure)
     words = [text for text in figure.findobj(Text) if _is_seen(text) and id(text) not in unseen]
@@ -67,7 +68,7 @@ def faults(figure: Any) -> list[str]:
 
 
 def _of_legend(legend: Any) -> list[str]:
-    """Names that stand for the same look, and too many of them."""
+    """Names of a legend that look alike, and too many of them."""
     names = [text.get_text() for text in legend.get_texts()]
     found = [f"a legend of {len(names)} names"] if len(names) > MOST_NAMES else []
     handles = (
@@ -82,7 +83,7 @@ def _of_legend(legend: Any) -> list[str]:
 
 
 def _look(handle: Any) -> object:
-    """What a line of a legend is told by; None of anything else."""
+    """What distinguishes a line of a legend; None for anything else."""
     if not isinstance(handle, Line2D):
         return None
     dashes = handle._unscaled_dash_pattern if handle.get_linestyle() != "None" else None
@@ -100,8 +101,9 @@ def _is_seen(text: Any) -> bool:
 
 
 def _unseen(figure: Any) -> set[int]:
-    """What is never drawn: numbers beyond the ends of an axis, and all that stands along axes that
-    are switched off.
+    """Ids of texts that are never drawn.
+
+    They are numbers beyond the ends of an axis, and all along axes that are switched off.
     """
     found: set[int] = set()
     for axes in figure.findobj(Axes):  # bars of colours inside a panel too
@@ -128,7 +130,7 @@ def _ticks_in_view(along: Any) -> list[Any]:
 
 
 def _names_itself(numbers: list[Any]) -> bool:
-    """Whether what stands along an axis are words; powers of ten are none."""
+    """Whether the labels along an axis are words; powers of ten are none."""
     return any(
         character.isalpha()
         for label in numbers

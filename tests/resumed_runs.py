@@ -33,7 +33,7 @@ CONDENSED = SCENE.format(
 def same_numbers(out: Path, expected: Path, rtol: float = 1e-8) -> None:
     """Assert that two folders hold the same files, rows, surfaces and fields.
 
-    wall_s grows monotonically over the seam of the resumed run, too.
+    wall_s grows monotonically across the restart of the resumed run.
     """
     assert {entry.name for entry in out.iterdir()} == {entry.name for entry in expected.iterdir()}
     found, wanted = read(out), read(expected)

@@ -1,6 +1,6 @@
-"""Scenes and studies with any value anywhere: planned, run or refused in words.
+"""Scenes and studies with arbitrary values are planned, run or refused in words.
 
-Never a bug, never a long wait.
+None ends as a bug or takes long.
 """
 
 from __future__ import annotations
@@ -30,15 +30,16 @@ WAIT = 20.0  # s of wall time for one plan: the slowest takes 1 s, on a machine 
 
 
 def plan(document: dict[str, Any]) -> None:
-    """Numbers, none of them nan, or the words of exit code 3."""
+    """Assert that a plan is numbers, none of them nan, or the message of exit code 3."""
     done = ended("plan", document, codes=(0, 3), wait=WAIT)
     assert (done.exit_code == 0) == bool(done.stdout)
     assert not {"nan", "inf"} & set(done.stdout.replace(",", " ").split())
 
 
 def read_study(document: dict[str, Any]) -> None:
-    """Points of a grid, or the words of exit code 2 or 3; the scenes themselves are tried
-    elsewhere.
+    """Assert that a study gives grid points, or the message of exit code 2 or 3.
+
+    The scenes of its points are tried elsewhere.
     """
     with tempfile.TemporaryDirectory() as place, within(WAIT), warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)

@@ -58,7 +58,7 @@ SCENES: dict[str, dict[str, Any]] = {
 
 
 def words(value: Any) -> set[Any]:
-    """All words in a config."""
+    """All strings in a config."""
     if isinstance(value, dict):
         return set().union(*map(words, value.values()))
     return {value} if isinstance(value, str) else set()

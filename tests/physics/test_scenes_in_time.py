@@ -1,8 +1,7 @@
-"""Scenes in time drawn at random: every one ends, no force rises in a hold without cause, bars hold
-the finer answer.
+"""Random scenes in time: all end, and their error bars hold the truth.
 
-Truth is the same scene on a mesh of half the sizes in steps a quarter as long (half, with
-friction).
+No force rises in a hold without cause. The truth is the same scene on a mesh of half the element
+sizes, in steps a quarter as long (half as long with friction).
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ def truth(base: Scene) -> list[State]:
 
 
 def over(mapping: dict[str, Any], folder: Path) -> dict[str, list[float]]:
-    """Bar over error of every row, number by number; forces that are prescribed have none."""
+    """Bar divided by error of every row, by column; a force that is prescribed has none."""
     config = config_from_mapping(mapping)
     found = simulate(config, directory=folder, error_bars=True).states
     base = resolve(config)
@@ -56,7 +55,10 @@ def over(mapping: dict[str, Any], folder: Path) -> dict[str, list[float]]:
 
 
 def test_rows_of_one_scene_are_inside_their_bars(tmp_path: Path) -> None:
-    """A draining layer in two steps of each length, whose bars are those of its steps in time."""
+    """Rows of a draining layer in two steps of each length are inside their bars.
+
+    The bars are mostly those of the steps in time.
+    """
     (mapping,) = time_scenes(1, 5, ("draining",))
     mapping["loading"] |= {"times": mapping["loading"]["times"][2::3], "per_doubling": 2}
     found = over(mapping, tmp_path)
@@ -64,8 +66,9 @@ def test_rows_of_one_scene_are_inside_their_bars(tmp_path: Path) -> None:
 
 
 def test_steps_have_a_part_of_the_error(tmp_path: Path) -> None:
-    """Of half as many steps the largest is more; where the tip seals nothing, whose edge moves by
-    elements.
+    """The part of the error budget due to steps in time is larger with half as many steps.
+
+    The tip seals nothing here, as the edge of what it seals moves by elements.
     """
     (mapping,) = time_scenes(1, 5, ("draining",))
     mapping["drainage"] = {"tip": "drained"}
@@ -83,7 +86,7 @@ def test_steps_have_a_part_of_the_error(tmp_path: Path) -> None:
 
 
 def sealed_rubber() -> dict[str, Any]:
-    """A porous rubber that nothing can leave, with a cone that has come to rest."""
+    """A porous rubber out of which nothing can flow, under a cone that has come to rest."""
     mooney = {"model": "mooney_rivlin", "C10": 0.167, "C01": 0.042, "nu": 0.2}
     return {
         "body": {
@@ -107,8 +110,9 @@ def sealed_rubber() -> dict[str, Any]:
 
 
 def test_fluid_of_a_sealed_body_is_audited_beside_what_moves_in_it(tmp_path: Path) -> None:
-    """Nothing leaves; what the rows of p sum up to is round-off beside what has moved from place to
-    place.
+    """Nothing flows out of a sealed body, and its balance of fluid is zero to round-off.
+
+    The round-off is compared with the fluid that has moved inside the body.
     """
     rows = simulate(config_from_mapping(sealed_rubber()), directory=tmp_path).states
     assert all(row.outflow == 0 for row in rows)
@@ -119,7 +123,7 @@ def test_fluid_of_a_sealed_body_is_audited_beside_what_moves_in_it(tmp_path: Pat
 def test_fluid_that_comes_from_nowhere_ends_the_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A millionth of what has moved."""
+    """A fluid content raised by a millionth ends the run, and the message says why."""
     content = Flow.vertex_content_values
     monkeypatch.setattr(
         Flow, "vertex_content_values", lambda flow: content(flow) + 1e-6 * np.abs(content(flow))
@@ -154,7 +158,7 @@ def test_rows_drawn_at_random_are_inside_their_bars(tmp_path: Path) -> None:
     "mapping", time_scenes(5, 31, KINDS[:5])[::2][:2], ids=["draining", "relaxing"]
 )
 def test_an_accuracy_is_met_in_time(mapping: dict[str, Any], tmp_path: Path) -> None:
-    """3 % asked for: of every row the force is right to that, or the depth where forces are given.
+    """With `accuracy: 0.03` the forces of random scenes, or their depths, are right to 3 %.
 
     1 % is asked of draining and relaxing bodies in test_early_times; that of rubber would cost five
     minutes of CPU.
@@ -171,7 +175,10 @@ def test_an_accuracy_is_met_in_time(mapping: dict[str, Any], tmp_path: Path) -> 
 
 @pytest.mark.verify
 def test_every_scene_drawn_at_random_ends(tmp_path: Path) -> None:
-    """All rows, or an end that says why; a force falls in a hold, to what the solver leaves."""
+    """Random scenes end with all rows, except one in a list that may not converge.
+
+    A force falls in a hold, up to what the solver leaves.
+    """
     lost = []
     for k, mapping in enumerate(time_scenes(10 * len(KINDS), 2)[::10]):
         config = config_from_mapping(mapping | {"output": mapping["output"] | {"plot": False}})

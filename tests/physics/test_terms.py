@@ -1,6 +1,4 @@
-"""A term with a memory, as CONTRIBUTING describes one, and values that are held at something other
-than zero.
-"""
+"""A term with a memory, as CONTRIBUTING describes one, and degrees of freedom held at a value."""
 
 from __future__ import annotations
 
@@ -26,14 +24,12 @@ ON_ROLLERS = {"shape": "cylinder", "radius": 1.0, "height": 1.0, "base": "roller
 
 
 class Dashpots(Term):
-    """A foundation of dashpots that drag on the base: the traction -c du/dt [pressure], backward
-    Euler.
-    """
+    """Dashpots that drag on the base: the traction -c du/dt [pressure], by backward Euler."""
 
     has_memory = True
 
     def __init__(self, body: Body, c: float):
-        """c [pressure time/length]."""
+        """Dashpots of the constant c [pressure time/length]."""
         self._body, self._c = body, fem.Constant(body.mesh, c)
         now, before = body.now.fields["u"], body.before.fields["u"]
         self._rate = (now - before) / body.dt
@@ -53,7 +49,7 @@ class Dashpots(Term):
 
 @cache
 def on_dashpots(c: float, h: float = 0.05) -> tuple[Problem, Newton]:
-    """A body on rollers and dashpots under the tip, and what solves it."""
+    """The problem of a body on rollers and dashpots under the tip, and its Newton solver."""
     base = scene(
         ON_ROLLERS,
         mesh=COARSE | {"h_contact": h},
@@ -71,8 +67,9 @@ def on_dashpots(c: float, h: float = 0.05) -> tuple[Problem, Newton]:
 def press(
     steps: int, time: float, hold: float = 0.0, c: float = 1.0
 ) -> list[tuple[float, float, float, float]]:
-    """Press in within `time`, and hold: depth, force, energy and dissipation after every step, from
-    rest.
+    """Depth, force, energy and dissipation after every step of a press from rest and a hold.
+
+    The tip is pressed in within `time`.
     """
     problem, newton = on_dashpots(c)
     problem.x.set(0.0)
@@ -91,7 +88,7 @@ def press(
 
 
 def force_on(base: str) -> float:
-    """The force of the same mesh on rollers, or fixed."""
+    """The force of the same mesh on rollers or a fixed base."""
     problem, newton = on_dashpots(1e-12 if base == "roller" else 1e12)
     problem.x.set(0.0)
     problem.accept()
@@ -120,8 +117,9 @@ def test_dashpots_converge_with_the_steps_of_time() -> None:
 
 
 def test_what_the_tip_does_is_stored_or_lost() -> None:
-    """Work by the trapezoidal rule, 1/n^2; losses of backward Euler, 1/n: both vanish with the
-    steps.
+    """The tip's work is what the body stores and the dashpots lose, as steps go to zero.
+
+    The work by the trapezoidal rule is off by 1/n^2, the losses of backward Euler by 1/n.
     """
     off = []
     for n in (10, 20):
@@ -135,8 +133,9 @@ def test_what_the_tip_does_is_stored_or_lost() -> None:
 
 
 def test_a_base_held_at_another_place_stretches_the_body() -> None:
-    """A top held 0.01 higher, no contact, free sides: uniaxial stress, whose energy is E strain^2/2
-    per volume.
+    """A top held 0.01 higher without contact is in uniaxial stress.
+
+    Its sides are free, so its energy is E strain^2/2 per volume.
     """
     problem, newton = on_dashpots(1e-9)
     body = problem.body

@@ -1,6 +1,4 @@
-"""What comes from a stranger: text that is only text, folders that are not ours, results that are
-damaged.
-"""
+"""Input from strangers: text is only text, foreign folders stay, damaged results are refused."""
 
 from __future__ import annotations
 
@@ -38,7 +36,7 @@ def said(*words: str | Path) -> Any:
 
 
 def content_of(place: Path) -> dict[str, Any]:
-    """Every file below a folder, and every folder."""
+    """The bytes of every file below a folder, and its folders."""
     paths = sorted(place.rglob("*"))
     return {
         str(path.relative_to(place)): path.read_bytes() if path.is_file() else path.is_dir()
@@ -164,7 +162,7 @@ class TestNotOurs:
 
 
 def with_a_cell(out: Path, column: int, cell: str) -> None:
-    """A result of three rows, in the second of which a cell says something else."""
+    """Write a result of three rows, in the second of which one cell is replaced."""
     write_run(out, 3)
     table = out / "force_indentation.csv"
     lines = [line.split(",") for line in table.read_text().splitlines()]
@@ -265,8 +263,9 @@ class TestDamaged:
         )
 
     def test_the_name_of_a_folder_may_be_any_bytes(self, tmp_path, capfdbinary):
-        """In a strict locale too, where Python refuses to print what is no text: the shell gets the
-        very bytes.
+        """In a strict locale the name of a folder that is no text is printed as its bytes.
+
+        Python refuses to print it as text there.
         """
         place = os.fsencode(tmp_path) + b"/\xff\xfe"
         write_run(Path(os.fsdecode(place)))

@@ -1,4 +1,4 @@
-"""Scenes with any value anywhere that are small enough, run to their end or refused in words."""
+"""Small scenes with arbitrary values are run to their end or refused in words."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ AFFORDABLE = {
 
 
 def run(document: dict[str, Any]) -> bool:
-    """Run a scene that is small enough, of few steps; returns whether it was."""
+    """Run a scene of few steps if it is small enough, and return whether it was."""
     with suppress(ConfigError):
         if isinstance(document.get("loading"), dict) and {"delta", "force"} & set(
             document["loading"]

@@ -1,4 +1,4 @@
-"""Every scene of configs/ has a report, whose pictures have room."""
+"""Every scene of configs/ has a report whose pictures have room."""
 
 from __future__ import annotations
 

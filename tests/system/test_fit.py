@@ -1,6 +1,4 @@
-"""`indent-sim fit`, and measured curves in the other commands: what is printed, written and
-refused.
-"""
+"""`indent-sim fit`, and measured curves in the other commands: output, files and refusals."""
 
 from __future__ import annotations
 
@@ -39,7 +37,7 @@ def hertz(depth: np.ndarray, E: float) -> np.ndarray:
 
 
 def write(path: Path, E: float, first: float = -1.0) -> None:
-    """A curve in nm and pN with a tenth of a per cent of noise, and first touch at 0."""
+    """Write a curve in nm and pN with a tenth of a per cent of noise and first touch at 0."""
     x = np.linspace(first, 0.6, 400)
     force = hertz(x, E) + 1e-3 * hertz(x, E).max() * np.random.default_rng(1).standard_normal(400)
     rows = "".join(f"{1e3 * a:.6f};{1e3 * b:.6f}\n" for a, b in zip(x, force, strict=True))
@@ -48,7 +46,7 @@ def write(path: Path, E: float, first: float = -1.0) -> None:
 
 @pytest.fixture
 def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
-    """Run a command in a folder with scene.yaml and curves/."""
+    """A function that runs a command in a folder with scene.yaml and curves/."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scene.yaml").write_text(SCENE)
     (tmp_path / "study.yaml").write_text(STUDY)
@@ -174,7 +172,10 @@ def test_a_design_with_wrong_words(command, words, code, said):
 
 
 def test_what_a_scene_requires_for_a_curve(command, tmp_path):
-    """The same as for the scene with the curve's modulus and depth, and the models of its fit."""
+    """`require --curve` says the same as for the scene with the curve's modulus and depth.
+
+    It also names the models of the curve's fit.
+    """
     words = ("require", "scene.yaml", "--curve", "curves/c2.csv")
     found = json.loads(command(*words, "--json").stdout)
     curve = found["curve"]
@@ -309,8 +310,9 @@ def test_the_report_of_a_fit_is_one_page_by_itself(command, tmp_path):
 
 
 def test_the_report_of_one_curve_has_its_windows_and_models(command, tmp_path):
-    """A stiffer half of the curve, as over a substrate: other models are asked, and drawn from the
-    curve's table.
+    """The report of a curve that stiffens with depth shows windows and other models.
+
+    The stiffening is like that over a substrate. The picture is drawn from the curve's table.
     """
     table = np.loadtxt(tmp_path / "curves" / "c2.csv", delimiter=";", skiprows=1)
     table[:, 1] *= 1 + 0.8 * np.maximum(table[:, 0] / 600, 0)

@@ -1,6 +1,4 @@
-"""The cache of compiled kernels: one process compiles at a time, and what a killed one left is
-compiled again.
-"""
+"""A cold cache of compiled kernels: one message, quiet compilers, and leftovers are cleared."""
 
 from __future__ import annotations
 
@@ -139,7 +137,10 @@ def test_six_cold_runs_at_once(tmp_path: Path, environment: dict[str, str]) -> N
 def test_a_caller_without_logging_sees_no_compiler(
     tmp_path: Path, environment: dict[str, str]
 ) -> None:
-    """In a notebook or script, setuptools would print each command line."""
+    """A notebook or script without logging sees no command lines of the compiler.
+
+    setuptools lowers the level of the root logger and writes each command line to it.
+    """
     (tmp_path / "scene.yaml").write_text(SCENE)
     program = "import indent_sim; list(indent_sim.states(indent_sim.load('scene.yaml')))"
     done = subprocess.run(

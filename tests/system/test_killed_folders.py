@@ -1,6 +1,4 @@
-"""A process that is killed while it writes a result folder: what it leaves, and what the next one
-makes of that.
-"""
+"""A process killed while it writes a result folder: what it leaves, and what the next one does."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Pictures as a paper needs them: panels where they are asked for, and in no picture words over
-words or axes without a name.
-"""
+"""Pictures for a paper: panels where they are asked for, no overlaps, no axes without a name."""
 
 from __future__ import annotations
 
@@ -186,7 +184,7 @@ def test_options_that_make_no_picture_are_refused(gel: Path, options: list[str],
 
 
 def test_the_command_takes_all_of_them(gel: Path, tmp_path: Path) -> None:
-    """85 mm at 100 points to the inch are 335 points."""
+    """`plot` takes all options at once; 85 mm at 100 dots per inch are 335 pixels."""
     words = (
         "--what force,fields --layout 1x2 --letters --dpi 100 --limits 0:2 --zoom all "
         "--width 85 --font-size 6"
@@ -209,8 +207,9 @@ LAYER = {
 
 
 def test_twenty_curves_have_a_bar_units_and_hertz_beside_them() -> None:
-    """Thicknesses as plain numbers are in the scene's um; the half-space does not know them, so
-    Hertz is one curve.
+    """Curves over twenty thicknesses have a colour bar with units, and one curve of Hertz.
+
+    Thicknesses as plain numbers are in the scene's um. The half-space does not depend on them.
     """
     vary = {"body.height": {"from": 2, "to": 40, "count": 20, "spacing": "log"}}
     figure = indent_sim.plot(indent_sim.study({"base": LAYER, "vary": vary}))
@@ -231,7 +230,9 @@ def test_twenty_curves_have_a_bar_units_and_hertz_beside_them() -> None:
 
 
 def test_curves_beside_a_panel_with_one_line_of_names_keep_their_own_below_them() -> None:
-    """The panel of the curves spans the cell of the names, which is lower than what stands below an
+    """The names of curves stay below them beside a panel with one line of names.
+
+    The panel of the curves spans the cell of the names, which is lower than what stands below an
     axis.
     """
     figure = indent_sim.plot(
@@ -280,7 +281,7 @@ def test_the_checker_finds_legends_that_tell_nothing() -> None:
 
 
 def test_the_checker_finds_words_on_the_panel_of_another() -> None:
-    """A legend that is wider than its place, as one below a panel beside a bar of colours."""
+    """The checker of pictures finds words that reach into another panel."""
     with figures.new_figure() as figure:
         one, other = figure.subplots(1, 2)
         for axes in (one, other):
@@ -316,7 +317,7 @@ KINDS = (
 def test_no_picture_of_a_shipped_scene_has_a_fault(
     path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Those that a run draws, and every panel on request."""
+    """The pictures of a run of a shipped scene, and every panel on request, have no fault."""
     drawn: list[Any] = []
 
     def keep(figure: Any, path: Path) -> None:

@@ -1,6 +1,4 @@
-"""Meshing in a child process: splits that gmsh cannot tell apart, crashes, signals, locks and what
-is counted.
-"""
+"""Meshing in a child process: splits near corners, crashes, signals and locks."""
 
 from __future__ import annotations
 
@@ -41,7 +39,7 @@ PATIENCE = 120  # s
 
 
 def near_a_corner(kind: str, d: float, width: float, h: float) -> Scene:
-    """A scene whose top is split at a distance d from a corner, or from the axis."""
+    """A scene whose top is split at a distance d from a corner or from the axis."""
     strip = f"{{shape: strip, width: {width!r}, height: 1.0}}"
     round_body = f"{{shape: cylinder, radius: {width!r}, height: 1.0}}"
     body, tip, mesh = {
@@ -83,8 +81,10 @@ def areas(grid: Grid) -> np.ndarray:
     ],
 )
 def test_a_split_near_a_corner_is_meshed(kind):
-    """Points nearer than gmsh's random shift change places: it aborted for d = 1e-12 to 5e-9 of the
-    body.
+    """A body split very near a corner is meshed with its whole area and without flat triangles.
+
+    Points nearer than gmsh's random shift change places: it aborted for distances of 1e-12 to 5e-9
+    of the body.
     """
     chance = random.Random(kind)
     for power in range(-13, -5):
@@ -95,7 +95,7 @@ def test_a_split_near_a_corner_is_meshed(kind):
 
 @pytest.mark.parametrize("place", [1.5, 1.4999999999985643])
 def test_no_triangle_is_flat(place):
-    """gmsh left one on three points of the top, of no area at all: nothing converged."""
+    """No triangle has three points on the top, where gmsh left one without area."""
     tip = f"{{shape: cone, half_angle: 70.0, center: [{place!r}]}}"
     scene = SCENE.format(
         body="{shape: strip, width: 2.0, height: 3.0, sides: fixed}", tip=tip, mesh="{}"
@@ -105,8 +105,10 @@ def test_no_triangle_is_flat(place):
 
 
 def test_a_failure_by_chance_is_tried_again():
-    """gmsh found facets of this box that cut one another; half as large a shift does the same, a
-    tenth does not.
+    """A mesh that fails by chance is tried with smaller random shifts.
+
+    gmsh found facets of this box that cut one another; half of the shift does the same, a tenth
+    does not.
     """
     body = "{shape: box, size: [2.0, 1.999999999999993, 0.3], base: fixed, sides: fixed}"
     tip = "{shape: cone, half_angle: 70.0, center: [0.9999999999999989, 1.000000001519999]}"
@@ -119,8 +121,9 @@ def test_a_failure_by_chance_is_tried_again():
 
 
 def test_a_flat_cell_is_told():
-    """Three points of the upper side of a square; and a triangle as thin as beside the narrowest
-    split.
+    """A flat cell is found, and a triangle as thin as beside the narrowest split is not one.
+
+    The flat cell has three points of the upper side of a square.
     """
     points = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.5, 1.0], [1e-8, 0.0]])
     halves = [[0, 1, 2], [0, 2, 3], [0, 5, 3]]
@@ -137,7 +140,10 @@ def test_a_flat_cell_is_told():
     ],
 )
 def test_a_mesh_that_stays_flat_is_refused(monkeypatch, flat, told):
-    """And the message names a size that was tried; each is meshed with three shifts."""
+    """A mesh that stays flat is refused, and the message names the sizes that were tried.
+
+    Each size is meshed with three shifts.
+    """
     seen = []
 
     def is_flat(grid):
@@ -151,9 +157,7 @@ def test_a_mesh_that_stays_flat_is_refused(monkeypatch, flat, told):
 
 
 def test_a_dropped_split_does_not_change_the_force():
-    """A punch 5e-9 narrower than the body presses like one 2e-9 narrower: the force grows as the
-    radius does.
-    """
+    """Punches 5e-9 and 2e-9 narrower than the body have the same force to 1e-8."""
     (wide,), (narrow,) = (
         pipeline.states(near_a_corner("edge beside the wall", d, 1.0, 0.1)) for d in (2e-9, 5e-9)
     )
@@ -181,7 +185,7 @@ def child() -> Iterator[ChildProcess]:
 
 
 def call(child: ChildProcess, text: str) -> Any:
-    """Value of an expression, which is evaluated in a child process."""
+    """Value of an expression evaluated in a child process."""
     return child.begin_call(eval, text)()
 
 
@@ -243,7 +247,10 @@ class TestChildProcess:
         assert not Path(f"/proc/{pid}").exists() and child.begin_call(divmod, 7, 2)() == (3, 1)
 
     def test_it_holds_no_lock(self, child, tmp_path):
-        """A result folder would stay in use for as long as the process lives."""
+        """A child process does not hold the lock of a file that was open when it started.
+
+        Otherwise a result folder would stay in use for as long as the process lives.
+        """
         with open(tmp_path / ".lock", "w") as held:
             fcntl.flock(held, fcntl.LOCK_EX)
             child.start()
@@ -305,7 +312,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 
 def is_alive(pid: int) -> bool:
-    """Whether a process is there that is more than a zombie."""
+    """Whether a process exists that is more than a zombie."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except FileNotFoundError:
@@ -354,7 +361,10 @@ class TestRun:
 
     @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
     def test_a_signal_to_all_processes_ends_both(self, tmp_path, number, code):
-        """As Ctrl-C in a terminal and batch systems send it, here in the middle of gmsh's work."""
+        """A signal to the whole group in the middle of gmsh's work ends both processes.
+
+        Ctrl-C in a terminal and batch systems send signals that way.
+        """
         work = "open('pid', 'w').write(str(os.getpid())); time.sleep(300)"
         with subprocess.Popen(
             [sys.executable, *RUN],

@@ -34,7 +34,10 @@ for _ in range(5):
 
 
 def test_no_bit_depends_on_earlier_runs_of_the_process() -> None:
-    """Exactly: rounding is deterministic as long as the operations and their order are the same."""
+    """A scene gives the same bits first, last and between other runs of a process.
+
+    Rounding is deterministic as long as the operations and their order are the same.
+    """
     search = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
     done = subprocess.run(
         [sys.executable, "-c", PROGRAM],

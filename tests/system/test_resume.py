@@ -1,6 +1,4 @@
-"""`run --resume`: whatever stopped a run, it goes on to the same curve, and what is not its own
-stays untouched.
-"""
+"""`run --resume` goes on to the same curve, whatever stopped a run, and leaves foreign files."""
 
 from __future__ import annotations
 
@@ -68,7 +66,7 @@ Resume = Callable[..., Result]
 
 @pytest.fixture
 def indent_sim(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Resume:
-    """`run scene.yaml --output out` with more words, in this process."""
+    """A function that calls `run scene.yaml --output out` with more words, in this process."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scene.yaml").write_text(HYPERELASTIC)
     return lambda *words: CliRunner().invoke(
@@ -79,8 +77,9 @@ def indent_sim(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Resume:
 def interrupt(
     place: Path, rows: int = SOME, error: type[BaseException] = KeyboardInterrupt
 ) -> list[bytes]:
-    """Run place/scene.yaml into place/out and stop it after some rows; returns the lines of its
-    table.
+    """Run place/scene.yaml into place/out and stop it after some rows.
+
+    Returns the lines of its table.
     """
 
     def stop(state, step, total):
@@ -112,7 +111,10 @@ def adhering(material: str, loading: str) -> str:
 
 
 def same_pull_off(out: Path, expected: Path) -> None:
-    """The same largest pull after the same search: its depth is where forces hardly differ."""
+    """Assert that two folders have the same largest pull after the same search.
+
+    Its depth is known less, as forces hardly differ there.
+    """
     found, wanted = (read(place).report["adhesion"]["pull_off"] for place in (out, expected))
     assert (found is None) == (wanted is None) == (read(expected).report["control"] == "force")
     if found is not None:
@@ -122,7 +124,7 @@ def same_pull_off(out: Path, expected: Path) -> None:
 
 
 def stopped_at(equilibrium: int) -> Callable:
-    """Search for the largest pull that is stopped at one of its equilibria."""
+    """A search for the largest pull that is stopped at one of its equilibria."""
     find = load_stepping.find_largest_pull
     tried = 0
 
@@ -143,8 +145,9 @@ def stopped_at(equilibrium: int) -> Callable:
 def interrupt_and_resume(
     indent_sim: Resume, undisturbed: Callable[[str], Path], tmp_path: Path
 ) -> Callable[..., None]:
-    """Stop a scene after some rows, go on with or without its checkpoint, and hold it to the run
-    nothing stopped.
+    """A function that stops a scene after some rows, resumes it, and compares it with a whole run.
+
+    It is resumed with or without its checkpoint.
     """
 
     def both(scene: str, rows: int, forget: bool, rtol: float = 1e-8) -> None:
@@ -208,8 +211,9 @@ class TestKilled:
     def test_a_path_with_friction(
         self, interrupt_and_resume, material, friction, loading, rows, forget
     ):
-        """What the surface remembers is in the checkpoint, or found again on the same path from
-        rest.
+        """A path with friction goes on with the memory of the surface.
+
+        It is in the checkpoint, or found again on the same path from rest.
         """
         method = f"augmented_lagrangian, friction: {friction}"
         scene = SCENE.format(material=f"model: {material}", method=method, loading=loading)
@@ -227,8 +231,11 @@ class TestKilled:
     def test_a_path_with_adhesion(
         self, interrupt_and_resume, undisturbed, tmp_path, material, loading, rows, forget
     ):
-        """Which of two stable states holds is in the checkpoint, or found again on the same path
-        from far away; and so are the rows between which the largest pull is searched for."""
+        """A path with adhesion goes on in the same of two stable states.
+
+        The state, and the rows around the largest pull, are in the checkpoint, or found again on
+        the same path from far away.
+        """
         scene = adhering(material, loading)
         interrupt_and_resume(scene, rows, forget)
         same_pull_off(tmp_path / "out", undisturbed(scene))
@@ -237,8 +244,9 @@ class TestKilled:
     def test_a_search_for_the_largest_pull(
         self, indent_sim, undisturbed, tmp_path, monkeypatch, forget
     ):
-        """Stopped in the middle of it, when all rows are there, with the checkpoint of an early row
-        or none.
+        """A run stopped in its search for the largest pull is resumed from an early row or none.
+
+        All its rows are there.
         """
         scene = adhering("linear_elastic", STICKY)
         (tmp_path / "scene.yaml").write_text(scene)
@@ -263,9 +271,7 @@ class TestKilled:
         same_pull_off(tmp_path / "out", undisturbed(scene))
 
     def test_a_search_that_fails_leaves_the_rows(self, indent_sim, tmp_path, monkeypatch):
-        """It is told that the pull-off is missing and why, and the row that pulls most stays what
-        is known.
-        """
+        """A failed search leaves the rows, a reason, and the row that pulls most."""
         (tmp_path / "scene.yaml").write_text(adhering("linear_elastic", STICKY))
         find = load_stepping.find_largest_pull
 
@@ -291,8 +297,10 @@ class TestKilled:
         [("neo_hookean", 5, False), ("neo_hookean", 3, True), ("linear_elastic", 4, False)],
     )
     def test_prescribed_forces(self, interrupt_and_resume, tmp_path, material, rows, forget):
-        """A force is met within 1e-10, and its depth known as well, whatever was known of the curve
-        before.
+        """A path of prescribed forces is resumed to the same rows.
+
+        A force is met within 1e-10, and its depth is known as well, whatever was known of the
+        curve.
         """
         scene = SCENE.format(
             material=f"model: {material}", method="augmented_lagrangian", loading=FORCES
@@ -354,7 +362,7 @@ class TestCheckpoint:
 
 
 def failing_at(step: int) -> Callable:
-    """`Walk.states` of a scene that has no equilibrium at a step."""
+    """`LoadStepper.states` of a scene that has no equilibrium at a step."""
     states = LoadStepper.states
 
     def fail(self, *args):
@@ -438,7 +446,7 @@ class TestStopped:
 
 
 class TestTheDeepestAndTheLast:
-    """`last` keeps two states after unloading: the last alone would be empty."""
+    """`last` keeps two states after unloading, as the last alone would be empty."""
 
     scene = SCENE.format(
         material="model: linear_elastic", method="augmented_lagrangian", loading=UP_AND_DOWN
@@ -480,9 +488,7 @@ class TestTheDeepestAndTheLast:
         )
 
     def test_two_states_stay_whatever_the_path(self, tmp_path):
-        """Every state written in turn, on paths that go up and down: the two that are named stay as
-        they were.
-        """
+        """On a random path up and down the deepest and the last fields are kept unchanged."""
         chance = np.random.default_rng(1)
         writer = FieldWriter(tmp_path, *BODY)
         deltas = chance.uniform(size=20)
@@ -526,7 +532,11 @@ class TestNothingToGoOnWith:
     def test_stopped_before_the_first_row_with_error_bars(
         self, indent_sim, tmp_path, monkeypatch, asked, where
     ):
-        """While companions run, before anything says that there will be error bars, and after."""
+        """A run with error bars that was stopped before its first row is resumed.
+
+        It is stopped while companions run, before anything says that there will be error bars, or
+        after.
+        """
 
         def stop(*args, **options):
             raise KeyboardInterrupt
@@ -595,8 +605,9 @@ class TestNothingToGoOnWith:
 
     @pytest.mark.parametrize("options", ["{}", "{mat_mumps_icntl_14: 60}"])
     def test_a_folder_of_a_version_that_had_solver_petsc(self, indent_sim, tmp_path, options):
-        """It is read as ever, tip and all; only going on with it is refused, with the words of the
-        key.
+        """A folder with `solver.petsc` is read as before, but not resumed.
+
+        The refusal names the key.
         """
         assert indent_sim().exit_code == 0
         config = tmp_path / "out" / "config.yaml"
@@ -636,7 +647,7 @@ class TestNothingToGoOnWith:
 
 
 def test_the_last_fields_stay_until_the_next(tmp_path):
-    """`fields: last`: what is named is there, also for the run that goes on either."""
+    """With `fields: last` the named fields exist at any moment, also for a run that is resumed."""
     for step in (1, 2, 3):
         writer = FieldWriter(tmp_path, *BODY, done=step - 1 if step > 1 else None)
         assert writer.is_continued == (step > 1)

@@ -1,6 +1,4 @@
-"""Studies: what a file asks for, that nothing is solved twice, and that a kill or a shard changes
-no number.
-"""
+"""Studies: nothing is solved twice, and a kill or a shard changes no number."""
 
 from __future__ import annotations
 
@@ -50,7 +48,10 @@ UNEQUAL = ("wall_s", "memory_MB", "peak_memory_MB")  # what the next time differ
 
 @pytest.fixture
 def written(tmp_path, monkeypatch):
-    """Write STUDY.yaml beside scene.yaml in an empty working directory; returns its path."""
+    """A function that writes STUDY.yaml beside scene.yaml in an empty working directory.
+
+    It returns the path.
+    """
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scene.yaml").write_text(SCENE)
 
@@ -68,7 +69,7 @@ def grid(path: Path) -> list[dict]:
 
 
 def rows_of(folder: Path) -> list[dict[str, str]]:
-    """study.csv without what differs from one time to the next."""
+    """The rows of study.csv without what differs from one time to the next."""
     with open(folder / "study.csv", newline="") as stream:
         rows = list(csv.DictReader(stream))
     return [
@@ -82,7 +83,7 @@ def command(*words: str | Path) -> list[str]:
 
 
 def child_processes() -> set[str]:
-    """Numbers of the processes that this one has started and that are still there."""
+    """Ids of the living child processes of this one."""
     return set(Path(f"/proc/self/task/{os.getpid()}/children").read_text().split())
 
 
@@ -311,7 +312,10 @@ MALFORMED = [
 class TestRefusals:
     @pytest.mark.parametrize(("text", "line", "key", "fragment"), MALFORMED)
     def test_wrong_studies(self, written, tmp_path, text, line, key, fragment):
-        """Exit code 3 with file, line and key, before anything is made."""
+        """A wrong study ends with exit code 3 and a message with file, line and key.
+
+        Nothing is made before.
+        """
         done = CliRunner().invoke(commands.program, ["study", str(written(text))])
         place = "STUDY.yaml" if line is None else f"STUDY.yaml:{line}: {key}"
         assert (
@@ -355,7 +359,10 @@ class TestRefusals:
 
     @pytest.mark.parametrize("name", ["study.png", "curves.png"])
     def test_a_picture_of_the_users_in_its_folder(self, written, tmp_path, name):
-        """Refused before anything is done: a study that draws no such picture took it away."""
+        """A picture of the user's in the folder refuses the study before anything is done.
+
+        A study that draws no such picture removed it.
+        """
         place = tmp_path / "out"
         place.mkdir()
         (place / "study.json").write_text(json.dumps({"program": "indent-sim", "version": "0"}))
@@ -435,9 +442,7 @@ class TestRuns:
         assert (tmp_path / "out" / "study.png").stat().st_size > 10_000
 
     def test_a_varied_key_with_numbers_and_words(self, written, tmp_path):
-        """`stick` is no number among numbers: it is a colour of the pictures, of the study and of
-        its report.
-        """
+        """A key that varies over numbers and words is drawn and reported with words as colours."""
         vary = "{contact.friction: [0, 0.1, stick], contact.method: [auto, penalty]}"
         path = written(
             f"base: scene.yaml\ncompare_to: finest\nset: {{loading: {{delta: 0.01}}}}\nvary: "
@@ -472,14 +477,16 @@ class TestRuns:
         assert again.rows == done.rows  # read back, failures too
 
     def test_a_signal_to_the_worker_ends_nothing(self, written, tmp_path, monkeypatch):
-        """Batch systems send SIGTERM to every process of a job; that the study's own one ends is
-        enough.
+        """A signal to a worker does not end its run.
+
+        Batch systems send SIGTERM to every process of a job; it is enough that the study's own one
+        ends.
         """
         monkeypatch.setattr("indent_sim.studies.worker.run_job", study_runs.stop_worker)
         assert studies.execute_study(written(METHODS), output=tmp_path / "out").failures == []
 
     def test_a_run_that_was_cut_off_goes_on(self, written, tmp_path, monkeypatch):
-        """And one whose folder holds something else is begun anew."""
+        """A run that was cut off goes on, and one whose folder has another scene is begun anew."""
         path, out = written(METHODS.replace("[penalty, active_set]", "penalty")), tmp_path / "out"
         whole = studies.execute_study(path, output=out)
         cut, strange, _ = sorted((out / "runs").iterdir())
@@ -503,8 +510,9 @@ class TestRuns:
         )
 
     def test_memory_is_given_back(self, written, tmp_path):
-        """Matrices and factors of a run are gone when the next begins: five runs hold about as much
-        as one.
+        """Five runs one after another hold about as much memory as one.
+
+        Matrices and factors of a run are freed before the next begins.
         """
         text = (
             f"base: {ROOT}/configs/hertz_cube.yaml\nvary: {{mesh.h_contact: [0.1, 0.099, "
@@ -549,7 +557,7 @@ class TestRuns:
         assert all(second[name] > first[name] for name in second)  # every one was done again
 
     def test_a_study_that_fails_destroys_no_finished_run(self, written, tmp_path, monkeypatch):
-        """Each run stays until its new one is done; the table is of what is there."""
+        """Finished runs stay until the new ones are done, and the table has what is there."""
         path = written(
             "base: scene.yaml\nset: {body: {shape: half_space}, mesh: {}}\nvary: "
             "{material.nu: [0.2, 0.3]}\n"
@@ -566,8 +574,9 @@ class TestRuns:
         assert content() == before and rows_of(tmp_path / "out") == table
 
     def test_files_of_a_user_stay_among_the_runs(self, written, tmp_path):
-        """Whatever they are called; what a run would have to write over is refused before anything
-        is changed.
+        """Files of a user stay among the runs, under any name.
+
+        A file that a run would have to write over is refused before anything is changed.
         """
         path, out = written(METHODS.replace(", 0.04]", "]")), tmp_path / "out"
         studies.execute_study(path, output=out)
@@ -596,8 +605,9 @@ class TestRuns:
         assert before == {file: file.read_bytes() for file in out.rglob("*") if file.is_file()}
 
     def test_several_jobs_give_the_table_of_one(self, written, tmp_path):
-        """Whatever the order in which runs end; their curves in long form are the tables of the
-        runs.
+        """Several jobs give the table of one, in whatever order runs end.
+
+        Their curves in long form are the tables of the runs.
         """
         path = written(METHODS)
         for jobs in (1, 2):
@@ -622,9 +632,7 @@ class TestRuns:
         assert (tmp_path / "2" / "curves.png").stat().st_size > 10_000
 
     def test_jobs_killed_and_resumed(self, written, tmp_path):
-        """With two at a time, one killed run and then the whole: the table is that of an
-        undisturbed study.
-        """
+        """A study with two jobs, killed twice and resumed, gives the undisturbed table."""
         path = written(METHODS)
         studies.execute_study(path, output=tmp_path / "whole")
         for _ in range(2):
@@ -641,7 +649,10 @@ class TestRuns:
         assert rows_of(tmp_path / "cut") == rows_of(tmp_path / "whole")
 
     def test_a_run_keeps_its_folder_when_other_keys_vary(self, written, tmp_path):
-        """The physics is the identity, the name says what varied when it was first run."""
+        """A run keeps its folder when other keys vary.
+
+        It is identified by its physics; its name says what varied when it was first run.
+        """
         first = studies.execute_study(
             written("base: scene.yaml\nvary: {material.nu: [0.2, 0.3]}\n"), output=tmp_path / "out"
         )
@@ -692,8 +703,9 @@ class TestRuns:
         ids=["8 runs", "40 runs"],
     )
     def test_killed_at_random_and_resumed(self, written, tmp_path, sizes, kills_after):
-        """To the last bit: in one step, so that no run goes on in the middle, where it comes from
-        another side.
+        """A study killed after some runs and resumed has the undisturbed table to the last bit.
+
+        Runs have one step, so that none goes on in the middle from another starting point.
         """
         one_step = METHODS.replace("[0.06, 0.05, 0.04]", str(sizes)) + "set: {loading.steps: 1}\n"
         path = written(one_step)
@@ -785,7 +797,7 @@ class TestAnotherKindOfFile:
         ) in done.stderr
 
     def test_a_scene_with_a_key_of_a_study_is_still_a_scene(self, written):
-        """A stray key is what is wrong then, and it is named."""
+        """A scene with a key of a study is refused as a scene with an unknown key."""
         done = CliRunner().invoke(commands.program, ["plan", str(written(SCENE + "vary: {}\n"))])
         assert done.exit_code == 3 and "vary: unknown key" in done.stderr
 
@@ -816,7 +828,7 @@ class TestComparison:
         assert (rows[0]["p_error_vs"] is None) == (wanted == "1.6e-3")
 
     def test_a_result_in_other_units_is_refused(self, written, tmp_path):
-        """As `plot` and `compare` do: 0.1 mm is no depth of a curve in um."""
+        """A reference in other units is refused, as `plot` and `compare` do."""
         known = ["run", "scene.yaml", "--output", "result", "--set", "units={length: mm, force: N}"]
         assert CliRunner().invoke(commands.program, known).exit_code == 0
         path = written("base: scene.yaml\ncompare_to: result\nvary: {mesh.h_contact: [0.06]}\n")
@@ -839,7 +851,7 @@ class TestComparison:
         assert all(abs(row["force_error_vs"]) < 0.01 for row in rows)
 
     def test_a_run_is_no_answer_to_itself(self, written, tmp_path):
-        """Every nu asks another question: no error is known, and none is 0."""
+        """Runs of different nu have no errors, as none is a reference for another."""
         done = studies.execute_study(
             written("base: scene.yaml\nvary: {material.nu: [0.1, 0.3]}\n"), output=tmp_path / "out"
         )
@@ -911,8 +923,10 @@ cases:
 """
 
     def test_a_study_of_cases_writes_its_scoreboard(self, written, tmp_path):
-        """Columns as they are documented; ours within 1 % of theory on this mesh, and the exact
-        value of the second is what the first one found.
+        """A study of cases writes a scoreboard with the documented columns.
+
+        Ours is within 1 % of theory on this mesh, and the exact value of the second case is what
+        the first one found.
         """
         path = written(self.CASES)
         done = CliRunner().invoke(commands.program, ["study", str(path), "--output", "out"])
@@ -988,7 +1002,10 @@ class TestAdvice:
         assert [row["run"] for row in study_table.pareto_front(rows)] == ["0", "1", "3"]
 
     def test_luck_does_not_count(self):
-        """The coarse mesh hits 0.1 % where a finer one misses it."""
+        """A coarse mesh that is right by luck is not recommended.
+
+        A finer one misses the target.
+        """
         rows = self.rows(
             ("a", 1, 10, 1e-4), ("a", 2, 20, 0.005), ("a", 4, 40, 1e-4), ("b", 3, 10, 0.004)
         )
@@ -1090,8 +1107,9 @@ class TestPicture:
 
     @pytest.fixture
     def drawn(self, tmp_path, monkeypatch):
-        """Draw rows (method, h, seconds, error); returns the figure as it is saved, and its front
-        as it is listed.
+        """A function that draws rows (method, h, seconds, error).
+
+        It returns the figure as it is saved, and its front as it is listed.
         """
         from indent_sim.results.pictures import figures
         from indent_sim.studies import study_picture
@@ -1130,7 +1148,7 @@ class TestPicture:
         return any(one.overlaps(other) for i, one in enumerate(boxes) for other in boxes[:i])
 
     def test_numbers_on_a_dense_front_do_not_cover_one_another(self, drawn):
-        """Forty points, some almost on one another; best and quickest are named."""
+        """Numbers on a front of forty points do not overlap, and best and quickest are named."""
         rows = [
             ("ab"[i % 2], 0.1 / (1 + i), 0.08 * 1.04 ** (i - i % 3), 0.01 * 0.8**i)
             for i in range(40)
@@ -1148,7 +1166,7 @@ class TestPicture:
         assert figure.texts[0].get_window_extent().x1 < figure.bbox.x1  # the title
 
     def test_no_line_through_points_of_several_curves(self, drawn):
-        """More words than colours: all points are one group."""
+        """With more words than colours all points are one group, and no line joins them."""
         figure, _ = drawn(
             [(f"word {i % 9}", 0.1 / (1 + i // 9), 1.0 + i, 0.1 / (1 + i)) for i in range(18)]
         )

@@ -1,5 +1,6 @@
-"""Pictures of studies, their drawn data read back: many runs in small multiples, and columns over
-what varies.
+"""Pictures of studies, checked by the data that are drawn.
+
+They have small multiples of many runs, and columns over what varies.
 """
 
 from __future__ import annotations
@@ -33,12 +34,12 @@ HEIGHTS, RADII, RATIOS, MODULI = (
 
 
 def force_of(height: float = 8.0, R: float = 5.0, nu: float = 0.3, E: float = 1.0) -> float:
-    """Any law in which every key matters."""
+    """A law in which every key matters."""
     return E * R**0.5 * (1 + R / height) / (1 - nu**2)
 
 
 def families(**numbers: tuple[float, ...]) -> CurveGroups:
-    """A grid of runs over these numbers, in the order given; forces go with the depth to 3/2."""
+    """A grid of runs over these numbers; forces grow as the depth to the power 3/2."""
     grid = np.stack(np.meshgrid(*numbers.values(), indexing="ij"), axis=-1).reshape(
         -1, len(numbers)
     )
@@ -67,8 +68,9 @@ def four() -> CurveGroups:
 
 
 def test_two_hundred_runs_of_four_keys_are_told_apart(four: CurveGroups) -> None:
-    """Every curve lies in the panel of its R and nu, in the colour of its height, with the dashes
-    of its E.
+    """Every curve is in the panel of its R and nu, with the colour of its height.
+
+    Its dashes are those of its E.
     """
     with study_picture.curves_figure(four, "200 runs") as figure:
         figures.apply_layout(figure)
@@ -111,8 +113,9 @@ def test_two_hundred_runs_of_four_keys_are_told_apart(four: CurveGroups) -> None
 
 
 def test_the_force_over_two_numbers_is_a_map() -> None:
-    """Colours lie between the smallest and the largest force of the runs, and every run is a dot at
-    its numbers.
+    """The force over two numbers is a map whose colours span the forces of the runs.
+
+    Every run is a dot at its numbers.
     """
     two = families(**{"body.height": HEIGHTS, "indenter.R": RADII})
     with small_multiples.column_figure(two, "force", "two") as figure:
@@ -237,7 +240,7 @@ def test_the_command_draws_a_study(tmp_path: Path) -> None:
 
 
 def test_the_penetration_is_over_epsilon_n_beside_what_a_penalty_yields() -> None:
-    """Of runs by penalty p_max / epsilon_n stands beside the penetration of the rows."""
+    """The penetration of penalty runs is drawn over epsilon_n beside p_max / epsilon_n."""
     runs = families(**{"indenter.R": RADII}).curves
     stiffness = np.geomspace(1e2, 1e6, len(runs))
     curves = tuple(
