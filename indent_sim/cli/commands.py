@@ -76,8 +76,6 @@ LISTED_SECTIONS = {
 TEMPLATES = ("cell", "gel", "film", "nanoindentation", "rubber", "study")
 # Schema in the folder of a scene of `init`; the first line of the scene refers to it.
 SCHEMA_FILE = "scene.schema.json"
-# Points of a curve of `fit --design` unless --points is given.
-DESIGN_POINTS = 300
 
 
 class Program(click.Group):
@@ -419,8 +417,10 @@ def fit(
     if design_scene:
         with _quiet_libraries(LOG_LEVELS[verbosity]), raise_on_signals():
             config = load(design_scene, overrides)
+            # Points of a curve of `fit --design` unless --points is given.
+            design_points = 300
             return _print_design(
-                config, options["keys"], noise, points or DESIGN_POINTS, output_format
+                config, options["keys"], noise, points or design_points, output_format
             )
     output = options.pop("output") or Path("results") / f"fit-{curves[0].resolve().stem}"
     with _quiet_libraries(LOG_LEVELS[verbosity]), raise_on_signals():

@@ -4,6 +4,7 @@ The default handler of Ctrl-C is in place before any other module of the program
 Nothing but the program may import this module, because it changes the handler of the process.
 """
 
+import gc
 import signal
 
 if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
@@ -15,7 +16,11 @@ def main() -> None:
     """Run the program as a console script."""
     from indent_sim.cli.commands import main as run_program
 
-    run_program()
+    try:
+        run_program()
+    finally:
+        # The interpreter would search all objects of the libraries for garbage before it ends.
+        gc.freeze()
 
 
 if __name__ == "__main__":

@@ -45,7 +45,6 @@ FIT_PICTURE = "fit.png"
 CURVES_FOLDER = "curves"
 PICTURES = "pictures"
 FIT_FILES = (FIT, FIT_TABLE, FIT_PICTURE, CURVES_FOLDER, PICTURES)
-SAVE_INTERVAL = 2.0  # s between two writings of fit.json while curves are fitted
 ReportLine = Callable[[str], None]
 Entry = dict[str, Any]
 
@@ -179,7 +178,9 @@ class _Writer:
     def add_entry(self, entry: Entry) -> None:
         """Add an entry, and write the files if the last writing is some seconds ago."""
         self.entries.append(entry)
-        if time.monotonic() - self._write_time > SAVE_INTERVAL:
+        # Time [s] between two writings of fit.json while curves are fitted.
+        save_interval = 2.0
+        if time.monotonic() - self._write_time > save_interval:
             self.write("running")
 
     def write(self, status: str) -> None:

@@ -35,9 +35,6 @@ READERS = {  # Module of meshio by file extension.
 }
 # Largest length of files with binary arrays, of gmsh and HDF5: some ten million cells.
 MAX_MESH_BYTES = 2 * 10**9
-# Largest length of files that are parsed as text, in several times as much memory: some million
-# cells.
-MAX_TEXT_BYTES = 2 * 10**8
 # Limits of CPU time [s] and memory [bytes] for reading: a constant, and an amount per byte.
 READING_SECONDS = (10.0, 3e-6)
 READING_MEMORY = (500e6, 100.0)
@@ -49,9 +46,6 @@ VTK_EDGES = {  # Edges with midside nodes by the number of vertices, in the orde
     4: [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)],
 }
 ELSET = re.compile(r",\s*elset\s*=\s*([^,]*)", re.IGNORECASE)
-# An integer array of cell data with more values than this numbers the cells; it does not name
-# groups of them.
-MAX_LABELS = 1000
 MAX_LISTED_NAMES = 12  # Names of a file that a message lists.
 MAX_QUOTED_LETTERS = 200  # Letters of a file that a message quotes.
 # Largest coordinate in a file: volumes, which are cubes of lengths, and their inverses do not
@@ -139,7 +133,10 @@ def find_mesh_file(folder: str, file: str) -> MeshFileVersion:
         problem = f"cannot read the mesh '{file}': {getattr(error, 'strerror', None) or error}"
         remedy = "the path is relative to the folder of the scene file"
         raise ConfigError("body.file", problem, remedy) from None
-    max_bytes = MAX_MESH_BYTES if path.suffix.lower() == ".msh" else MAX_TEXT_BYTES
+    # Largest length of files that are parsed as text, in several times as much memory: some
+    # million cells.
+    max_text_bytes = 2 * 10**8
+    max_bytes = MAX_MESH_BYTES if path.suffix.lower() == ".msh" else max_text_bytes
     if status.st_size > max_bytes:
         remedy = "coarsen the mesh"
         if max_bytes != MAX_MESH_BYTES:
@@ -460,6 +457,9 @@ def _named_groups(mesh: Meshio) -> Iterator[tuple[str, int, np.ndarray]]:
                 yield name, block, np.flatnonzero(np.asarray(tags) == tag)
     # Entities of gmsh's geometry are not named; physical groups with names have been generated.
     ignored_arrays = ("gmsh:geometrical", "gmsh:physical" if mesh.field_data else "")
+    # An integer array of cell data with more values than this numbers the cells; it does not
+    # name groups of them.
+    max_labels = 1000
     for name, blocks in mesh.cell_data.items():
         if name in ignored_arrays:
             continue
@@ -469,5 +469,5 @@ def _named_groups(mesh: Meshio) -> Iterator[tuple[str, int, np.ndarray]]:
                 labels = np.unique(values)
                 yield from (
                     (f"{name}={label}", block, np.flatnonzero(values == label))
-                    for label in labels[:MAX_LABELS]
+                    for label in labels[:max_labels]
                 )

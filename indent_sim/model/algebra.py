@@ -69,15 +69,13 @@ def log1p_remainder(x: Expr) -> Expr:
     return _where_small(x, 2 * z * z / (1 - z) - 2 * z**3 * _odd_series(z), x - log(1 + x))
 
 
-# The series of e^x - 1 - x goes up to x^10/10!, so that its second derivative is exact to 2e-17,
-# the next term x^9/9! at LOG_SERIES_LIMIT.
-EXP_SERIES_TERMS = 10
-
-
 def expm1_remainder(x: Expr) -> Expr:
     """Return e^x - 1 - x, which is x^2/2 for small x."""
     series: Expr = 0.0
-    for n in range(EXP_SERIES_TERMS, 2, -1):
+    # The series of e^x - 1 - x goes up to x^10/10!, so that its second derivative is exact to
+    # 2e-17, the next term x^9/9! at LOG_SERIES_LIMIT.
+    exp_series_terms = 10
+    for n in range(exp_series_terms, 2, -1):
         series = (1 + series) * x / n
     return _where_small(x, x * x / 2 * (1 + series), exp(x) - 1 - x)
 
@@ -133,8 +131,6 @@ PAIR_SERIES_TERMS = 6
 NEWTON_STEPS = 4
 # Up to this norm of the deviator, sums of powers come from their series.
 SMALL_DEVIATOR = 3e-3
-# The next term of that series is 1e-17, which is 1e-12 of the sum.
-SERIES_TERMS = 7
 
 
 def power_sum(exponent: Expr, square: Expr, cube: Expr) -> Expr:
@@ -146,7 +142,9 @@ def power_sum(exponent: Expr, square: Expr, cube: Expr) -> Expr:
     sums = [3.0, 0.0, 6 * square]
     binomial = exponent
     total = 0.0 * square
-    for k in range(2, SERIES_TERMS + 1):
+    # The next term of that series is 1e-17, which is 1e-12 of the sum.
+    series_terms = 7
+    for k in range(2, series_terms + 1):
         binomial = binomial * (exponent - (k - 1)) / k
         total = total + binomial * sums[-1]
         sums.append(3 * square * sums[-2] + cube * sums[-3])

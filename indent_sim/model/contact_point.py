@@ -9,8 +9,6 @@ from indent_sim.model.algebra import Expr, macaulay, maximum, minimum, sqrt, whe
 
 # Components of a vector: a sequence, or the first axis of an array.
 Vector = Expr
-# Slip limit [pressure] of "stick", larger than all tractions.
-UNBOUNDED = 1e30
 # Number [pressure^2] added to |t|^2, because the root has no derivative at zero.
 TRACTION_FLOOR = 1e-30
 # A gap below this fraction of the depth increment at its beginning counts as closed from then on,
@@ -92,7 +90,9 @@ class CoulombPoint:
 
 def friction_bound(friction: Expr, p: Expr) -> Expr:
     """Return friction p [pressure] of a pressure p >= 0; larger than all tractions for "stick"."""
-    return UNBOUNDED + 0.0 * p if isinstance(friction, str) else friction * p
+    # Slip limit [pressure] of "stick", larger than all tractions.
+    unbounded = 1e30
+    return unbounded + 0.0 * p if isinstance(friction, str) else friction * p
 
 
 def dissipation_on_separation(

@@ -12,8 +12,6 @@ from indent_sim.model.load_path import Control, LoadPath
 
 # A history on the elastic curve has between one and two times as many rows.
 HISTORY_ROWS = 200
-# A last increment shorter than this fraction of a segment is left out.
-LEAST_STEP_FRACTION = 1e-9
 # Rows in each segment of a history on the whole body.
 ROWS_PER_SEGMENT = 20
 # A segment with a moving tip has at least `per_doubling` times as many time increments.
@@ -269,10 +267,12 @@ def doubling_times(
     times = list[float]()
     t = 0.0
     dt = min(first_step, longest)
+    # A last increment shorter than this fraction of a segment is left out.
+    least_step_fraction = 1e-9
     while True:
         for _ in range(per_doubling):
             t += dt
-            if t >= span * (1 - LEAST_STEP_FRACTION):
+            if t >= span * (1 - least_step_fraction):
                 return times
             times.append(t)
         dt = min(2 * dt, longest)

@@ -32,9 +32,6 @@ POSITION_TOLERANCE = 2e-11
 # Alternating projections end when the distance decreases by less than this fraction.
 MAX_PROJECTIONS = 1000
 LEAST_APPROACH = 1e-9
-# Points are moved by this fraction of a semi-axis off a plane of symmetry, on which the farthest
-# point of an ellipsoid is not unique.
-SYMMETRY_OFFSET = 1e-12
 
 
 class _Inclusion(ABC):
@@ -325,8 +322,11 @@ class EllipsoidInclusion(_Inclusion):
         from scipy.optimize import brentq
 
         s = np.array([self.semi_axes[axis] for axis in axes])
+        # Points are moved by this fraction of a semi-axis off a plane of symmetry, on
+        # which the farthest point of an ellipsoid is not unique.
+        symmetry_offset = 1e-12
         offset = (
-            np.array([abs(point[axis] - self.center[axis]) for axis in axes]) + SYMMETRY_OFFSET * s
+            np.array([abs(point[axis] - self.center[axis]) for axis in axes]) + symmetry_offset * s
         )
         squared_differences = (s.max() - s) * (s.max() + s)
         # One term of the sum is 1 at the lower end, none is above 1/len(s) at the upper one.

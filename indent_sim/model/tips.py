@@ -40,8 +40,6 @@ TINY_LENGTH = 1e-30
 # differ by at most this fraction of their radius. They differ by 5 % for a paraboloid at r = R/2,
 # and by a factor of 2 for a cone.
 MAX_RADIUS_DIFFERENCE = 0.1
-# Step of the numerical derivative of a tip's height, relative to the radius.
-SLOPE_STEP = 1e-6
 
 Angle = Annotated[float, ANGLE]
 Faces = Annotated[int, Ge(3), Le(64)]
@@ -60,7 +58,9 @@ class _Tip:
 
     def slope(self, r: Expr) -> Expr:
         """Return f'(r), by a central difference of the height."""
-        step = SLOPE_STEP * r
+        # Step of the numerical derivative of a tip's height, relative to the radius.
+        slope_step = 1e-6
+        step = slope_step * r
         return (self.height(r + step, 0.0 * r) - self.height(r - step, 0.0 * r)) / (2 * step)
 
     def slope_discontinuities(self) -> list[tuple[float, float]]:

@@ -7,13 +7,13 @@ standard input and writes pickled answers to its standard output.
 from __future__ import annotations
 
 import atexit
+import ctypes
 import os
 import pickle
 import resource
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -26,8 +26,6 @@ from indent_sim.process.ranks import environment_without_launcher
 
 # The last error message is searched in so many bytes at the end of the printed output.
 CRASH_OUTPUT_BYTES = 4096
-# Time [s] after which a child process notices that its parent was killed.
-PARENT_CHECK_INTERVAL = 0.2
 
 
 class ProcessCrash(Exception):
@@ -178,7 +176,7 @@ def call_in_child(function: Callable[..., Any], *arguments: Any) -> Any:
 def _serve_calls() -> None:
     """Execute calls in the child process until the parent closes the pipe."""
     signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
-    threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
+    _end_with_parent()
     # A crash writes no core file.
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     # Libraries print to the file of stderr; their output would damage the answers.
@@ -208,11 +206,11 @@ def _serve_calls() -> None:
         answers.flush()
 
 
-def _end_with_parent(parent: int) -> None:
-    """End this process when its parent, given by its process id, has ended."""
-    while os.getppid() == parent:
-        time.sleep(PARENT_CHECK_INTERVAL)
-    os.kill(os.getpid(), signal.SIGKILL)
+def _end_with_parent() -> None:
+    """Let Linux kill this process when its parent is killed, also inside a call of a library."""
+    pr_set_pdeathsig = 1  # PR_SET_PDEATHSIG of linux/prctl.h
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
 
 
 if __name__ == "__main__":

@@ -32,17 +32,9 @@ from indent_sim.scene.scene import Scene
 
 # Largest relative difference between the contact force and the reactions of the supports.
 AUDIT_TOLERANCE = 1e-8
-# Least force scale of the audit, relative to the largest force so far. A body without contact has
-# no force to compare with; Newton's method treats 1e-14 of the largest reactions as round-off
-# (fe/solve/newton.py), which adds up to at most 1e-12 of them over 1e4 nodes.
-AUDIT_FLOOR = 1e-4
 # Scale of the reactions in a body with fluid, relative to E height^2 for a swelling gel and to
 # E a^2 for a body that only drains; Newton's method measures its residual against the same scale.
 SWELLING_REACTION_SCALE = 100.0
-# Least fluid volume of the fluid audit, relative to a^2 delta: less has moved only in the first
-# moment of a step. AUDIT_TOLERANCE of it is 1e-10 of the displaced volume, and Newton's method
-# leaves 1e-10 of the reactions; a snap-through of a porous rubber leaves 2e-11.
-MIN_FLUID_FRACTION = 1e-2
 
 Progress = Callable[[State, int, int], None]
 # Called with a step that did not converge and the Newton iterations spent; returns a report of the
@@ -470,8 +462,13 @@ class SingleRun:
                 * (1.0 if physics.is_swelling else (a / physics.scales.length) ** 2)
             )
         largest = max(swelling_force, self._previous_rows.largest_force, abs(state.force))
+        # Least force scale of the audit, relative to the largest force so far. A body
+        # without contact has no force to compare with; Newton's method treats 1e-14 of
+        # the largest reactions as round-off (fe/solve/newton.py), which adds up to at
+        # most 1e-12 of them over 1e4 nodes.
+        audit_floor = 1e-4
         force_scale = max(
-            abs(state.force), abs(state.reaction), AUDIT_FLOOR * largest, tensile_force
+            abs(state.force), abs(state.reaction), audit_floor * largest, tensile_force
         )
         if physics.is_swelling:
             # The supports of a gel hold its swelling, whose nodal reactions cancel in the sum and
@@ -504,7 +501,12 @@ class SingleRun:
         a = self.scene.plan.prediction["a"]
         depth = max(abs(row.delta) for row in (*self.states, state))
         moved = max(max(abs(row.outflow or 0.0), row.moved) for row in (*self.states, state))
-        largest = max(moved, MIN_FLUID_FRACTION * a ** (self.scene.physics.scales.dim - 1) * depth)
+        # Least fluid volume of the fluid audit, relative to a^2 delta: less has moved
+        # only in the first moment of a step. AUDIT_TOLERANCE of it is 1e-10 of the
+        # displaced volume, and Newton's method leaves 1e-10 of the reactions; a
+        # snap-through of a porous rubber leaves 2e-11.
+        min_fluid_fraction = 1e-2
+        largest = max(moved, min_fluid_fraction * a ** (self.scene.physics.scales.dim - 1) * depth)
         unbalanced = state.unbalanced / largest if largest > 0 else 0.0
         self._worst_audit = max(self._worst_audit, unbalanced)
         if not unbalanced <= AUDIT_TOLERANCE:

@@ -36,9 +36,6 @@ MAX_SLIPPING_FRICTION = 0.3
 # Ratio of moduli up to which stacks of random layers were compared with theory: 1000, and a margin
 # for rounding.
 VERIFIED_CONTRAST = 1001.0
-# Relative error of the force by the membrane that holds the surface of a drop in its plane, at
-# most.
-SURFACE_MEMBRANE_ERROR = 5e-4
 # Elastocapillary length over contact radius beyond which p_max is off by more than its error
 # estimate; it is off by 5 % at 200.
 TENSION_PRESSURE_LIMIT = 30.0
@@ -170,7 +167,10 @@ def _mesh_warnings(
             "p_max", f"{step_text}, where p_max of a mesh is up to 5 % too large; the force is not"
         )
     if setup.physics.is_drop:
-        yield ModelWarning("drop", "", SURFACE_MEMBRANE_ERROR)
+        # Relative error of the force by the membrane that holds the surface of a drop in
+        # its plane, at most.
+        surface_membrane_error = 5e-4
+        yield ModelWarning("drop", "", surface_membrane_error)
     moduli = [region.material.constants.E for region in setup.physics.domain.regions]
     if max(moduli) > VERIFIED_CONTRAST * min(moduli):
         message = (

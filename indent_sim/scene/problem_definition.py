@@ -25,11 +25,6 @@ from indent_sim.scene.reference_theory import relative_tip
 # of an incompressible network creases (Hong, Zhao & Suo 2009, Appl. Phys. Lett. 95, 111901). No
 # smooth surface is stable from 3.4 on (Biot 1963).
 CREASING_STRETCH = 2.4
-# Linear solves of load control per linear solve of depth control.
-FORCE_SEARCH_FACTOR = 2
-# Elastocapillary number gamma/(mu R) from which surface tension alone stabilizes the surface.
-# Without a membrane, a ball between plates is solved at 33, in 300 iterations, and not at 100.
-DROP_THRESHOLD = 50.0
 
 
 @dataclass(frozen=True)
@@ -349,7 +344,11 @@ class ProblemDefinition:
     @property
     def is_drop(self) -> bool:
         """True if surface tension dominates the elasticity of a round body."""
-        return self.drop_number >= DROP_THRESHOLD
+        # Elastocapillary number gamma/(mu R) from which surface tension alone stabilizes
+        # the surface. Without a membrane, a ball between plates is solved at 33, in 300
+        # iterations, and not at 100.
+        drop_threshold = 50.0
+        return self.drop_number >= drop_threshold
 
     @property
     def is_linear(self) -> bool:
@@ -366,7 +365,9 @@ class ProblemDefinition:
         linear : str
             direct | iterative.
         """
-        solves_per_row = (1 if self.largest_force is None else FORCE_SEARCH_FACTOR) * (
+        # Linear solves of load control per linear solve of depth control.
+        force_search_factor = 2
+        solves_per_row = (1 if self.largest_force is None else force_search_factor) * (
             2 if self.slip_reference == "mid" else 1
         )
         mixed = any(

@@ -24,11 +24,6 @@ if TYPE_CHECKING:
 
 
 WHOLE_BODY_WHY = "solver.linear: iterative applies to the whole body only"
-# Iterations must save this many seconds of a factorization, which never fails, to be chosen.
-MIN_SECONDS_SAVED = 2.0
-# Iterations must take less than this part of the time of a factorization: predicted times are no
-# more accurate.
-MAX_TIME_RATIO = 0.8
 # Larger values need so many iterations that some systems are not solved. Measured: 7 iterations at
 # nu = 0.45 with displacement elements, 25 at 0.495, 56 at 0.499, too many at 0.4999; 7 with a
 # contact stiffness of 3e5 E*/h_contact, 10 and more Newton iterations with 9e5.
@@ -181,8 +176,14 @@ def linear_solver(
     cost_texts = [
         f"about {cost.seconds:.2g} s and {cost.memory / 1e9:.2g} GB" for cost in (direct, iterative)
     ]
-    is_worth_it = direct.seconds - iterative.seconds > MIN_SECONDS_SAVED
-    is_cheaper = is_worth_it and iterative.seconds < MAX_TIME_RATIO * direct.seconds
+    # Iterations must save this many seconds of a factorization, which never fails, to be
+    # chosen.
+    min_seconds_saved = 2.0
+    is_worth_it = direct.seconds - iterative.seconds > min_seconds_saved
+    # Iterations must take less than this part of the time of a factorization: predicted times
+    # are no more accurate.
+    max_time_ratio = 0.8
+    is_cheaper = is_worth_it and iterative.seconds < max_time_ratio * direct.seconds
     is_needed = direct.memory > available_memory >= iterative.memory
     solver_kind = "iterative" if is_cheaper or is_needed else "direct"
     return Choice(

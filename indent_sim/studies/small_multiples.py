@@ -35,8 +35,6 @@ LOG_NUMBER_RATIO = 20.0
 # Results of many runs are on a logarithmic axis beyond this ratio: on a linear one half of the
 # curves would lie on zero.
 LOG_RESULT_RATIO = 30.0
-# A map needs so many values of each of its two keys.
-MIN_MAP_VALUES = 3
 # A logarithmic axis with a larger ratio of its ends has ticks only at 1, 2 and 5 of a decade.
 FEW_TICKS_RATIO = 6.0
 # Margin of a logarithmic axis: a factor that is a power of the ratio of its ends, and its minimum.
@@ -418,7 +416,9 @@ def is_grid(curve_groups: CurveGroups, keys: Sequence[str]) -> bool:
         zip(curve_groups.key_numbers(keys[0]), curve_groups.key_numbers(keys[1]), strict=True)
     )
     counts = [len({pair[i] for pair in pairs}) for i in (0, 1)]
-    return min(counts) >= MIN_MAP_VALUES and len(pairs) == counts[0] * counts[1]
+    # A map needs so many values of each of its two keys.
+    min_map_values = 3
+    return min(counts) >= min_map_values and len(pairs) == counts[0] * counts[1]
 
 
 def draw_map(

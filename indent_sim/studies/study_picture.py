@@ -40,15 +40,11 @@ from indent_sim.studies.small_multiples import (
 )
 from indent_sim.studies.study_table import Row
 
-# Largest number of numbered points of the Pareto front; more would not fit into the legend.
-MAX_NAMED_POINTS = 8
 # Points nearer than these fractions of the panel's width and height have no room for two numbers.
 LABEL_DISTANCE = (0.03, 0.045)
 # Each group beyond this number makes the picture higher by this height [inches].
 GROUPS_AT_BASE_HEIGHT = 4
 HEIGHT_PER_GROUP = 0.2
-# Longer names in a legend are cut.
-MAX_LEGEND_LETTERS = 48
 # Letters of a line of the legend, in which each point of the front has two lines.
 POINT_LABEL_LETTERS = 44
 # The cost axis is logarithmic if the ratio of its ends is larger.
@@ -58,11 +54,6 @@ ONE_PERCENT = 0.01
 CURVE_PANEL_SIZE = 4.4
 # More curves have colours by a key instead of a name each.
 MAX_NAMED_CURVES = 8
-# Relative difference up to which two runs have the same half-space formula; interpolation between
-# points of its curve is more accurate.
-FORMULA_TOLERANCE = 1e-3
-# Height of a line of the scoreboard [inches].
-SCOREBOARD_LINE_HEIGHT = 0.27
 # The axis of the scoreboard is logarithmic beyond this difference [per cent].
 LINEAR_PERCENT = 0.1
 SCOREBOARD_MARK: PlotStyle = {"ls": "", "marker": "o", "ms": 6, "zorder": 3}
@@ -259,7 +250,9 @@ def draw_scoreboard(rows: Sequence[Row], title: str, path: Path) -> None:
     if not known_rows:
         path.unlink(missing_ok=True)
         return
-    with figures.new_figure((9.2, 1.6 + SCOREBOARD_LINE_HEIGHT * len(known_rows))) as figure:
+    # Height of a line of the scoreboard [inches].
+    scoreboard_line_height = 0.27
+    with figures.new_figure((9.2, 1.6 + scoreboard_line_height * len(known_rows))) as figure:
         axes = figure.subplots()
         wrong_count = sum(row["wrong"] in ("published", "both") for row in known_rows)
         count_text = (
@@ -335,8 +328,10 @@ def _draw_force_curves(
 ) -> None:
     """Draw force over depth of every run; if all hold, the remaining fall of the force."""
     runs = [curve.results for curve in curve_groups.curves]
+    # Longer names in a legend are cut.
+    max_legend_letters = 48
     # Matplotlib leaves labels that begin with "_" out of legends.
-    labels = [picture_text(name, MAX_LEGEND_LETTERS) or "_" for name in names]
+    labels = [picture_text(name, max_legend_letters) or "_" for name in names]
     if common_holds := _common_holds(holds):
         for hold, style, name in zip(common_holds, styles, labels, strict=True):
             axes.plot(
@@ -400,8 +395,11 @@ def _common_formula(runs: Sequence[Results]) -> Report | None:
     )
     x, y = (np.array([0.0, *deepest_formula["curve"][name]]) for name in ("delta", "force"))
     ends = [(formula["curve"]["delta"][-1], formula["curve"]["force"][-1]) for formula in formulas]
+    # Relative difference up to which two runs have the same half-space formula; interpolation
+    # between points of its curve is more accurate.
+    formula_tolerance = 1e-3
     is_common = all(
-        abs(np.interp(delta, *smooth_curve(x, y)) / force - 1) < FORMULA_TOLERANCE
+        abs(np.interp(delta, *smooth_curve(x, y)) / force - 1) < formula_tolerance
         for delta, force in ends
         if force
     )
@@ -482,9 +480,12 @@ def _draw_pareto_front(axes: Axes, front: Sequence[Row]) -> list[Row]:
     # The positions are fractions of the panel's width and height.
     positions = axes.transLimits.transform(axes.transScale.transform(points))
     spaced = _spaced_points(positions)
+    # Largest number of numbered points of the Pareto front; more would not fit into the
+    # legend.
+    max_named_points = 8
     named_indices = [
         spaced[i]
-        for i in np.linspace(0, len(spaced) - 1, min(MAX_NAMED_POINTS, len(spaced)))
+        for i in np.linspace(0, len(spaced) - 1, min(max_named_points, len(spaced)))
         .round()
         .astype(int)
     ]

@@ -17,10 +17,6 @@ from indent_sim.process.child_process import ChildProcess, ProcessCrash
 from indent_sim.process.errors import BackendError, ConfigError, IndentSimError, UsageError
 from indent_sim.run import pipeline
 
-# A new process for every so many jobs bounds the memory that PETSc and compiled forms keep: about
-# half a MB of each run.
-MAX_JOBS_OF_A_PROCESS = 100
-
 # Exit code and reason.
 ExitStatus = tuple[int, str]
 JobName = TypeVar("JobName", bound=Hashable)
@@ -53,7 +49,10 @@ class Worker:
 
     def begin_job(self, job: Job) -> None:
         """Begin a job; `wait_for_job` returns its exit status."""
-        if self._job_count % MAX_JOBS_OF_A_PROCESS == 0:
+        # A new process for every so many jobs bounds the memory that PETSc and compiled
+        # forms keep: about half a MB of each run.
+        max_jobs_of_a_process = 100
+        if self._job_count % max_jobs_of_a_process == 0:
             self.stop()
         self._job_count += 1
         self._wait_for_answer = self._process.begin_call(run_job, job)

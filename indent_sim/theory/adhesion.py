@@ -34,10 +34,6 @@ from indent_sim.theory.solution import require_positive
 # approximates the curve: it finds the extremum to 1e-10.
 EXTREMUM_WIDTH = 0.05
 EXTREMUM_POINTS = 13
-BRANCH_SAMPLES = 120  # Equilibria from which a stable branch is interpolated.
-# Contact radius over that without force below which no contact becomes unstable, on any layer and
-# under any tip.
-LEAST_UNSTABLE_RADIUS = 1e-3
 # Relative distance that a search keeps from the largest radius, where the stiffness may be singular
 # (at a wall).
 LEAST_RIM_DISTANCE = 1e-9
@@ -101,8 +97,11 @@ class Jkr:
     def _find_pull_off(self, compliance: float = 0.0) -> AdhesiveContact:
         """Find the equilibrium with the smallest z, or the smallest force in force control."""
         zero_force_radius = self._zero_force_radius
+        # Contact radius over that without force below which no contact becomes unstable,
+        # on any layer and under any tip.
+        least_unstable_radius = 1e-3
         log_bounds = (
-            math.log(max(LEAST_UNSTABLE_RADIUS * zero_force_radius, self.punches.min_radius)),
+            math.log(max(least_unstable_radius * zero_force_radius, self.punches.min_radius)),
             math.log(zero_force_radius),
         )
         return self.equilibrium_at(
@@ -213,8 +212,10 @@ class Jkr:
         value = self._prescribed_value(compliance)
         lowest = value(pull_off.a)
         upper_radius = self._radius_beyond(largest, value, pull_off.a)
+        # Equilibria from which a stable branch is interpolated.
+        branch_samples = 120
         a = pull_off.a * (upper_radius / pull_off.a) ** (
-            np.linspace(0.0, 1.0, BRANCH_SAMPLES) ** 1.5
+            np.linspace(0.0, 1.0, branch_samples) ** 1.5
         )
         equilibria = [pull_off, *(self.equilibrium_at(float(x)) for x in a[1:])]
         prescribed_values = [

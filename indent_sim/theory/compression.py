@@ -27,8 +27,6 @@ from indent_sim.theory.solution import Solution, no_contact
 # DIFFERENCE_STEP^4/30 times the fifth derivative, 3e-14 of a modulus, and a rounding error of
 # 1e-16/DIFFERENCE_STEP of one: stresses have ten digits at strains above 1e-3.
 DIFFERENCE_STEP = 1e-3
-# Error of the lateral logarithmic strain at which Newton's method ends.
-STRAIN_TOLERANCE = 1e-13
 # Strain energy psi(l1, l2, l3) [F/L^2] of the principal stretches, the last one along z.
 Energy = Callable[[float, float, float], float]
 
@@ -153,7 +151,9 @@ class HyperelasticBar:
             return value
 
         try:
-            return float(newton(slope, 0.0, fprime=curvature, tol=STRAIN_TOLERANCE))
+            # Error of the lateral logarithmic strain at which Newton's method ends.
+            strain_tolerance = 1e-13
+            return float(newton(slope, 0.0, fprime=curvature, tol=strain_tolerance))
         except (ArithmeticError, RuntimeError) as error:
             raise ValueError(
                 "the material has no equilibrium at the stretch "

@@ -36,7 +36,6 @@ from indent_sim.theory.solution import (
 from indent_sim.theory.stack import Stack
 
 TENSION_RINGS = 40  # Rings of a contact in which the sign of the pressure is checked.
-TENSION_TOLERANCE = 1e-6  # Tensile part of the force below which the sign is rounding.
 # Interpolation pays for this many depths and more, as long as it solves no more sizes per depth
 # than this; the search for the size of one depth solves four or five.
 FEWEST_DEPTHS = 8
@@ -48,11 +47,6 @@ SIZE_COUNTS = (8, 15, 29, 57, 113)
 # largest one.
 TAIL_TOLERANCE = 2e-13
 TAIL_COEFFICIENTS = 2
-# Relative error of a depth or force above which the search for its contact size has failed.
-SEARCH_TOLERANCE = 1e-11
-# Margin of the number of sizes that is predicted from the decay of the coefficients: smaller
-# numbers are skipped.
-SIZE_COUNT_MARGIN = 2.0
 SIZE_TOLERANCE = 1e-11  # Relative step at which the secant search for sizes ends.
 PEAK_SAMPLING_STRIDE = 7  # The place of the largest pressure is checked for every seventh size.
 # Points across a contact at which the largest pressure is searched for: the pressure varies over h.
@@ -347,7 +341,9 @@ class ContactCurve(ABC):
             * solution.area
             / solution.force
         )
-        return fraction if fraction > TENSION_TOLERANCE else 0.0
+        # Tensile part of the force below which the sign is rounding.
+        tension_tolerance = 1e-6
+        return fraction if fraction > tension_tolerance else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -371,8 +367,11 @@ class ChebyshevContactCurve:
         """
         solution_of_size: dict[float, Any] = {}
         needed_count = 0.0
+        # Margin of the number of sizes that is predicted from the decay of the
+        # coefficients: smaller numbers are skipped.
+        size_count_margin = 2.0
         for count in (count for count in SIZE_COUNTS if count <= max_sizes):
-            if count < needed_count - SIZE_COUNT_MARGIN:
+            if count < needed_count - size_count_margin:
                 continue
             sizes = list(
                 map(
@@ -503,8 +502,11 @@ class ChebyshevContactCurve:
             tol=SIZE_TOLERANCE,
         )
         a = np.exp(np.clip(log_a, log_sizes[0], log_sizes[-1]))
+        # Relative error of a depth or force above which the search for its contact size
+        # has failed.
+        search_tolerance = 1e-11
         if not np.all(
-            np.abs(self._load_values(a)[column] - requested) <= SEARCH_TOLERANCE * np.abs(requested)
+            np.abs(self._load_values(a)[column] - requested) <= search_tolerance * np.abs(requested)
         ):
             raise ArithmeticError("contact sizes were not found for all depths or forces at once")
         return a

@@ -25,7 +25,6 @@ from indent_sim.theory.quadrature import (
 )
 from indent_sim.theory.stack import Stack
 
-AXIS_POINTS = 64  # Gauss points of an integral of cosh(y x), an entire function, up to x < W.
 # Smallest and largest radius [h] of a kernel in even polynomials.
 MIN_EVEN_RADIUS = 2.0**-10
 MAX_EVEN_RADIUS = 2.0
@@ -96,7 +95,9 @@ class Kernel:
         cosines = -self.k[:, None] * sici(np.multiply.outer(self.k, a))[0]
         if not self.y.size:
             return cosines
-        x, w = gauss_legendre(0.0, 1.0, AXIS_POINTS)
+        # Gauss points of an integral of cosh(y x), an entire function, up to x < W.
+        axis_points = 64
+        x, w = gauss_legendre(0.0, 1.0, axis_points)
         hyperbolic = self.slope_over_x(np.multiply.outer(a, x).ravel())[self.k.size :].reshape(
             -1, a.size, x.size
         )

@@ -63,14 +63,11 @@ LAYER_FORCE_RATIOS = {
     ),
 }
 MAP_ERROR = 0.005  # Relative error of a force ratio of the map.
-MAP_ROUNDING = 0.001  # Rounding of the map.
 # Range inside a cell of the map beyond that of its corners: upwards as a fraction of the largest
 # change of the force, downwards of the force, where the slip changes its direction.
 # scripts/make_friction_page compares it with solutions between the lines of the map.
 CELL_PEAK = 0.02
 CELL_DIP = 0.004
-# Integrals over t = tanh(y) end at this y, where 1/cosh^2 is below 1e-17 of its peak.
-MAX_HYPERBOLIC_ANGLE = 20.0
 # Gauss panels along y: the integrands are analytic up to pi/2 off the real axis, so that only the
 # rounding error remains.
 PANEL_LENGTH = 2.0
@@ -163,7 +160,9 @@ def layer_force_range(nu: float, slenderness: float, power: float) -> tuple[floa
     corners = [force_ratios[row][column] for row in rows for column in columns]
     low = min(corners)
     high = max(corners)
-    return low - CELL_DIP, high + MAP_ROUNDING + CELL_PEAK * (high - 1.0)
+    # Rounding of the map.
+    map_rounding = 0.001
+    return low - CELL_DIP, high + map_rounding + CELL_PEAK * (high - 1.0)
 
 
 def _neighbouring_lines(lines: Sequence[float], value: float) -> list[int]:
@@ -203,7 +202,9 @@ def _theta(nu: float) -> float:
 
 def _sinking_integral(nu: float, n: float) -> float:
     """Return int_0^1 (1 - W(1/s)) s^(n-1) ds = B/(n alpha), in the variable y = artanh(t)."""
-    y, weights = _panel_nodes(MAX_HYPERBOLIC_ANGLE)
+    # Integrals over t = tanh(y) end at this y, where 1/cosh^2 is below 1e-17 of its peak.
+    max_hyperbolic_angle = 20.0
+    y, weights = _panel_nodes(max_hyperbolic_angle)
     integrand = np.cos(2.0 * _theta(nu) * y) * _moment(np.tanh(y), n) / np.cosh(y) ** 2
     return 1.0 / n - _displacement_factor(nu) * float(weights @ integrand)
 

@@ -36,8 +36,6 @@ from indent_sim.theory.solution import require_positive
 from indent_sim.theory.theory import Theory
 
 SurfaceDrainage = Literal["drained", "sealed"]
-# Points of Talbot's contour for twelve digits; half of them are conjugates of the others.
-CONTOUR_POINTS = 24
 CONTACT_POINTS = 64  # Gauss points of the integral equation.
 # Largest wavenumber k [1/a] and end of the first panel: the integrand decays like k^-6 once its
 # first two terms for large k are subtracted.
@@ -250,7 +248,9 @@ def poroelastic_fraction_remaining(
     if tau < SHORT_TIME:
         return _short_time_fraction(tau, nu, undrained_nu, surface)
     r = (undrained_nu - nu) / (1.0 - nu)
-    points, weights = _talbot_contour(CONTOUR_POINTS)
+    # Points of Talbot's contour for twelve digits; half of them are conjugates of the others.
+    contour_points = 24
+    points, weights = _talbot_contour(contour_points)
     ratio = (
         sum(
             (w * _laplace_transform(z / tau, r, surface)).real

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-EQUAL_STEP_TOLERANCE = 1e-6  # Relative difference of time steps that count as equal.
 # Shortest time of the Prony series of a power law, over the mean time between samples.
 SHORTEST_TIME_FRACTION = 1e-3
 # Function from the elastic forces at some times to those of the relaxing body.
@@ -82,8 +81,10 @@ class ShearRelaxation:
         from scipy.signal import lfilter
 
         dt = np.diff(t)
+        # Relative difference of time steps that count as equal.
+        equal_step_tolerance = 1e-6
         has_equal_steps = bool(len(dt)) and bool(
-            np.all(np.abs(dt - dt[0]) <= EQUAL_STEP_TOLERANCE * abs(dt[0]))
+            np.all(np.abs(dt - dt[0]) <= equal_step_tolerance * abs(dt[0]))
         )
 
         def recurrence(first: float, decay: np.ndarray, gain: np.ndarray) -> np.ndarray:

@@ -17,8 +17,6 @@ from indent_sim.theory.solution import SOLUTION_ERRORS
 ForceCurve = Callable[[float], float]  # Force [F] at a depth [L].
 # Sizes over the limit at which the tip's profile is tabulated for the first guess.
 GUESS_FRACTIONS = np.geomspace(1e-18, 1.0, 400)
-# Relative distance from a wall or from the end of the tip at which the search gives up.
-LEAST_END_DISTANCE = 1e-4
 ROOT_TOLERANCE = 1e-13  # Relative error of a root.
 
 
@@ -75,9 +73,11 @@ def increasing_root(
     # A power law of the exponent 2, that of a paraboloid's depth, or more has its root within half
     # of the logarithm.
     width = max(0.6 * abs(log_excess(low)), ROOT_TOLERANCE)
+    # Relative distance from a wall or from the end of the tip at which the search gives up.
+    least_end_distance = 1e-4
     while log_excess(high) < 0.0:
         size = math.exp(high)
-        if size > limit * (1.0 - LEAST_END_DISTANCE):
+        if size > limit * (1.0 - least_end_distance):
             raise ValueError(
                 f"the contact would grow to {limit:g} thicknesses, where it meets a wall or the "
                 "end of the tip, or where the layer is too thin for the theory"

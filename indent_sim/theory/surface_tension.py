@@ -62,7 +62,6 @@ SMOOTH_ERROR = 1e-8
 # Gauss points on a panel of the angle, and on the innermost one, graded as v^3 to the logarithm.
 PANEL_POINTS = 10
 INNERMOST_POINTS = 20
-OUTSIDE_POINTS = 24  # Degree of the polynomial for the surface displacement outside the contact.
 
 
 class LinearSolution(NamedTuple):
@@ -320,9 +319,11 @@ def _u_z(
     outside_sinking = None
     end = float(np.arccosh(max(1.0, r.max() / a)))
     if end > 0.0:
+        # Degree of the polynomial for the surface displacement outside the contact.
+        outside_points = 24
         outside_sinking = Chebyshev.interpolate(
             lambda y: layer.outside_displacement(a, phi, a * np.cosh(np.maximum(y, 1e-9))),
-            OUTSIDE_POINTS,
+            outside_points,
             [0.0, end],
         )
     value = np.empty_like(r)

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from indent_sim.theory.adhesion import Jkr
 
 THEORY_ERROR = 1e-8  # Stated relative error of the theory: ten times the measured one.
-TENSION_CHECK_DEPTHS = 10  # Depths of a path at which the sign of the contact pressure is checked.
 
 
 @dataclass(frozen=True)
@@ -91,9 +90,11 @@ class Theory:
             or len(self.contact.scaled_stack.layers) == 1
         ):
             return self
+        # Depths of a path at which the sign of the contact pressure is checked.
+        tension_check_depths = 10
         sampled_depths = sorted(
             delta
-            for delta in {*deltas[:: ceil(len(deltas) / TENSION_CHECK_DEPTHS)], max(deltas)}
+            for delta in {*deltas[:: ceil(len(deltas) / tension_check_depths)], max(deltas)}
             if delta > 0
         )
         solutions = self.solutions_at_depths(sampled_depths)

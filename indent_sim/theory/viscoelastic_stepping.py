@@ -37,8 +37,6 @@ from indent_sim.theory.surface_contact import (
 # segment has at least.
 KINK_STEPS = 40
 LEAST_STEPS_PER_SEGMENT = 150
-# Steps of a history, about, beside at least one in each segment.
-MAX_HISTORY_STEPS = 2000
 STEPS_PER_RELAXATION_TIME = 20.0  # The first steps per shortest relaxation time.
 FORCE_TOLERANCE = 1e-12  # Relative error of a prescribed force.
 MAX_SEARCH_STEPS = 60  # Newton steps of the search for the depth of a force.
@@ -100,7 +98,9 @@ class ViscoelasticTimeStepper:
         Response
             The first one is that of the first time.
         """
-        self._longest_step = (times[-1] - times[0]) / MAX_HISTORY_STEPS
+        # Steps of a history, about, beside at least one in each segment.
+        max_history_steps = 2000
+        self._longest_step = (times[-1] - times[0]) / max_history_steps
         yield self._step(times[0], 0.0, values[0])
         pieces = pairwise(zip(times, values, strict=True))
         for ((t0, v0), (t1, v1)), row_count in zip(

@@ -1,6 +1,4 @@
-"""PETSc's solvers of a run: what the program chooses, what PETSC_OPTIONS may change of it, what a
-failure is called.
-"""
+"""PETSc's solvers of a run: their choice, the options of PETSC_OPTIONS, and reported failures."""
 
 from __future__ import annotations
 
@@ -47,7 +45,7 @@ SAME = 1e-8  # of the force, whoever solves the systems: Newton's residual is 1e
 
 
 def solved(folder: Path, **sections: Any) -> Outcome:
-    """A run of the scene with other sections."""
+    """Outcome of the scene with other sections."""
     return simulate(
         config_from_mapping(SCENE | sections),
         MPI.COMM_SELF,
@@ -58,7 +56,7 @@ def solved(folder: Path, **sections: Any) -> Outcome:
 
 @contextmanager
 def tuned(**options: Any) -> Iterator[None]:
-    """PETSc as it is after reading these PETSC_OPTIONS, which it does once a process."""
+    """PETSc as after reading these PETSC_OPTIONS, which it does once per process."""
     database = PETSc.Options()
     for name, value in options.items():
         database.setValue(name, value)
@@ -98,7 +96,10 @@ def test_the_environment_stands_over_the_programs_choice(tmp_path, options, monk
 
 
 def test_what_the_scene_says_and_when_it_has_converged_is_not_the_environments(tmp_path):
-    """`-snes_convergence_test skip` would take any residual for an equilibrium."""
+    """PETSC_OPTIONS do not change the convergence test and the limits of the scene.
+
+    `-snes_convergence_test skip` would accept any residual.
+    """
     usual = solved(tmp_path).states[-1]
     with tuned(snes_convergence_test="skip", snes_rtol=0.99, snes_max_it=1):
         assert solved(tmp_path).states[-1].force == usual.force
@@ -131,7 +132,7 @@ def test_the_levels_of_the_multigrid_have_a_prefix_of_their_own(tmp_path):
 
 
 def newtons_of(monkeypatch: pytest.MonkeyPatch) -> list[Newton]:
-    """Newton's methods of all runs from now on."""
+    """Newton solvers of all runs from now on."""
     made: list[Newton] = []
     begin = Newton.__init__
 
@@ -154,7 +155,7 @@ def newtons_of(monkeypatch: pytest.MonkeyPatch) -> list[Newton]:
     ],
 )
 def test_a_symmetric_tangent_is_factored_as_such(tmp_path, monkeypatch, method, factors):
-    """L D L^T exactly where the tangent is its own transpose."""
+    """The tangent is factorized by LDL^T exactly where it is symmetric."""
     found = []
     assemble = Problem.assemble_tangent
 
@@ -176,7 +177,10 @@ def test_a_symmetric_tangent_is_factored_as_such(tmp_path, monkeypatch, method, 
 
 
 def test_where_symmetric_factors_fail_others_take_their_place(tmp_path, monkeypatch):
-    """Here because MUMPS is given a hundredth of the memory that it wants."""
+    """Where a symmetric factorization fails, LU is used.
+
+    MUMPS is given a hundredth of the memory that it requests.
+    """
     choose, tried = newton.use_direct_solver, []
 
     def starved(ksp, factors):
@@ -191,9 +195,7 @@ def test_where_symmetric_factors_fail_others_take_their_place(tmp_path, monkeypa
 
 
 def test_only_what_mumps_could_not_do_is_a_failed_step():
-    """PETSc's error 76 is that of a library; another one, as of memory, is not lost in shorter
-    steps.
-    """
+    """Only PETSc's error 76, of a library, is a failed increment; other errors are raised."""
 
     base = scene(CYLINDER, "mesh.h_contact=0.1", solver={"method": "newton"})
     solver = create_equilibrium(base, meshed(base)).newton
@@ -244,7 +246,7 @@ FRICTION = {"method": "penalty", "friction": 0.3}  # whose line search shortens 
 
 
 def named(contact: dict[str, Any]) -> str:
-    """A contact law by its values."""
+    """Name of a contact law by its values."""
     return "-".join(map(str, contact.values()))
 
 
@@ -261,8 +263,9 @@ def named(contact: dict[str, Any]) -> str:
 def test_a_residual_that_is_no_number_is_no_equilibrium(
     tmp_path, monkeypatch, contact, linear, after
 ):
-    """Methods of the whole body with each line search, from the first residual of every solve on,
-    or the second.
+    """A residual that is not a number ends the path with that reason, for every line search.
+
+    The residual is NaN from the first or the second evaluation of every solve on.
     """
     assemble, begin = Problem.assemble_residual, Problem.begin_solve
     left = [after]
@@ -291,9 +294,9 @@ def test_a_residual_that_is_no_number_is_no_equilibrium(
 
 
 def test_only_the_reason_of_the_own_convergence_test_is_accepted(tmp_path, monkeypatch):
-    """PETSc 3.25 may say of a residual that is no number that the step was short: a reason above 0,
-    as the others that its own tests give. Each of them ends the run; so it is told apart from a
-    step that has converged.
+    """Only the program's own convergence test is accepted; other reasons end the run.
+
+    PETSc 3.25 may report a short step for a residual that is not a number.
     """
     reasons = PETSc.SNES.ConvergedReason
 
@@ -335,8 +338,9 @@ def test_only_the_reason_of_the_own_convergence_test_is_accepted(tmp_path, monke
     ids=named,
 )
 def test_a_condensed_body_takes_no_number_that_is_none(tmp_path, monkeypatch, contact):
-    """A compliance that is no number; and a step that is none, which has no point in contact and so
-    looked like the equilibrium of a tip that does not touch.
+    """A compliance or an increment that is not a number fails on a condensed body.
+
+    An increment of NaN has no point in contact and looked like a tip that does not touch.
     """
     sections = {"contact": contact, "solver": {"method": "condensed"}}
     column, step = Condenser._solve_block, CondensedContact.newton_step

@@ -1,6 +1,4 @@
-"""What stands beside the rows of a run may fail in any way: it is missing then, which is said, and
-the rows stay.
-"""
+"""Optional results of a run may fail in any way: they are reported missing, and the rows stay."""
 
 from __future__ import annotations
 
@@ -76,7 +74,7 @@ SCENE = {
 
 
 def rows(folder: Path) -> list[dict[str, str]]:
-    """The force table without what is read beside the rows, and without seconds."""
+    """Force table without optional columns and seconds."""
     with open(folder / "force_indentation.csv", newline="", encoding="utf-8") as table:
         found = list(csv.DictReader(table))
     beside = ("stiffness", "area", "E_hertz", "wall_s", "force_error", "a_error", "p_max_error")
@@ -84,7 +82,7 @@ def rows(folder: Path) -> list[dict[str, str]]:
 
 
 def break_(monkeypatch: pytest.MonkeyPatch, things: dict[str, tuple[Any, str]], shift: int) -> None:
-    """Let each of the things fail, in another way each."""
+    """Let each of the functions fail with another exception."""
     kinds = cycle(ERRORS[shift:] + ERRORS[:shift])
     for (owner, name), kind in zip(things.values(), kinds, strict=False):
 
@@ -96,7 +94,7 @@ def break_(monkeypatch: pytest.MonkeyPatch, things: dict[str, tuple[Any, str]], 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The run in which nothing fails."""
+    """Run in which nothing fails."""
     folder = tmp_path_factory.mktemp("whole") / "run"
     pipeline.simulate(config_from_mapping(SCENE), directory=folder)
     assert "missing" not in json.loads((folder / "run.json").read_text(encoding="utf-8"))
@@ -105,12 +103,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def whole(folder: Path) -> list[dict[str, str]]:
-    """Its rows."""
+    """Rows of that run."""
     return rows(folder)
 
 
 def test_an_error_bar_wider_than_its_force_is_drawn(folder: Path, tmp_path: Path) -> None:
-    """Its lower end pulls, and is joined by chords: so is the upper one."""
+    """An error bar wider than its force, whose lower end is tensile, is drawn."""
     copy = shutil.copytree(folder, tmp_path / "run")
     head, *lines = (copy / "force_indentation.csv").read_text(encoding="utf-8").splitlines()
     wide = [f"{head},force_error", *(f"{line},{10.0 * (k == 0)}" for k, line in enumerate(lines))]
@@ -144,7 +142,7 @@ def test_what_fails_beside_the_rows_is_missing_and_the_rows_stay(
 def test_a_signal_beside_the_rows_ends_the_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What is no Exception passes through."""
+    """A KeyboardInterrupt in an optional result ends the run."""
 
     def interrupt(*args: Any) -> float:
         raise KeyboardInterrupt

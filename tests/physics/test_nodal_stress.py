@@ -1,4 +1,4 @@
-"""Stress at the nodes: exact where it is constant, right up to faces of layers and the surface."""
+"""Nodal stresses: exact where constant, and right up to interfaces and the surface."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ GIVEN: dict[str, Any] = {
 
 
 def written(given: dict[str, Any], folder: Path) -> dict[str, np.ndarray]:
-    """The fields of the last row of a run."""
+    """Fields of the last row of a run."""
     outcome = simulate(config_from_mapping(given), directory=folder)
     return read_fields(folder, outcome.states[-1].step)
 
@@ -94,8 +94,9 @@ def test_regions_have_points_of_their_own(tmp_path: Path) -> None:
 
 
 def test_under_a_ball_the_nodes_have_the_pressure_of_the_surface(tmp_path: Path) -> None:
-    """sigma_z = -p, 2.5 % of the largest p in the inner contact; the cells beneath are half an
-    element away.
+    """Under a ball sigma_z = -p at the nodes, to 2.5 % of the peak in the inner contact.
+
+    The cells below are half an element away.
     """
     given = GIVEN | {
         "body": {"shape": "cylinder", "radius": 1.0, "height": 1.0},

@@ -35,10 +35,10 @@ def test_stiffness_of_a_condensed_layer_is_the_flat_punchs(nu: float) -> None:
 @pytest.mark.parametrize("method", ["augmented_lagrangian", "penalty", "active_set", "nitsche"])
 @pytest.mark.parametrize("solver", ["newton", "condensed"])
 def test_stiffness_by_the_tangent_is_the_slope_of_the_meshs_force(method: str, solver: str) -> None:
-    """In plane strain, where no punch stands in for it.
+    """The stiffness by the tangent is the difference quotient of the force, to 1e-5.
 
-    Over 2e-5 of the depth the points that touch are the same, and what the solver's tolerance of
-    1e-10 leaves of the difference is 1e-5.
+    In plane strain no punches replace it. Over 2e-5 of the depth the points in contact are the
+    same, and the solver's tolerance of 1e-10 leaves 1e-5.
     """
     if (method, solver) == ("nitsche", "condensed"):
         return
@@ -63,9 +63,7 @@ def test_a_multiplier_that_moves_outside_of_newton_has_no_tangent() -> None:
 
 
 def test_a_half_space_reads_its_own_modulus() -> None:
-    """The mesh's force is within 0.3 % of Hertz, so E_hertz is within 0.3 % of E; theory's to
-    rounding.
-    """
+    """E_hertz of a half-space is its modulus, by theory to rounding and by a mesh to 0.3 %."""
     body = {"shape": "half_space"}
     assert list(pipeline.states(scene(body)))[-1].E_hertz == pytest.approx(1.0, rel=1e-12)
     meshed = solve(scene(body, "solver.method=condensed"))[-1]

@@ -687,14 +687,10 @@ def test_a_signal_while_a_row_is_written_is_everybodys(
 
 
 # What every rank gives dolfinx of a mesh (rows of points and cells), what it holds of it, and the
-# last force; argv: the scene. The process that meshes is forked first, as the command does.
+# last force; argv: the scene.
 HELD = """
 import json, sys
 from indent_sim.mesh import gmsh
-from indent_sim.mesh.mesher_process import start_mesher
-from indent_sim.process.ranks import is_root
-if is_root():
-    start_mesher()
 from pathlib import Path
 from mpi4py import MPI
 from indent_sim.config.scene_file import load
@@ -721,12 +717,11 @@ def init(self, config, scene, *rest):
 pipeline.SingleRun.__init__ = init
 outcome = pipeline.simulate(load(Path(sys.argv[1])), comm, directory=Path(f"out{comm.size}"))
 mesh = getattr(domains[0], "mesh", None)
-arrays = [rows for grid in seen for rows in (grid.points, grid.cells, grid.regions)]
 mine = {
     "given": given[0],
     "skin": len(mesh.grid.cells) if mesh else 0,
     "whole": mesh.statistics.cells if mesh else 0,
-    "mapped": [not rows.flags.writeable for rows in arrays],
+    "held": len(seen),
 }
 everybody = comm.gather(mine)
 if comm.rank == 0:
@@ -759,10 +754,9 @@ mesh: {refinements: 1}
 
 
 @pytest.mark.parametrize("text", [DRAWN, OF_FILE], ids=["of gmsh", "of a file"])
-def test_no_rank_holds_the_mesh(text: str, mpirun: Mpirun, tmp_path: Path) -> None:
-    """Each has its slice of the rows, rank 0 beside that arrays that lie in a file, and the scene
-    no more of a mesh file than the cells at its outside; each of two regions is with its own
-    cells, or the force would be another.
+def test_rank_0_alone_holds_the_mesh(text: str, mpirun: Mpirun, tmp_path: Path) -> None:
+    """Each has its slice of the rows, and the scene no more of a mesh file than the cells at its
+    outside; each of two regions is with its own cells, or the force would be another.
     """
     body = block(n=5, m=4)
     body["regions"] = {
@@ -776,8 +770,7 @@ def test_no_rank_holds_the_mesh(text: str, mpirun: Mpirun, tmp_path: Path) -> No
     for column, name in enumerate(("points", "cells")):
         rows = [rank["given"][column] for rank in three["ranks"]]
         assert sum(rows) == three[name] == one[name] and max(rows) - min(rows) <= 1
-    assert three["ranks"][0]["mapped"] == [True] * 3 and one["ranks"][0]["mapped"] == [False] * 3
-    assert all(rank["mapped"] == [] for rank in three["ranks"][1:])
+    assert [rank["held"] for rank in three["ranks"]] == [1, 0, 0]
     if text is OF_FILE:
         assert all(
             0 < rank["skin"] < rank["whole"] == len(body["cells"]) for rank in three["ranks"]
@@ -787,7 +780,7 @@ def test_no_rank_holds_the_mesh(text: str, mpirun: Mpirun, tmp_path: Path) -> No
 def test_a_mesh_file_that_is_no_body_ends_every_rank_with_one_message(
     mpirun: Mpirun, tmp_path: Path
 ) -> None:
-    """It is read by a process beside rank 0, and what is wrong with it is known to all."""
+    """Rank 0 alone reads it, and what is wrong with it is known to all."""
     body = block()
     body["cells"] = np.vstack([body["cells"], body["cells"][:1]])
     write(tmp_path / "part.msh", body)

@@ -44,13 +44,13 @@ def config(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("command", ["run", "plan"])
 def test_no_library_of_a_mesh_is_loaded(config: Path, tmp_path: Path, command: str) -> None:
-    """Nor is the process forked in which gmsh would be."""
+    """Nor is the process started in which gmsh would be."""
     program = f"""
 import sys
 sys.modules.update(dict.fromkeys({OF_A_MESH!r}))  # importing any of these fails now
 from indent_sim.cli.commands import program
-from indent_sim.process.forked_process import ForkedProcess
-ForkedProcess.start = None
+from indent_sim.process.child_process import ChildProcess
+ChildProcess.start = None
 program(sys.argv[1:], standalone_mode=False)
 """
     words = [

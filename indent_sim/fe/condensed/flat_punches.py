@@ -25,8 +25,6 @@ from indent_sim.fe.condensed.contact import CondensedContact
 # theory on half-spaces and layers: 0.111 at nu = 0 and 0.092 at 0.3 (displacement), 0.059 at 0.45
 # and 0.050 at 0.5 (mixed), to 0.004 each.
 RADIUS_SHIFT = {"displacement": (0.111, 0.063), "mixed": (0.140, 0.180)}
-# Compliance of a node with those inside it fixed, relative to its own, below which it is round-off
-COMPLIANCE_TOLERANCE = 1e-8
 
 
 def punches(contact: CondensedContact) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -53,8 +51,11 @@ def punches(contact: CondensedContact) -> tuple[np.ndarray, np.ndarray, np.ndarr
     C = compliance.C[np.ix_(order, order)]
     L, failed_at = dpotrf(C, lower=1)
     factored_count = failed_at - 1 if failed_at else len(C)
+    # Compliance of a node with those inside it fixed, relative to its own, below which it is
+    # round-off.
+    compliance_tolerance = 1e-8
     is_stiff = (
-        np.diag(L)[:factored_count] ** 2 <= COMPLIANCE_TOLERANCE * np.diag(C)[:factored_count]
+        np.diag(L)[:factored_count] ** 2 <= compliance_tolerance * np.diag(C)[:factored_count]
     )
     n = int(np.argmax(np.append(is_stiff, True)))
     right_hand_sides = np.column_stack([np.ones(n), heights[order][:n]])

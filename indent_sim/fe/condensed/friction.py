@@ -35,8 +35,6 @@ QuadratureRule = tuple[np.ndarray, np.ndarray, np.ndarray]  # see `CondensedCont
 
 # Residual relative to the nodal forces at which Newton's method ends; a dense solve leaves less
 NODAL_FORCE_TOLERANCE = 1e-12
-# The same where round-off does not let the residual fall any further
-STAGNATION_TOLERANCE = 1e-10
 
 
 @dataclass(frozen=True)
@@ -151,6 +149,8 @@ class CondensedFriction:
         zero_force = contact.zero_tolerance(lambda F: np.abs(F).max(initial=0.0))
         residuals = list[float]()
         visited = list[bytes]()
+        # The same where round-off does not let the residual fall any further.
+        stagnation_tolerance = 1e-10
         for _ in range(50):
             trial = self._evaluate_trial(D @ X, contact.quadrature, stiffness_factor)
             load = self._nodal_loads(trial)
@@ -159,7 +159,7 @@ class CondensedFriction:
             if not np.isfinite(residual):
                 return False
             allowed = (
-                STAGNATION_TOLERANCE if residual >= smallest_residual else NODAL_FORCE_TOLERANCE
+                stagnation_tolerance if residual >= smallest_residual else NODAL_FORCE_TOLERANCE
             )
             if residual <= allowed * np.abs(load).max(initial=0.0) + zero_force:
                 contact.forces = load.reshape(-1, self._node_count)

@@ -16,8 +16,6 @@ from indent_sim.fe.postprocessing.contact_sample import (
 from indent_sim.fe.quadrature import facet_lattice
 from indent_sim.model.tips import FlatPunch, sharp_edge_radius
 
-# Growth of the relative pressure step at the contact edge with gamma/(E* a)
-EDGE_STEP_GROWTH = 11.0
 # Fraction of the depth below which the gap at the edge of a tip counts as closed under surface
 # tension. It is twice the largest gap next to the edge of a punch, for gamma/(E* a) from 1e-4 to 20
 # and nu from 0 to 0.5.
@@ -245,7 +243,9 @@ def edge_pressure_step(body: ObservedBody, size: float, means: np.ndarray) -> fl
         / physics.domain.kinematics.contact_radius(size)
     )
     positive_means = np.concatenate(body.comm.allgather(means[means > 0]))
-    step_fraction = EDGE_STEP_GROWTH * tension_number**0.9
+    # Growth of the relative pressure step at the contact edge with gamma/(E* a).
+    edge_step_growth = 11.0
+    step_fraction = edge_step_growth * tension_number**0.9
     return (
         float(np.median(positive_means)) * step_fraction / (1 + step_fraction)
         if len(positive_means)

@@ -13,9 +13,6 @@ from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.terms.term import Term
 from indent_sim.model.hyperelasticity import NeoHookean
 
-# Quadrature degree of the surface: squares of slopes, at finite strain their square root
-SURFACE_DEGREE = 6
-
 # Shear modulus of a drop's surface membrane, as a fraction of gamma. It increases the force by
 # 0.45 times this fraction. Measured on a ball between plates with 10 to 20 elements in the contact
 # radius: without a membrane no row converges below mu = 1.7e-3 gamma/R; with 3e-4 three of four
@@ -68,7 +65,10 @@ class SurfaceTension(Term):
         self.has_membrane = physics.is_drop
         if self.has_membrane:
             area_growth += self._membrane_stiffness * _membrane_energy(H, P)
-        self.energy = body.surface_integral("top", gamma * area_growth, SURFACE_DEGREE)
+        # Quadrature degree of the surface: squares of slopes, at finite strain their
+        # square root.
+        surface_degree = 6
+        self.energy = body.surface_integral("top", gamma * area_growth, surface_degree)
         if physics.domain.top_radius:
             pressure = 2 * gamma / fem.Constant(body.mesh, physics.domain.top_radius)
             # J - 1 - tr H, at small strain to second order

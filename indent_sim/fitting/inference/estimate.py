@@ -35,10 +35,6 @@ SATURATED_FRACTION = 0.02
 MAX_SATURATED = 5
 # Number of blocks of a curve whose means distinguish a contact from noise.
 SIGNAL_BLOCKS = 50
-# A curve is rejected if the factor of uncertainty of a modulus is larger.
-MAX_UNCERTAINTY_FACTOR = 4.0
-# A curve is rejected if its largest force is a smaller multiple of the rms of the residuals.
-MIN_SIGNAL_TO_NOISE = 4.0
 # Numbers of block means of the curve in the search of initial guesses and in the fit.
 MAX_PILOT_SAMPLES = 400
 MAX_SAMPLES = 1500
@@ -55,8 +51,6 @@ MAX_STEP = 1.0
 MAX_CONTACT_SHIFT = 0.3
 # Relative change of the sum of squares at which the iteration ends.
 SQUARES_TOLERANCE = 1e-6
-# A fit in correlated noise is discarded if its rms exceeds that of ordinary least squares by more.
-MAX_RMS_RATIO = 1.1
 # Offsets of the trial values of a coordinate from that of the scene: logarithmic and linear ones.
 START_OFFSETS = (0.0, -1.2, 1.2, -2.4, 2.4)
 LINEAR_START_OFFSETS = (0.0, -0.1, 0.1)
@@ -68,8 +62,6 @@ BOUND_TOLERANCE = 1e-6
 SNAP_SHIFTS = (-3, -2, -1, 0, 1, 2, 3)
 SNAP_ITERATIONS = 6
 MAX_SNAP_MOVES = 5
-# A snap-in of at least this many standard deviations of the noise lies between two known samples.
-CLEAR_SNAP_DEVIATIONS = 5.0
 
 
 class FitRejected(Exception):
@@ -390,7 +382,10 @@ def estimate_parameters(model: CurveModel, initial_p: np.ndarray) -> Estimate:
     if uncertainty.likeliest_noise == WHITE:
         return Estimate(model, ordinary_p, ordinary_p, uncertainty)
     weighted_p, _ = model.least_squares(ordinary_p, uncertainty.likeliest_noise)
-    if _rms_residual(model, weighted_p) > MAX_RMS_RATIO * _rms_residual(model, ordinary_p):
+    # A fit in correlated noise is discarded if its rms exceeds that of ordinary least squares
+    # by more.
+    max_rms_ratio = 1.1
+    if _rms_residual(model, weighted_p) > max_rms_ratio * _rms_residual(model, ordinary_p):
         return Estimate(model, ordinary_p, ordinary_p, uncertainty)
     return Estimate(model, weighted_p, ordinary_p, uncertainty_at(model, weighted_p))
 
@@ -445,9 +440,12 @@ def _limit_contact_point_variance(
     A clear snap-in locates the contact point to the distance d of samples: the standard deviation
     is d/sqrt(3), since the fit may end at either of two samples.
     """
+    # A snap-in of at least this many standard deviations of the noise lies between two known
+    # samples.
+    clear_snap_deviations = 5.0
     if not model.is_free[model.coordinate_count] or _snap_in_force(
         model, p
-    ) < CLEAR_SNAP_DEVIATIONS * math.sqrt(s2):
+    ) < clear_snap_deviations * math.sqrt(s2):
         return covariance
     contact_column = covariance[model.coordinate_count]
     return covariance - np.outer(contact_column, contact_column) / (
@@ -702,13 +700,18 @@ def _reject_weak_signal(estimate: Estimate) -> None:
     contact_count = int(np.count_nonzero(estimate.model.samples.x > estimate.contact_point))
     if contact_count < MIN_CONTACT_POINTS:
         raise FitRejected(f"no contact: {contact_count} points in contact")
-    if estimate.max_force < MIN_SIGNAL_TO_NOISE * estimate.rms:
+    # A curve is rejected if its largest force is a smaller multiple of the rms of the
+    # residuals.
+    min_signal_to_noise = 4.0
+    if estimate.max_force < min_signal_to_noise * estimate.rms:
         raise FitRejected("no contact: the force does not rise above its noise")
+    # A curve is rejected if the factor of uncertainty of a modulus is larger.
+    max_uncertainty_factor = 4.0
     for k, parameter in enumerate(estimate.model.forward_model.parameters):
         factor = (
             math.exp(min(NORMAL_95 * float(estimate.sd[k]), 100.0))
             if parameter.role == "scale"
             else 1.0
         )
-        if factor > MAX_UNCERTAINTY_FACTOR:
+        if factor > max_uncertainty_factor:
             raise FitRejected(f"{parameter.key} is known to a factor of {factor:.2g} only")

@@ -27,8 +27,6 @@ from indent_sim.fitting.inference.noise import (
 # Number of cosines of the trend of the residuals, and depths before first touch where they begin.
 COSINE_COUNT = 8
 TREND_BASELINE_DEPTHS = 0.35
-# Depths before first touch that do not count as baseline: the snap-in of a tip lies there.
-CONTACT_MARGIN_DEPTHS = 0.2
 # Least number of points, and of independent points, of a baseline whose noise is compared.
 MIN_BASELINE_POINTS = 40
 MIN_EFFECTIVE_POINTS = 8.0
@@ -43,12 +41,6 @@ WRONG_SHAPE = 1e-3
 WRONG_Z = 3.5
 WRONG_BASELINE = 1e-4
 BETTER_MODEL_P = 1e-3
-# Standard deviation of a normal distribution over the median of its absolute value.
-MEDIAN_TO_DEVIATION = 1.4826
-# Residuals below this fraction of the largest force are round-off, as of a simulated curve.
-NEGLIGIBLE_RESIDUAL = 1e-5
-# A parameter whose factor of uncertainty is larger is not identifiable.
-MAX_IDENTIFIABLE_FACTOR = 3.0
 
 
 @dataclass(frozen=True)
@@ -99,7 +91,10 @@ class ModelAssessment:
         They are names of better models, shape (trend of the residuals), window (dependence on the
         depth range) and baseline (noise). Residuals at the level of round-off are no reason.
         """
-        if self.estimate.rms < NEGLIGIBLE_RESIDUAL * self.estimate.max_force:
+        # Residuals below this fraction of the largest force are round-off, as of a
+        # simulated curve.
+        negligible_residual = 1e-5
+        if self.estimate.rms < negligible_residual * self.estimate.max_force:
             return []
         is_depth_dependent = any(
             self._is_depth_dependent(k) for k in range(self.estimate.model.coordinate_count)
@@ -172,8 +167,10 @@ class ModelAssessment:
     def is_identifiable(self) -> bool:
         """True if every parameter is known to a factor of three and not at a bound of its range."""
         keys = range(self.estimate.model.coordinate_count)
+        # A parameter whose factor of uncertainty is larger is not identifiable.
+        max_identifiable_factor = 3.0
         return not any(
-            self.estimate.is_at_bound(k) or self._uncertainty_factor(k) > MAX_IDENTIFIABLE_FACTOR
+            self.estimate.is_at_bound(k) or self._uncertainty_factor(k) > max_identifiable_factor
             for k in keys
         )
 
@@ -266,7 +263,9 @@ def _snap_in_probability(force: np.ndarray) -> float:
     which hides the attraction before and after a snap-in, does not hide the fall itself.
     """
     changes = np.diff(force)
-    deviation = MEDIAN_TO_DEVIATION * float(np.median(np.abs(changes)))
+    # Standard deviation of a normal distribution over the median of its absolute value.
+    median_to_deviation = 1.4826
+    deviation = median_to_deviation * float(np.median(np.abs(changes)))
     # A curve with few digits has no changes between most samples.
     if not deviation > 0:
         return 1.0
@@ -295,7 +294,10 @@ def baseline_noise_probability(estimate: Estimate) -> float | None:
     r = estimate.residual
     c = estimate.contact_point
     x = model.samples.x
-    is_before_contact = x < c - CONTACT_MARGIN_DEPTHS * estimate.depth
+    # Depths before first touch that do not count as baseline: the snap-in of a tip lies
+    # there.
+    contact_margin_depths = 0.2
+    is_before_contact = x < c - contact_margin_depths * estimate.depth
     n = int(np.count_nonzero(is_before_contact))
     m = int(np.count_nonzero(~is_before_contact))
     if n < MIN_BASELINE_POINTS or not m:

@@ -24,10 +24,6 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.signal import lfilter
 
 WHITE_FRACTIONS = (0.0003, 0.05, 0.25, 0.5, 0.8, 0.95)
-# Longest correlation time that is considered, relative to the number of samples.
-MAX_TAU_FRACTION = 0.25
-# Weight of white noise, in nodes of the grid.
-WHITE_WEIGHT = 54
 # Nodes with a smaller weight than this fraction of the largest one are omitted.
 MIN_WEIGHT = 1e-9
 NORMAL_95 = 1.96
@@ -128,7 +124,9 @@ class ParameterUncertainty:
 
 def noise_grid(n: int) -> list[Noise]:
     """Return white noise and all noises whose correlation n samples can resolve."""
-    taus = [2.0**k for k in range(30) if 2.0**k <= MAX_TAU_FRACTION * n]
+    # Longest correlation time that is considered, relative to the number of samples.
+    max_tau_fraction = 0.25
+    taus = [2.0**k for k in range(30) if 2.0**k <= max_tau_fraction * n]
     return [WHITE, *(Noise(tau, w) for tau in taus for w in WHITE_FRACTIONS)]
 
 
@@ -158,7 +156,9 @@ def average_over_noise(
     noises = noise_grid(n) if noises is None else noises
     results = [_restricted_likelihood(noise, X, n - p) for noise in noises]
     log_likelihoods = np.array([result[0] for result in results])
-    log_likelihoods[0] += math.log(WHITE_WEIGHT if len(noises) > 1 else 1)
+    # Weight of white noise, in nodes of the grid.
+    white_weight = 54
+    log_likelihoods[0] += math.log(white_weight if len(noises) > 1 else 1)
     weights = np.exp(log_likelihoods - log_likelihoods.max())
     weights /= weights.sum()
     steps = np.array([result[2] for result in results])

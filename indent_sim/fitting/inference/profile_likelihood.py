@@ -23,8 +23,6 @@ WIDE_HALF_WIDTH = 0.2
 # Number of values on each side, and distance of the last one in standard deviations.
 PROFILE_VALUES = 7
 PROFILE_RANGE = 3.0
-# Iterations of a fit that begins at the solution for the neighbouring value.
-NEIGHBOUR_ITERATIONS = 12
 
 
 def add_profile_intervals(estimate: Estimate) -> Estimate:
@@ -59,11 +57,13 @@ def _profile_end(estimate: Estimate, k: int, side: float, critical_rise: float) 
     smallest_squares = float(r @ noise.apply_inverse_covariance(r)[0])
     previous_value = start
     previous_rise = 0.0
+    # Iterations of a fit that begins at the solution for the neighbouring value.
+    neighbour_iterations = 12
     for step in np.linspace(0.0, PROFILE_RANGE, PROFILE_VALUES + 1)[1:]:
         value = min(max(start + side * step * sd, low), high)
         p[k] = value
         try:
-            p, squares = model.least_squares(p, noise, NEIGHBOUR_ITERATIONS)
+            p, squares = model.least_squares(p, noise, neighbour_iterations)
         except (ForwardModelUnavailable, ValueError, np.linalg.LinAlgError):
             return start + side * NORMAL_95 * sd
         rise = max((squares - smallest_squares) / estimate.uncertainty.s2, 0.0)

@@ -34,16 +34,12 @@ from indent_sim.results.result_scene import scene_of
 # thin body.
 FIELD_VIEW = 3.0
 THIN_BODY_VIEW = 1.5
-# Half-width of the view in heights of a thin body, whose field would be too small in a wider one.
-THIN_BODY_HEIGHTS = 4.0
 SPACE_ABOVE = 0.35  # Room for the tip above the surface, in contact radii or depths.
-MAX_LIFT = 0.01  # A tip that sinks in by less than this fraction of its lift has no contact.
 WHOLE_BODY_RATIO = 1.6  # A body that is so many times wider or deeper than the view is shown whole.
 # The colours cover this percentage of the area in view: the stress at an edge is infinite, and the
 # mesh has many points there.
 COLOURED_PERCENT = 99.8
 SLIVER_HEIGHT = 2e-3  # Height of a sliver relative to the width of the view: about half a pixel.
-INTERFACE_LINE_WIDTH = 0.6  # Width of lines between regions [points].
 # Points, deformed points, cells, and values at the points.
 RegionPart = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
@@ -352,8 +348,10 @@ class FieldRow:
         depths = [_row_value(run, step, "delta") for run, step, _ in self.steps]
         contact_radius = max(_row_value(run, step, "a") for run, step, _ in self.steps)
         size = max(contact_radius, *np.abs(depths))
+        # A tip that sinks in by less than this fraction of its lift has no contact.
+        max_lift = 0.01
         # A swelling body may lift the tip: then there is no contact to show.
-        if not contact_radius > 0 and max(depths) <= MAX_LIFT * size:
+        if not contact_radius > 0 and max(depths) <= max_lift * size:
             size = (top - bottom) / 2
         if self.zoom is not None:
             half_width = self.zoom * size
@@ -362,8 +360,11 @@ class FieldRow:
                 min(right, self.axis_position + half_width),
             )
             return np.array([*sides, max(bottom, -half_width), top + SPACE_ABOVE * size])
+        # Half-width of the view in heights of a thin body, whose field would be too small
+        # in a wider one.
+        thin_body_heights = 4.0
         half_width = size * np.clip(
-            THIN_BODY_HEIGHTS * (top - bottom) / size, THIN_BODY_VIEW, FIELD_VIEW
+            thin_body_heights * (top - bottom) / size, THIN_BODY_VIEW, FIELD_VIEW
         )
         sides = (self.axis_position - half_width, self.axis_position + half_width)
         if right - left <= 2 * WHOLE_BODY_RATIO * half_width:
@@ -483,7 +484,9 @@ def _draw_section(
             ((0, 0), (0, 1), (0, 0)),
             constant_values=np.nan,
         )
-        axes.plot(*lines.reshape(-1, 2).T, color=GREY, lw=INTERFACE_LINE_WIDTH)
+        # Width of lines between regions [points].
+        interface_line_width = 0.6
+        axes.plot(*lines.reshape(-1, 2).T, color=GREY, lw=interface_line_width)
     return axes.tripcolor(x, z, section.triangles[~is_sliver], values, shading="gouraud", **look)
 
 

@@ -53,7 +53,6 @@ METADATA: dict[str, dict[str, str | None]] = {
     "pdf": {"CreationDate": None},
 }
 MAX_MARKED_POINTS = 40  # A line with more points has no markers.
-MAX_STACKED_NAMES = 30  # A legend beside a panel with more names has columns.
 LEGEND_MARGIN = 0.6  # Least height above and below a legend beside a panel [inches].
 LEGEND_LEFT = 0.6  # Left margin of a legend below all panels [inches].
 # Widths of a small letter and of the handle before a name, height of the labels below a panel and
@@ -64,10 +63,8 @@ HANDLE_WIDTH = 0.45
 AXIS_LABEL_HEIGHT = 0.58
 AXIS_LABEL_WIDTH = 0.75
 BAR_HEIGHT = 0.12
-MIN_LINE_LETTERS = 12  # Texts are broken into lines of so many letters at least.
 MM_PER_INCH = 25.4
 BarPosition = Literal["right", "bottom"]
-TITLE_LETTERS_PER_INCH = 9.0
 # Longer texts are shortened.
 MAX_SUBTITLE_LETTERS = 200
 MAX_LABEL_LETTERS = 120
@@ -119,12 +116,14 @@ def draw_legend_right(axes: Axes, labelled_axes: Axes) -> None:
     handles, names = labelled_axes.get_legend_handles_labels()
     if not names:
         return
+    # A legend beside a panel with more names has columns.
+    max_stacked_names = 30
     legend = axes.legend(
         handles,
         names,
         loc="upper left",
         bbox_to_anchor=(1, 1),
-        ncol=-(-len(names) // MAX_STACKED_NAMES),
+        ncol=-(-len(names) // max_stacked_names),
     )
     legend_width, legend_height = legend.get_window_extent().size / figure.dpi
     width, height = figure.get_size_inches()
@@ -197,7 +196,9 @@ def draw_panel_title(axes: Axes, title: str) -> None:
 def _wrap_text(text: str, width: float) -> str:
     """Break a small text into lines that fit into a width [inches]."""
     letters = int(width / (LETTER_WIDTH * _font_scale()))
-    return "\n".join(textwrap.wrap(text, max(MIN_LINE_LETTERS, letters)))
+    # Texts are broken into lines of so many letters at least.
+    min_line_letters = 12
+    return "\n".join(textwrap.wrap(text, max(min_line_letters, letters)))
 
 
 def _panel_width(axes: Axes) -> float:
@@ -275,7 +276,8 @@ def _font_scale() -> float:
 def draw_title(figure: Figure, title: str, subtitle: str) -> None:
     """Draw a title, shortened to the width of the figure, and a subtitle above the panels."""
     height = figure.get_figheight()
-    title_letters = int(TITLE_LETTERS_PER_INCH * figure.get_figwidth())
+    title_letters_per_inch = 9.0
+    title_letters = int(title_letters_per_inch * figure.get_figwidth())
     _reserve_margin(figure, above=0.64)
     figure.text(
         0.01,

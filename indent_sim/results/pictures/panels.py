@@ -42,19 +42,14 @@ PANEL_OPTIONS = {
     "zoom": ("--zoom", MAP_PANELS),
 }
 MM = 1 / figures.MM_PER_INCH  # One millimetre in inches.
-PANEL_WIDTH = 4.4  # Default width of a panel [inches].
-LINE_ASPECT = 0.72  # Ratio of height to width of panels of curves.
 # First estimate of the height of labels, numbers and colour bars around the panels of a line
 # [inches]; the layout then finds the height that they need.
 LABELS_HEIGHT = 1.6
-NAME_HEIGHT = 0.2  # Height of a line of a legend in that estimate.
-LAYOUT_PASSES = 2  # The second pass knows the heights of the panels from the first.
 MAX_MAPS_IN_ROW = 4
 MAX_FILM_COLUMNS = 6
 MAX_LINE_COLUMNS = 3
 MAX_PANELS = 40
 T = TypeVar("T")
-MIN_CELL_WIDTH = 1.5  # Least width of a panel in a layout at the standard font size [inches].
 # Least widths of panels at the standard font size [inches].
 MIN_LINE_PANEL_WIDTH = 2.6
 MIN_MAP_WIDTH = 1.8
@@ -238,7 +233,9 @@ def requested_figure(runs: Sequence[Results], request: PlotRequest) -> Iterator[
         else _automatic_rows(runs, names, request)
     )
     width = _picture_width(request, max(row.columns for row in rows))
-    labels_height = LABELS_HEIGHT + NAME_HEIGHT * (len(runs) + len(request.what))
+    # Height of a line of a legend in that estimate.
+    name_height = 0.2
+    labels_height = LABELS_HEIGHT + name_height * (len(runs) + len(request.what))
     heights = [
         row.lines * (row.aspect * width / row.columns + labels_height * request.font_scale)
         for row in rows
@@ -253,7 +250,9 @@ def requested_figure(runs: Sequence[Results], request: PlotRequest) -> Iterator[
         # For axes that are smaller than their place the layout reserves no room for tick labels.
         for axes in true_scale_axes:
             axes.set_aspect("auto")
-        for _ in range(LAYOUT_PASSES):
+        # The second pass knows the heights of the panels from the first.
+        layout_passes = 2
+        for _ in range(layout_passes):
             figures.place_panels(figure)
             figures.thin_tick_labels(figure)
             heights = [
@@ -270,9 +269,13 @@ def requested_figure(runs: Sequence[Results], request: PlotRequest) -> Iterator[
 
 def _picture_width(request: PlotRequest, columns: int) -> float:
     """Return the width of a picture [inches]; UsageError if it is too small for its letters."""
-    min_width = MIN_CELL_WIDTH * request.font_scale * columns
+    # Least width of a panel in a layout at the standard font size [inches].
+    min_cell_width = 1.5
+    min_width = min_cell_width * request.font_scale * columns
     if request.width is None:
-        return max(PANEL_WIDTH * min(MAX_LINE_COLUMNS, columns), min_width)
+        # Default width of a panel [inches].
+        panel_width = 4.4
+        return max(panel_width * min(MAX_LINE_COLUMNS, columns), min_width)
     width = request.width * MM
     if width < min_width:
         panels = "panels" if columns == 1 else f"{columns} panels side by side"
@@ -518,8 +521,10 @@ def _map_panel(maps: FieldRow | PressureMaps, i: int) -> _Panel:
 
 def _panel_row(panels: Sequence[_Panel], columns: int) -> _Row:
     """Return panels side by side, of equal size, whether the row is full or not."""
+    # Ratio of height to width of panels of curves.
+    line_aspect = 0.72
     aspect = max(
-        (panel.aspect for panel in panels if panel.aspect is not None), default=LINE_ASPECT
+        (panel.aspect for panel in panels if panel.aspect is not None), default=line_aspect
     )
 
     def into(part: SubFigure) -> Sequence[Axes]:

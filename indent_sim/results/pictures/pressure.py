@@ -40,20 +40,6 @@ PRESSURE_VIEW = 1.5  # Half-width of the view around the tip, in contact radii.
 # A pressure above this fraction of the median inside the contact is contact; below it, it may be an
 # oscillation of the solution.
 PRESSED_FRACTION = 0.02
-# Number of elements next to a slope discontinuity of the tip within which the computed pressure
-# depends on the mesh, because the exact pressure is infinite there; these points are not drawn.
-DISCONTINUITY_ELEMENTS = 1.5
-# The same next to the end of a tip, where the singularity is r^(-1/2) and not logarithmic.
-TIP_END_ELEMENTS = 4.0
-# Points that are not drawn take up at most this fraction of the contact radius: with few elements
-# in the contact nothing would be left otherwise.
-MAX_EXCLUDED_FRACTION = 0.5
-# A singularity up to so many contact radii is in contact: the radius of a row is that of nodes.
-CONTACT_RADIUS_FACTOR = 1.02
-# Middle nodes of deformed elements are this close to the midpoint, relative to the element.
-MIDDLE_NODE_TOLERANCE = 0.1
-# A depth below this fraction of the largest one is 0: the search for a force of 0 ends near it.
-ZERO_DEPTH_RTOL = 1e-6
 # Darkest colour of the map, behind labels that may be outside of the body.
 LABEL_BACKGROUND = "#00224e"
 # Colour bar beside a map: left, bottom, width and height relative to the map.
@@ -152,11 +138,14 @@ class ContactSurface:
         order = np.argsort(self.x)
         x = self.x[order]
         tau = self.shear[order]
+        # Middle nodes of deformed elements are this close to the midpoint, relative to
+        # the element.
+        middle_node_tolerance = 0.1
         if (
             len(x) % 2
             and (
                 np.abs(x[1::2] - (x[:-2:2] + x[2::2]) / 2)
-                <= MIDDLE_NODE_TOLERANCE * (x[2::2] - x[:-2:2])
+                <= middle_node_tolerance * (x[2::2] - x[:-2:2])
             ).all()
         ):
             x = x[1::2]
@@ -242,15 +231,28 @@ def _pressure_singularities(
     mesh = scene.mesh
     size = mesh.h_contact if isinstance(mesh.h_contact, float) else 0.0
     element_sizes = {True: mesh.h_axis or size, False: mesh.h_edge or size}
-    radii = [r for r, _ in tip.slope_discontinuities() if r <= CONTACT_RADIUS_FACTOR * a]
+    # A singularity up to so many contact radii is in contact: the radius of a row is that of
+    # nodes.
+    contact_radius_factor = 1.02
+    radii = [r for r, _ in tip.slope_discontinuities() if r <= contact_radius_factor * a]
     end = max_radius(tip)
+    # Points that are not drawn take up at most this fraction of the contact radius: with few
+    # elements in the contact nothing would be left otherwise.
+    max_excluded_fraction = 0.5
     # A width is excluded on both sides of its radius.
-    max_width = MAX_EXCLUDED_FRACTION * a / (2 * max(1, len(radii)))
+    max_width = max_excluded_fraction * a / (2 * max(1, len(radii)))
+    # Number of elements next to a slope discontinuity of the tip within which the computed
+    # pressure depends on the mesh, because the exact pressure is infinite there; these points
+    # are not drawn.
+    discontinuity_elements = 1.5
+    # The same next to the end of a tip, where the singularity is r^(-1/2) and not
+    # logarithmic.
+    tip_end_elements = 4.0
     return tuple(
         (
             r,
             min(
-                (TIP_END_ELEMENTS if r >= end else DISCONTINUITY_ELEMENTS) * element_sizes[r == 0],
+                (tip_end_elements if r >= end else discontinuity_elements) * element_sizes[r == 0],
                 max_width,
             ),
         )
@@ -600,6 +602,9 @@ def panel_title(results: Results, step: float, words: str, apart: str = ", ") ->
 def depth_text(results: Results, step: float) -> str:
     """Return the depth of a step as text, in the unit of the picture."""
     delta = results["delta"][results["step"] == step]
-    if len(delta) and abs(delta[0]) < ZERO_DEPTH_RTOL * np.nanmax(np.abs(results["delta"])):
+    # A depth below this fraction of the largest one is 0: the search for a force of 0 ends
+    # near it.
+    zero_depth_rtol = 1e-6
+    if len(delta) and abs(delta[0]) < zero_depth_rtol * np.nanmax(np.abs(results["delta"])):
         delta = np.zeros(1)
     return axis_of_column("delta", [results]).value_text(delta[0]) if len(delta) else "?"

@@ -107,7 +107,7 @@ def test_a_plate_is_no_tip_for_a_flat_top(body: dict[str, Any]) -> None:
 def test_what_can_be_told_at_a_look() -> None:
     """Whether a scene needs a mesh is known before it is resolved.
 
-    The mesher is forked by it, and never for a scene that theory solves.
+    The mesher is started by it, and never for a scene that theory solves.
     """
 
     def config(*changes: str) -> Any:
