@@ -108,7 +108,7 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
         "studies/small_multiples.py",
         "fitting/fit_picture.py",
     ),
-    "scipy": ("theory/", "fe/", "fitting/", "model/", "scene/"),
+    "scipy": ("theory/", "fe/", "fitting/", "model/", "scene/", "results/pictures/curves.py"),
     "yaml": ("config/strict_yaml.py",),
     "pint": ("config/quantities.py",),
     "jinja2": ("results/html_report.py",),
