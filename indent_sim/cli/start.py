@@ -4,7 +4,6 @@ The default handler of Ctrl-C is in place before any other module of the program
 Nothing but the program may import this module, because it changes the handler of the process.
 """
 
-import gc
 import signal
 
 if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
@@ -14,6 +13,8 @@ if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
 
 def main() -> None:
     """Run the program as a console script."""
+    import gc
+
     from indent_sim.cli.commands import main as run_program
 
     try:
