@@ -7,9 +7,9 @@ its `states` or `condense` its body, `simulate` it into a result folder, `read` 
 derivatives of the force.
 """
 
-from __future__ import annotations
-
-TYPE_CHECKING = False  # `typing` takes a while to load, in which Ctrl-C would be a traceback
+# No module is imported here, not even `typing`: Ctrl-C until the program has started would be a
+# traceback.
+TYPE_CHECKING = False
 
 if TYPE_CHECKING:
     from typing import Any
@@ -40,7 +40,7 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> "Any":
     """Import a name when it is first asked for: to load a scene needs no solver."""
     if name == "__version__":
         from indent_sim.process.version import VERSION

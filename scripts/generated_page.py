@@ -1,4 +1,4 @@
-"""Writes the pages that scripts measure, each with the commit that it was measured at."""
+"""Writer of measured pages, each with the commit at which it was measured."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import subprocess
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-SAID = re.compile(r"^Measured (?:at commit|from sources) .*\n\n", re.MULTILINE)
+COMMIT_SENTENCE = re.compile(r"^Measured (?:at commit|from sources) .*\n\n", re.MULTILINE)
 
 
 def measured_at(root: Path = ROOT) -> str:
-    """The commit of the sources, in a sentence.
+    """Return a sentence that names the commit of the sources.
 
     Parameters
     ----------
@@ -21,39 +21,40 @@ def measured_at(root: Path = ROOT) -> str:
     Returns
     -------
     str
-        "Measured at commit 1a2b3c4d.", or that files beside docs/ are not as in that commit, or that there is none.
+        "Measured at commit 1a2b3c4d.". It also says if files outside docs/ differ from that commit,
+        and if the sources are not in a repository.
     """
     commit = _git(root, "rev-parse", "--short=8", "HEAD")
     if commit is None:
         return "Measured from sources without a repository."
-    changed = _git(
-        root, "status", "--porcelain", "--", ".", ":(exclude)docs"
-    )  # pages made before are there
-    return (
-        f"Measured at commit {commit}{', with changes that are not committed' if changed else ''}."
-    )
+    # Pages that were made before lie in docs/ and are no change of the sources.
+    changes = _git(root, "status", "--porcelain", "--", ".", ":(exclude)docs")
+    if changes:
+        return f"Measured at commit {commit}, with changes that are not committed."
+    return f"Measured at commit {commit}."
 
 
 def write(page: Path, text: str, root: Path = ROOT) -> None:
-    """Write a page, below its title the commit that it was measured at, and say so.
+    """Write a page with the sentence of `measured_at` below its title, and print its path.
 
     Parameters
     ----------
     page : Path
         The file.
     text : str
-        Markdown that begins with a title; what it says of another commit is replaced.
+        Markdown that begins with a title. A sentence about an earlier commit is replaced.
     root : Path
         The folder of the sources.
     """
-    title, rest = SAID.sub("", text).split("\n\n", 1)
+    title, rest = COMMIT_SENTENCE.sub("", text).split("\n\n", 1)
     page.write_text(f"{title}\n\n{measured_at(root)}\n\n{rest}", encoding="utf-8")
     print(page, flush=True)
 
 
-def _git(root: Path, *words: str) -> str | None:
-    """What git says of the sources themselves, None where they are no repository."""
+def _git(root: Path, *arguments: str) -> str | None:
+    """Return the output of a git command, or None if `root` is not the root of a repository."""
     if not (root / ".git").exists():
         return None
-    done = subprocess.run(["git", "-C", str(root), *words], capture_output=True, text=True)
+    command = ["git", "-C", str(root), *arguments]
+    done = subprocess.run(command, capture_output=True, text=True)
     return done.stdout.strip() if done.returncode == 0 else None

@@ -1,9 +1,9 @@
-"""Memory of every rank until it has its part of a mesh, which nothing is solved on.
+"""Measures the memory of every rank until it has its part of a mesh; nothing is solved.
 
 usage: mpirun -n N .venv/bin/python scripts/mesh_memory.py SCENE [KEY=VALUE]...
 
-What this prints are MB of the process itself, beyond what it had with all libraries loaded: at most until then, and of
-the process beside rank 0 that meshes, or reads a mesh file. Files that are mapped are not among them.
+Prints, in MB, the largest memory of every rank beyond the memory that it has once all libraries are
+loaded, and the memory of the process beside rank 0 that makes the mesh or reads the mesh file.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from indent_sim.mesh import gmsh, mesher_process
 from indent_sim.process.ranks import is_root, run_on_root
 
 if is_root():
-    mesher_process.start_mesher()  # as `indent-sim run` does, before MPI is up
+    # `indent-sim run` also starts this process before MPI is initialised.
+    mesher_process.start_mesher()
 
 from mpi4py import MPI
 
@@ -28,46 +29,59 @@ from indent_sim.run.single_run import backend
 from indent_sim.scene import scene as scenes
 from indent_sim.scene.imported_body import read_imported_mesh
 
-
-def own() -> float:
-    """Memory of this process now that no file holds [MB]."""
-    found = re.search(r"RssAnon:\s*(\d+)", Path("/proc/self/status").read_text())
-    return int(found[1]) / 1024 if found else usage.current_memory()
+SAMPLING_INTERVAL = 0.003  # s
 
 
-class Watch(threading.Thread):
-    """Looks at the memory of this process again and again."""
+def anonymous_memory() -> float:
+    """Return the present memory of this process without mapped files [MB]."""
+    match = re.search(r"RssAnon:\s*(\d+)", Path("/proc/self/status").read_text())
+    return int(match[1]) / 1024 if match else usage.current_memory()
+
+
+class MemorySampler(threading.Thread):
+    """Thread that samples the memory of this process until the process ends.
+
+    Attributes
+    ----------
+    initial, largest
+        Memory at the creation of the sampler, and the largest one since then [MB].
+    """
 
     def __init__(self) -> None:
         super().__init__(daemon=True)
-        self.first = self.most = own()
+        self.initial = anonymous_memory()
+        self.largest = self.initial
 
     def run(self) -> None:
         while True:
-            self.most = max(self.most, own())
-            time.sleep(0.003)
+            self.largest = max(self.largest, anonymous_memory())
+            time.sleep(SAMPLING_INTERVAL)
 
 
 def main(path: str, *settings: str) -> None:
-    comm, solver = MPI.COMM_WORLD, backend()
+    """Make or read the mesh of a scene, distribute it, and print the memory of every rank."""
+    comm = MPI.COMM_WORLD
+    solver = backend()
+    # The scene is not solved: a mesh whose solution needs too much memory is not refused.
     scenes.machine_memory = lambda: float("inf")
-    watch = Watch()
-    watch.start()
-    config, began = load(Path(path), settings), time.monotonic()
+    sampler = MemorySampler()
+    sampler.start()
+    config = load(Path(path), settings)
+    start = time.monotonic()
     scene = scenes.resolve(config, piece=read_imported_mesh(config, comm))
-    part = scene.physics.domain
-    grid = run_on_root(comm, gmsh.build_mesh, part, scene.sizes)
-    ready = comm.bcast(time.monotonic() - began)
-    mesh = solver.distribute(grid, part, comm)
-    took = time.monotonic() - began - ready
-    found = comm.gather((watch.most - watch.first, len(mesh.regions)))
+    domain = scene.physics.domain
+    grid = run_on_root(comm, gmsh.build_mesh, domain, scene.sizes)
+    meshing_time = comm.bcast(time.monotonic() - start)
+    mesh = solver.distribute(grid, domain, comm)
+    distribution_time = time.monotonic() - start - meshing_time
+    ranks = comm.gather((sampler.largest - sampler.initial, len(mesh.regions)))
     if comm.rank == 0:
         print(
-            f"{len(grid.cells)} cells; {usage.CHILD_USAGE.memory:.0f} MB of the process beside rank 0, {ready:.0f} s; "
-            f"divided in {took:.1f} s"
+            f"{len(grid.cells)} cells; {usage.CHILD_USAGE.memory:.0f} MB of the process beside "
+            f"rank 0, {meshing_time:.0f} s; distributed in {distribution_time:.1f} s"
         )
-        for rank, (most, cells) in enumerate(found):
-            print(f"rank {rank}: {cells} cells, at most {most:.0f} MB")
+        for rank, (memory, cell_count) in enumerate(ranks):
+            print(f"rank {rank}: {cell_count} cells, at most {memory:.0f} MB")
 
 
 if __name__ == "__main__":

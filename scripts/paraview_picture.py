@@ -1,6 +1,8 @@
-"""The fields of a result in ParaView, step by step as in docs/how_do_i.md: pvpython paraview_picture.py RESULT PNG.
+"""Draws the fields of a result with ParaView, in the steps of docs/how_do_i.md.
 
-Run by ParaView's own Python (written with 5.11), which knows nothing of indent-sim.
+usage: pvpython scripts/paraview_picture.py RESULT PNG
+
+ParaView's own Python (written with version 5.11) runs this script; it needs no part of indent-sim.
 """
 
 import sys
@@ -20,11 +22,11 @@ from paraview.simple import (
     Xdmf3ReaderS,
 )
 
-INK = [0.13, 0.13, 0.13]
+DARK_GREY = [0.13, 0.13, 0.13]
 
 
-def deformed(file: Path):
-    """Steps 1, 2 and 4: open, warp by the displacement, complete what is half."""
+def open_deformed(file: Path):
+    """Open a file, warp it by the displacement, and complete the half model (steps 1, 2 and 4)."""
     reader = Xdmf3ReaderS(FileName=[str(file)])
     reader.UpdatePipeline()
     warped = WarpByVector(Input=reader, Vectors=["POINTS", "displacement"], ScaleFactor=1.0)
@@ -32,36 +34,57 @@ def deformed(file: Path):
 
 
 def main(result: Path, picture: Path) -> None:
+    """Draw the von Mises stress on the deformed body below the tip at the last row."""
     view = GetActiveViewOrCreate("RenderView")
-    body, tip = (deformed(result / name) for name in ("fields.xdmf", "tip.xdmf"))
+    body = open_deformed(result / "fields.xdmf")
+    tip = open_deformed(result / "tip.xdmf")
     GetAnimationScene().UpdateAnimationUsingDataTimeSteps()
     GetAnimationScene().GoToLast()
-    shown = Show(body, view)  # step 3: colour
-    shown.Representation = "Surface"
-    ColorBy(shown, ("CELLS", "von_mises"))
-    colours = GetColorTransferFunction("von_mises")
-    colours.ApplyPreset("Viridis (matplotlib)", True)
-    shown.RescaleTransferFunctionToDataRange(False, True)
-    shown.SetScalarBarVisibility(view, True)
-    shown.Ambient, shown.Diffuse = 1.0, 0.0  # colours as in the bar, whatever the light
-    line = Show(tip, view)
-    ColorBy(line, ("POINTS", ""))
-    line.DiffuseColor = line.AmbientColor = INK
-    line.LineWidth = 3.0
-    bar = GetScalarBar(colours, view)
-    bar.Title, bar.ComponentTitle = "von_mises", ""
-    bar.TitleColor = bar.LabelColor = INK
-    bar.Orientation, bar.ScalarBarLength = "Horizontal", 0.4
-    bar.WindowLocation, bar.Position = "Any Location", [0.3, 0.04]
+    color_body(Show(body, view), view)
+    tip_display = Show(tip, view)
+    ColorBy(tip_display, ("POINTS", ""))
+    tip_display.DiffuseColor = DARK_GREY
+    tip_display.AmbientColor = DARK_GREY
+    tip_display.LineWidth = 3.0
+    set_camera(view)
+    SaveScreenshot(str(picture), view, ImageResolution=[1100, 520])
+
+
+def color_body(display, view) -> None:
+    """Colour the body by the von Mises stress, and show a scalar bar (step 3)."""
+    display.Representation = "Surface"
+    ColorBy(display, ("CELLS", "von_mises"))
+    colors = GetColorTransferFunction("von_mises")
+    colors.ApplyPreset("Viridis (matplotlib)", True)
+    display.RescaleTransferFunctionToDataRange(False, True)
+    display.SetScalarBarVisibility(view, True)
+    # Ambient light alone: the colours are those of the scalar bar.
+    display.Ambient = 1.0
+    display.Diffuse = 0.0
+    bar = GetScalarBar(colors, view)
+    bar.Title = "von_mises"
+    bar.ComponentTitle = ""
+    bar.TitleColor = DARK_GREY
+    bar.LabelColor = DARK_GREY
+    bar.Orientation = "Horizontal"
+    bar.ScalarBarLength = 0.4
+    bar.WindowLocation = "Any Location"
+    bar.Position = [0.3, 0.04]
     bar.RangeLabelFormat = "%.2f"
-    view.Background, view.UseColorPaletteForBackground = [1.0, 1.0, 1.0], 0
-    view.OrientationAxesLabelColor = INK
+
+
+def set_camera(view) -> None:
+    """Look along y in parallel projection on a white background."""
+    view.Background = [1.0, 1.0, 1.0]
+    view.UseColorPaletteForBackground = 0
+    view.OrientationAxesLabelColor = DARK_GREY
     view.ViewSize = [1100, 520]
     view.CameraParallelProjection = 1
-    view.CameraPosition, view.CameraFocalPoint, view.CameraViewUp = [0, -1, 0], [0, 0, 0], [0, 0, 1]
+    view.CameraPosition = [0, -1, 0]
+    view.CameraFocalPoint = [0, 0, 0]
+    view.CameraViewUp = [0, 0, 1]
     ResetCamera(view)
     view.CameraParallelScale *= 0.5
-    SaveScreenshot(str(picture), view, ImageResolution=[1100, 520])
 
 
 if __name__ == "__main__":

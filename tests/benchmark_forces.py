@@ -1,4 +1,4 @@
-"""Forces of HERTZ, the benchmark that the tests and `scripts/bench` both hold the program to."""
+"""Forces of HERTZ, the benchmark of the tests and of `scripts/bench`."""
 
 from __future__ import annotations
 
@@ -17,3 +17,15 @@ CYLINDER_STEPS = [
     1.59223159e-3,
 ]
 CUBE = 1.59748e-3
+CYLINDER_RADII = [
+    0.03189,
+    0.04526,
+    0.05559,
+    0.06434,
+    0.07209,
+    0.07912,
+    0.08560,
+    0.09166,
+    0.09737,
+    0.10279,
+]

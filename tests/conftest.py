@@ -1,5 +1,6 @@
-"""What all tests share: how dolfinx is loaded, runs that are made once, and a way to start several
-MPI ranks.
+"""Fixtures and options of all tests.
+
+They load dolfinx, share grids and runs, and start several MPI ranks.
 """
 
 from __future__ import annotations
@@ -92,8 +93,9 @@ def slice_of_tests(text: str) -> tuple[int, int]:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Keep a slice of the tests.
 
-    A test's slice comes from its name alone: it neither moves when others come and go, nor does a
-    new test need a place in a list, and slices cost nearly the same as long as no test is dear.
+    The slice of a test comes from its name alone, so it does not move when others come and go, and
+    a new test needs no place in a list. Slices cost nearly the same as long as no test is
+    expensive.
     """
     wanted = config.getoption("--slice")
     if wanted is None:
@@ -108,15 +110,19 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
-    """The CPU time of a test with its fixtures and the child processes that it waited for."""
+    """Note the CPU time before a test.
+
+    It counts the test with its fixtures and the child processes that it waits for.
+    """
     item.stash[CPU_BEFORE] = cpu_seconds()
     return (yield)
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Iterator[None]:
-    """Put the CPU time into the test's last report, the only thing that comes back from a worker of
-    pytest-xdist.
+    """Put the CPU time into the test's last report.
+
+    Reports are all that comes back from a worker of pytest-xdist.
     """
     report: Any = yield
     if call.when == "teardown":
@@ -126,7 +132,7 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) ->
 
 @pytest.hookimpl(trylast=True)
 def pytest_configure(config: pytest.Config) -> None:
-    """Write the CPU times in the process that shares tests out, or in the only one."""
+    """Write the CPU times in the process that distributes the tests, or in the only one."""
     file = config.getoption("--cpu-times")
     if file and not hasattr(config, "workerinput"):
         config.pluginmanager.register(CpuTimes(Path(file)))
@@ -139,7 +145,7 @@ class CpuTimes:
         self._file = file
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        """One line for a test, when it is torn down."""
+        """Write a line for a test when it is torn down."""
         seconds = dict(report.user_properties).get(CPU_PROPERTY)
         if seconds is None:
             return
@@ -154,12 +160,11 @@ def cpu_seconds() -> float:
 
 
 def pytest_collect_file(file_path: Path) -> None:
-    """dolfinx is loaded as the program loads it, for it reads the command line, which is pytest's
-    here.
+    """Load dolfinx as the program does, before the first file that solves is imported.
 
-    Before the first file that solves is imported, and never in the process that only shares tests
-    out to others: MPI would leave its variables to them, and every mpirun they start would take
-    itself for a rank.
+    dolfinx reads the command line, which is pytest's here. It is never loaded in the process that
+    only distributes tests to others: MPI would leave its variables to them, and every mpirun they
+    start would take itself for a rank.
     """
     if file_path.relative_to(TESTS).parts[0] in FOLDERS_THAT_SOLVE:
         from indent_sim.fe.dolfinx_loading import load_dolfinx
@@ -169,9 +174,10 @@ def pytest_collect_file(file_path: Path) -> None:
 
 @pytest.fixture(scope="module", autouse=True)
 def nothing_old_is_searched() -> None:
-    """Every solve ends with a search for garbage: among the libraries and what earlier files keep
-    it takes as long as a small solve. What is there when a file of tests begins is left out of
-    it.
+    """Exclude objects that exist before a file of tests from garbage collection.
+
+    Every solve ends with a garbage collection, which among the libraries and what earlier files
+    keep takes as long as a small solve.
     """
     gc.collect()
     gc.freeze()
@@ -179,14 +185,16 @@ def nothing_old_is_searched() -> None:
 
 @pytest.fixture(scope="session")
 def grids() -> dict[bytes, Any]:
-    """The grids made last, by what identifies them: the modelled part and its element sizes."""
+    """The grids made last, by the modelled part and its element sizes."""
     return {}
 
 
 @pytest.fixture(scope="module", autouse=True)
 def grids_are_made_once(request: pytest.FixtureRequest, grids: dict[bytes, Any]) -> Iterator[None]:
-    """Tests of physics share grids, which nobody changes: more than half of them are asked for
-    again. How grids are made is tested elsewhere.
+    """Share grids among tests of physics.
+
+    More than half of the grids are asked for again, and no test changes them. Mesh generation is
+    tested elsewhere.
     """
     if request.path.relative_to(TESTS).parts[0] != "physics":
         yield
@@ -210,7 +218,7 @@ def grids_are_made_once(request: pytest.FixtureRequest, grids: dict[bytes, Any])
 
 @pytest.fixture(scope="session")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
-    """The folder of a scene's run that nothing disturbs; each scene is run once."""
+    """The folder of an undisturbed run of a scene; each scene is run once."""
     from mpi4py import MPI  # only the tests that run something load it
 
     from indent_sim.config.scene_file import load

@@ -1,13 +1,12 @@
-"""Random scenes in time, and what is right for each: bodies that drain, bodies whose shear relaxes,
-and gels.
+"""Random scenes in time and their right forces: draining bodies, relaxing shear, and gels.
 
 Fluid leaves through faces of every kind, on ramps of 1e-7 to 10 of the time that it takes through
-the contact; shear relaxes by sums of exponentials and by power laws, also towards an incompressible
-body. What is right follows from series, limits, bounds and the principle of correspondence. Of a
-gel, and of a contact that drains for long, only a finer mesh in shorter steps knows; it is asked
-with `--finer`, else such rows are counted alone.
+the contact. Shear relaxes by sums of exponentials and by power laws, also towards an incompressible
+body. The right forces follow from series, limits, bounds and the principle of correspondence. For a
+gel, and for a contact that drains for long, only a finer mesh in shorter steps is a reference; it
+is solved with `--finer`, otherwise such rows are only counted.
 
-`python tests/early_times.py --seed 1 --count 60` runs as many random scenes and prints a table: how
+`python tests/early_times.py --seed 1 --count 60` runs so many random scenes and prints a table: how
 often a force and the largest pressure are inside their error bars, how often `accuracy` is met, how
 wide the bars are, and how many gels end with rows.
 """
@@ -57,10 +56,10 @@ FIRST_ORDER = (
 
 @dataclass(frozen=True)
 class EarlyScene:
-    """A scene, what kind it is, and the least and the largest right force of each row.
+    """A scene, its kind, and the least and the largest right force of each row.
 
-    peaks: the least and the largest right `p_max` of each row; None where it is not known. No
-    bounds at all of a scene of which only finer ones know.
+    `peaks` has the least and the largest right `p_max` of each row, or None where it is not known.
+    A scene whose only reference is a finer one has no bounds at all.
     """
 
     kind: str
@@ -85,9 +84,10 @@ def _disc_terms(nu: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def disc_ramp(E: float, nu: float, D: float, a: float, eps: float, T: float, t: float) -> float:
-    """Force on a disc of radius a between sealed frictionless plates, its side drained, whose
-    strain grows evenly to eps in the time T and stays: the integral of Armstrong, Lai & Mow's
-    response to a step.
+    """Force on a disc between sealed frictionless plates whose side is drained, after a ramp.
+
+    The strain of the disc of radius a grows evenly to eps in the time T and stays. The force is the
+    integral of Armstrong, Lai & Mow's response to a step.
     """
     x, A = _disc_terms(nu)
     rates = x**2 * D / a**2
@@ -101,8 +101,9 @@ def disc_ramp(E: float, nu: float, D: float, a: float, eps: float, T: float, t: 
 
 
 def column_ramp(E: float, nu: float, D: float, h: float, depth: float, T: float, t: float) -> float:
-    """Pressure on the drained top of a confined column whose shortening grows evenly to `depth` in
-    T and stays.
+    """Pressure on the drained top of a confined column after a ramp.
+
+    Its shortening grows evenly to `depth` in the time T and stays.
     """
     M = confined_modulus(E, nu)
 
@@ -117,7 +118,7 @@ def column_ramp(E: float, nu: float, D: float, h: float, depth: float, T: float,
 
 
 class Drawn:
-    """One scene after another, from a seed; lengths and moduli are of the order of 1, and D is 1."""
+    """Random poroelastic scenes from a seed, of lengths and moduli of the order of 1 and D = 1."""
 
     def __init__(self, seed: int):
         self.draw = np.random.default_rng(seed)
@@ -138,14 +139,14 @@ class Drawn:
         }
 
     def times(self, T: float) -> list[float]:
-        """Two rows on the way and two in the hold after it."""
+        """Times of two rows on the way in and two in the hold after it."""
         return [float(f"{share * T:.9g}") for share in (0.5, 1.0, 1.3, 2.0)]
 
     def history(self, T: float, depth: float) -> dict[str, Any]:
         return {"history": [[0, 0], [T, depth], [3 * T, depth]], "times": self.times(T)}
 
     def disc(self) -> EarlyScene:
-        """Compressed between sealed plates, its side drained."""
+        """A disc compressed between sealed plates, its side drained."""
         material, a, h = self.material(), self.spread(0.3, 2.0), 1.0
         T, depth = a * a * self.spread(1e-7, 10.0), 0.01 * h
         mapping = {
@@ -174,7 +175,7 @@ class Drawn:
         return EarlyScene("disc", mapping, right, right)
 
     def column(self) -> EarlyScene:
-        """Confined by rollers, drained under the tip or at its base."""
+        """A column confined by rollers, drained under the tip or at its base."""
         material, a, h = self.material(), self.spread(0.1, 0.5), 1.0
         T, depth = self.spread(1e-4, 10.0), 0.01 * h
         tip, base = self.either(("drained", "sealed"), ("sealed", "drained"))
@@ -200,9 +201,10 @@ class Drawn:
         return EarlyScene("column", mapping, right, right, [(p, p) for p in pressures])
 
     def layer(self) -> EarlyScene:
-        """A paraboloid, ball or cone on a layer that drains under and beside it, so quickly that
-        only a film drains: what that takes from the undrained force is known to a third of
-        itself.
+        """A paraboloid, ball or cone on a layer, pressed in so quickly that only a film drains.
+
+        The layer drains under and beside the tip. What the film takes from the undrained force is
+        known to a third of itself.
         """
         material, R, h = self.material(), self.spread(0.3, 3.0), 1.0
         shape, a = self.either("paraboloid", "cone"), self.spread(0.1, 0.4)
@@ -279,7 +281,10 @@ class Drawn:
         return {"prony": terms, "of": "shear"}, integral
 
     def relaxing_column(self) -> EarlyScene:
-        """Confined by rollers: its modulus is kappa + 4/3 G(t), of which kappa stays."""
+        """A relaxing column confined by rollers.
+
+        Its modulus is kappa + 4/3 G(t), of which kappa stays.
+        """
         E, nu = self.spread(0.1, 10.0), float(self.draw.uniform(0.0, 0.49))
         law, integral = self.relaxation()
         a, depth, T = self.spread(0.1, 0.5), 0.01, self.spread(1e-3, 10.0)
@@ -305,10 +310,13 @@ class Drawn:
         return EarlyScene("relaxing column", mapping, right, right, [(p, p) for p in pressures])
 
     def relaxing_contact(self) -> EarlyScene:
-        """A ball on an incompressible layer: by correspondence F(t) = int psi(t - s)
-        dF_el(delta(s)), since the contact grows (Lee & Radok 1960), and so its pressure at each
-        radius. What was pressed last has relaxed least: where the ball goes in as slowly as shear
-        relaxes the pressure is largest near the rim of contact."""
+        """A ball on an incompressible relaxing layer.
+
+        By correspondence F(t) = int psi(t - s) dF_el(delta(s)), since the contact grows (Lee &
+        Radok 1960), and so the pressure at each radius. What was pressed last has relaxed least:
+        where the ball goes in as slowly as shear relaxes, the pressure is largest near the rim of
+        contact.
+        """
         E, R, a = self.spread(0.1, 10.0), self.spread(0.3, 3.0), self.spread(0.1, 0.4)
         law, integral = self.relaxation()
         depth, T = a * a / R, self.spread(1e-3, 10.0)
@@ -343,8 +351,9 @@ class Drawn:
         return EarlyScene("relaxing contact", mapping, right, right, [(p, p) for p in peaks])
 
     def contact(self) -> EarlyScene:
-        """A ball or a cone on a body that drains through some of its faces, at any speed: only a
-        finer run knows.
+        """A ball or cone on a body that drains through some of its faces, at any speed.
+
+        Its only reference is a finer run.
         """
         material, R, a = self.material(), self.spread(0.3, 3.0), self.spread(0.1, 0.4)
         shape = self.either("paraboloid", "cone")
@@ -372,8 +381,9 @@ class Drawn:
         return EarlyScene("contact", mapping, [], [])
 
     def swelling_law(self) -> dict[str, Any]:
-        """A gel whose skin does not swell so far that its surface creases: that is a third of those
-        drawn, of which rows are lost.
+        """A gel whose skin does not swell so far that its surface creases.
+
+        A third of those drawn would, and lose rows.
         """
         while True:
             law = {"G": self.spread(0.3, 3), "n_omega": self.spread(1e-3, 1e-2)}
@@ -436,7 +446,7 @@ KINDS = ("disc", "column", "layer", "relaxing column", "relaxing contact", "cont
 
 
 def early_scenes(seed: int, count: int, kinds: Sequence[str] = KINDS) -> Iterator[EarlyScene]:
-    """So many random scenes, of the kinds in turn."""
+    """Random scenes, of all kinds in turn."""
     drawn = Drawn(seed)
     for k in range(count):
         yield getattr(drawn, kinds[k % len(kinds)].replace(" ", "_"))()
@@ -444,9 +454,10 @@ def early_scenes(seed: int, count: int, kinds: Sequence[str] = KINDS) -> Iterato
 
 @dataclass(frozen=True)
 class Judged:
-    """The rows of a scene: error and bar of each force, relative, and of each p_max that is known;
-    whether the run said that it missed an accuracy; and why it ended before its last row, if it
-    did.
+    """Errors of the rows of a scene beside their bars.
+
+    The error and the bar of each force, relative, and of each p_max that is known; whether the run
+    said that it missed an accuracy; and why it ended before its last row, if it did.
     """
 
     errors: list[float]
@@ -474,10 +485,10 @@ def judged(
     *,
     finer: bool = False,
 ) -> Judged:
-    """The scene solved with error bars, or to an accuracy.
+    """Solve a scene with error bars, or to an accuracy.
 
-    finer: whether scenes without bounds are judged by the rows of a finer one; else they are solved
-    alone.
+    `finer` says whether scenes without bounds are judged by the rows of a finer one; otherwise they
+    are only solved.
     """
     more: dict[str, Any] = {"accuracy": accuracy} if accuracy else {}
     more |= {"mesh": mesh} if mesh else {}
@@ -513,15 +524,16 @@ def judged(
 def _errors_and_bars(
     rows: Sequence[tuple[float, float | None, float, float]],
 ) -> tuple[list[float], list[float]]:
-    """Relative error and half-width of each value, from it, its bar, and the least and the largest
-    that are right.
+    """Relative error and half-width of each value.
+
+    Each row has a value, its bar, and the least and the largest right value.
     """
     errors = [max(low - value, value - high, 0.0) / high for value, _, low, high in rows]
     return errors, [(bar or 0.0) / high for _, bar, _, high in rows]
 
 
 def finer_rows(config: Config) -> list[State]:
-    """The rows of a scene in time on elements of five eighths of its sizes, in steps half as long.
+    """The rows of a scene in time on elements 5/8 as large, in steps half as long.
 
     Its bath comes in an eighth of the time.
     """

@@ -1,7 +1,8 @@
 """Exact solutions of bodies that drain or relax, as functions of time.
 
-Linear drained constants E, nu; permeability k over viscosity [length^2/(pressure time)];
-incompressible grains and fluid; D = M_c k. Compression, settlement and fluid pressure are > 0.
+E and nu are linear drained constants, k is permeability over viscosity [length^2/(pressure time)],
+grains and fluid are incompressible, and D = M_c k. Compression, settlement and fluid pressure are
+positive.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ TERMS = 400  # of every series: at D t = 1e-4 a^2 the last is e^-150
 
 
 def confined_modulus(E: float, nu: float) -> float:
-    """M_c [pressure]."""
+    """The confined modulus M_c [pressure]."""
     return E * (1 - nu) / ((1 + nu) * (1 - 2 * nu))
 
 
@@ -28,8 +29,9 @@ def _decays(rates: np.ndarray, T: float) -> np.ndarray:
 
 
 def confined_ramp(E: float, nu: float, k: float, h: float, V: float, t: float) -> float:
-    """Pressure on the drained top of a layer of height h between rigid walls, pressed in with the
-    speed V.
+    """Pressure on the drained top of a layer between rigid walls, pressed in with the speed V.
+
+    The layer has the height h.
     """
     M = confined_modulus(E, nu)
     D, n = M * k, np.arange(1, TERMS)
@@ -38,15 +40,16 @@ def confined_ramp(E: float, nu: float, k: float, h: float, V: float, t: float) -
 
 
 def terzaghi_settlement(E: float, nu: float, k: float, h: float, sigma: float, t: float) -> float:
-    """Settlement of the drained top of such a layer under a pressure sigma that acts from t = 0 on."""
+    """Settlement of the drained top of a confined layer under a pressure sigma applied at t = 0."""
     M = confined_modulus(E, nu)
     m = (2 * np.arange(TERMS) + 1) * pi / 2
     return sigma * h / M * (1 - float(np.sum(2 / m**2 * _decays(m**2, M * k * t / h**2))))
 
 
 def unconfined_force(E: float, nu: float, k: float, a: float, eps: float, t: float) -> float:
-    """Force on a disc of radius a, suddenly shorter by the strain eps between sealed frictionless
-    plates, its side drained (Armstrong, Lai & Mow 1984).
+    """Force on a disc suddenly shortened between sealed frictionless plates, its side drained.
+
+    The disc has the radius a and the strain eps (Armstrong, Lai & Mow 1984).
     """
     T, x = confined_modulus(E, nu) * k * t / a**2, _unconfined_roots(nu)
     A = (1 - nu) * (1 - 2 * nu) / (1 + nu) / ((1 - nu) ** 2 * x**2 - (1 - 2 * nu))
@@ -54,7 +57,7 @@ def unconfined_force(E: float, nu: float, k: float, a: float, eps: float, t: flo
 
 
 def _unconfined_roots(nu: float) -> np.ndarray:
-    """Of (1 - nu) x J0(x) = (1 - 2 nu) J1(x), one before each zero of J1."""
+    """Roots of (1 - nu) x J0(x) = (1 - 2 nu) J1(x), one before each zero of J1."""
     ends = [0.0, *jn_zeros(1, TERMS)]
 
     def equation(x: float) -> float:
@@ -68,9 +71,10 @@ def _unconfined_roots(nu: float) -> np.ndarray:
 def mandel(
     E: float, nu: float, k: float, a: float, x: float, F: float, t: float
 ) -> tuple[float, float]:
-    """Pressure of the fluid at x, and shortening over height, of a strip |x| <= a between sealed
-    frictionless plates that a force 2 F per length suddenly presses, its sides drained (Mandel
-    1953).
+    """Fluid pressure at x and shortening over height of Mandel's strip.
+
+    The strip |x| <= a between sealed frictionless plates is suddenly pressed by a force 2 F per
+    length; its sides are drained (Mandel 1953).
     """
     G, T = E / (2 * (1 + nu)), confined_modulus(E, nu) * k * t / a**2
     b = np.array([_mandel_root((1 - nu) / (0.5 - nu), n) for n in range(TERMS)])
@@ -80,7 +84,7 @@ def mandel(
 
 
 def _mandel_root(slope: float, n: int) -> float:
-    """Of tan b = slope b between n pi and n pi + pi/2."""
+    """The root of tan b = slope b between n pi and n pi + pi/2."""
     low, high = n * pi + (1e-6 if n == 0 else 0.0), n * pi + pi / 2
     return float(brentq(lambda b: sin(b) - slope * b * cos(b), low, high, xtol=1e-15))
 
@@ -90,8 +94,8 @@ def relaxing_bar(
 ) -> float:
     """Stress per strain of a bar, suddenly stretched and held, whose shear modulus alone relaxes.
 
-    The bulk modulus stays kappa, the shear modulus is s G(s) = N/P in Laplace space, a ratio of
-    polynomials; the bar has s E(s) = 9 kappa N/(3 kappa P + N), and E(t) follows by partial
+    The bulk modulus stays kappa; the shear modulus in Laplace space is s G(s) = N/P, a ratio of
+    polynomials. The bar has s E(s) = 9 kappa N/(3 kappa P + N), and E(t) follows by partial
     fractions.
     """
     kappa = E / (3 * (1 - 2 * nu))
@@ -106,7 +110,7 @@ def relaxing_bar(
 def _shear_ratio(
     G: float, fractions: Sequence[float], times: Sequence[float]
 ) -> tuple[Polynomial, Polynomial]:
-    """s G(s) = G (1 - sum g/(1 + s tau)) as numerator and denominator."""
+    """Numerator and denominator of s G(s) = G (1 - sum g/(1 + s tau))."""
     factors = [Polynomial([1.0, tau]) for tau in times]
     P = Polynomial([1.0])
     for factor in factors:
@@ -118,7 +122,8 @@ def _shear_ratio(
 
 
 def held_incompressible(fractions: Sequence[float], times: Sequence[float], t: float) -> float:
-    """F(t)/F(0) of an incompressible body of any law and shape, suddenly deformed and held: nothing
-    moves any more.
+    """F(t)/F(0) of an incompressible body, suddenly deformed and held.
+
+    It holds for any law and shape, as nothing moves in the hold.
     """
     return 1 - sum(g * (1 - exp(-t / tau)) for g, tau in zip(fractions, times, strict=True))

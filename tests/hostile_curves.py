@@ -1,6 +1,4 @@
-"""Curve files that are broken, absurd, or written in a way of their own, from a seed: what should
-become of each.
-"""
+"""Random curve files that are broken, absurd or unusual, and the right outcome of each."""
 
 from __future__ import annotations
 
@@ -19,8 +17,9 @@ UNREADABLE = "not a curve: "
 
 @dataclass(frozen=True)
 class Hostile:
-    """A file: its name, its bytes, and the beginning of the reason why it is refused; DONE where it
-    holds a curve, None where either may be right.
+    """A file: its name, its bytes, and the beginning of the reason for which it is refused.
+
+    The reason is DONE where the file holds a curve, and None where either may be right.
     """
 
     name: str
@@ -55,7 +54,7 @@ def hostile(draw: np.random.Generator) -> Iterator[Hostile]:
 
 
 def _written_otherwise(draw: np.random.Generator) -> dict[str, tuple[str | bytes, str | None]]:
-    """Curves that are curves."""
+    """Curves in unusual formats."""
     x, F = curve(draw)
     plain, blanks = text((x, F)), text((x, F), " ", "# depth force\n")
     german = text((x, F), ";", "Tiefe [µm];Kraft [nN]\n")
@@ -93,7 +92,7 @@ def _written_otherwise(draw: np.random.Generator) -> dict[str, tuple[str | bytes
 
 
 def _no_text(draw: np.random.Generator) -> dict[str, tuple[str | bytes, str | None]]:
-    """Bytes of something else, under the name of a curve."""
+    """Bytes of something else under the name of a curve."""
     plain = text(curve(draw)).encode()
     archive = io.BytesIO()
     with zipfile.ZipFile(archive, "w") as file:
@@ -125,18 +124,33 @@ def _no_numbers(draw: np.random.Generator) -> dict[str, tuple[str | bytes, str |
     bad = int(draw.integers(50, 250))
     one_word = "\n".join([*lines[:bad], "0.1,a lot", *lines[bad:]])
     files: dict[str, str] = {
-        "empty": "", "blank": " \n\t\n \n", "header only": "delta,force\n", "words": "to be,or not\n" * 60,
-        "one column": text((F,), head="force\n"), "one bare column": text((F,), head=""), "one word": one_word,
-        "no force": text((x, F), ",", "delta,width\n"), "no depth": text((x, F), ",", "colour,force\n"),
+        "empty": "",
+        "blank": " \n\t\n \n",
+        "header only": "delta,force\n",
+        "words": "to be,or not\n" * 60,
+        "one column": text((F,), head="force\n"),
+        "one bare column": text((F,), head=""),
+        "one word": one_word,
+        "no force": text((x, F), ",", "delta,width\n"),
+        "no depth": text((x, F), ",", "colour,force\n"),
         "ragged rows": "\n".join(["delta,force", *(line.split(",")[0] for line in ragged)]),
-        "json": '{"delta": [0, 1], "force": [0, 1]}', "xml": "<a>\n<b/>\n</a>\n", "quotes": '"\n' * 60,
-        "separators": ",,,,\n" * 60, "one line": ",".join(lines), "long line": "1," * 200_000,
-        "underscores": text((x, F)).replace(".", "_"), "hexadecimal": "delta,force\n" + "0x1,0x2\n" * 60,
-        "all nan": "delta,force\n" + "nan,nan\n" * 60, "all inf": "delta,force\n" + "inf,-inf\n" * 60,
-        "mostly holes": "delta,force\n" + "1,\n" * 60 + "1,2\n" * 40, "hash": "#\n" * 60,
-        "formulas": "delta,force\n" + "=A1,=B1\n" * 60, "tab of blanks.tab": "\t\t\t\n" * 60,
-        "metadata.tab": "# BEGIN METADATA\n# {broken\n# END METADATA\n#\n", "page": "<!DOCTYPE html><p>1,2</p>",
-    }  # fmt: skip
+        "json": '{"delta": [0, 1], "force": [0, 1]}',
+        "xml": "<a>\n<b/>\n</a>\n",
+        "quotes": '"\n' * 60,
+        "separators": ",,,,\n" * 60,
+        "one line": ",".join(lines),
+        "long line": "1," * 200_000,
+        "underscores": text((x, F)).replace(".", "_"),
+        "hexadecimal": "delta,force\n" + "0x1,0x2\n" * 60,
+        "all nan": "delta,force\n" + "nan,nan\n" * 60,
+        "all inf": "delta,force\n" + "inf,-inf\n" * 60,
+        "mostly holes": "delta,force\n" + "1,\n" * 60 + "1,2\n" * 40,
+        "hash": "#\n" * 60,
+        "formulas": "delta,force\n" + "=A1,=B1\n" * 60,
+        "tab of blanks.tab": "\t\t\t\n" * 60,
+        "metadata.tab": "# BEGIN METADATA\n# {broken\n# END METADATA\n#\n",
+        "page": "<!DOCTYPE html><p>1,2</p>",
+    }
     return {name: (data, UNREADABLE) for name, data in files.items()}
 
 
@@ -148,23 +162,33 @@ def _no_curve(draw: np.random.Generator) -> dict[str, tuple[str | bytes, str | N
     few = slice(140, 160)
     step = int(draw.integers(100, 200))
     files: dict[str, tuple[np.ndarray, np.ndarray, str | None]] = {
-        "constant": (x, zero + 1.5, "no contact"), "noise alone": (x, noise, "no contact"),
-        "one depth": (zero + 0.1, F, "no contact: the depth"), "one point often": (zero, zero, "no contact: the depth"),
-        "few points": (x[few], F[few], "20 points"), "saturated": (x, np.minimum(F, 0.3 * F.max()), "saturated"),
-        "turned": (x, -F, "no contact"), "waves": (x, np.sin(200 * x), None),
-        "beyond numbers": (1e200 * x, 1e300 * F, UNREADABLE), "near the largest": (1e90 * x, 1e90 * F, None),
-        "smallest": (1e-300 * x, 1e-300 * F, None), "no baseline": (x[x > 0.3], F[x > 0.3], None),
-        "a cliff": (x, 1.0 * (np.arange(n) > step), None), "one spike": (x, noise + 1e6 * (np.arange(n) == step), None),
-        "spikes": (x, F + 1e3 * (draw.random(n) < 0.02), None), "two levels": (x, np.round(F / F.max()), None),
+        "constant": (x, zero + 1.5, "no contact"),
+        "noise alone": (x, noise, "no contact"),
+        "one depth": (zero + 0.1, F, "no contact: the depth"),
+        "one point often": (zero, zero, "no contact: the depth"),
+        "few points": (x[few], F[few], "20 points"),
+        "saturated": (x, np.minimum(F, 0.3 * F.max()), "saturated"),
+        "turned": (x, -F, "no contact"),
+        "waves": (x, np.sin(200 * x), None),
+        "beyond numbers": (1e200 * x, 1e300 * F, UNREADABLE),
+        "near the largest": (1e90 * x, 1e90 * F, None),
+        "smallest": (1e-300 * x, 1e-300 * F, None),
+        "no baseline": (x[x > 0.3], F[x > 0.3], None),
+        "a cliff": (x, 1.0 * (np.arange(n) > step), None),
+        "one spike": (x, noise + 1e6 * (np.arange(n) == step), None),
+        "spikes": (x, F + 1e3 * (draw.random(n) < 0.02), None),
+        "two levels": (x, np.round(F / F.max()), None),
         "all at random": (draw.standard_normal(n), draw.standard_normal(n), None),
-        "random order": (*(one[draw.permutation(n)] for one in (x,)), F, None), "huge depth": (1e6 * x, F, None),
-        "every depth twice": (np.repeat(x[::2], 2), F, None), "tension only": (x, -np.abs(noise) - 1, None),
-    }  # fmt: skip
+        "random order": (*(one[draw.permutation(n)] for one in (x,)), F, None),
+        "huge depth": (1e6 * x, F, None),
+        "every depth twice": (np.repeat(x[::2], 2), F, None),
+        "tension only": (x, -np.abs(noise) - 1, None),
+    }
     return {name: (text((depth, force)), reason) for name, (depth, force, reason) in files.items()}
 
 
 def _damaged(draw: np.random.Generator) -> dict[str, tuple[str | bytes, str | None]]:
-    """A good file that was cut, spliced or sprinkled; and instruments' files that are none."""
+    """Good files that were cut, spliced or sprinkled, and false files of instruments."""
     good = text(curve(draw), ";", "depth [um];force [nN]\n").encode()
 
     def sprinkled() -> bytes:
@@ -178,9 +202,12 @@ def _damaged(draw: np.random.Generator) -> dict[str, tuple[str | bytes, str | No
         return good[:end] + good[begin:]
 
     ways: dict[str, Callable[[], bytes]] = {
-        "cut": lambda: good[: int(draw.integers(1, len(good)))], "spliced": spliced, "sprinkled": sprinkled,
-        "begins late": lambda: good[int(draw.integers(1, len(good))) :], "twice": lambda: good + good,
-    }  # fmt: skip
+        "cut": lambda: good[: int(draw.integers(1, len(good)))],
+        "spliced": spliced,
+        "sprinkled": sprinkled,
+        "begins late": lambda: good[int(draw.integers(1, len(good))) :],
+        "twice": lambda: good + good,
+    }
     files: dict[str, tuple[str | bytes, str | None]] = {
         name: (way(), None) for name, way in ways.items()
     }

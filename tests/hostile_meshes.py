@@ -1,7 +1,6 @@
-"""Mesh files that try something, from a seed: valid files of every kind with something else in
-them, and bombs.
+"""Random hostile mesh files: valid files of every kind with wrong contents, and bombs.
 
-Each is at most 10 MB long. Arrays are spoilt before they are written, bytes after that; bombs are
+Each is at most 10 MB long. Arrays are changed before they are written, bytes after that. Bombs are
 small files that ask for much time or memory.
 """
 
@@ -51,7 +50,6 @@ NUMBER = re.compile(rb"-?\d+\.?\d*(?:e[+-]\d+)?")
 Body = dict[str, Any]
 
 # ---- arrays
-# ----------------------------------------------------------------------------------------------------------
 
 
 def scaled(rng: random.Random, body: Body) -> None:
@@ -94,7 +92,7 @@ def flat_cells(rng: random.Random, body: Body) -> None:
 
 
 def other_corners(rng: random.Random, body: Body) -> None:
-    """Of a cell: a point far away, none, or those of the last ones."""
+    """Replace a corner of a cell by a distant point, by none, or by one of the last points."""
     count = len(body["points"])
     corner = rng.choice([rng.randrange(count), -1, -2, count, 2**31 - 1, 2**40, -(2**31)])
     body["cells"] = body["cells"].astype(np.int64)
@@ -177,7 +175,6 @@ ARRAYS: list[Callable[[random.Random, Body], None]] = [
 ]
 
 # ---- bytes
-# -----------------------------------------------------------------------------------------------------------
 
 
 def cut(rng: random.Random, data: bytes) -> bytes:
@@ -200,7 +197,7 @@ def with_a_part_twice(rng: random.Random, data: bytes) -> bytes:
 
 
 def other_numbers(rng: random.Random, data: bytes) -> bytes:
-    """Some of the numbers in a text are others, or one is wherever it stands."""
+    """Replace some of the numbers of a text, or one number wherever it stands."""
     if not (found := list(NUMBER.finditer(data))):
         return data
     if rng.random() < 0.2:
@@ -213,7 +210,7 @@ def other_numbers(rng: random.Random, data: bytes) -> bytes:
 
 
 def other_counts(rng: random.Random, data: bytes) -> bytes:
-    """One of the first numbers, which often is a count, is another."""
+    """Replace one of the first numbers, which often is a count."""
     if not (found := list(NUMBER.finditer(data))[:60]):
         return data
     one = rng.choice(found)
@@ -246,7 +243,7 @@ def recoded(rng: random.Random, data: bytes) -> bytes:
 
 
 def inflated(rng: random.Random, data: bytes) -> bytes:
-    """As long as a file may be here, by zeros, blanks, a name, or the whole of it again and again."""
+    """Return the file inflated to the largest allowed size by filler, or by copies of itself."""
     room = MOST_BYTES - len(data)
     begin = rng.choice([0, len(data), rng.randrange(len(data) + 1)])
     more = rng.choice(
@@ -279,7 +276,7 @@ BYTES: list[Callable[[random.Random, bytes], bytes]] = [
 
 
 def spoilt(rng: random.Random, path: Path) -> Path:
-    """Something goes wrong with the bytes of a file, or of the HDF5 file beside it."""
+    """Damage the bytes of a file, or of the HDF5 file beside it."""
     beside = path.with_suffix(".h5")
     target = beside if beside.exists() and rng.random() < 0.6 else path
     for _ in range(rng.choice([1, 1, 2])):
@@ -288,11 +285,13 @@ def spoilt(rng: random.Random, path: Path) -> Path:
 
 
 # ---- files
-# -----------------------------------------------------------------------------------------------------------
 
 
 def _version_4(binary: bool, path: Path, body: Body) -> None:
-    """A file of gmsh 4.1, one entity for each name; meshio writes cells of one kind alone."""
+    """Write a file of gmsh 4.1 with one entity for each name.
+
+    meshio itself writes cells of one kind alone.
+    """
     dim, out = body["cells"].shape[1] - 1, bytearray(f"$MeshFormat\n4.1 {int(binary)} 8\n".encode())
     parts = [(dim - 1, name, facets) for name, facets in body["facets"].items()] + [
         (dim, "gel", body["cells"])
@@ -361,7 +360,7 @@ KINDS: list[tuple[str, Callable[[Path, Body], Any]]] = [
 
 
 def valid(rng: random.Random, folder: Path, body: Body) -> Path:
-    """A body in a file of any kind; where it cannot be written, what was written of it."""
+    """Write a body into a file of any kind, or as much of it as can be written."""
     suffix, write_as = rng.choice(KINDS)
     path = folder / f"part{suffix}"
     path.write_bytes(b"")
@@ -373,11 +372,10 @@ def valid(rng: random.Random, folder: Path, body: Body) -> Path:
 
 
 # ---- bombs
-# -----------------------------------------------------------------------------------------------------------
 
 
 def sparse_numbers(rng: random.Random, folder: Path) -> Path:
-    """Nodes that are numbered up to 1e12: readers make a table of all numbers up to the largest."""
+    """Write nodes with numbers up to 1e12; readers make a table up to the largest number."""
     most = rng.choice([10**7, 10**9, 2**31, 2**32 + 1, 10**12])
     old = rng.random() < 0.5
     nodes = [(1, "0 -1 0"), (2, "1 -1 0"), (3, "1 0 0"), (most, "0 0 0")]
@@ -451,7 +449,7 @@ def generated_sets(rng: random.Random, folder: Path) -> Path:
 
 
 def many_blocks(rng: random.Random, folder: Path) -> Path:
-    """A reader that looks through all blocks for each set takes the square of that."""
+    """Write so many blocks and sets that a search of all blocks for each set is quadratic."""
     path = write(folder / "part.inp", section())
     blocks = "".join(
         f"*ELEMENT, TYPE=CPS3\n{k + 10**6}, 1, 2, 11\n" for k in range(MOST_BYTES // 500)
@@ -492,8 +490,9 @@ def nested(rng: random.Random, folder: Path) -> Path:
 
 
 def packed_zeros(rng: random.Random, folder: Path) -> Path:
-    """A VTU file whose few bytes unfold to gigabytes; as text of base64, with as many blocks as it
-    says.
+    """Write a VTU file whose few bytes unpack to gigabytes.
+
+    They are text of base64, in as many blocks as the file says.
     """
     size = rng.choice([10, 100]) * MOST_BYTES
     packed = zlib.compress(b"\0" * size, 9)
@@ -515,7 +514,7 @@ def packed_zeros(rng: random.Random, folder: Path) -> Path:
 
 
 def kept_elsewhere(rng: random.Random, folder: Path) -> Path:
-    """Numbers of an HDF5 file that are links, bombs, or no numbers at all."""
+    """Write an XDMF file whose HDF5 data are links, bombs, or no numbers at all."""
     path = write(folder / "part.xdmf", section())
     (folder / "other.h5").write_bytes((folder / "part.h5").read_bytes())
     with h5py.File(folder / "part.h5", "a") as store:
@@ -629,7 +628,7 @@ NAMED = [
 
 
 def hostile(seed: int, folder: Path) -> Path:
-    """A scene of a hostile mesh file, both in a folder."""
+    """Write a hostile mesh file and a scene that uses it into a folder."""
     rng = random.Random(seed)
     is_solid = rng.random() < 0.4
     kinematics = "3d" if is_solid else rng.choice(["axisymmetric", "plane_strain"])

@@ -1,4 +1,4 @@
-"""A page of HTML held to what a report promises: valid, small, and alone."""
+"""Checks of what a report promises of its page: valid HTML, small, and self-contained."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ MOST = 2_000_000  # bytes
 
 
 class _Outside(HTMLParser):
-    """What a page would load from elsewhere."""
+    """Collects what a page would load from elsewhere."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -28,7 +28,7 @@ class _Outside(HTMLParser):
 
 
 def check(text: str) -> None:
-    """A page that stands alone: valid HTML 5, below 2 MB, no name twice, nothing loaded."""
+    """Assert that a page is valid HTML 5, below 2 MB, self-contained, and has no id twice."""
     html5lib.HTMLParser(strict=True).parse(text)
     outside = _Outside()
     outside.feed(text)

@@ -1,8 +1,8 @@
-"""Twenty scenes, and what every effect on them comes to, found by runs that include it.
+"""Twenty scenes, and the size of every effect on them, found by runs with and without it.
 
-A reference is the force of the scene with the effect over that without, both solved on meshes finer
-than automatic ones, never by the theory that `require` prefers; adhesion, rate and spring by the
-scene's experiment on a condensed body.
+The reference is the force of the scene with the effect over that without it. Both are solved on
+meshes finer than automatic ones, never by the theory that `require` prefers; adhesion, rate and
+spring are found by the scene's experiment on a condensed body.
 """
 
 from __future__ import annotations
@@ -158,7 +158,10 @@ SCENES: dict[str, Document] = {
 
 @dataclass(frozen=True)
 class Row:
-    """An effect as `require` says it beside what it is, in per cent; `said` is 1 % for a threshold."""
+    """An effect stated by `require` beside its known size, in per cent.
+
+    For a threshold, `said` is 1 %, the effect that the threshold stands for.
+    """
 
     name: str
     said: float | None
@@ -168,8 +171,9 @@ class Row:
 
     @property
     def is_right(self) -> bool:
-        """Whether the sign is, and the size within the factor where it tells; of a range, whether
-        it holds.
+        """Whether the sign is right, and the size of a large effect within the factor.
+
+        A range must hold the effect.
         """
         if self.said is None:
             return (
@@ -191,12 +195,15 @@ def required(name: str) -> Requirements:
 
 
 def rows(name: str) -> Iterator[Row]:
-    """The effects of a scene that tell, and thresholds, each beside what it is."""
+    """The stated effects and thresholds of a scene, each beside its known size."""
     return beside(SCENES[name], required(name))
 
 
 def beside(document: Document, found: Requirements) -> Iterator[Row]:
-    """The effects that are said of a scene and tell, and thresholds, each beside what it is."""
+    """The stated effects and thresholds of a mapping, each beside its known size.
+
+    Effects too small to matter are left out.
+    """
     reference = Reference(document)
     for effect in found.effects:
         if " = " in effect.needs and effect.percent is None:
@@ -216,9 +223,7 @@ def beside(document: Document, found: Requirements) -> Iterator[Row]:
 
 
 def off(name: str) -> float:
-    """By how many per cent the force of the recommended model is off that with all that a model can
-    have.
-    """
+    """Difference in per cent between the recommended model's force and that of the full model."""
     own = SCENES[name]
     whole = own | _finite(own)
     if own["indenter"]["shape"] == "paraboloid":
@@ -236,7 +241,7 @@ def off(name: str) -> float:
 
 
 class Reference:
-    """The effects on a scene by runs that have them and runs that have them not."""
+    """The effects on a scene by runs with and without them."""
 
     def __init__(self, scene: Document):
         self.scene = scene
@@ -249,7 +254,7 @@ class Reference:
         self.plain |= self._steps(1)
 
     def of(self, row: str) -> float:
-        """An effect in per cent."""
+        """The effect of a row in per cent."""
         if row == "calibration":
             given = self.scene["experiment"]["calibration"]
             return 100 * hypot(given["stiffness"], self._power("R") * given["R"])
@@ -258,9 +263,7 @@ class Reference:
         return self._change(*getattr(self, f"_{row}")())
 
     def at_threshold(self, effect: Effect) -> float | None:
-        """The effect in per cent where the parameter is as said; None for one that is so by its
-        definition.
-        """
+        """The effect in per cent at a threshold, or None where it is so by definition."""
         key, value = effect.needs.split(" from ", 1)[1].split(" = ", 1)
         x = float(value.split()[0])
         E_nu = {"E": x, "nu": 0.3}
@@ -292,7 +295,6 @@ class Reference:
         return None
 
     # ---- pairs of scenes, with and without
-    # -----------------------------------------------------------------------
 
     def _paraboloid(self) -> tuple[Document, ...]:
         tip = self.plain["indenter"]
@@ -350,11 +352,11 @@ class Reference:
         return {"contact": self.plain["contact"] | self.scene["contact"]} | self._steps(STEPS), {}
 
     # ---- how
-    # ------------------------------------------------------------------------------------------------------
 
     def _reached(self, way: float) -> float:
-        """The depth that a tip reaches when its base goes that way: F(d)/k less, by a power law
-        through two forces.
+        """The depth that a tip reaches when its base goes a way.
+
+        It is less by F(d)/k, where F is a power law through two forces.
         """
         k = self.scene.get("experiment", {}).get("cantilever", {}).get("stiffness", inf)
         if k == inf:
@@ -390,8 +392,10 @@ class Reference:
         return log(high / low) / log(1.05 / 0.95)
 
     def _by_experiment(self, experiment: Document) -> float:
-        """The force at the deepest point of the history, or of the equilibria, over that of the
-        elastic curve at this depth, which with a spring is the way of its base.
+        """Effect of an experiment on the force at the deepest point of its history or equilibria.
+
+        The force is compared with the elastic curve at this depth, which with a spring is the way
+        of its base.
         """
         history = experiment.get("history", [[0, 0], [1, self.delta]])
         given = self.plain | {
@@ -412,7 +416,7 @@ class Reference:
 
 
 def force(document: Document, size: float = FINER) -> float:
-    """Force of a scene at its deepest row, on a mesh; on elements of that size, of automatic ones."""
+    """Force of a scene at its deepest row, on elements of `size` automatic ones."""
     return _force(dumps(document), size)
 
 
@@ -429,8 +433,9 @@ def _force(text: str, size: float) -> float:
 
 
 def _runnable(document: Document) -> Document:
-    """The scene without what a changed body has no use for: the place of the tip, the material of
-    layers.
+    """The scene without keys that a changed body does not use.
+
+    They are the place of the tip, and the material where all layers have their own.
     """
     body = document["body"]
     left_out = {"material"} if body.get("layers") else set()
@@ -452,8 +457,9 @@ def _meshed(document: Document) -> Scene:
 
 
 def _material(section: Document, model: str) -> Document:
-    """Linear elastic or neo-Hookean of the same small-strain constants; a law of finite strain is
-    its own.
+    """A linear elastic or neo-Hookean material of the same small-strain constants.
+
+    Another law of finite strain stays as it is in a model of finite strain.
     """
     if model == "neo_hookean" and section["model"] != "linear_elastic":
         return section
@@ -472,7 +478,7 @@ def _finite(document: Document) -> Document:
 
 
 def _of_model(document: Document, model: str) -> Document:
-    """The sections of a scene that its materials are in."""
+    """The sections of a scene with materials, in the given model."""
     found: Document = {"body": dict(document["body"])}
     if "layers" in found["body"]:
         found["body"]["layers"] = [

@@ -29,8 +29,9 @@ TERMS = 12  # of the pressure's polynomial
 
 @dataclass(frozen=True)
 class Contact:
-    """One of the two contacts: the approach of both tips, force, contact radius, pressure (over x
-    from 0 to 1).
+    """One of the two contacts.
+
+    The approach of both tips, the force, the contact radius, and the pressure over x from 0 to 1.
     """
 
     delta: float
@@ -45,8 +46,10 @@ def contact(
     tip: Callable[[np.ndarray], np.ndarray],
     terms: int = TERMS,
 ) -> Contact:
-    """The contact of a ball of radius 1 at the approach delta. layers: (outer radius, (E, nu)) from
-    the surface inwards, the core last; tip: its height over the distance r from the axis.
+    """The contact of a layered ball of radius 1 at the approach delta.
+
+    `layers` are (outer radius, (E, nu)) from the surface inwards, the core last; `tip` is its
+    height over the distance r from the axis.
     """
     wide = 2 * np.sqrt(delta)
     while of_angle(wide / 2, layers, tip, terms).delta > delta:
@@ -84,7 +87,7 @@ def of_angle(
 
 
 def _gauss(n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points and weights on 0..1."""
+    """Gauss points and weights on 0..1."""
     at, weights = legendre.leggauss(n)
     return (at + 1) / 2, weights / 2
 
@@ -92,8 +95,9 @@ def _gauss(n: int) -> tuple[np.ndarray, np.ndarray]:
 def _coefficients(
     even: np.ndarray, mu: np.ndarray, loads: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Of vertical pressures, downwards above and upwards below, the coefficients of P_n and dP_n/dt
-    in the traction.
+    """Coefficients of P_n and dP_n/dt in the traction of vertical pressures.
+
+    The pressures act downwards above and upwards below.
     """
     radial, along = np.zeros((len(even), len(loads))), np.zeros((len(even), len(loads)))
     before, here = np.zeros_like(mu), np.ones_like(mu)  # P_(n-1), P_n
@@ -109,7 +113,7 @@ def _coefficients(
 def _influence(
     even: np.ndarray, radial: np.ndarray, along: np.ndarray, flex: np.ndarray
 ) -> np.ndarray:
-    """Works of one pressure on the displacement of another, over one of the two contacts."""
+    """Work of each pressure on the displacement of another, over one of the two contacts."""
     norm = 2 * np.pi / (2 * even + 1)  # half of the sphere
     traction = np.stack([radial, along])
     moved = np.einsum("nab,bnj->anj", flex, traction)
@@ -118,8 +122,9 @@ def _influence(
 
 
 def compliances(degrees: np.ndarray, layers: Sequence[Layer]) -> np.ndarray:
-    """(degrees, 2, 2): U and V at the surface of the tractions P_n along r and dP_n/dt along t. 0
-    comes first.
+    """U and V at the surface of the tractions P_n along r and dP_n/dt along t: (degrees, 2, 2).
+
+    Degree 0 comes first.
     """
     shells = [_solutions(degrees[1:], k, layers) for k in range(len(layers))]
     starts = 4 * np.arange(len(layers) + 1)
@@ -137,8 +142,9 @@ def compliances(degrees: np.ndarray, layers: Sequence[Layer]) -> np.ndarray:
 
 
 def _swelling(layers: Sequence[Layer]) -> float:
-    """Displacement of the surface under the tension 1, from Lame's solution A r + B/r^2 from the
-    core outwards.
+    """Displacement of the surface under the tension 1.
+
+    Lame's solution A r + B/r^2 is continued from the core outwards.
     """
     stiffness, inner = 0.0, 0.0  # tension over displacement at the inner face
     for outer, (E, nu) in reversed(layers):
@@ -154,7 +160,7 @@ def _swelling(layers: Sequence[Layer]) -> float:
 
 
 def _solutions(n: np.ndarray, k: int, layers: Sequence[Layer]) -> tuple[np.ndarray, np.ndarray]:
-    """(degrees, 4, solutions): U, V, s_rr, s_rt at the outer and the inner face of shell k.
+    """U, V, s_rr, s_rt at the outer and the inner face of shell k: (degrees, 4, solutions).
 
     Each solution is about 1 at the face where it is largest, so that nothing overflows.
     """

@@ -1,17 +1,16 @@
-"""A cap or ball with skins under a tip, by finite elements of high degree on a few curved cells of
-their own.
+"""A cap or ball with skins under a tip, by finite elements of high degree on curved cells.
 
-The cap stands on z = -H; about the center of its ball, at the distance e = R - H below the base,
-its surface is the sphere of radius R. Columns of cells are at even shares s of the angle from the
-axis to the base, rows at radii that grade towards the surface and end at the skins' faces; below
-the last sphere cells converge to the middle of the base, which is at rest. Columns grade towards
-the contact's edge, on which a row of nodes stands, and the base's. Within the contact u_z is given,
-beyond it and along the surface nothing pulls: traction and gap are vertical, as `gap: reference`
-says. Of the edge's node the force is 0, which fixes the depth; as the force is stationary there, it
-is better known.
+The cap stands on z = -H. About the center of its ball, at the distance e = R - H below the base,
+its surface is the sphere of radius R. Columns of cells are at equal shares s of the angle from the
+axis to the base. Rows are at radii that are graded towards the surface and end at the skins' faces;
+below the last sphere, cells converge to the middle of the base, which is at rest. Columns are
+graded towards the edge of the contact, where a row of nodes stands, and that of the base. Within
+the contact u_z is given; elsewhere on the surface, and along it, there is no traction: traction and
+gap are vertical, as with `gap: reference`. The force on the edge's node is 0, which fixes the
+depth. As the force is stationary there, it is known better than the depth.
 
-A ball (of twice its radius' height) has its cells about its center instead; `fixed` is the lower
-half of its surface.
+A ball (of height 2 R) has its cells about its center instead; `fixed` is the lower half of its
+surface.
 
 Displacements are of degree p on Gauss-Lobatto points, the cells isoparametric, integrals by p + 2
 Gauss points.
@@ -56,9 +55,11 @@ def contact(
     degree: int = DEGREE,
     nucleus: Nucleus | None = None,
 ) -> Contact:
-    """The contact of radius a on a cap of a ball of radius R, or on the ball. layers: thickness and
-    (E, nu) from the surface inwards, the core last; tip: its height over the distance from the
-    axis; nucleus: in the middle of a ball, or of half a ball's base.
+    """The contact of radius a on a cap of a ball of radius R, or on the ball.
+
+    `layers` are thickness and (E, nu) from the surface inwards, the core last; `tip` is its height
+    over the distance from the axis; the nucleus is in the middle of a ball, or of the base of half
+    a ball.
     """
     cells = _Cells(a, R, height, [thickness for thickness, _ in layers[:-1]], degree, nucleus)
     K = cells.stiffness([matter for _, matter in layers] + ([nucleus[1]] if nucleus else []))
@@ -155,7 +156,10 @@ class _Cells:
         self.n_columns = len(columns) - 1
 
     def stiffness(self, matters: Sequence[tuple[float, float]]) -> sp.csr_matrix:
-        """Of all displacements (u_r, u_z node by node), integrated over the whole circle."""
+        """Stiffness of all displacements, integrated over the whole circle.
+
+        They are u_r and u_z, node by node.
+        """
         p = self.degree
         at, weights = legendre.leggauss(p + 2)
         N, D = _lagrange(_lobatto(p), at)
@@ -192,7 +196,7 @@ class _Cells:
 
 
 def _stiffness(E: float, nu: float) -> np.ndarray:
-    """Stresses of (e_rr, e_zz, e_tt, 2 e_rz)."""
+    """Elasticity matrix for (e_rr, e_zz, e_tt, 2 e_rz)."""
     lam, mu = E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
     C = np.diag([2 * mu, 2 * mu, 2 * mu, mu])
     C[:3, :3] += lam
@@ -215,7 +219,7 @@ def _lagrange(nodes: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray
 def _graded(
     start: float, end: float, count: int, at_start: bool = False, at_end: bool = False
 ) -> list[float]:
-    """Ends of cells from start to end that shrink by GRADED towards one end."""
+    """Ends of cells from start to end that shrink by the factor GRADED towards one end."""
     shares = [0.0, *(GRADED**k for k in range(count, -1, -1))]
     if at_start:
         return [start + (end - start) * share for share in shares]

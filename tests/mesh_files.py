@@ -1,6 +1,4 @@
-"""Small bodies as meshes, written into files by meshio: sections of triangles and boxes of
-tetrahedra.
-"""
+"""Small bodies as mesh files written by meshio: triangles of sections, tetrahedra of boxes."""
 
 from __future__ import annotations
 
@@ -21,8 +19,9 @@ SIX = [
 
 
 def section(width: float = 2.0, height: float = 1.0, n: int = 8, m: int = 4) -> dict[str, Any]:
-    """The triangles of a rectangle with its top at z = 0 and its left side on the axis, and its
-    named sides.
+    """The triangles of a rectangle, and its named sides.
+
+    Its top is at z = 0 and its left side on the axis.
     """
     x, z = np.linspace(0, width, n + 1), np.linspace(-height, 0, m + 1)
     points = np.array([(a, b, 0.0) for b in z for a in x])
@@ -45,7 +44,7 @@ def section(width: float = 2.0, height: float = 1.0, n: int = 8, m: int = 4) -> 
 
 
 def block(size: float = 2.0, height: float = 1.0, n: int = 4, m: int = 3) -> dict[str, Any]:
-    """The tetrahedra of a box about the axis x = y = 0 with its top at z = 0, and its named faces."""
+    """Tetrahedra of a box about the axis x = y = 0 with its top at z = 0, and its named faces."""
     x, z = np.linspace(-size / 2, size / 2, n + 1), np.linspace(-height, 0, m + 1)
     points = np.array([(a, b, c) for c in z for b in x for a in x])
     index = np.arange(len(points)).reshape(m + 1, n + 1, n + 1)
@@ -78,8 +77,9 @@ def block(size: float = 2.0, height: float = 1.0, n: int = 4, m: int = 3) -> dic
 
 
 def write(path: Path, body: dict[str, Any], **options: Any) -> Path:
-    """Write a body into a file of any kind: .msh with physical groups, .inp with sets, others with
-    numbers `part`.
+    """Write a body into a file of any kind.
+
+    .msh gets physical groups, .inp sets, and other kinds numbers named `part`.
     """
     dim = body["cells"].shape[1] - 1
     facet, cell = {2: ("line", "triangle"), 3: ("triangle", "tetra")}[dim]

@@ -1,9 +1,11 @@
-"""What may not be in a picture: words over words, words beyond the edge, axes without a name, lines
-that a legend does not tell apart, and more names than anybody reads.
+"""Checks of pictures: overlapping or cut words, nameless axes, and legends that mislead.
+
+A legend misleads where lines look alike, or where it has more names than anyone reads.
 """
 
 from __future__ import annotations
 
+import re
 from itertools import combinations
 from typing import Any
 
@@ -18,12 +20,11 @@ TOUCH = 1.0  # pixels that two boxes may share, for they are those of the letter
 
 
 def faults(figure: Any) -> list[str]:
-    """What is wrong with a laid-out figure, in words."""
+    """The faults of a laid-out figure, in words."""
     figure.draw_without_rendering()
-    renderer = figure._get_renderer()
     unseen = _unseen(figure)
     words = [text for text in figure.findobj(Text) if _is_seen(text) and id(text) not in unseen]
-    boxes = [(text.get_text(), text.get_window_extent(renderer)) for text in words]
+    boxes = [(text.get_text(), text.get_window_extent()) for text in words]
     found = [
         f"{one!r} lies on {other!r}"
         for (one, a), (other, b) in combinations(boxes, 2)
@@ -45,7 +46,7 @@ def faults(figure: Any) -> list[str]:
         for axes in panels
         if text.axes is not None
         and text.axes is not axes
-        and _overlap(box, axes.get_window_extent(renderer))
+        and _overlap(box, axes.get_window_extent())
     ]
     curves = [
         axes for axes in panels if axes.get_aspect() == "auto"
@@ -58,7 +59,7 @@ def faults(figure: Any) -> list[str]:
     ]
     for axes in figure.axes:
         for along in (axes.xaxis, axes.yaxis):
-            labels = [] if not axes.axison else [tick.label1 for tick in along._update_ticks()]
+            labels = [] if not axes.axison else [tick.label1 for tick in _ticks_in_view(along)]
             numbers = [label for label in labels if label.get_visible() and label.get_text()]
             is_bar = axes.get_label() == "<colorbar>"  # whose other axis has no numbers
             if numbers and not (is_bar or along.get_label_text() or _names_itself(numbers)):
@@ -67,7 +68,7 @@ def faults(figure: Any) -> list[str]:
 
 
 def _of_legend(legend: Any) -> list[str]:
-    """Names that stand for the same look, and too many of them."""
+    """Names of a legend that look alike, and too many of them."""
     names = [text.get_text() for text in legend.get_texts()]
     found = [f"a legend of {len(names)} names"] if len(names) > MOST_NAMES else []
     handles = (
@@ -82,7 +83,7 @@ def _of_legend(legend: Any) -> list[str]:
 
 
 def _look(handle: Any) -> object:
-    """What a line of a legend is told by; None of anything else."""
+    """What distinguishes a line of a legend; None for anything else."""
     if not isinstance(handle, Line2D):
         return None
     dashes = handle._unscaled_dash_pattern if handle.get_linestyle() != "None" else None
@@ -100,14 +101,15 @@ def _is_seen(text: Any) -> bool:
 
 
 def _unseen(figure: Any) -> set[int]:
-    """What is never drawn: numbers beyond the ends of an axis, and all that stands along axes that
-    are switched off.
+    """Ids of texts that are never drawn.
+
+    They are numbers beyond the ends of an axis, and all along axes that are switched off.
     """
     found: set[int] = set()
     for axes in figure.findobj(Axes):  # bars of colours inside a panel too
         for along in (axes.xaxis, axes.yaxis):
             ticks = [*along.get_major_ticks(), *along.get_minor_ticks()]
-            drawn = along._update_ticks() if axes.axison and axes.get_visible() else []
+            drawn = _ticks_in_view(along) if axes.axison and axes.get_visible() else []
             found |= {
                 id(label)
                 for tick in ticks
@@ -119,10 +121,20 @@ def _unseen(figure: Any) -> set[int]:
     return found
 
 
+def _ticks_in_view(along: Any) -> list[Any]:
+    """Ticks between the ends of an axis; matplotlib draws no others."""
+    low, high = sorted(along.get_view_interval())
+    rounding = 1e-9 * (high - low)
+    ticks = [*along.get_major_ticks(), *along.get_minor_ticks()]
+    return [tick for tick in ticks if low - rounding <= tick.get_loc() <= high + rounding]
+
+
 def _names_itself(numbers: list[Any]) -> bool:
-    """Whether what stands along an axis are words."""
+    """Whether the labels along an axis are words; powers of ten are none."""
     return any(
-        character.isalpha() for label in numbers for character in label.get_text().replace("e", "")
+        character.isalpha()
+        for label in numbers
+        for character in re.sub(r"\\\w+|e", "", label.get_text())
     )
 
 

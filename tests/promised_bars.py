@@ -1,5 +1,6 @@
-"""What is promised of error bars, where scenes chose none of the numbers of their rule
-(docs/accuracy.md).
+"""Shares of rows that docs/accuracy.md promises to lie inside their error bars.
+
+They hold for scenes from which no number of the rule of error bars was chosen.
 """
 
 ALL_ROWS = 0.97  # of the forces of all classes of scenes together lie inside their bars

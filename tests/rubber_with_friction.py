@@ -62,8 +62,9 @@ def drawn(seed: int, number: int) -> dict[str, Any]:
 
 
 def _tip(draw: Random, radius: float, height: float) -> tuple[dict[str, Any], float, float]:
-    """A tip, about the radius of its contact, and the depth of that: a tenth to four tenths of the
-    smaller length.
+    """A tip, the approximate radius of its contact, and its depth.
+
+    The radius is a tenth to four tenths of the smaller length.
     """
     share = draw.uniform(0.1, 0.4)
     ball = {"shape": draw.choice(["sphere", "paraboloid"]), "R": radius}
@@ -98,7 +99,7 @@ def _body(draw: Random, a: float, height: float) -> dict[str, Any]:
 
 
 def _rubber(draw: Random) -> dict[str, Any]:
-    """A hyperelastic law from compressible to all but incompressible."""
+    """A hyperelastic law from compressible to nearly or fully incompressible."""
     nu = draw.choice([0.3, 0.4, 0.45, 0.49, 0.499, 0.5])
     return draw.choice(
         [
@@ -141,7 +142,7 @@ def alternation(scene: Scene, state: State) -> float:
 
 @dataclass(frozen=True)
 class Judged:
-    """The roughest row of a scene by both measures, and what a run says of it."""
+    """The roughest row of a scene by both measures, and the warnings of a run."""
 
     roughness: float
     alternation: float
@@ -169,10 +170,10 @@ def main() -> None:
     for number in range(asked.count):
         mapping = drawn(asked.seed, number)
         started = time.process_time()
-        words = f"{mapping['body']['shape']:9s}{mapping['indenter']['shape']:11s}{mapping['material']['model']:14s}"
-        words += (
-            f"nu {mapping['material']['nu']:<6g} friction {mapping['contact']['friction']!s:6s}"
-        )
+        material = mapping["material"]
+        words = f"{mapping['body']['shape']:9s}{mapping['indenter']['shape']:11s}"
+        words += f"{material['model']:14s}nu {material['nu']:<6g} "
+        words += f"friction {mapping['contact']['friction']!s:6s}"
         try:
             one = judged(mapping)
         except IndentSimError as error:

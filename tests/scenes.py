@@ -1,11 +1,13 @@
-"""Scenes of the verification tests, and the short way from one to its states."""
+"""Scenes of the verification tests, and functions that solve them."""
 
 from __future__ import annotations
 
 import copy
+import dataclasses
 import pickle
 from typing import Any
 
+import numpy as np
 import pytest
 
 from indent_sim.config.scene_file import config_from_mapping
@@ -32,8 +34,9 @@ PENALTY = {"method": "penalty"}
 
 
 def scene(body: dict[str, Any], *overrides: str, **sections: Any) -> Scene:
-    """ELASTIC under a PARABOLOID pushed in by 0.01 in one step; `sections` replace whole sections
-    of that.
+    """ELASTIC under a PARABOLOID pushed in by 0.01 in one step.
+
+    `sections` replace whole sections of that.
     """
     given = {
         "body": body,
@@ -45,8 +48,9 @@ def scene(body: dict[str, Any], *overrides: str, **sections: Any) -> Scene:
 
 
 def placed(sections: dict[str, Any]) -> dict[str, Any]:
-    """Sections of a scene with the relaxation and the history that stand in one dict with the
-    instrument, for short, where they belong: in the material and in place of the loading.
+    """Sections of a scene with `relaxation` and the history moved out of `experiment`.
+
+    Tests write them there for short; they belong in the material and in place of the loading.
     """
     given = dict(sections)
     experiment = dict(given.pop("experiment", {}))
@@ -87,7 +91,7 @@ def meshed(base: Scene) -> Any:
 
 
 def solve(base: Scene) -> list[State]:
-    """All states of a scene, every one converged, audited and possible, in the user's units."""
+    """All states of a scene in the user's units, every one converged, audited and possible."""
     states = list(pipeline.states(base))
     assert len(states) == len(base.physics.deltas)
     largest = max(abs(state.force) for state in states)
@@ -100,8 +104,9 @@ def solve(base: Scene) -> list[State]:
 
 
 def solved(base: Scene) -> list[State]:
-    """What `solve` gives, once for all tests that compare something with this scene: not for those
-    that change how scenes are solved.
+    """The states of `solve`, computed once for all tests that compare with this scene.
+
+    Tests that change how scenes are solved must not use it.
     """
     identity = pickle.dumps((base.physics, base.sizes, base.solver))
     if identity not in _solved:
@@ -118,13 +123,31 @@ def force(base: Scene) -> float:
 
 
 def assert_audited(state: State, largest: float, pull: float = 0.0) -> None:
-    """What the contact gives, the supports take: 1e-8 of the force is what Newton's tolerance of
-    1e-10 leaves at most, or of what a tip that adheres pulls with while as much pushes; a body
-    let go of has no force of its own, so there 1e-14 of the largest force met is round-off.
+    """Assert that the supports take the force of the contact.
+
+    Newton's tolerance of 1e-10 leaves at most 1e-8 of the force, or of the attraction of a tip that
+    adheres while as much pushes. A body that is let go of has no force of its own, so there 1e-14
+    of the largest force of the path is round-off.
     """
     tolerance = 1e-8 * max(abs(state.force), pull) + 1e-14 * largest
     assert abs(state.force - state.reaction) <= tolerance
     assert state.stray_reaction <= tolerance
+
+
+def state_on(base: Scene, grid: Any) -> Any:
+    """Last state of a scene on a given grid.
+
+    All cells belong to the first region where the scene has only one.
+    """
+    from mpi4py import MPI
+
+    from indent_sim.fe import solver
+
+    part = base.physics.domain
+    regions = np.minimum(grid.regions, len(part.regions) - 1)
+    mesh = solver.distribute(dataclasses.replace(grid, regions=regions), part, MPI.COMM_SELF)
+    *_, last = solver.create_load_stepper(base, mesh).states(base.physics.path, lambda step: False)
+    return last.to_user_units(base.physics.scales)
 
 
 def count_solutions(monkeypatch: pytest.MonkeyPatch) -> list[str]:

@@ -1,4 +1,4 @@
-"""Bodies of the layer theories by plain numbers."""
+"""Bodies of the layer theories from plain numbers."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ BONDED_PULL_OFF = [
 
 
 def stack_of(plies: Sequence[Sequence[float]], base: str | None = "fixed") -> Stack:
-    """The stack of (thickness, E, nu) from the top."""
+    """The stack of layers (thickness, E, nu) from the top."""
     return Stack(tuple(StackLayer(*map(float, ply)) for ply in plies), base)
 
 
@@ -42,8 +42,9 @@ def one_layer(
     base: str = "fixed",
     wall: float | None = None,
 ) -> Kind:
-    """The contact of a tip with one layer of thickness h, between frictionless walls where `wall`
-    is given.
+    """The contact of a tip with one layer of thickness h.
+
+    The layer lies between frictionless walls where `wall` is given.
     """
     return kind.from_stack(tip, Stack((StackLayer(h, E, nu),), base), wall)
 

@@ -1,5 +1,6 @@
-"""Scenes in time drawn at random: bodies that drain, relax in shear, or swell, under tips that
-come, stay and go.
+"""Random scenes in time: bodies that drain, relax in shear, or swell.
+
+Their tips come, stay and go.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ GEL_TIME = 31.05  # height^2/D_c of the gel below, times its solvent's diffusivi
 
 
 class Drawn:
-    """One scene after another, from a seed."""
+    """Random scenes from a seed."""
 
     def __init__(self, seed: int):
         self.draw = np.random.default_rng(seed)
@@ -26,7 +27,7 @@ class Drawn:
         return choices[int(self.draw.choice(len(choices), p=p))]
 
     def scene(self, kind: str) -> dict[str, Any]:
-        """Heights and moduli are of the order of 1, and so is the time that the body takes."""
+        """A scene whose heights, moduli and characteristic time are of the order of 1."""
         if kind == "gel":
             return self._gel()
         is_rubber = "rubber" in kind
@@ -71,7 +72,7 @@ class Drawn:
         return body
 
     def _tip(self, a: float) -> tuple[dict[str, Any], float]:
-        """Of about that contact radius at the depth."""
+        """A tip, and the depth at which its contact radius is about a."""
         shape = self.either("paraboloid", "sphere", "cone", p=[0.5, 0.3, 0.2])
         if shape == "cone":
             angle = float(self.draw.uniform(70, 85))
@@ -134,7 +135,7 @@ class Drawn:
         }
 
     def _loading(self, depth: float, tau: float) -> dict[str, Any]:
-        """Ramp, hold, and perhaps a way back; at moments that matter."""
+        """Ramp, hold, and perhaps a way back, with rows at times that matter."""
         ramp, hold = tau * self.spread(0.03, 30), tau * self.spread(0.3, 30)
         points = [[0.0, 0.0], [ramp, depth], [ramp + hold, depth]]
         if self.draw.random() < 0.3:

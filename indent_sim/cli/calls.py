@@ -19,9 +19,8 @@ from indent_sim.results.result_files import Report
 from indent_sim.run import sensitivities as derivatives
 from indent_sim.run.pipeline import config_of
 from indent_sim.run.planned_run import plan_with_cost
-from indent_sim.studies import curve_table, run_study, small_multiples
+from indent_sim.studies import curve_table, run_study, small_multiples, study_picture
 from indent_sim.studies.run_study import Study
-from indent_sim.studies.study_picture import curves_figure
 from indent_sim.studies.study_plan import plan_study as plan_study
 
 if TYPE_CHECKING:
@@ -185,14 +184,14 @@ def plot(
     Parameters
     ----------
     shown
-        Results, their folders, or a study.
+        Results, or a study; or their folders.
     what
         Panels, separated by commas: force [default], time, pressure, pressure_x, pressure_y,
         profile, fields, film. For a study curves [default], or one of force, a, p_max and
         penetration over the varied keys.
     ax
         Axes of an existing figure, into which one panel of `what` is drawn; fields are drawn at
-        one step.
+        one step, and curves of a study without panels over the varied numbers.
     options
         Options of `indent-sim plot`: fields, steps, units, width [mm], font [points], layout (rows,
         columns), letters "a", limits (low, high), zoom.
@@ -204,33 +203,50 @@ def plot(
     """
     from indent_sim.results.pictures import figures, panels
 
+    if isinstance(shown, str | Path):
+        shown = read(shown)
     if isinstance(shown, Study):
-        study_panels = ("", "curves", *small_multiples.PLOTTED_COLUMNS)
-        if options or ax is not None or what not in study_panels:
-            columns = ", ".join(small_multiples.PLOTTED_COLUMNS)
-            problem = f"a study is plotted as curves, or as one of {columns}"
-            raise UsageError(f"{problem}: plot one of its runs for other panels and options")
-        curve_groups = curve_table.group_folder_curves(
-            shown.directory / result_files.RUNS, shown.rows, shown.keys
-        )
-        if not curve_groups.curves:
-            raise UsageError(f"{shown.directory} has no finished run")
-        figure_context = curves_figure(curve_groups, shown.title)
-        if what in small_multiples.PLOTTED_COLUMNS:
-            figure_context = small_multiples.column_figure(curve_groups, what, shown.title)
-    else:
-        results = [shown] if isinstance(shown, Results | str | Path) else list(shown)
-        runs = [item if isinstance(item, Results) else reader.read(item) for item in results]
-        request = panels.plot_request(
-            {"what": _split_words(what or "force")} | _normalize_options(options)
-        )
-        if ax is not None:
-            panels.draw_into(ax, runs, request)
-            return ax.figure
-        figure_context = panels.requested_figure(runs, request)
-    with figure_context as figure:
+        if options:
+            raise UsageError(
+                f"the picture of a study has no option {next(iter(options))}",
+                "plot one of its runs for options",
+            )
+        return _plot_study(shown, what or "curves", ax)
+    results = [shown] if isinstance(shown, Results) else shown
+    runs = [item if isinstance(item, Results) else reader.read(item) for item in results]
+    request = panels.plot_request(
+        {"what": _split_words(what or "force")} | _normalize_options(options)
+    )
+    if ax is not None:
+        panels.draw_into(ax, runs, request)
+        return ax.figure
+    with panels.requested_figure(runs, request) as figure:
         figures.apply_layout(figure)
         return figure
+
+
+def _plot_study(shown: Study, panel: str, ax: Axes | None) -> Figure:
+    """Return the figure of a study's curves, or of a column of its table."""
+    from indent_sim.results.pictures import figures
+
+    if panel not in ("curves", *small_multiples.PLOTTED_COLUMNS):
+        columns = ", ".join(small_multiples.PLOTTED_COLUMNS)
+        problem = f"a study is plotted as curves, or as one of {columns}"
+        raise UsageError(f"{problem}: plot one of its runs for other panels")
+    curve_groups = curve_table.group_folder_curves(
+        shown.directory / result_files.RUNS, shown.rows, shown.keys
+    )
+    if not curve_groups.curves:
+        raise UsageError(f"{shown.directory} has no finished run")
+    if ax is None:
+        with study_picture.requested_figure(curve_groups, panel, shown.title) as figure:
+            figures.apply_layout(figure)
+            return figure
+    if panel == "curves":
+        study_picture.draw_curves_into(ax, curve_groups)
+    else:
+        small_multiples.draw_column_into(ax, curve_groups, panel)
+    return ax.figure
 
 
 def _normalize_options(options: Mapping[str, Any]) -> dict[str, Any]:

@@ -7,7 +7,6 @@ only what it needs.
 
 from __future__ import annotations
 
-import gc
 import logging
 import os
 import signal
@@ -77,10 +76,6 @@ LISTED_SECTIONS = {
 TEMPLATES = ("cell", "gel", "film", "nanoindentation", "rubber", "study")
 # Schema in the folder of a scene of `init`; the first line of the scene refers to it.
 SCHEMA_FILE = "scene.schema.json"
-# Points of a curve of `fit --design` unless --points is given.
-DESIGN_POINTS = 300
-# The garbage collector is enabled from this row of a run on; before, there is hardly any garbage.
-ROWS_WITHOUT_GC = 50
 
 
 class Program(click.Group):
@@ -171,20 +166,19 @@ def run(
     **options: bool,
 ) -> None:
     """Simulate one scene; also under mpirun. Prints the result folder."""
-    with _pause_garbage_collector():
-        with raise_on_signals():
-            require_resources()
-            from indent_sim.config.scene_file import load
-            from indent_sim.process.ranks import run_on_root
+    with raise_on_signals():
+        require_resources()
+        from indent_sim.config.scene_file import load
+        from indent_sim.process.ranks import run_on_root
 
-            load_config = cache(partial(load, config, overrides))
-            comm = _world_communicator() if _start_mesher(load_config) else SerialComm()
-        with abort_all_ranks_together(comm), raise_on_signals(comm.rank):
-            settings = comm.bcast(run_on_root(comm, load_config))
-            directory = output or Path(settings.output.directory or Path("results") / config.stem)
-            outcome = _simulate(settings, comm, directory, verbosity, **options)
-        if comm.rank == 0:
-            _print_conclusion(outcome, output_format, verbosity)
+        load_config = cache(partial(load, config, overrides))
+        comm = _world_communicator() if _start_mesher(load_config) else SerialComm()
+    with abort_all_ranks_together(comm), raise_on_signals(comm.rank):
+        settings = comm.bcast(run_on_root(comm, load_config))
+        directory = output or Path(settings.output.directory or Path("results") / config.stem)
+        outcome = _simulate(settings, comm, directory, verbosity, **options)
+    if comm.rank == 0:
+        _print_conclusion(outcome, output_format, verbosity)
 
 
 @program.command()
@@ -423,8 +417,10 @@ def fit(
     if design_scene:
         with _quiet_libraries(LOG_LEVELS[verbosity]), raise_on_signals():
             config = load(design_scene, overrides)
+            # Points of a curve of `fit --design` unless --points is given.
+            design_points = 300
             return _print_design(
-                config, options["keys"], noise, points or DESIGN_POINTS, output_format
+                config, options["keys"], noise, points or design_points, output_format
             )
     output = options.pop("output") or Path("results") / f"fit-{curves[0].resolve().stem}"
     with _quiet_libraries(LOG_LEVELS[verbosity]), raise_on_signals():
@@ -700,11 +696,8 @@ def _plot_study(paths: Sequence[Path], output: Path | None, options: dict[str, A
     if output is None:
         output = folder / f"{panel}.png"
         figures.refuse_foreign_picture(output)
-    figure_context = study_picture.curves_figure(curve_groups, title)
-    if panel != "curves":
-        figure_context = small_multiples.column_figure(curve_groups, panel, title)
     try:
-        with figure_context as figure:
+        with study_picture.requested_figure(curve_groups, panel, title) as figure:
             figures.save(figure, output, options.get("dpi"))
     except OSError as error:
         raise write_error(output, error) from error
@@ -875,7 +868,7 @@ def main() -> None:
 
 
 def _start_mesher(load_config: Callable[[], Config]) -> bool:
-    """Fork the mesher process on rank 0, before MPI starts; return whether MPI is needed.
+    """Start the mesher process on rank 0, before MPI is loaded; return whether MPI is needed.
 
     A scene that theory solves on a single rank needs neither.
     """
@@ -883,24 +876,6 @@ def _start_mesher(load_config: Callable[[], Config]) -> bool:
     from indent_sim.run.planned_run import start_mesher_if_needed
 
     return not is_root() or start_mesher_if_needed(load_config) or is_parallel()
-
-
-@contextmanager
-def _pause_garbage_collector() -> Iterator[None]:
-    """Disable the cyclic garbage collector while libraries are imported.
-
-    They create a hundred thousand objects, none of them garbage; the search takes 5 % of the time
-    of a small run. A run of many rows enables it again.
-    """
-    # An earlier command of this process may have frozen its objects.
-    gc.unfreeze()
-    gc.disable()
-    try:
-        yield
-    finally:
-        # Freezing avoids a search of all objects; most processes end here.
-        gc.freeze()
-        gc.enable()
 
 
 def _world_communicator() -> Any:
@@ -911,11 +886,7 @@ def _world_communicator() -> Any:
 
 
 def _refuse_parallel_run() -> None:
-    """Raise UsageError under mpirun for commands that fork processes.
-
-    A process that has started MPI must not fork; therefore mpirun is detected by the environment
-    that it sets.
-    """
+    """Raise UsageError under mpirun for commands that run on one rank."""
     from indent_sim.process.ranks import is_parallel
 
     if is_parallel():
@@ -967,9 +938,6 @@ def _simulate(
 
             def handle_row(state: Any, step: int, total: int) -> None:
                 raise_pending_signal()
-                # A resumed run may begin with a later step.
-                if step >= ROWS_WITHOUT_GC:
-                    gc.enable()
                 if show_progress is not None:
                     show_progress(state, step, total)
 

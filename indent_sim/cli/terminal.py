@@ -35,12 +35,6 @@ TIME_LABELS = {
     "element": "h_contact^2/D",
     "relaxation": "longest relaxation",
 }
-# A parameter is not determined if the upper end of its interval is so many times the lower end.
-UNKNOWN_RATIO = 100.0
-# Percentages from this one on are printed as whole numbers, without an exponent.
-WHOLE_PERCENT = 99.5
-# Largest number of progress lines in a log.
-MAX_LOG_LINES = 200
 
 # Report of a run, or a section of it.
 Report = dict[str, Any]
@@ -392,8 +386,11 @@ def _interval_texts(parameters: Mapping[str, Interval], config: Config) -> list[
     from indent_sim.fitting.curve_fit import format_value
 
     def interval_text(key: str, interval: Interval) -> str:
+        # A parameter is not determined if the upper end of its interval is so many times
+        # the lower end.
+        unknown_ratio = 100.0
         # The lower end may be zero.
-        if not interval.high < UNKNOWN_RATIO * max(interval.low, 1e-300):
+        if not interval.high < unknown_ratio * max(interval.low, 1e-300):
             return "not determined"
         half_width_text = ""
         if interval.value:
@@ -419,7 +416,9 @@ def _effect_text(effect: Effect) -> str:
 
 def _percent_text(percent: float) -> str:
     """Return a percentage, as a whole number if it is large."""
-    return f"{percent:+.2g}" if abs(percent) < WHOLE_PERCENT else f"{percent:+.0f}"
+    # Percentages from this one on are printed as whole numbers, without an exponent.
+    whole_percent = 99.5
+    return f"{percent:+.2g}" if abs(percent) < whole_percent else f"{percent:+.0f}"
 
 
 def study_plan_text(planned: StudyPlan) -> str:
@@ -533,8 +532,10 @@ def _log_progress(
     estimate: ProgressEstimate,
 ) -> None:
     """Print a line of a log with the time of the step and the time left."""
+    # Largest number of progress lines in a log.
+    max_log_lines = 200
     # The interval is rounded up.
-    interval = -(-total // MAX_LOG_LINES)
+    interval = -(-total // max_log_lines)
     step_seconds, remaining_text = estimate.record_step(total - step)
     if step % interval == 0 or step in (1, total):
         seconds = f"{step_seconds:.1f} s"

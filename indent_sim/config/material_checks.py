@@ -16,9 +16,6 @@ from indent_sim.model.materials import Material, ShearRelaxingLaw
 from indent_sim.model.relaxation import Relaxation
 from indent_sim.process.errors import ConfigError
 
-# Largest relative difference of kT over the molecular volume of two equal solvents.
-SOLVENT_RTOL = 1e-6
-
 
 def material_errors(config: SceneSections) -> Iterator[ConfigError]:
     """Yield errors of the constants of each material."""
@@ -117,8 +114,10 @@ def _gel_errors(config: SceneSections) -> Iterator[ConfigError]:
             yield ConfigError(f"{key}.flow", problem, "leave it out, or use only gels")
     ratios = {key: gel.G / gel.n_omega for key, gel in gels.items() if gel.flow}
     first = next(iter(ratios.values()), 0.0)
+    # Largest relative difference of kT over the molecular volume of two equal solvents.
+    solvent_rtol = 1e-6
     for key, ratio in ratios.items():
-        if not isclose(ratio, first, rel_tol=SOLVENT_RTOL):
+        if not isclose(ratio, first, rel_tol=solvent_rtol):
             problem = (
                 f"gives G/n_omega = {ratio:g}, but another gel has {first:g}; it is kT over the "
                 "molecular volume of the solvent, which is the same for all"

@@ -9,15 +9,8 @@ from typing import Any
 from indent_sim.model.units import ANGLE, LENGTH, Unit, field_units
 from indent_sim.process.errors import ConfigError
 
-# Largest length, pressure or time, and reciprocal of the smallest one. Squares of energies, which
-# are pressure length^3, are then finite numbers.
-LARGEST_QUANTITY = 1e30
 # Number of base quantities of which each dimension is a product; a force is pressure length^2.
 BASE_QUANTITY_COUNT = {"length": 1, "pressure": 1, "time": 1, "force": 3}
-# Largest ratio of two lengths of a body. Gmsh finds no mesh for more slender bodies.
-MAX_ASPECT_RATIO = 1e5
-# Largest ratio of two lengths of a scene. A shorter length would be lost in rounding.
-MAX_LENGTH_RATIO = 1e15
 
 # Key, absolute value and dimension of a number of a scene.
 SceneNumber = tuple[str, float, Unit]
@@ -40,9 +33,13 @@ def limit_errors(sections: Mapping[str, Any]) -> list[ConfigError]:
         (size, key) for key, size, unit in numbers if unit == LENGTH and not key.startswith("mesh.")
     ]
     body = [(size, key) for size, key in lengths if key.startswith("body.")]
+    # Largest ratio of two lengths of a body. Gmsh finds no mesh for more slender bodies.
+    max_aspect_ratio = 1e5
+    # Largest ratio of two lengths of a scene. A shorter length would be lost in rounding.
+    max_length_ratio = 1e15
     return [
-        *_ratio_errors(lengths, MAX_LENGTH_RATIO, "lengths of one scene"),
-        *_ratio_errors(body, MAX_ASPECT_RATIO, "lengths of a body"),
+        *_ratio_errors(lengths, max_length_ratio, "lengths of one scene"),
+        *_ratio_errors(body, max_aspect_ratio, "lengths of a body"),
     ][:1]
 
 
@@ -98,7 +95,10 @@ def _numbers(value: Any) -> Iterator[float]:
 
 def _size_errors(key: str, size: float, unit: Unit) -> Iterator[ConfigError]:
     """Yield the error of a number that is too large or too small."""
-    limit = LARGEST_QUANTITY ** sum(
+    # Largest length, pressure or time, and reciprocal of the smallest one. Squares of
+    # energies, which are pressure length^3, are then finite numbers.
+    largest_quantity = 1e30
+    limit = largest_quantity ** sum(
         BASE_QUANTITY_COUNT[name] * abs(power) for name, power in unit.powers.items()
     )
     if not 1 / limit <= size <= limit:

@@ -8,12 +8,6 @@ from collections.abc import Iterator
 from indent_sim.config.scene_sections import SceneSections
 from indent_sim.process.errors import ConfigError, printable
 
-# Largest length of a name of a folder [bytes]. File systems allow 255; the program appends suffixes
-# to the names of temporary folders.
-MAX_NAME_BYTES = 200
-# Largest length of a path [characters].
-MAX_PATH_LENGTH = 1000
-
 
 def directory_errors(config: SceneSections) -> Iterator[ConfigError]:
     """Yield the error of the result folder."""
@@ -48,9 +42,14 @@ def path_problem(path: str, root_name: str) -> str:
         return "may not begin with . or ~, nor any folder in it"
     if printable(path) != path or "\\" in path:
         return "contains a character that is not allowed in the name of a folder"
+    # Largest length of a name of a folder [bytes]. File systems allow 255; the program
+    # appends suffixes to the names of temporary folders.
+    max_name_bytes = 200
+    # Largest length of a path [characters].
+    max_path_length = 1000
     if (
-        any(len(os.fsencode(part)) > MAX_NAME_BYTES for part in parts)
-        or len(path) > MAX_PATH_LENGTH
+        any(len(os.fsencode(part)) > max_name_bytes for part in parts)
+        or len(path) > max_path_length
     ):
         return "is too long"
     return ""

@@ -70,7 +70,8 @@ class MeshSettings:
 class SolverSettings:
     """Solution of the equations.
 
-    PETSc's own options are [the environment's](how_do_i.md#tune-petsc).
+    Options of PETSc come from the environment variable
+    [PETSC_OPTIONS](how_do_i.md#tune-petsc).
     """
 
     method: Literal["auto", "theory", "condensed", "newton"] = "auto"

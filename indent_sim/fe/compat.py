@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import itertools
 import platform
+import sys
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -51,6 +53,8 @@ if DOLFINX_VERSION >= (0, 8):
 # UFL sorts the constants of a sum or product by their numbers as text; 10 then precedes 9. If all
 # numbers have the same number of digits, the order is that of their creation, whatever the process
 # has created before. Each kernel is then compiled only once, and all runs are bit-equal.
+# dolfinx.fem.Constant cannot be given a number; https://github.com/FEniCS/dolfinx/issues/2074 is
+# about the same dependence on the order of creation.
 FIRST_CONSTANT_NUMBER = 10**9
 if hasattr(ufl.Constant, "_globalcount"):
     ufl.Constant._globalcount = FIRST_CONSTANT_NUMBER
@@ -58,15 +62,23 @@ else:
     ufl.Constant._counter = itertools.count(FIRST_CONSTANT_NUMBER)
 
 
-def read_settings() -> Path:
-    """Make dolfinx and FFCx read their settings files, and return the folder of kernels.
+@cache
+def kernel_folder() -> Path:
+    """Folder of the program's compiled kernels, below that of dolfinx; one per version of Python.
 
-    Each of them reads its file only once.
+    The first call reads the settings of dolfinx and FFCx.
     """
-    name = "options" if DOLFINX_VERSION >= (0, 7) else "parameters"
-    options = getattr(dolfinx.jit, f"get_{name}")()
+    name = "options" if DOLFINX_VERSION >= (0, 6) else "parameters"
+    settings = getattr(dolfinx.jit, f"get_{name}")()
     getattr(import_module(f"ffcx.{name}"), f"get_{name}")()
-    return Path(str(options["cache_dir"])).expanduser()
+    folder = f"indent-sim-{sys.implementation.cache_tag}"
+    return Path(str(settings["cache_dir"])).expanduser() / folder
+
+
+def jit_options() -> dict[str, dict[str, str]]:
+    """Keyword argument by which dolfinx compiles a kernel into the folder of the program."""
+    keyword = "jit_options" if DOLFINX_VERSION >= (0, 6) else "jit_params"
+    return {keyword: {"cache_dir": str(kernel_folder())}}
 
 
 def lagrange_element(dim: int, order: int, components: int = 1) -> Element:
@@ -109,11 +121,11 @@ def mixed_element(*elements: Element) -> Element:
 
 def function_space(mesh: Mesh, element: Element) -> fem.FunctionSpace:
     """Function space of an element on a mesh."""
-    return (
-        fem.functionspace(mesh, element)
-        if DOLFINX_VERSION >= (0, 7)
-        else fem.FunctionSpace(mesh, element)
-    )
+    if DOLFINX_VERSION >= (0, 10):
+        return fem.functionspace(mesh, element)
+    if DOLFINX_VERSION >= (0, 7):
+        return fem.functionspace(mesh, element, **jit_options())
+    return fem.FunctionSpace(mesh, element, **jit_options())
 
 
 def _coordinate_element(dim: int, order: int) -> Element:
@@ -145,9 +157,7 @@ def create_mesh(comm: MPI.Comm, cells: np.ndarray, points: np.ndarray, dim: int)
     domain = ufl.Mesh(_coordinate_element(dim, 1 if cells.shape[1] == dim + 1 else 2))
     ghosts = dolfinx.mesh.GhostMode.none
     if DOLFINX_VERSION < (0, 6):
-        # An array would be tried first and formatted into an error message, which takes 0.02 s
-        table = dolfinx.cpp.graph.AdjacencyList_int64(np.asarray(cells, dtype=np.int64))
-        return dolfinx.mesh.create_mesh(comm, table, points, domain, ghost_mode=ghosts)
+        return dolfinx.mesh.create_mesh(comm, cells, points, domain, ghost_mode=ghosts)
     partitioner = dolfinx.mesh.create_cell_partitioner(ghosts)
     arguments = (domain, points) if DOLFINX_VERSION >= (0, 10) else (points, domain)
     return dolfinx.mesh.create_mesh(comm, cells, *arguments, partitioner=partitioner)
@@ -155,9 +165,6 @@ def create_mesh(comm: MPI.Comm, cells: np.ndarray, points: np.ndarray, dim: int)
 
 def zero_bc(dofs: np.ndarray, space: fem.FunctionSpace) -> fem.DirichletBC:
     """Dirichlet condition that dofs of a space are zero."""
-    if DOLFINX_VERSION < (0, 6):
-        # A Python space would be tried first, and all dofs formatted into an error message (0.01 s)
-        space = space._cpp_object
     return fem.dirichletbc(PETSc.ScalarType(0), dofs.astype(np.int32), space)
 
 
@@ -272,6 +279,7 @@ def interpolation_matrix(coarse: fem.FunctionSpace, fine: fem.FunctionSpace) -> 
     if DOLFINX_VERSION >= (0, 8):
         matrix = fem_petsc.interpolation_matrix(coarse, fine)
     else:
+        # https://github.com/FEniCS/dolfinx/issues/3022 asked for a function without private names.
         matrix = dolfinx.cpp.fem.petsc.interpolation_matrix(coarse._cpp_object, fine._cpp_object)
     matrix.assemble()
     return matrix

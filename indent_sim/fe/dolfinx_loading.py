@@ -14,9 +14,7 @@ import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from importlib import metadata
 from pathlib import Path
-from types import ModuleType
 
 from indent_sim.process.errors import BackendError
 
@@ -43,33 +41,15 @@ def load_dolfinx() -> Path:
 
         # The signal handler of PETSc would end the program with exit code 59
         petsc4py.init(["indent-sim", "-skip_petscrc", "-no_signal_handler"])
-        with _change_to_root_folder(), _replace_pkg_resources():
+        with _change_to_root_folder():
             from indent_sim.fe import compat
 
-            return compat.read_settings()
+            return compat.kernel_folder()
     finally:
         sys.argv = arguments
         if threading.current_thread() is threading.main_thread():
             # PETSc would end a run whose output is no longer read
             signal.signal(signal.SIGPIPE, sigpipe_handler)
-
-
-@contextmanager
-def _replace_pkg_resources() -> Iterator[None]:
-    """Provide a substitute of pkg_resources, which UFL and FFCx 0.5 ask for their versions.
-
-    Importing pkg_resources itself would take a tenth of the time of all imports.
-    """
-    if "pkg_resources" in sys.modules:
-        yield
-        return
-    stand_in = ModuleType("pkg_resources")
-    stand_in.get_distribution = metadata.distribution  # type: ignore[attr-defined]
-    sys.modules["pkg_resources"] = stand_in
-    try:
-        yield
-    finally:
-        del sys.modules["pkg_resources"]
 
 
 @contextmanager
@@ -135,7 +115,7 @@ def _is_writable(folder: Path) -> bool:
 
 
 def _is_searchable(folder: Path) -> bool:
-    """Whether a file in the folder can be looked up; the file and the folder need not exist."""
+    """Return whether a path in the folder can be looked up; it need not exist."""
     try:
         (folder / "ffcx").stat()
     except OSError as error:

@@ -8,6 +8,7 @@ from dolfinx.mesh import Mesh
 from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
+from indent_sim.fe.kernel_cache import compile_expression
 from indent_sim.fe.shape_functions import barycentric
 
 
@@ -76,7 +77,7 @@ class FacetValues:
         points_by_facet = {
             k: barycentric(points) @ np.delete(cell_corners, k, axis=0) for k in numbers
         }
-        self._compiled = {k: fem.Expression(expression, points_by_facet[k]) for k in numbers}
+        self._compiled = {k: compile_expression(expression, points_by_facet[k]) for k in numbers}
         self._size = int(np.prod(expression.ufl_shape, dtype=int))
 
     def __call__(self) -> np.ndarray:

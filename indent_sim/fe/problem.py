@@ -22,6 +22,7 @@ from petsc4py import PETSc
 
 from indent_sim.fe import compat
 from indent_sim.fe.discrete_body import Body
+from indent_sim.fe.kernel_cache import compile_form
 from indent_sim.fe.terms.term import Term
 from indent_sim.fe.terms.time_integration import Stage, sdirk2_stages
 from indent_sim.fe.unknowns import TimeLevel
@@ -75,10 +76,10 @@ class Problem:
         self.unknowns = body.unknowns
         self.x = body.x
         self.delta = body.now.delta
-        self._residual_form = fem.form(
+        self._residual_form = compile_form(
             _sum_forms(term.virtual_work(*self._time_levels(term)) for term in self.terms)
         )
-        self._energy_form = fem.form(_sum_forms(term.energy for term in self.terms))
+        self._energy_form = compile_form(_sum_forms(term.energy for term in self.terms))
         self.b = compat.create_vector(self._residual_form, body.unknowns.space)
         self.frozen = [function for term in self.terms for function in term.frozen]
         self.histories = [function for term in self.terms for function in term.history]
@@ -90,7 +91,7 @@ class Problem:
 
     @property
     def can_reuse_tangent(self) -> bool:
-        """Whether the tangent stays valid for the next step while the contact does not change.
+        """True if the tangent stays valid for the next step while the contact does not change.
 
         This is so for fluid flow in a linear body without friction.
         """
@@ -107,7 +108,9 @@ class Problem:
 
     @cached_property
     def _tangent_form(self) -> fem.Form:
-        return fem.form(_sum_forms(term.tangent(*self._time_levels(term)) for term in self.terms))
+        return compile_form(
+            _sum_forms(term.tangent(*self._time_levels(term)) for term in self.terms)
+        )
 
     def create_tangent(self) -> PETSc.Mat:
         """Create the matrix that `assemble_tangent` fills."""
@@ -148,7 +151,7 @@ class Problem:
 
     @property
     def has_membrane(self) -> bool:
-        """Whether a term has a membrane stiffness, see `set_membrane_stiffness`."""
+        """True if a term has a membrane stiffness, see `set_membrane_stiffness`."""
         return any(term.has_membrane for term in self.terms)
 
     def set_membrane_stiffness(self, stiffness: float) -> None:
@@ -246,7 +249,7 @@ class Problem:
         self.follow_modulus(state.modulus_ratio)
 
     def is_admissible(self) -> bool:
-        """Whether J > 0, and any other limit of the elastic law, holds at every quadrature point.
+        """Return whether J > 0 and all limits of the elastic law hold at every quadrature point.
 
         The energy is then finite. Residual and tangent do not show a violation: the derivative of
         ln J is finite for J < 0, too.

@@ -9,7 +9,6 @@ from petsc4py import PETSc
 from indent_sim.fe.compat import versions
 from indent_sim.fe.condensed.equilibrium import CondensedEquilibrium
 from indent_sim.fe.discrete_body import Body
-from indent_sim.fe.kernel_cache import lock_ffcx_cache, translate_compiler_errors
 from indent_sim.fe.mesh import BodyMesh, distribute
 from indent_sim.fe.path.equilibrium import Equilibrium
 from indent_sim.fe.path.load_stepping import LoadStepper
@@ -35,11 +34,9 @@ def create_equilibrium(scene: Scene, mesh: BodyMesh) -> Equilibrium:
 
     The body is condensed to its contact surface if the scene's solver is `condensed`.
     """
-    lock_ffcx_cache()
-    with translate_compiler_errors():
-        if scene.solver.method == "condensed":
-            return CondensedEquilibrium(scene, Body(scene, mesh, pressure_fields(scene)))
-        return BodyEquilibrium(Body(scene, mesh, additional_fields(scene)))
+    if scene.solver.method == "condensed":
+        return CondensedEquilibrium(scene, Body(scene, mesh, pressure_fields(scene)))
+    return BodyEquilibrium(Body(scene, mesh, additional_fields(scene)))
 
 
 def create_load_stepper(scene: Scene, mesh: BodyMesh, started: float | None = None) -> LoadStepper:

@@ -6,8 +6,7 @@ penetration, surface table) are evaluated at any points of the facets from the d
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -33,9 +32,6 @@ class Trace:
     nodes: np.ndarray
     X: np.ndarray
     dofs: np.ndarray
-    _cached: dict[tuple[str, bytes], tuple[Hashable, np.ndarray]] = field(
-        default_factory=dict, init=False, repr=False, compare=False
-    )
 
     @property
     def dim(self) -> int:
@@ -53,7 +49,7 @@ class Trace:
 
     @property
     def has_ripples(self) -> bool:
-        """Whether a multiplier oscillates at the vertices, see `interpolate_from_midpoints`."""
+        """True if a multiplier oscillates at the vertices, see `interpolate_from_midpoints`."""
         return self.dim == 3
 
     @cached_property
@@ -68,44 +64,7 @@ class Trace:
 
     def positions(self, points: np.ndarray) -> np.ndarray:
         """Undeformed positions (facets, points, dim) of points of the reference facet [length]."""
-        return self.cached_values(
-            "positions",
-            None,
-            points,
-            lambda: np.einsum("pn,fnd->fpd", shape_functions(points), self.X),
-        )
-
-    def cached_values(
-        self,
-        quantity: str,
-        dependency: Hashable,
-        points: np.ndarray,
-        compute: Callable[[], np.ndarray],
-    ) -> np.ndarray:
-        """Return a quantity at points, computed once and kept until its dependency changes.
-
-        Parameters
-        ----------
-        quantity : str
-            Name of the quantity.
-        dependency : Hashable
-            Everything, beside the facets and points, on which the quantity depends.
-        points : ndarray, (points, dim - 1)
-            Points of the reference facet.
-        compute : callable
-            Computes the quantity.
-
-        Returns
-        -------
-        ndarray
-            The quantity, read-only.
-        """
-        key = quantity, points.tobytes()
-        if key not in self._cached or self._cached[key][0] != dependency:
-            values = compute()
-            values.flags.writeable = False
-            self._cached[key] = dependency, values
-        return self._cached[key][1]
+        return self.interpolate(self.X, points)
 
     def interpolate(self, nodal: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Interpolate nodal values (facets, n, components) to (facets, points, components)."""

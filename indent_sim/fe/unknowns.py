@@ -14,6 +14,7 @@ from dolfinx import mesh as dolfinx_mesh
 from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
+from indent_sim.fe.kernel_cache import create_function_space
 from indent_sim.mesh.model_domain import Region
 
 # Polynomial order of the displacement
@@ -90,7 +91,7 @@ class Unknowns:
         elements = [
             compat.lagrange_element(self.dim, field.order, len(field.axes)) for field in fields
         ]
-        self.space = compat.function_space(
+        self.space = create_function_space(
             mesh, elements[0] if len(elements) == 1 else compat.mixed_element(*elements)
         )
         self.solution = fem.Function(self.space)

@@ -1,1 +1,1 @@
-"""Parameter estimation: a scene fitted to measured curves gives parameters with intervals."""
+"""Parameter estimation, the inverse problem: parameters of a scene from measured curves."""

@@ -65,11 +65,6 @@ from indent_sim.results.pictures.axes import scaled_axis
 from indent_sim.results.reader import Results
 from indent_sim.run.solvers.elastic_curve import half_space_modulus
 
-CONTACT_RISE_FRACTION = 0.02  # contact begins before this fraction of the rise of the force
-# Depths behind a spring that change by less than so many medians of the change between samples are
-# noise.
-NOISE_MEDIANS = 4.0
-HOLD_DEPTH_FRACTION = 0.01  # a hold begins at the latest this fraction of the range below the end
 # The load path is computed again if the contact point has moved by more than this fraction of the
 # depth; a diffusivity changes by the same fraction.
 SAME_PATH_TOLERANCE = 0.002
@@ -81,7 +76,6 @@ MIN_DEPTH_FRACTION = 0.05  # least depth on a soft spring, as a fraction of the 
 DEPTH_BLOCK_MEANS = 200
 HERTZ_POINTS = 200
 R_VARIATION = 0.05  # relative variation of R for the derivative d ln F / d ln R
-STEEP_BASELINE = 0.5  # a baseline that rises by more of the force is probably contact
 IN_CONTACT_HINT = (
     "if the curve begins in contact it has no baseline and the modulus is wrong; fix what is "
     "known by --no-slope or --contact-point"
@@ -250,12 +244,17 @@ def _fit_along_path(
     assert samples.t is not None
     compliance = config.experiment.compliance if config.experiment else 0.0
     force = samples.force - baseline_level(samples)
+    # Depths behind a spring that change by less than so many medians of the change between
+    # samples are noise.
+    noise_medians = 4.0
     # Behind a spring the depths contain the noise of the force.
-    depth_noise = NOISE_MEDIANS * compliance * float(np.median(np.abs(np.diff(force))))
+    depth_noise = noise_medians * compliance * float(np.median(np.abs(np.diff(force))))
     depth = samples.x - compliance * force
+    # A hold begins at the latest this fraction of the range below the end.
+    hold_depth_fraction = 0.01
     approach = samples.select(
         np.arange(len(samples))
-        <= int(np.argmax(depth > depth.max() - HOLD_DEPTH_FRACTION * np.ptp(depth)))
+        <= int(np.argmax(depth > depth.max() - hold_depth_fraction * np.ptp(depth)))
     )
     contact_point = _elastic_contact_point(config, request, approach, tables)
     estimate = None
@@ -365,7 +364,9 @@ def _max_contact_depth(samples: Samples, config: Config) -> float:
     baseline = baseline_level(block_means)
     peak = int(np.argmax(force))
     rise = float(force[peak]) - baseline
-    below_contact = np.flatnonzero(force[: peak + 1] < baseline + CONTACT_RISE_FRACTION * rise)
+    # Contact begins before this fraction of the rise of the force.
+    contact_rise_fraction = 0.02
+    below_contact = np.flatnonzero(force[: peak + 1] < baseline + contact_rise_fraction * rise)
     contact_depth = float(samples.x.max() - x[below_contact[-1] if len(below_contact) else 0])
     compliance = config.experiment.compliance if config.experiment else 0.0
     return max(contact_depth - compliance * rise, MIN_DEPTH_FRACTION * contact_depth)
@@ -588,7 +589,9 @@ def _warnings(assessment: ModelAssessment) -> list[str]:
         for k, parameter in enumerate(parameters)
         if estimate.is_at_bound(k)
     ]
-    if estimate.p[-1] > STEEP_BASELINE * estimate.max_force:
+    # A baseline that rises by more of the force is probably contact.
+    steep_baseline = 0.5
+    if estimate.p[-1] > steep_baseline * estimate.max_force:
         messages.append(
             f"the baseline rises by {100 * estimate.p[-1] / estimate.max_force:.0f} % of the "
             f"force: {IN_CONTACT_HINT}"

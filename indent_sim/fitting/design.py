@@ -53,12 +53,9 @@ from indent_sim.run.planned_run import PlannedRun
 BASELINE_DEPTHS = 1.0  # length of the baseline of a designed curve, in indentation depths
 # Lengths of the baseline that are compared, in depths; a fit uses no more than the last.
 COMPARED_BASELINES = (0.1, 0.2, 0.3, 0.5, 0.75, 1.0, MAX_BASELINE_DEPTHS)
-# A baseline is sufficient if no standard deviation is larger than with the longest by this factor.
-BASELINE_TOLERANCE = 1.05
 # The baseline before a jump has the speed of an approach that takes this fraction of the history.
 MIN_APPROACH_FRACTION = 0.25
 RADIUS_KEYS = ("indenter.R", "indenter.radius")
-REPORTED_WIDTH_RATIO = 2.0  # ratios of interval widths above this one are reported
 
 
 @dataclass(frozen=True)
@@ -72,7 +69,7 @@ class DesignImprovement:
 
 @dataclass(frozen=True)
 class Design:
-    """What a measurement would tell about the parameters of a scene.
+    """Expected intervals of the parameters of a scene by a planned measurement.
 
     parameters: 95 % intervals; tied: ratio of each interval's width to its width with the other
     parameters known; helps: changes of the experiment with their intervals; baseline: length in
@@ -115,8 +112,10 @@ class Design:
             f"{format_interval(key, self.config, interval)}."
             for key, interval in self.parameters.items()
         ]
+        # Ratios of interval widths above this one are reported.
+        reported_width_ratio = 2.0
         wide_ratios = [
-            (key, ratio) for key, ratio in self.tied.items() if ratio > REPORTED_WIDTH_RATIO
+            (key, ratio) for key, ratio in self.tied.items() if ratio > reported_width_ratio
         ]
         sentences += [
             f"If the other parameters were known, the interval of {key} would be {ratio:.2g} times "
@@ -393,8 +392,11 @@ def _sufficient_baseline(
         return estimate.sd[: estimate.model.coordinate_count]
 
     best_deviations = deviations(COMPARED_BASELINES[-1])
+    # A baseline is sufficient if no standard deviation is larger than with the longest by
+    # this factor.
+    baseline_tolerance = 1.05
     return next(
         candidate
         for candidate in COMPARED_BASELINES
-        if np.all(deviations(candidate) <= BASELINE_TOLERANCE * best_deviations)
+        if np.all(deviations(candidate) <= baseline_tolerance * best_deviations)
     )

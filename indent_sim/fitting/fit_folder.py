@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import chain, count
 from multiprocessing import connection
 from pathlib import Path
@@ -27,8 +28,8 @@ from indent_sim.fitting.curve_fit import (
 )
 from indent_sim.fitting.forward_model.forward_model import ForwardModelCache
 from indent_sim.fitting.forward_model.parameters import number_at
+from indent_sim.process.child_process import ChildProcess, ProcessCrash
 from indent_sim.process.errors import BackendError, ConfigError, NotConverged, UsageError
-from indent_sim.process.forked_process import ForkedProcess, ProcessCrash
 from indent_sim.process.limits import write_error
 from indent_sim.process.version import VERSION
 from indent_sim.results import result_files
@@ -44,7 +45,6 @@ FIT_PICTURE = "fit.png"
 CURVES_FOLDER = "curves"
 PICTURES = "pictures"
 FIT_FILES = (FIT, FIT_TABLE, FIT_PICTURE, CURVES_FOLDER, PICTURES)
-SAVE_INTERVAL = 2.0  # s between two writings of fit.json while curves are fitted
 ReportLine = Callable[[str], None]
 Entry = dict[str, Any]
 
@@ -178,7 +178,9 @@ class _Writer:
     def add_entry(self, entry: Entry) -> None:
         """Add an entry, and write the files if the last writing is some seconds ago."""
         self.entries.append(entry)
-        if time.monotonic() - self._write_time > SAVE_INTERVAL:
+        # Time [s] between two writings of fit.json while curves are fitted.
+        save_interval = 2.0
+        if time.monotonic() - self._write_time > save_interval:
             self.write("running")
 
     def write(self, status: str) -> None:
@@ -336,27 +338,21 @@ def _make_task(
 
 def _run_tasks(tasks: Iterator[Any], request: FitRequest, jobs: int) -> Iterator[Entry]:
     """Yield the entries of all tasks; curves rejected while reading are entries already."""
-    tables = ForwardModelCache()
-
-    def run_task(task: _FitTask) -> Entry:
-        return _fit_and_write(task, request, tables)
-
-    if jobs == 1:
-        for task in tasks:
-            yield run_task(task) if isinstance(task, _FitTask) else task
+    if jobs > 1:
+        yield from _run_in_processes(tasks, request, jobs)
         return
-    yield from _run_in_processes(tasks, run_task, jobs)
+    tables = ForwardModelCache()
+    for task in tasks:
+        yield _fit_and_write(task, request, tables) if isinstance(task, _FitTask) else task
 
 
-def _run_in_processes(
-    tasks: Iterator[Any], run_task: Callable[[_FitTask], Entry], jobs: int
-) -> Iterator[Entry]:
+def _run_in_processes(tasks: Iterator[Any], request: FitRequest, jobs: int) -> Iterator[Entry]:
     """Yield the entries of tasks that run in parallel, each as soon as it has ended."""
     with ExitStack() as stack:
-        idle = [ForkedProcess(run_task, lambda: None, uses_mpi=True) for _ in range(jobs)]
+        idle = [ChildProcess(__name__) for _ in range(jobs)]
         for process in idle:
             stack.callback(process.stop)
-        busy: dict[ForkedProcess, tuple[Callable[[], Any], _FitTask]] = {}
+        busy: dict[ChildProcess, tuple[Callable[[], Any], _FitTask]] = {}
         for task in tasks:
             if not isinstance(task, _FitTask):
                 yield task
@@ -366,13 +362,24 @@ def _run_in_processes(
                     idle.append(process)
                     yield _collect_entry(*busy.pop(process))
             process = idle.pop()
-            busy[process] = process.begin_call(task), task
+            busy[process] = process.begin_call(_fit_in_child, task, request), task
         while busy:
             for process in _ready_processes(busy):
                 yield _collect_entry(*busy.pop(process))
 
 
-def _ready_processes(busy: Mapping[ForkedProcess, Any]) -> list[ForkedProcess]:
+def _fit_in_child(task: _FitTask, request: FitRequest) -> Entry:
+    """Fit one curve in a child process, which keeps its forward models for later curves."""
+    return _fit_and_write(task, request, _forward_models())
+
+
+@cache
+def _forward_models() -> ForwardModelCache:
+    """The forward models of this process."""
+    return ForwardModelCache()
+
+
+def _ready_processes(busy: Mapping[ChildProcess, Any]) -> list[ChildProcess]:
     """Return the processes that have ended their task, at least one."""
     answered = list(map(id, connection.wait(list(busy))))  # type: ignore[arg-type]
     return [process for process in busy if id(process) in answered]

@@ -19,8 +19,6 @@ from indent_sim.results.reader import Results
 
 SIZE = (10.5, 5.2)  # inches
 INTERVALS_SIZE = (9.2, 4.8)  # inches
-SHOWN_BASELINE_DEPTHS = 1.0  # shown length of the baseline, in indentation depths
-RESIDUAL_MEANS = 40  # number of block means that are drawn over the residuals
 # Position of the first alternative model beside the depth ranges, and distance of the next ones.
 ALTERNATIVES_POSITION = 1.06
 ALTERNATIVES_SPACING = 0.03
@@ -117,7 +115,9 @@ def _draw_forces(force_axes: Axes, residual_axes: Axes, fit: CurveFit, config: C
     make_axis = _axis_factory(config)
     assert curve is not None
     depth = float(curve.delta.max())
-    is_shown = curve.delta > -SHOWN_BASELINE_DEPTHS * depth
+    # Shown length of the baseline, in indentation depths.
+    shown_baseline_depths = 1.0
+    is_shown = curve.delta > -shown_baseline_depths * depth
     delta = make_axis("length", curve.delta[is_shown], "depth δ")
     force = make_axis("force", curve.force[is_shown], "force F")
     x = delta(curve.delta[is_shown])
@@ -143,7 +143,9 @@ def _draw_forces(force_axes: Axes, residual_axes: Axes, fit: CurveFit, config: C
         100 * (curve.force - curve.fit)[is_shown] / max(float(np.abs(curve.fit).max()), 1e-300)
     )
     residual_axes.plot(x, residual, **GREY_POINTS)
-    block_size = max(1, len(residual) // RESIDUAL_MEANS)
+    # Number of block means that are drawn over the residuals.
+    residual_means = 40
+    block_size = max(1, len(residual) // residual_means)
     used_length = len(residual) // block_size * block_size
     means = (values[:used_length].reshape(-1, block_size).mean(axis=1) for values in (x, residual))
     residual_axes.plot(*means, color=INK, lw=1.0)

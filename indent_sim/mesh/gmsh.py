@@ -22,7 +22,6 @@ from indent_sim.mesh.mesher_process import Gmsh, call_in_mesher, gmsh_session
 from indent_sim.mesh.model_domain import ModelDomain
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.process.errors import MeshError
-from indent_sim.process.ranks import is_parallel
 
 # Factors of h_contact that are tried where a domain cannot be meshed, to name a remedy.
 ALTERNATIVE_SIZE_FACTORS = (1.1, 0.9)
@@ -44,56 +43,51 @@ def build_mesh(domain: ModelDomain, sizes: Sizes) -> Grid:
 def start_meshing(domain: ModelDomain, sizes: Sizes) -> Callable[[], Grid]:
     """Start to mesh a domain in the mesher process and return a function that waits for the grid.
 
-    A mesh from a file is refined without gmsh, in this process unless there are several ranks.
+    A mesh from a file is refined in this process, without gmsh.
     """
-    if not isinstance(domain, ImportedDomain):
-        return call_in_mesher(
-            "gmsh could not mesh the body", _mesh_domain, domain, sizes, terminal=1
-        )
-    if not is_parallel():
+    if isinstance(domain, ImportedDomain):
         return partial(refine_domain, domain, sizes)
-    return call_in_mesher("the mesh could not be refined", refine_domain, domain, sizes)
+    return call_in_mesher(mesh_domain, domain, sizes)
 
 
-def _mesh_domain(domain: ModelDomain, sizes: Sizes, terminal: int = 0) -> Grid:
+def mesh_domain(domain: ModelDomain, sizes: Sizes) -> Grid:
     """Mesh a domain, with smaller shifts of points where gmsh fails or leaves flat cells.
 
     The MeshError of a domain that cannot be meshed says which other sizes at the contact were tried
-    and whether they can be meshed. `terminal` is 1 where gmsh prints.
+    and whether they can be meshed.
     """
     try:
-        return _mesh_with_shifts(domain, sizes, terminal)
+        return _mesh_with_shifts(domain, sizes)
     except MeshError as failure:
         message = str(failure)
     for factor in ALTERNATIVE_SIZE_FACTORS:
-        if _can_be_meshed(domain, replace(sizes, h_contact=factor * sizes.h_contact), terminal):
+        if _can_be_meshed(domain, replace(sizes, h_contact=factor * sizes.h_contact)):
             raise MeshError(
                 f"{message}; a mesh.h_contact {factor:g} times as large was tried and can be meshed"
             )
     factors = " and ".join(f"{factor:g}" for factor in ALTERNATIVE_SIZE_FACTORS)
     raise MeshError(
-        f"{message}; a mesh.h_contact {factors} times as large was tried and cannot be meshed either"
+        f"{message}; a mesh.h_contact {factors} times as large was tried "
+        "and cannot be meshed either"
     )
 
 
-def _can_be_meshed(domain: ModelDomain, sizes: Sizes, terminal: int) -> bool:
+def _can_be_meshed(domain: ModelDomain, sizes: Sizes) -> bool:
     """Return whether a domain can be meshed with other sizes."""
     try:
-        _mesh_with_shifts(domain, sizes, terminal)
+        _mesh_with_shifts(domain, sizes)
     except MeshError:
         return False
     return True
 
 
-def _mesh_with_shifts(domain: ModelDomain, sizes: Sizes, terminal: int) -> Grid:
+def _mesh_with_shifts(domain: ModelDomain, sizes: Sizes) -> Grid:
     """Mesh a domain with the given sizes alone, with ever smaller random shifts of points."""
     failure = MeshError("gmsh left cells without volume")
     # With the factor 1, 4 of 10 meshes of a strip had flat triangles; with 0.1 none had.
     for shift_factor in (1.0, 0.1, 0.01):
         try:
-            grid = _generate_mesh(
-                domain, sizes, shift_factor * point_shift(domain, sizes), terminal
-            )
+            grid = _generate_mesh(domain, sizes, shift_factor * point_shift(domain, sizes))
         except MeshError as error:
             failure = error
             continue
@@ -107,10 +101,9 @@ def has_flat_cells(grid: Grid) -> bool:
     return bool(is_flat(grid.points, grid.cells).any())
 
 
-def _generate_mesh(domain: ModelDomain, sizes: Sizes, shift: float, terminal: int) -> Grid:
+def _generate_mesh(domain: ModelDomain, sizes: Sizes, shift: float) -> Grid:
     """Draw a domain in a gmsh session, prescribe its sizes and mesh it."""
     with gmsh_session() as gmsh:
-        gmsh.option.setNumber("General.Terminal", terminal)
         try:
             if domain.dim == 2:
                 draw_section(gmsh, domain, sizes)

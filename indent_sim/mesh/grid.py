@@ -11,10 +11,6 @@ import numpy as np
 
 from indent_sim.mesh.model_domain import ModelDomain
 
-# Volume of a cell over its longest edge^dim below which it counts as flat. Next to a split of a
-# side at 1e-8 of the body it is 1e-8.
-FLAT_CELL_VOLUME = 1e-9
-MOVED_CONTACT_RADII = 2.0  # Contact radii within which `map_grid` scales a mesh as a whole.
 # Lengths are rounded to this many digits, so that a scene in nm and in m gives the same mesh.
 LENGTH_DIGITS = 12
 ROWS_PER_CHUNK = 10**6  # Rows per chunk, whose memory is small beside that of a solver.
@@ -54,6 +50,45 @@ class Grid:
             digest.update(np.ascontiguousarray(self.cells[chunk]).tobytes())
         return digest.hexdigest()[:16]
 
+    def separate_regions(self) -> Grid:
+        """Return the same mesh with points of its own for each region where it meets others."""
+        origin, cells = split_at_interfaces(self.cells, self.regions, len(self.points))
+        return replace(self, points=self.points[origin], cells=cells)
+
+
+def split_at_interfaces(
+    cells: np.ndarray, regions: np.ndarray, point_count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Give each region points of its own where it meets others.
+
+    A point keeps its number in the first of its regions. Those of the others come after all points.
+    The result does not depend on the order of the cells.
+
+    Parameters
+    ----------
+    cells
+        Corners (m, k) of the cells, by their points.
+    regions
+        Region number (m,) of each cell.
+    point_count
+        Number of points n.
+
+    Returns
+    -------
+    origin
+        Point (n + added,) from which each point comes.
+    cells
+        Corners (m, k) of the cells, by the new points.
+    """
+    region_count = int(regions.max(initial=0)) + 1
+    corners = cells.astype(np.int64) * region_count + regions[:, None]
+    sides, side_of_corner = np.unique(corners, return_inverse=True)
+    points = sides // region_count
+    is_added = np.concatenate([[False], points[1:] == points[:-1]])
+    numbers = np.where(is_added, point_count - 1 + np.cumsum(is_added), points)
+    origin = np.concatenate([np.arange(point_count), points[is_added]])
+    return origin, numbers[side_of_corner].reshape(cells.shape)
+
 
 def map_grid(
     grid: Grid, source: ModelDomain, target: ModelDomain, radii: tuple[float, ...]
@@ -79,7 +114,9 @@ def map_grid(
     (left_end, right), (bottom, top) = source.extent
     (new_left, new_right), (new_bottom, new_top) = target.extent
     a = radii[0]
-    outer_radii = min(MOVED_CONTACT_RADII, (1 + right / a) / 2) if 0 < a < right else 0.0
+    # Contact radii within which `map_grid` scales a mesh as a whole.
+    moved_contact_radii = 2.0
+    outer_radii = min(moved_contact_radii, (1 + right / a) / 2) if 0 < a < right else 0.0
     contact_edge, new_contact_edge = (
         [outer_radii * radius] if outer_radii else [] for radius in radii
     )
@@ -182,7 +219,10 @@ def iterate_facets(
 def is_flat(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """Return which cells (m,) have no volume, as a triangle on three points of a straight side."""
     edges = points[cells[:, 1:]] - points[cells[:, :1]]
-    smallest_determinant = FLAT_CELL_VOLUME * np.abs(edges).max(axis=(1, 2)) ** points.shape[1]
+    # Volume of a cell over its longest edge^dim below which it counts as flat. Next to a
+    # split of a side at 1e-8 of the body it is 1e-8.
+    flat_cell_volume = 1e-9
+    smallest_determinant = flat_cell_volume * np.abs(edges).max(axis=(1, 2)) ** points.shape[1]
     return np.asarray(np.abs(np.linalg.det(edges)) <= smallest_determinant)
 
 

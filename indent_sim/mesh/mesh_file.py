@@ -1,7 +1,7 @@
 """Mesh files: points, cells and named groups, read by meshio.
 
 A mesh file is not trusted. It is opened for reading only, references to files outside its folder
-are not followed, and meshio reads it in a forked process with limits of time and memory that follow
+are not followed, and meshio reads it in a child process with limits of time and memory that follow
 from its length. Every failure of meshio becomes an error of the file.
 """
 
@@ -13,7 +13,6 @@ import stat
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
-from functools import partial
 from importlib import import_module
 from io import StringIO
 from itertools import accumulate
@@ -22,13 +21,12 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from indent_sim.process.child_process import ProcessCrash, call_in_child
 from indent_sim.process.errors import BackendError, ConfigError, IndentSimError, MeshFileError
 from indent_sim.process.limits import limit_resources
-from indent_sim.process.ranks import is_parallel
 
 T = TypeVar("T")
 Meshio = Any  # A mesh of meshio, which is imported only when a file is read.
-Reader = Callable[[Path], Meshio]
 READERS = {  # Module of meshio by file extension.
     ".msh": "gmsh",
     ".xdmf": "xdmf",
@@ -37,9 +35,6 @@ READERS = {  # Module of meshio by file extension.
 }
 # Largest length of files with binary arrays, of gmsh and HDF5: some ten million cells.
 MAX_MESH_BYTES = 2 * 10**9
-# Largest length of files that are parsed as text, in several times as much memory: some million
-# cells.
-MAX_TEXT_BYTES = 2 * 10**8
 # Limits of CPU time [s] and memory [bytes] for reading: a constant, and an amount per byte.
 READING_SECONDS = (10.0, 3e-6)
 READING_MEMORY = (500e6, 100.0)
@@ -51,9 +46,6 @@ VTK_EDGES = {  # Edges with midside nodes by the number of vertices, in the orde
     4: [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)],
 }
 ELSET = re.compile(r",\s*elset\s*=\s*([^,]*)", re.IGNORECASE)
-# An integer array of cell data with more values than this numbers the cells; it does not name
-# groups of them.
-MAX_LABELS = 1000
 MAX_LISTED_NAMES = 12  # Names of a file that a message lists.
 MAX_QUOTED_LETTERS = 200  # Letters of a file that a message quotes.
 # Largest coordinate in a file: volumes, which are cubes of lengths, and their inverses do not
@@ -141,7 +133,10 @@ def find_mesh_file(folder: str, file: str) -> MeshFileVersion:
         problem = f"cannot read the mesh '{file}': {getattr(error, 'strerror', None) or error}"
         remedy = "the path is relative to the folder of the scene file"
         raise ConfigError("body.file", problem, remedy) from None
-    max_bytes = MAX_MESH_BYTES if path.suffix.lower() == ".msh" else MAX_TEXT_BYTES
+    # Largest length of files that are parsed as text, in several times as much memory: some
+    # million cells.
+    max_text_bytes = 2 * 10**8
+    max_bytes = MAX_MESH_BYTES if path.suffix.lower() == ".msh" else max_text_bytes
     if status.st_size > max_bytes:
         remedy = "coarsen the mesh"
         if max_bytes != MAX_MESH_BYTES:
@@ -154,14 +149,14 @@ def find_mesh_file(folder: str, file: str) -> MeshFileVersion:
 
 
 def read_mesh_file(version: MeshFileVersion, convert: Callable[[MeshFile], T]) -> T:
-    """Read a mesh file and convert its contents, both in a forked process.
+    """Read a mesh file and convert its contents, both in a process of its own.
 
     Parameters
     ----------
     version : MeshFileVersion
         The file to read.
     convert : callable
-        Function that is called with the contents of the file in the forked process.
+        Function that is called with the contents of the file in that process; it is pickled.
 
     Returns
     -------
@@ -175,21 +170,8 @@ def read_mesh_file(version: MeshFileVersion, convert: Callable[[MeshFile], T]) -
     BackendError
         If meshio is missing or no process can be started.
     """
-    # Only bodies from mesh files need a forked process.
-    from indent_sim.process.forked_process import ProcessCrash, call_in_fork
-
     try:
-        reader = import_module(f"meshio.{READERS[version.path.suffix.lower()]}").read
-    except ImportError as import_error:
-        raise BackendError(
-            f"a body from a file needs meshio ({import_error}); run scripts/setup"
-        ) from import_error
-    try:
-        return call_in_fork(
-            partial(_read_and_convert, reader, version, convert),
-            partial(_limit_reader, version.size),
-            is_parallel(),
-        )
+        return call_in_child(_read_and_convert, version, convert)
     except (ProcessCrash, MemoryError) as failure:
         cause = (
             f"its reader {failure}" if isinstance(failure, ProcessCrash) else "it needs more memory"
@@ -267,10 +249,15 @@ def format_midpoint(corners: np.ndarray) -> str:
     return f"({', '.join(f'{x:.4g}' for x in corners.mean(axis=0))})"
 
 
-def _read_and_convert(
-    reader: Reader, version: MeshFileVersion, convert: Callable[[MeshFile], T]
-) -> T:
-    """Check and read a file, and convert its contents; it runs in the forked process."""
+def _read_and_convert(version: MeshFileVersion, convert: Callable[[MeshFile], T]) -> T:
+    """Check and read a file, and convert its contents, in a process with limited resources."""
+    try:
+        reader = import_module(f"meshio.{READERS[version.path.suffix.lower()]}").read
+    except ImportError as missing:
+        raise BackendError(
+            f"a body from a file needs meshio ({missing}); run scripts/setup"
+        ) from missing
+    _limit_reader(version.size)
     check = {
         ".xdmf": _refuse_foreign_references,
         ".inp": _refuse_ambiguous_abaqus,
@@ -470,6 +457,9 @@ def _named_groups(mesh: Meshio) -> Iterator[tuple[str, int, np.ndarray]]:
                 yield name, block, np.flatnonzero(np.asarray(tags) == tag)
     # Entities of gmsh's geometry are not named; physical groups with names have been generated.
     ignored_arrays = ("gmsh:geometrical", "gmsh:physical" if mesh.field_data else "")
+    # An integer array of cell data with more values than this numbers the cells; it does not
+    # name groups of them.
+    max_labels = 1000
     for name, blocks in mesh.cell_data.items():
         if name in ignored_arrays:
             continue
@@ -479,5 +469,5 @@ def _named_groups(mesh: Meshio) -> Iterator[tuple[str, int, np.ndarray]]:
                 labels = np.unique(values)
                 yield from (
                     (f"{name}={label}", block, np.flatnonzero(values == label))
-                    for label in labels[:MAX_LABELS]
+                    for label in labels[:max_labels]
                 )

@@ -9,7 +9,7 @@ from functools import lru_cache, partial
 import numpy as np
 
 from indent_sim.mesh.grid import Grid, is_flat, iterate_facets, row_slices, sort_and_match_rows
-from indent_sim.mesh.imported_mesh import BoundaryCells, ImportedMesh, boundary_cells_of
+from indent_sim.mesh.imported_mesh import ImportedMesh
 from indent_sim.mesh.imported_surfaces import LEVEL_TOLERANCE, find_surfaces
 from indent_sim.mesh.mesh_file import (
     CELL_KINDS,
@@ -59,13 +59,6 @@ def import_mesh(folder: str, body: MeshFromFile, material: Material | None) -> I
 def _import_cached(version: MeshFileVersion, body: MeshFromFile, regions: Regions) -> ImportedMesh:
     """Return the mesh of a version of a file, which is read once for all scenes that use it."""
     return read_mesh_file(version, partial(build_imported_mesh, body=body, regions=regions))
-
-
-def import_boundary_cells(
-    folder: str, body: MeshFromFile, material: Material | None
-) -> BoundaryCells:
-    """Import the boundary cells of a body, with a reference to its full mesh; see `import_mesh`."""
-    return boundary_cells_of(import_mesh(folder, body, material))
 
 
 def build_imported_mesh(file: MeshFile, body: MeshFromFile, regions: Regions) -> ImportedMesh:

@@ -156,11 +156,6 @@ class Region:
         return self.material.relaxed_constants(self.min_shear_fraction)
 
 
-# A tip's axis at most this far [length] from a wall is in the plane of the wall; coordinates are
-# rounded to 12 digits.
-MIRROR_DISTANCE = 1e-12
-
-
 @dataclass(frozen=True)
 class ModelDomain:
     """Part of the body that is meshed, with its boundary conditions.
@@ -332,10 +327,13 @@ class ModelDomain:
 
     def mirror_walls(self, center: Point) -> set[str]:
         """Return the walls that are mirror planes, which are rollers through the tip's axis."""
+        # A tip's axis at most this far [length] from a wall is in the plane of the wall;
+        # coordinates are rounded to 12 digits.
+        mirror_distance = 1e-12
         walls_at_axis = {
             wall
             for wall, distance in self.wall_distances(center).items()
-            if distance <= MIRROR_DISTANCE
+            if distance <= mirror_distance
         }
         return {wall for wall in walls_at_axis if self.supports.get(wall) == "roller"}
 

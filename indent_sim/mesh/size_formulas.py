@@ -70,8 +70,9 @@ def coating_formula(coating: Coating, inner_size: float, grading: float) -> str:
     """Return the element size that a coating asks for in a section as a MathEval expression."""
     number = "{:.12g}".format
     rho = f"Sqrt(x^2+(y-({number(coating.center[2])}))^2)"
-    distance = f"{_positive_part(f'({rho}-{number(coating.outer_radius)})')}+{_positive_part(f'({number(coating.inner_radius)}-{rho})')}"
-    return f"{number(inner_size)}+{number(grading)}*({distance})"
+    outside = _positive_part(f"({rho}-{number(coating.outer_radius)})")
+    inside = _positive_part(f"({number(coating.inner_radius)}-{rho})")
+    return f"{number(inner_size)}+{number(grading)}*({outside}+{inside})"
 
 
 def drained_face_formula(face: DrainedFace, axis: float, grading: float) -> str:

@@ -31,9 +31,6 @@ Friction = Annotated[float, Ge(0), Le(5)] | Literal["stick"]
 # the beginning of the increment (implicit, too stiff), not before the end (glue, too soft), or on
 # the way (mid), which lies between the other two.
 SlipReference = Literal["implicit", "glue", "mid"]
-NO_ELASTIC_CURVE = (
-    "with friction, or adhesion over a range, the load curve does not determine the history"
-)
 
 
 class _ContactLaw:
@@ -99,7 +96,11 @@ class _ContactLaw:
     @property
     def reason_no_elastic_curve(self) -> str:
         """Reason why a history cannot be computed from the elastic load curve; "" if it can."""
-        return NO_ELASTIC_CURVE if self.path_key else ""
+        if not self.path_key:
+            return ""
+        return (
+            "with friction, or adhesion over a range, the load curve does not determine the history"
+        )
 
     @property
     def reason_unsymmetric(self) -> str:

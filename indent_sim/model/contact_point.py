@@ -6,23 +6,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from indent_sim.model.algebra import Expr, macaulay, maximum, minimum, sqrt, where_less
+from indent_sim.model.measured_constants import CLOSING_EXPONENT, CLOSING_FRACTION
 
 # Components of a vector: a sequence, or the first axis of an array.
 Vector = Expr
-# Slip limit [pressure] of "stick", larger than all tractions.
-UNBOUNDED = 1e30
 # Number [pressure^2] added to |t|^2, because the root has no derivative at zero.
 TRACTION_FLOOR = 1e-30
-# A gap below this fraction of the depth increment at its beginning counts as closed from then on,
-# as under a flat punch.
-CLOSED_GAP = 1e-6
-# A point with an initial gap comes into contact after the fraction CLOSING_FRACTION
-# (gap/largest_gap)^CLOSING_EXPONENT of the increment. In self-similar contact of a paraboloid
-# without slip this fraction increases from 0 at the old edge of the contact to about 2/3 at the new
-# one; these two constants give the smallest error of the force for half-spaces and layers, with
-# stick and with Coulomb's law.
-CLOSING_FRACTION = 0.63
-CLOSING_EXPONENT = 1 / 3
 
 
 @dataclass(frozen=True)
@@ -92,7 +81,7 @@ class CoulombPoint:
 
 def friction_bound(friction: Expr, p: Expr) -> Expr:
     """Return friction p [pressure] of a pressure p >= 0; larger than all tractions for "stick"."""
-    return UNBOUNDED + 0.0 * p if isinstance(friction, str) else friction * p
+    return 1e30 + 0.0 * p if isinstance(friction, str) else friction * p
 
 
 def dissipation_on_separation(
@@ -119,9 +108,10 @@ def dissipation_on_separation(
 def is_new_contact(initial_gap: Expr, depth_increment: Expr) -> Expr:
     """Return 1 if the gap [length] was open at the beginning of an increment, else 0.
 
-    A gap below CLOSED_GAP times the depth increment [length], or below zero, counts as closed.
+    A gap below 1e-6 times the depth increment [length], or below zero, counts as closed, as under a
+    flat punch.
     """
-    return where_less(CLOSED_GAP * abs(depth_increment), initial_gap, 1.0, 0.0)
+    return where_less(1e-6 * abs(depth_increment), initial_gap, 1.0, 0.0)
 
 
 def passed_gap(initial_gap: Expr, is_new: Expr, trial_pressure: Expr, stiffness: Expr) -> Expr:

@@ -16,8 +16,6 @@ from indent_sim.model.units import (
     UnitRow,
 )
 
-MAX_BATH_POINTS = 10_000
-
 
 @dataclass(frozen=True)
 class Conductance:
@@ -64,9 +62,7 @@ class Drainage:
     tip: DrainCondition | Conductance = "sealed"
     base: DrainCondition | Conductance = "sealed"
     sides: DrainCondition | Auto = "auto"
-    bath: Annotated[float, PRESSURE] | Annotated[tuple[BathPoint, ...], Len(1, MAX_BATH_POINTS)] = (
-        0.0
-    )
+    bath: Annotated[float, PRESSURE] | Annotated[tuple[BathPoint, ...], Len(1, 10_000)] = 0.0
     bath_ramp: Annotated[float, Gt(0), TIME] | Auto = "auto"
 
     def with_time_origin(self, origin: float) -> Drainage:

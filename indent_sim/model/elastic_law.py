@@ -28,8 +28,6 @@ from indent_sim.model.units import (
 )
 
 Formulation = Literal["auto", "displacement", "mixed"]
-# Displacement elements lock from this Poisson's ratio on: see `docs/theory.md`.
-LOCKING_POISSON_RATIO = 0.45
 
 
 class Constants(NamedTuple):
@@ -151,7 +149,7 @@ class ElasticLaw(ABC):
 
     @property
     def flow_by_permeability(self) -> Flow | None:
-        """Its flow, given by the permeability; ValueError as of `Flow.canonical`."""
+        """Flow given by the permeability; raises ValueError as `Flow.canonical` does."""
         return self.flow and self.flow.canonical(self.confined_modulus)
 
     def volume_growth(self, H: Expr) -> Expr:

@@ -1,4 +1,4 @@
-"""How an indentation is measured: adhesion without range, instrument, oscillations, uncertainty."""
+"""Experiment: adhesion without range, instrument, oscillations, and calibration uncertainty."""
 
 from __future__ import annotations
 
@@ -9,8 +9,6 @@ from annotated_types import Ge, Gt, Len
 
 from indent_sim.model.relaxation import Fraction
 from indent_sim.model.units import ADHESION, Length, Scales, Unit
-
-MAX_FREQUENCIES = 10_000
 
 Work = Annotated[float, Gt(0), ADHESION]
 Frequency = Annotated[float, Gt(0), Unit("1/time")]
@@ -62,7 +60,7 @@ class Experiment:
     adhesion: JKRAdhesion | None = None
     cantilever: Cantilever | None = None
     frame: Frame | None = None
-    frequencies: Annotated[tuple[Frequency, ...], Len(1, MAX_FREQUENCIES)] | None = None
+    frequencies: Annotated[tuple[Frequency, ...], Len(1, 10_000)] | None = None
     calibration: Calibration | None = None
 
     @property

@@ -12,8 +12,6 @@ from indent_sim.model.load_path import Control, LoadPath
 
 # A history on the elastic curve has between one and two times as many rows.
 HISTORY_ROWS = 200
-# A last increment shorter than this fraction of a segment is left out.
-LEAST_STEP_FRACTION = 1e-9
 # Rows in each segment of a history on the whole body.
 ROWS_PER_SEGMENT = 20
 # A segment with a moving tip has at least `per_doubling` times as many time increments.
@@ -76,7 +74,7 @@ class History:
 
     @property
     def shortest_time_to_row(self) -> float:
-        """Shortest time from the beginning of a segment of the history to an output row in it [time].
+        """Shortest time from the beginning of a segment of the history to a row in it [time].
 
         Infinite if no `times` of rows are given: every time step is a row then.
         """
@@ -272,7 +270,8 @@ def doubling_times(
     while True:
         for _ in range(per_doubling):
             t += dt
-            if t >= span * (1 - LEAST_STEP_FRACTION):
+            # A shorter last increment is left out.
+            if t >= span * (1 - 1e-9):
                 return times
             times.append(t)
         dt = min(2 * dt, longest)

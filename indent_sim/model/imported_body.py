@@ -17,11 +17,6 @@ from indent_sim.model.units import (
     TaggedBy,
 )
 
-# A point outside a facet by less than this fraction of its size counts as on it.
-FACET_TOLERANCE = 1e-9
-# Squared edge lengths [length^2] are bounded below by this number, so that none is divided by zero.
-TINY_SQUARE = 1e-300
-
 
 @dataclass(frozen=True)
 class MeshSurfaces:
@@ -123,14 +118,16 @@ class ImportedBody:
         position = self._plan_coordinates(center)
         start = self.boundary_edges[:, 0, :-1]
         edge_vector = self.boundary_edges[:, -1, :-1] - self.boundary_edges[:, 0, :-1]
+        # The squared length of an edge is bounded below, so that none is divided by zero.
         edge_fraction = ((position - start) * edge_vector).sum(axis=1) / np.maximum(
-            (edge_vector**2).sum(axis=1), TINY_SQUARE
+            (edge_vector**2).sum(axis=1), 1e-300
         )
         nearest_points = start + np.clip(edge_fraction, 0.0, 1.0)[:, None] * edge_vector
         distance = float(np.linalg.norm(nearest_points - position, axis=1).min(initial=np.inf))
+        # A point outside a facet by rounding counts as on it.
         return (
             distance
-            if (barycentric_coordinates(self.facets, center) >= -FACET_TOLERANCE).all(axis=1).any()
+            if (barycentric_coordinates(self.facets, center) >= -1e-9).all(axis=1).any()
             else -distance
         )
 

@@ -19,7 +19,7 @@ Position = Annotated[tuple[float, ...], Len(3, 3), LENGTH]  # (x, y, z)
 
 @dataclass(frozen=True)
 class Layer:
-    """One layer of a body, bonded to its neighbours.
+    """Layer of a body, bonded to its neighbours.
 
     Without a material it has that of the body. The last layer of a half-space has no thickness, nor
     has the core of a cap or ball, whose other layers are coatings around it.

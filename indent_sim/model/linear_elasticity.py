@@ -21,8 +21,6 @@ from indent_sim.model.units import (
 
 # Rounding error of a strain energy that is 0, relative to 1.
 ENERGY_ROUNDING = 1e-14
-# Smallest Poisson's ratio of the equivalent isotropic material.
-LEAST_POISSON_RATIO = -0.99
 
 
 @dataclass(frozen=True)
@@ -113,7 +111,7 @@ class TransverselyIsotropic(ElasticLaw):
 
         It has the same indentation modulus and, with nu = (1 - d)/2, the same compressibility.
         """
-        nu = min(max((1 - self._d) / 2, LEAST_POISSON_RATIO), 0.5)
+        nu = min(max((1 - self._d) / 2, -0.99), 0.5)
         return Constants(self._indentation_modulus * (1 - nu * nu), nu)
 
     def bar_modulus(self, confined_directions: int) -> float:

@@ -19,7 +19,6 @@ ForceHistoryPoint = Annotated[tuple[float, ...], Len(2, 2), UnitRow((TIME, FORCE
 # A loading gives exactly one of these keys.
 PATH_KEYS = ("delta", "deltas", "force", "forces", "history", "force_history")
 STEPS_PER_DOUBLING = 4
-MAX_STEPS_PER_DOUBLING = 1000
 # Keys whose value is reached in equal steps.
 STEPPED_KEYS = ("delta", "force")
 
@@ -52,7 +51,7 @@ class Loading:
         None
     )
     times: Annotated[tuple[float, ...], Len(1, MAX_STEPS), TIME] | Auto = "auto"
-    per_doubling: Annotated[int, Ge(2), Le(MAX_STEPS_PER_DOUBLING)] | None = None
+    per_doubling: Annotated[int, Ge(2), Le(1000)] | None = None
 
     @property
     def given_path_keys(self) -> tuple[str, ...]:

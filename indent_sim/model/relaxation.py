@@ -12,7 +12,6 @@ from indent_sim.model.units import (
     UnitRow,
 )
 
-MAX_PRONY_TERMS = 100
 Time = Annotated[float, Gt(0), TIME]
 Fraction = Annotated[float, Ge(0), Lt(1)]
 RelaxationTerm = Annotated[tuple[float, ...], Len(2, 2), UnitRow((None, TIME))]
@@ -35,7 +34,7 @@ class Relaxation:
     keeps the bulk modulus, also at finite strain.
     """
 
-    prony: Annotated[tuple[RelaxationTerm, ...], Len(1, MAX_PRONY_TERMS)] | None = None
+    prony: Annotated[tuple[RelaxationTerm, ...], Len(1, 100)] | None = None
     power_law: PowerLaw | None = None
     of: Literal["all", "shear"] = "all"
 

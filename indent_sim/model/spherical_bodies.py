@@ -92,7 +92,7 @@ class Cap(CenteredBody):
 
     @property
     def spherical_body(self) -> SphericalBody:
-        """The same body with the radius of its ball, (base_radius^2 + height^2)/(2 height)."""
+        """Return the body with the radius of its ball, (base_radius^2 + height^2)/(2 height)."""
         height = self.apex_height
         radius = (self.base_radius**2 + height**2) / (2 * height)
         return SphericalBody(radius, height, "cap", self.base, inclusions=self.inclusions)

@@ -25,12 +25,6 @@ DEFORMATION_MODES: dict[str, tuple[float, float]] = {
     "equibiaxial": (1.0, 1.0),
     "planar": (1.0, 0.0),
 }
-# Step of the finite differences in logarithmic strain; psi is smooth, and their relative error of
-# 1e-6 does not matter.
-DIFFERENCE_STEP = 1e-3
-# Rounding error of an eigenvalue, relative to the sum of both.
-EIGENVALUE_NOISE = 1e-8
-STRAIN_POINTS = 200
 
 
 @dataclass(frozen=True)
@@ -58,7 +52,7 @@ def stability_losses(psi: Callable[[Expr, Expr, Expr], Expr], strain: float) -> 
     loss_points = []
     for mode, direction in DEFORMATION_MODES.items():
         for sign in (1.0, -1.0):
-            strains = sign * strain * np.arange(1, STRAIN_POINTS + 1) / STRAIN_POINTS
+            strains = sign * strain * np.arange(1, 201) / 200
             is_unstable = ~_is_stable(psi, strains * direction[0], strains * direction[1])
             if is_unstable.any():
                 loss_points.append(
@@ -117,10 +111,12 @@ def _is_stable(
     psi: Callable[[Expr, Expr, Expr], Expr], e1: np.ndarray, e2: np.ndarray
 ) -> np.ndarray:
     """Return whether the smallest second derivative of psi is positive; False where psi is NaN."""
+    # psi is smooth, and the relative error of the finite differences, 1e-6, does not matter.
+    step = 1e-3
 
     def energy_at(i: Expr, j: Expr) -> np.ndarray:
-        a = e1 + i * DIFFERENCE_STEP
-        b = e2 + j * DIFFERENCE_STEP
+        a = e1 + i * step
+        b = e2 + j * step
         return psi(np.exp(a), np.exp(b), np.exp(-a - b))
 
     def second_difference(i: Expr, j: Expr) -> np.ndarray:
@@ -136,7 +132,7 @@ def _is_stable(
         is_beyond_numbers = np.isposinf(
             energy_at(1, 0) + energy_at(-1, 0) + energy_at(0, 1) + energy_at(0, -1)
         )
+        # An eigenvalue has a rounding error of about 1e-8 of the sum of both.
         return is_beyond_numbers | (
-            second_difference(np.cos(direction), np.sin(direction))
-            > -EIGENVALUE_NOISE * (first + second)
+            second_difference(np.cos(direction), np.sin(direction)) > -1e-8 * (first + second)
         )

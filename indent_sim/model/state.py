@@ -95,7 +95,7 @@ class Surface:
 
 @dataclass(frozen=True)
 class State:
-    """One load increment of the whole body, converged or failed, in the units of its scene.
+    """Load increment of the whole body, converged or failed, in the units of its scene.
 
     A quantity is None if it does not apply to the scene or was not requested, and NaN if it is
     unknown.

@@ -127,6 +127,7 @@ flow.storage [1/pressure] $S$: specific storage: fluid taken up per pressure at 
 holmes_mow: permeability of pores that close under compression, ((J - phi0)/(1 - phi0))^alpha exp(M
   (J^2 - 1)/2) times that of the undeformed body
 phi0 [1] $\phi_0$: volume fraction of the solid in the undeformed body
+holmes_mow.alpha [1] $\alpha$: exponent of the porosity in the permeability
 M [1] $M$: exponential rate at which the permeability falls with the volume
 formulation: displacement alone, or mixed with a pressure for nu near 0.5
 relaxation: decay of the modulus with time; the law's own constants are the instantaneous ones
@@ -259,7 +260,7 @@ directory: result folder, below the working directory; default: results/ and the
 fields: steps whose fields are written for ParaView; last: the deepest and the last; auto: last if a
   mesh is solved, none with theory
 nodal_stress: whether the fields contain the stress at the nodes, too: the volume-weighted mean over
-  the adjacent cells of one region
+  the adjacent cells of one region; regions that meet have nodes of their own
 surface: state of the contact surface, point by point
 output.surface: steps whose contact surface is written to surface.csv; last: the deepest and the
   last

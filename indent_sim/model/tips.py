@@ -157,8 +157,8 @@ class Paraboloid(_Tip):
 class Sphere(_Tip):
     """Sphere f = r^2 / (R + sqrt(R^2 - r^2)) for r < R; no contact beyond.
 
-    `gap_current` is the distance from the whole sphere, its upper side included, but for a stem
-    that holds it.
+    With `gap: current` the gap is the distance from the whole sphere, including its upper side,
+    except for a stem within 30 degrees of the axis, which holds it.
     """
 
     R: Length
@@ -695,6 +695,16 @@ def flat_radius(tip: Indenter) -> float:
         case FlatPunch(radius=radius, edge_radius=edge_radius):
             return radius - edge_radius
     return 0.0
+
+
+def sharp_edge_radius(tip: Indenter) -> float | None:
+    """Return the radius [length] of the sharp edge at which a tip ends; None without one."""
+    match tip:
+        case FlatPunch(radius=radius, edge_radius=0.0):
+            return radius
+        case Profile(points=points):
+            return points[-1][0]
+    return None
 
 
 def gap_under_tip(tip: Indenter, gap: Expr) -> Expr:

@@ -172,6 +172,17 @@ class Scales:
         """Scale of energy."""
         return self.contacts_per_body * self.pressure * self.length**self.dim
 
+    @property
+    def report(self) -> dict[str, float]:
+        """Entry of run.json; `pieces` is the number of contacts per body."""
+        return {
+            "length": self.length,
+            "pressure": self.pressure,
+            "dim": self.dim,
+            "pieces": self.contacts_per_body,
+            "time": self.time,
+        }
+
     def control_unit(self, control: str) -> float:
         """Return the scale of the prescribed quantity of a load path, depth or force."""
         return self.depth if control == "depth" else self.force

@@ -10,7 +10,6 @@ import errno
 import math
 import os
 import resource
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -49,7 +48,7 @@ def require_resources() -> None:
         ) from error
     _require_limit("open files", "ulimit -n", resource.RLIMIT_NOFILE, MIN_OPEN_FILES)
     _require_limit("MB of memory", "ulimit -v", resource.RLIMIT_AS, MIN_ADDRESS_SPACE / 1e6, 1e6)
-    _require_tasks()
+    _require_limit("processes and threads", "ulimit -u", resource.RLIMIT_NPROC, MIN_TASKS)
     folder = Path(os.environ.get("TMPDIR") or "/tmp")
     if not folder.is_dir():
         return  # Libraries create it, or use another one.
@@ -102,31 +101,6 @@ def limit_resources(seconds: float, memory: float) -> None:
         resource.setrlimit(
             number, (int(limit) if hard == resource.RLIM_INFINITY else min(int(limit), hard), hard)
         )
-
-
-def _require_tasks() -> None:
-    """Check that enough threads can be started.
-
-    The limit is one of all processes of the user, so threads are started to find out.
-    """
-    all_started = threading.Event()
-    started: list[threading.Thread] = []
-    try:
-        for _ in range(MIN_TASKS):
-            thread = threading.Thread(target=all_started.wait)
-            thread.start()
-            started.append(thread)
-    except RuntimeError as error:
-        message = (
-            f"only {len(started)} more processes and threads can be started (ulimit -u); a run "
-            f"needs {MIN_TASKS}"
-        )
-        raise BackendError(message) from error
-    finally:
-        all_started.set()
-        # The process is forked later, which does not copy threads.
-        for thread in started:
-            thread.join()
 
 
 def write_error(target: object, error: OSError) -> IndentSimError:

@@ -13,6 +13,18 @@ from typing import Any, TypeVar
 # MPI is initialized.
 RANK_COUNT_VARIABLES = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MPI_LOCALNRANKS")
 RANK_VARIABLES = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK", "MPI_LOCALRANKID")
+# Prefixes of all variables by which mpirun and srun address their processes. A child process must
+# not register with the launcher, which would abort the whole job when the process is stopped.
+LAUNCHER_PREFIXES = (
+    "SLURM_",
+    "PMI_",
+    "PMIX_",
+    "PRTE_MCA_ess",
+    "OMPI_COMM_",
+    "OMPI_UNIVERSE_",
+    "OMPI_MCA_orte_",
+    "OMPI_MCA_ess",
+)
 # A rank that has failed waits so long for the others [s].
 RANK_TIMEOUT = 10.0
 T = TypeVar("T")
@@ -87,6 +99,13 @@ def is_parallel() -> bool:
 def is_root() -> bool:
     """True if this process was started as rank 0, or without a launcher."""
     return all(os.environ.get(name, "0") in ("", "0") for name in RANK_VARIABLES)
+
+
+def environment_without_launcher() -> dict[str, str]:
+    """Environment of a child process that is not a rank."""
+    return {
+        name: value for name, value in os.environ.items() if not name.startswith(LAUNCHER_PREFIXES)
+    }
 
 
 def run_on_root(comm: Any, action: Callable[..., T], *args: Any) -> T | None:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import ctypes
-import os
 import signal
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
@@ -89,7 +87,7 @@ def raise_on_signals(rank: int = 0) -> Iterator[None]:
             old_hook(unraisable)
 
     _raised_signals.clear()
-    # Python cannot raise exceptions that occur while a process forks, or in a __del__.
+    # Python cannot raise an exception that occurs in a __del__.
     old_hook = sys.unraisablehook
     sys.unraisablehook = report_unraisable
     handler: Any = interrupt if rank == 0 else signal.SIG_IGN
@@ -110,16 +108,6 @@ def raise_on_signals(rank: int = 0) -> Iterator[None]:
         sys.unraisablehook = old_hook
         for number, old_handler in old_handlers.items():
             signal.signal(number, old_handler)
-
-
-def die_with_parent(parent: int) -> None:
-    """Let Linux kill this forked process when its parent ends, which would read its answers."""
-    pr_set_pdeathsig = 1  # value of PR_SET_PDEATHSIG in linux/prctl.h
-    with suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
-    # The parent may have ended before.
-    if os.getppid() != parent:
-        signal.raise_signal(signal.SIGKILL)
 
 
 @contextmanager

@@ -1,8 +1,7 @@
-"""Time and memory used by this process and its forked processes, and memory of the machine."""
+"""Time and memory used by this process and its child processes, and memory of the machine."""
 
 from __future__ import annotations
 
-import ctypes
 import os
 import resource
 import time
@@ -14,14 +13,14 @@ from pathlib import Path
 
 @dataclass
 class ChildUsage:
-    """CPU time and memory that forked processes used for this process.
+    """CPU time and memory that child processes used for calls of this process.
 
     Attributes
     ----------
     cpu
         Total CPU time [s].
     memory
-        Largest memory of a process in addition to that shared with this one [MB].
+        Largest memory of a call in addition to that of the idle process [MB].
     """
 
     cpu: float = 0.0
@@ -38,7 +37,7 @@ CHILD_USAGE = ChildUsage()
 
 
 def cpu_time() -> float:
-    """CPU time of this process so far [s], including the calls in forked processes."""
+    """CPU time of this process so far [s], including its calls in child processes."""
     return time.process_time() + CHILD_USAGE.cpu
 
 
@@ -53,15 +52,13 @@ def address_space() -> float:
 
 
 def peak_memory() -> float:
-    """Peak memory of this process [MB], plus the largest of its forked processes."""
+    """Peak memory of this process [MB], plus the largest of its child processes."""
     return _own_peak_memory() + CHILD_USAGE.memory
 
 
 def reset_peak_memory() -> None:
-    """Begin a new peak of the memory, after returning freed memory to the system."""
+    """Begin a new peak of the memory; without Linux, the old one stays."""
     CHILD_USAGE.memory = 0.0
-    with suppress(OSError, AttributeError):
-        ctypes.CDLL(None).malloc_trim(0)
     with suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")
 

@@ -1,3 +1,3 @@
 """Version of the program, written to results and printed by `--version`."""
 
-VERSION = "0.1.0"
+VERSION = "1.0.0"

@@ -54,6 +54,18 @@ def temporary_path(path: Path) -> Path:
     return path.with_name(f".{path.name}.new")
 
 
+def overwrite_in_place(path: Path, content: bytes) -> None:
+    """Overwrite a file without using space on the disk; blanks fill it up to its present length.
+
+    Raises OSError if the content is longer than the file.
+    """
+    with open(path, "r+b", buffering=0) as file:
+        size = os.fstat(file.fileno()).st_size
+        if len(content) > size:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+        file.write(content.ljust(size))
+
+
 def sync_to_disk(path: Path) -> None:
     """Wait until a file is on the disk."""
     descriptor = os.open(path, os.O_RDONLY)

@@ -14,14 +14,15 @@ from indent_sim.results.atomic_files import read_regular_file
 from indent_sim.results.tables import EXPERIMENT
 
 LARGEST_NUMBER = 1e150  # Its square is still a finite double.
-MAX_HEADER_BYTES = 10_000  # Longer first lines are not those of a table of results.
 
 
 def header_of(path: Path) -> list[str]:
     """Return the titles in the first line of a comma-separated file; empty if it cannot be read."""
     try:
         with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
-            line = file.read(MAX_HEADER_BYTES).split(b"\n")[0]
+            # Longer first lines are not those of a table of results.
+            max_header_bytes = 10_000
+            line = file.read(max_header_bytes).split(b"\n")[0]
     except OSError:
         return []
     return [name.strip() for name in line.decode("latin-1").split(",")]

@@ -4,16 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
-import re
 from collections.abc import Mapping
-from json.encoder import encode_basestring
-from types import NoneType
 from typing import Any
 
 import numpy as np
-
-ENCODER = json.JSONEncoder(allow_nan=False, ensure_ascii=False)
 
 
 def to_json(value: Any, indent: int | None = 2) -> str:
@@ -27,57 +21,25 @@ def to_json(value: Any, indent: int | None = 2) -> str:
     indent
         Spaces per level; None for one line.
     """
-    data = json_data(value)
-    text = ENCODER.encode(data) if indent is None else _indented_json(data, "\n", " " * indent)
+    text = json.dumps(json_data(value), indent=indent, allow_nan=False, ensure_ascii=False)
     # A file name that is not valid UTF-8 has lone surrogates, which UTF-8 cannot represent.
-    return re.sub("[\ud800-\udfff]", lambda surrogate: f"\\u{ord(surrogate.group()):04x}", text)
-
-
-def _indented_json(value: Any, line: str, step: str) -> str:
-    """Return JSON with a line per entry of a mapping, and per item of a list of those.
-
-    The standard library's encoder of indented text is slow, because it is written in Python.
-    """
-    kind = type(value)
-    if kind is str:
-        return encode_basestring(value)
-    if kind is float or kind is int:
-        return repr(value)
-    inner = line + step
-    if kind is dict and value:
-        parts = [
-            f"{encode_basestring(key)}: {_indented_json(part, inner, step)}"
-            for key, part in value.items()
-        ]
-        return f"{{{inner}{f',{inner}'.join(parts)}{line}}}"
-    if kind is list and any(type(part) in (dict, list) for part in value):
-        items = f",{inner}".join(_indented_json(part, inner, step) for part in value)
-        return f"[{inner}{items}{line}]"
-    return ENCODER.encode(value)
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 def json_data(value: Any) -> Any:
     """Return the value as plain numbers, texts, lists and dictionaries; None if not finite."""
-    kind = type(value)
-    if kind in (str, int, bool, NoneType):
-        return value
-    if kind is float:
-        return value if math.isfinite(value) else None
-    if kind is tuple or kind is list:
-        return [json_data(part) for part in value]
-    match value:  # Subclasses and rarer types are tried last, because isinstance is slower.
-        case Mapping():
-            return {str(key): json_data(part) for key, part in value.items()}
-        case str() | int():
-            return value
-        case np.generic() | np.ndarray():
-            return json_data(value.tolist())
-        case float():
-            return json_data(float(value))
-        case list() | tuple() | set() | frozenset():
-            return [json_data(part) for part in value]
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {
-            part.name: json_data(getattr(value, part.name)) for part in dataclasses.fields(value)
-        }
+    text = json.dumps(value, default=_plain_data)
+    return json.loads(text, parse_constant=lambda name: None)
+
+
+def _plain_data(value: Any) -> Any:
+    """Return an object that the module json does not know as one that it knows."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return dict(value)
+    if isinstance(value, set | frozenset):
+        return list(value)
+    if dataclasses.is_dataclass(value):
+        return {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
     return str(value)

@@ -41,10 +41,6 @@ from indent_sim.results.result_files import (
     refuse_links,
 )
 
-# The lock file reserves these bytes and frees them at the end of a run, so that run.json can still
-# be written on a full disk.
-RESERVED_BYTES = 64 * 1024
-
 
 class OutputFolder:
     """Exclusive right to write one result folder: a locked staging folder that becomes the target.
@@ -155,12 +151,6 @@ class OutputFolder:
                     (self.path / LOCK).unlink()
             os.close(self._lock_descriptor)
             self._lock_descriptor = -1
-
-    def free_reserved_space(self) -> None:
-        """Free the bytes reserved in the lock file, so that run.json still fits on a full disk."""
-        if self._lock_descriptor >= 0:
-            with suppress(OSError):
-                os.ftruncate(self._lock_descriptor, len(LOCK_SIGNATURE))
 
     def _make_parents(self, folder: Path) -> None:
         """Create the missing parents of the target, and check that its folder can be written."""
@@ -287,8 +277,8 @@ def _move_missing(source: Path, target: Path, names: Iterable[str]) -> None:
 
 
 def _sign_lock(descriptor: int) -> None:
-    """Write the signature into a lock file, followed by the reserved bytes."""
-    os.pwrite(descriptor, LOCK_SIGNATURE.ljust(RESERVED_BYTES, b"\0"), 0)
+    """Write the signature into a lock file, which marks its folder as one of this program."""
+    os.pwrite(descriptor, LOCK_SIGNATURE, 0)
 
 
 def _open_locked(path: Path, target: Path, flags: int = os.O_CREAT) -> int:

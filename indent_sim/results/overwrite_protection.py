@@ -26,9 +26,6 @@ COMPLETE_EXIT_CODES = (0, 6)
 # These keys change neither the numbers nor which of them are kept.
 IGNORED_KEYS = ("title", "output.directory", "output.plot")
 MAX_DIFFERENCES = 5  # A message names no more differences than these.
-NOT_GIVEN = "not given"
-
-Difference = tuple[str, str, str]  # Dotted key, old value and new value, as texts.
 
 
 def is_finished(report: Report) -> bool:
@@ -70,9 +67,7 @@ def refuse_overwrite(folder: Path, config_yaml: str, report: Report) -> None:
         return
     differences = scene_differences(folder, old_report, config_yaml, report)
     if differences:
-        difference_text = ", ".join(
-            f"{key} was {old} and is {new}" for key, old, new in differences[:MAX_DIFFERENCES]
-        )
+        difference_text = ", ".join(differences[:MAX_DIFFERENCES])
         remaining = len(differences) - MAX_DIFFERENCES
         difference_text += f", and {remaining} more" if remaining > 0 else ""
         raise UsageError(
@@ -84,8 +79,8 @@ def refuse_overwrite(folder: Path, config_yaml: str, report: Report) -> None:
 
 def scene_differences(
     folder: Path, old_report: Report, config_yaml: str, new_report: Report
-) -> list[Difference]:
-    """Return the differences between the scene of a finished run and that of a new one.
+) -> list[str]:
+    """Return the differences between the scene of a finished run and that of a new one, in words.
 
     Keys that both runs left to the program are ignored: their values may follow from another key,
     or from the program's version. Error bars count as a difference if the new run would have none.
@@ -99,8 +94,8 @@ def scene_differences(
 
     Returns
     -------
-    list of Difference
-        Dotted key, old value and new value as texts.
+    list of str
+        A clause for each difference, such as "material.E was 1.0 and is 2.0".
     """
     scene = _read_scene(folder)
     if not scene:
@@ -118,11 +113,11 @@ def scene_differences(
             key in automatic_keys or key.partition("[")[0] in automatic_keys or key in IGNORED_KEYS
         )
         if not is_ignored and old_values.get(key) != new_values.get(key):
-            differences.append((key, _value_text(old_values, key), _value_text(new_values, key)))
+            differences.append(_difference_clause(key, old_values.get(key), new_values.get(key)))
     if old_options.get("error_bars") and not (
         new_options.get("error_bars") or new_values["accuracy"]
     ):
-        differences.append(("--error-bars", "given", NOT_GIVEN))
+        differences.append("it has error bars, and --error-bars is missing now")
     return differences
 
 
@@ -162,9 +157,16 @@ def _requested_options(report: Report) -> Mapping[str, Any]:
     return options if isinstance(options, dict) else {}
 
 
-def _value_text(values: Mapping[str, Any], key: str) -> str:
-    """Return the value of a key as YAML, shortened to 60 characters."""
-    if values.get(key) is None:
-        return NOT_GIVEN
-    text = inline_yaml(values[key])
+def _difference_clause(key: str, old: Any, new: Any) -> str:
+    """Return the values of a key in two scenes as a clause; None stands for a missing key."""
+    if old is None:
+        return f"{key} was missing and is {_value_text(new)}"
+    if new is None:
+        return f"{key} was {_value_text(old)} and is missing now"
+    return f"{key} was {_value_text(old)} and is {_value_text(new)}"
+
+
+def _value_text(value: Any) -> str:
+    """Return a value as YAML, shortened to 60 characters."""
+    text = inline_yaml(value)
     return text if len(text) <= 60 else f"{text[:57]}..."

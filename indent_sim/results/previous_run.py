@@ -21,8 +21,6 @@ from indent_sim.results.report_schema import checked_report
 from indent_sim.results.result_files import CONFIG, REPORT, TABLE, KeptStates, Report, has_rows
 from indent_sim.results.tables import SURFACE, parse_state
 
-SAME_DEPTH_RTOL = 1e-9  # Depths within this relative tolerance are the same.
-
 
 @dataclass(frozen=True)
 class PreviousRun:
@@ -66,8 +64,10 @@ class PreviousRun:
         problems = []
         if len(self.states) > steps:
             problems.append(f" has {len(self.states)} rows, but the scene has {steps} steps")
+        # Depths within this relative tolerance are the same.
+        same_depth_rtol = 1e-9
         for state, delta in zip(self.states, deltas or (), strict=False):
-            if not math.isclose(state.delta, delta, rel_tol=SAME_DEPTH_RTOL, abs_tol=0):
+            if not math.isclose(state.delta, delta, rel_tol=same_depth_rtol, abs_tol=0):
                 problems.append(f": row {state.step} is not at the scene's depth")
         if problems:
             raise UsageError(f"{table}{problems[0]}: it is damaged", RUN_AGAIN_REMEDY, table)

@@ -42,7 +42,6 @@ RUN_AGAIN_REMEDY = "run its scene again without --resume, or with another --outp
 REPR_COLUMNS = ("step", "t", "delta", "force", "force_error", "a", "p_max", "branch")
 COMPARED_COLUMNS = ("delta", "force", "a")
 MEASURED = "measured"  # This entry of a report marks a measured curve.
-LARGEST_STEP_NUMBER = 1e15  # Integers below this are exact as doubles.
 # Not every run has these columns.
 OPTIONAL_COLUMNS = (
     *DERIVED_COLUMNS,
@@ -166,7 +165,9 @@ def read(path: Path | str, report: Report | None = None) -> Results:
     if "t" not in columns and not np.isfinite(columns["delta"]).all():
         raise UsageError(f"{file}: column 'delta' has a cell that is not a number", file=str(file))
     steps = columns["step"]
-    if not ((steps >= 0) & (steps < LARGEST_STEP_NUMBER) & (steps == np.floor(steps))).all():
+    # Integers below this are exact as doubles.
+    largest_step_number = 1e15
+    if not ((steps >= 0) & (steps < largest_step_number) & (steps == np.floor(steps))).all():
         raise UsageError(f"{file}: a step is not a whole number", file=str(file))
     if len(set(steps)) != len(steps):
         raise UsageError(f"{file} has two rows of the same step", file=str(file))

@@ -14,10 +14,15 @@ import numpy as np
 
 from indent_sim.model.state import DERIVED_COLUMNS, STATE_COLUMNS, State, Surface
 from indent_sim.process.errors import NotConverged
+from indent_sim.process.limits import DISK_FULL_ERRORS
 from indent_sim.process.signals import defer_signals
 from indent_sim.process.version import VERSION
 from indent_sim.results import atomic_files, checkpoint, output_folder, result_files, tables
-from indent_sim.results.atomic_files import append_atomically, write_atomically
+from indent_sim.results.atomic_files import (
+    append_atomically,
+    overwrite_in_place,
+    write_atomically,
+)
 from indent_sim.results.checkpoint import CHECKPOINT, Checkpoint
 from indent_sim.results.field_arrays import ARRAYS, OPTIONAL_ARRAYS
 from indent_sim.results.field_writer import FieldWriter
@@ -301,7 +306,6 @@ class ResultFolder:
                 ):
                     self._output.abandon()
                     return
-                self._output.free_reserved_space()
                 if is_done:
                     (self.path / CHECKPOINT).unlink(missing_ok=True)
                 with self._convert_write_errors() if error is None else suppress(OSError):
@@ -332,7 +336,15 @@ class ResultFolder:
         ended = {} if self._status["status"] == "running" else {"finished": _utc_time()}
         identity = {"program": PROGRAM, "version": VERSION, **self._status, "rows": self.rows}
         report = {**identity, "started": self._started, **ended, **self.report}
-        write_atomically(self.path / REPORT, to_json(report) + "\n", self._next_write_syncs)
+        try:
+            write_atomically(self.path / REPORT, to_json(report) + "\n", self._next_write_syncs)
+        except OSError as error:
+            if error.errno not in DISK_FULL_ERRORS or self._status["status"] in ("running", "done"):
+                raise
+            # A full disk has no space for a second file. The last report on one line, with the end
+            # of the run, is shorter than the file.
+            last_report = read_report(self.path) | identity | ended
+            overwrite_in_place(self.path / REPORT, to_json(last_report, indent=None).encode())
 
     def _write_surface(self, state: State, surface: Surface) -> None:
         """Write the surface of every state, or of the deepest and the last one."""

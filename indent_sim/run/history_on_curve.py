@@ -49,8 +49,6 @@ EDGE_SHIFT = {"displacement": 0.16, "mixed": 0.06}
 MIN_PULL_OFF_ERROR = 0.002
 RADIUS_VARIATION = 0.05  # relative change of the tip's radius for the exponent of the force
 DIMENSIONAL_PARTS = ("adhesion", "cantilever")  # parts of run.json whose numbers have units
-# Shorter times of a power law, relative to the history, have no effect in time stepping.
-MIN_TIME_FRACTION = 1e-3
 
 
 @dataclass(frozen=True)
@@ -428,8 +426,11 @@ class _HistoryEvaluation:
                 max(values), remaining_modulus_fraction(self.scene.relaxation, history)
             )
         )
+        # Shorter times of a power law, relative to the history, have no effect in time
+        # stepping.
+        min_time_fraction = 1e-3
         modulus = self.modulus.prony_series(
-            MIN_TIME_FRACTION * history.duration / len(times), history.duration
+            min_time_fraction * history.duration / len(times), history.duration
         )
         stepper = ViscoelasticTimeStepper(
             surface, modulus, self.compliance, self.has_prescribed_forces

@@ -69,7 +69,6 @@ from indent_sim.scene.resolution import target_error
 from indent_sim.scene.scene import Mesher, Scene, resolve, start_mesher
 
 Floats = Sequence[float]
-LOG_INTERVAL = 30.0  # seconds between progress messages of an auxiliary run
 log = logging.getLogger("indent_sim")
 
 
@@ -354,7 +353,7 @@ class SimulationDriver:
         planned = {
             "choices": list(plan.choices),
             "prediction": prediction,
-            "scales": physics.scales,
+            "scales": physics.scales.report,
             "auto": auto,
         }
         if plan.time and physics.path.times:
@@ -435,9 +434,11 @@ class SimulationDriver:
         def solve_all() -> list[State]:
             solved = []
             last_log = time.monotonic()
+            # Seconds between progress messages of an auxiliary run.
+            log_interval = 30.0
             for state in states(elastic_scene, self.comm, with_surface=False):
                 solved.append(state)
-                if (now := time.monotonic()) - last_log > LOG_INTERVAL:
+                if (now := time.monotonic()) - last_log > log_interval:
                     log.info("auxiliary run of the error estimate: step %d/%d", len(solved), total)
                     last_log = now
             return solved

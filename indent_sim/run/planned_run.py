@@ -118,13 +118,12 @@ def collect_scene_errors(first: ConfigError, config: Config) -> ConfigError:
 
 
 def start_mesher_if_needed(read: Callable[[], Config]) -> bool:
-    """Fork the meshing process, before MPI is initialised, unless theory solves the scene.
-
-    Returns whether it was started.
-    """
+    """Start the mesher process if gmsh meshes the scene; return False if theory solves it."""
     # Errors of the config are reported later, by all ranks.
     with suppress(IndentSimError):
-        if not needs_mesh(read()):
+        config = read()
+        if not needs_mesh(config):
             return False
-    start_mesher()
+        if not isinstance(config.body, MeshFromFile):
+            start_mesher()
     return True

@@ -53,19 +53,10 @@ MAX_OVERLAP = (0.1, 0.5)
 # next facets, 0.4 % at 8e-3, 4 % at 6e-2, 20 % at 0.2, measured (axisymmetric and plane; both
 # gaps). The penetration is 0 where the contact surface is large enough.
 MAX_OUTSIDE_PENETRATION = 1e-3
-# A penalty lets the tip penetrate somewhat more between its quadrature points than at them.
-PENETRATION_FACTOR = 2.0
 # Largest ratio of the force and that of theory: for the same problem, and for a half-space at small
 # strain in place of the body.
 SAME_PROBLEM_FACTOR = 1.5
 HALF_SPACE_FACTOR = 10.0
-# A contact up to this fraction of the height and of the lateral extent is close to a half-space's.
-HALF_SPACE_CONTACT = 0.3
-# A body higher than this many lateral extents is a pillar whose overall shortening matters.
-PILLAR_HEIGHT = 10.0
-# Up to this depth, relative to the contact radius, no elastic law stiffens by a factor.
-MAX_LINEAR_DEPTH = 0.1
-THEORY_FORCE_ERROR = 1e-4  # relative error of theory's own force
 
 
 REFINEMENT_REMEDY = (
@@ -79,15 +70,6 @@ SIDE_REMEDY = (
 
 Rule = Callable[[Scene, State, PreviousRows], "str | None"]
 Rules = tuple[Rule, ...]
-
-
-def precompute_theory_forces(scene: Scene) -> None:
-    """Let theory solve all prescribed depths at once, with which rows are compared."""
-    physics = scene.physics
-    if scene.plan.theory and physics.path.control == "depth":
-        # Rows have depths in the user's units: the conversion and back repeats their round-off.
-        scale = physics.scales.depth
-        scene.plan.theory.expect_depths([delta * scale / scale for delta in physics.deltas])
 
 
 def violated_bound(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
@@ -293,7 +275,7 @@ def _check_against_theory(scene: Scene, state: State, earlier: PreviousRows) -> 
     """The force agrees with theory: within the error bar if exact, else within a factor."""
     theory = scene.plan.theory
     scales = scene.physics.scales
-    solution = theory.solution_at_depth(state.delta / scales.depth) if theory else None
+    solution = scene.theory_solution(state.delta / scales.depth)
     if theory is None or solution is None or solution.force <= 0:
         return None
     expected = solution.force / scene.physics.mirror_multiplicity * scales.force
@@ -303,7 +285,9 @@ def _check_against_theory(scene: Scene, state: State, earlier: PreviousRows) -> 
         return f"{message} is {expected:.6g}"
     if not scene.exact_theory or state.force_error is None or isnan(state.force_error):
         return None
-    if abs(state.force - expected) <= state.force_error + THEORY_FORCE_ERROR * expected:
+    # Relative error of theory's own force.
+    theory_force_error = 1e-4
+    if abs(state.force - expected) <= state.force_error + theory_force_error * expected:
         return None
     return (
         f"{message}, exact for this body, is {expected:.6g}: outside the error bar "
@@ -375,8 +359,11 @@ def _force_noise(scene: Scene, state: State, earlier: PreviousRows) -> float:
 
 def _allowed_penetration(scene: Scene, state: State) -> float:
     """Penetration that the contact law allows [length]."""
+    # A penalty lets the tip penetrate somewhat more between its quadrature points than at
+    # them.
+    penetration_factor = 2.0
     return (
-        PENETRATION_FACTOR * state.penetration
+        penetration_factor * state.penetration
         if isinstance(scene.physics.contact, Penalty | Nitsche)
         else 0.0
     )
@@ -398,13 +385,21 @@ def _force_ratio_range(scene: Scene, theory: Solution) -> tuple[float, float]:
         return force_fraction / highest, highest
     height = scene.physics.body.height
     lateral_extent = scene.physics.body.lateral_extent(scene.physics.center)
+    # A contact up to this fraction of the height and of the lateral extent is close to a
+    # half-space's.
+    half_space_contact = 0.3
+    # A body higher than this many lateral extents is a pillar whose overall shortening
+    # matters.
+    pillar_height = 10.0
     is_half_space_like = (
-        theory.a <= HALF_SPACE_CONTACT * min(height, lateral_extent)
-        and height <= PILLAR_HEIGHT * lateral_extent
+        theory.a <= half_space_contact * min(height, lateral_extent)
+        and height <= pillar_height * lateral_extent
     )
     # Coatings bend as shells, which no half-space does.
     if scene.physics.body.inclusions or scene.physics.domain.coatings or not is_half_space_like:
         return 0.0, float("inf")
-    may_stiffen = not scene.physics.small_strain and theory.delta > MAX_LINEAR_DEPTH * theory.a
+    # Up to this depth, relative to the contact radius, no elastic law stiffens by a factor.
+    max_linear_depth = 0.1
+    may_stiffen = not scene.physics.small_strain and theory.delta > max_linear_depth * theory.a
     lowest = force_fraction / (HALF_SPACE_FACTOR * mesh_factor)
     return lowest, float("inf") if may_stiffen else HALF_SPACE_FACTOR * mesh_factor

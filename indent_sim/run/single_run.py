@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import gc
 import os
-import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -26,7 +24,7 @@ from indent_sim.run.error_estimation.error_bars import AnyErrorBars
 from indent_sim.run.explicit_config import written_fields
 from indent_sim.run.previous_rows import PreviousRows
 from indent_sim.run.run_output import RunOutput
-from indent_sim.run.sanity_checks import precompute_theory_forces, violated_bound
+from indent_sim.run.sanity_checks import violated_bound
 from indent_sim.run.solvers.hereditary_integral import HereditaryIntegralSolver
 from indent_sim.run.solvers.semi_analytic import SemiAnalyticSolver
 from indent_sim.run.summary import rounded_timings, summary
@@ -34,17 +32,9 @@ from indent_sim.scene.scene import Scene
 
 # Largest relative difference between the contact force and the reactions of the supports.
 AUDIT_TOLERANCE = 1e-8
-# Least force scale of the audit, relative to the largest force so far. A body without contact has
-# no force to compare with; Newton's method treats 1e-14 of the largest reactions as round-off
-# (fe/solve/newton.py), which adds up to at most 1e-12 of them over 1e4 nodes.
-AUDIT_FLOOR = 1e-4
 # Scale of the reactions in a body with fluid, relative to E height^2 for a swelling gel and to
 # E a^2 for a body that only drains; Newton's method measures its residual against the same scale.
 SWELLING_REACTION_SCALE = 100.0
-# Least fluid volume of the fluid audit, relative to a^2 delta: less has moved only in the first
-# moment of a step. AUDIT_TOLERANCE of it is 1e-10 of the displaced volume, and Newton's method
-# leaves 1e-10 of the reactions; a snap-through of a porous rubber leaves 2e-11.
-MIN_FLUID_FRACTION = 1e-2
 
 Progress = Callable[[State, int, int], None]
 # Called with a step that did not converge and the Newton iterations spent; returns a report of the
@@ -137,7 +127,6 @@ class SingleRun:
         self._derived_quantities = DerivedQuantities(
             scene, self._solver.equilibrium, run_output.optional_output
         )
-        precompute_theory_forces(scene)
         dofs = self._solver.equilibrium.observed_body.dofs
         versions = fe.versions()
         if grid is not None:  # only rank 0 has it, which writes
@@ -179,14 +168,8 @@ class SingleRun:
             field_metadata = {
                 f"region {k}": region.name for k, region in enumerate(scene.physics.domain.regions)
             }
-            L = scene.physics.scales.length
-            mesh_arrays = (
-                ()
-                if grid is None
-                else (grid.points * L, grid.cells, grid.regions, self._drawn_tip_geometry())
-            )
             run_output.open_fields(
-                *mesh_arrays,
+                *self._field_mesh(grid),
                 keep=self._keep_fields,
                 extra_arrays=self._fields.optional_names,
                 information=field_metadata,
@@ -198,6 +181,14 @@ class SingleRun:
             self._solver = HereditaryIntegralSolver(
                 self.scene, self._solver, self.clock.started - earlier_seconds
             )
+
+    def _field_mesh(self, grid: Any) -> tuple[Any, ...]:
+        """Mesh and tip of the field file, in the user's units; empty if the grid is None."""
+        if grid is None:
+            return ()
+        drawn = grid.separate_regions() if self.output_settings.nodal_stress else grid
+        points = drawn.points * self.scene.physics.scales.length
+        return points, drawn.cells, drawn.regions, self._drawn_tip_geometry()
 
     def _drawn_tip_geometry(self) -> TipGeometry:
         """Surface of the tip for the field file, in the user's units."""
@@ -471,8 +462,13 @@ class SingleRun:
                 * (1.0 if physics.is_swelling else (a / physics.scales.length) ** 2)
             )
         largest = max(swelling_force, self._previous_rows.largest_force, abs(state.force))
+        # Least force scale of the audit, relative to the largest force so far. A body
+        # without contact has no force to compare with; Newton's method treats 1e-14 of
+        # the largest reactions as round-off (fe/solve/newton.py), which adds up to at
+        # most 1e-12 of them over 1e4 nodes.
+        audit_floor = 1e-4
         force_scale = max(
-            abs(state.force), abs(state.reaction), AUDIT_FLOOR * largest, tensile_force
+            abs(state.force), abs(state.reaction), audit_floor * largest, tensile_force
         )
         if physics.is_swelling:
             # The supports of a gel hold its swelling, whose nodal reactions cancel in the sum and
@@ -505,7 +501,12 @@ class SingleRun:
         a = self.scene.plan.prediction["a"]
         depth = max(abs(row.delta) for row in (*self.states, state))
         moved = max(max(abs(row.outflow or 0.0), row.moved) for row in (*self.states, state))
-        largest = max(moved, MIN_FLUID_FRACTION * a ** (self.scene.physics.scales.dim - 1) * depth)
+        # Least fluid volume of the fluid audit, relative to a^2 delta: less has moved
+        # only in the first moment of a step. AUDIT_TOLERANCE of it is 1e-10 of the
+        # displaced volume, and Newton's method leaves 1e-10 of the reactions; a
+        # snap-through of a porous rubber leaves 2e-11.
+        min_fluid_fraction = 1e-2
+        largest = max(moved, min_fluid_fraction * a ** (self.scene.physics.scales.dim - 1) * depth)
         unbalanced = state.unbalanced / largest if largest > 0 else 0.0
         self._worst_audit = max(self._worst_audit, unbalanced)
         if not unbalanced <= AUDIT_TOLERANCE:
@@ -546,7 +547,6 @@ def kernel_folder() -> Path:
 
 def backend() -> Any:
     """The module `fe.solver`; BackendError if a library is missing."""
-    is_new = "indent_sim.fe.solver" not in sys.modules
     try:
         # A signal inside an import would look like a missing library.
         with defer_signals():
@@ -554,8 +554,4 @@ def backend() -> Any:
             from indent_sim.fe import solver
     except ImportError as missing:
         raise BackendError(f"{missing}; `indent-sim doctor` says what is missing") from missing
-    # Libraries stay loaded in a program of one run; freezing them shortens the garbage
-    # collection at its end.
-    if is_new and not gc.isenabled():
-        gc.freeze()
     return solver

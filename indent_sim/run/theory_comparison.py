@@ -25,9 +25,6 @@ if TYPE_CHECKING:
 FORMULA_POINTS = 50  # points of the stored curve of a formula
 
 
-THEORY_POINTS = 20  # points of the stored curve of theory
-
-
 def theory_comparison(
     scene: Scene, states: list[State], optional_output: OptionalOutput | None = None
 ) -> dict[str, Any] | None:
@@ -76,8 +73,10 @@ def theory_comparison(
         f"{name_compared}_deviation": getattr(deepest, name_compared) / numbers[name_compared] - 1
         for name_compared in (name, "a")
     }
+    # Points of the stored curve of theory.
+    theory_points = 20
     # Without a mesh the rows are the curve of theory.
-    curve = theory.contact.solutions_up_to(solution, THEORY_POINTS) if scene.is_meshed else []
+    curve = theory.contact.solutions_up_to(solution, theory_points) if scene.is_meshed else []
     friction_text = ""
     if FRICTION_WHY in scene.theory_differences:
         friction_text = " with friction" if correction else " without friction"

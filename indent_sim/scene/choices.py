@@ -9,7 +9,7 @@ from indent_sim.config.strict_yaml import key_text
 from indent_sim.mesh.imported_domain import ImportedDomain
 from indent_sim.mesh.model_domain import Region
 from indent_sim.mesh.sizes import Sizes
-from indent_sim.model.elastic_law import LOCKING_POISSON_RATIO
+from indent_sim.model.measured_constants import LOCKING_POISSON_RATIO
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.diffusion_times import DiffusionTimes, drained_face_size
 from indent_sim.scene.history_path import first_step
@@ -40,7 +40,7 @@ CORNER_WHY = (
 
 @dataclass(frozen=True)
 class Choice:
-    """One decision of the program, or of the user, with its reason."""
+    """Decision of the program, or of the user, with its reason."""
 
     key: str
     value: str | float | int
@@ -76,6 +76,19 @@ def model_choices(setup: ProblemSetup) -> Choices:
             else []
         ),
         *([Choice("pins", len(domain.pins), pinned)] if domain.pins else []),
+    ]
+
+
+def side_force_choices(physics: ProblemDefinition) -> Choices:
+    """Side forces of friction that have no column in the table of rows, each with the reason."""
+    own_wall = (
+        "the roller wall through the tip is a mirror plane, and the mirror image of the body "
+        "pushes back as much; all other forces are those on the body itself, without its image"
+    )
+    part = "it is 0: a mirror plane of body and tip is normal to it"
+    return [
+        Choice(f"side_force_{axis}", "none", own_wall if is_own_wall else part)
+        for axis, is_own_wall in physics.missing_side_forces.items()
     ]
 
 

@@ -27,8 +27,6 @@ from indent_sim.theory.roots import ForceCurve
 from indent_sim.theory.theory import Theory
 
 RADIUS_TOLERANCE = 1e-9  # Relative difference up to which radii count as equal.
-# Poisson's ratio from which the formula for bonded rubber blocks is compared with the run.
-NEARLY_INCOMPRESSIBLE = 0.49
 # Names by the number of lateral directions in which walls confine the body.
 COMPRESSION_NAMES = ("uniaxial compression", "plane-strain compression", "confined compression")
 
@@ -151,7 +149,10 @@ def _bonded_formulas(
     if isinstance(body, Box) or len(layers) > 1 or layers[0].material is None:
         return {}
     E, nu = layers[0].material.constants
-    if nu < NEARLY_INCOMPRESSIBLE:
+    # Poisson's ratio from which the formula for bonded rubber blocks is compared with the
+    # run.
+    nearly_incompressible = 0.49
+    if nu < nearly_incompressible:
         return {}
     # A block that is bonded at its base only is half of one that is bonded at both ends.
     lateral_size = body.radius if isinstance(body, Cylinder) else body.mirrored_widths(center)[0]

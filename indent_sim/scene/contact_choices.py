@@ -48,8 +48,6 @@ MIDSTEP_STICK_WHY = (
     "new contact sticks at the position where it first touches within the load increment, found in "
     "a first solution without friction for the new contact"
 )
-# Largest ratio of depth and tip radius at which a deformed body can be followed around a needle.
-MAX_NEEDLE_RATIO = 1e3
 # Largest ratio of element size and cohesive zone: with coarser elements the contact jumps from node
 # to node, as was measured.
 MAX_ELEMENT_RATIO = 1.5
@@ -77,7 +75,10 @@ def gap(settings: Contact, setup: ProblemSetup) -> tuple[str, Choice]:
     end = max_radius(setup.physics.indenter)
     auto = "reference" if physics.small_strain else "current"
     gap_kind = auto if settings.gap == "auto" else settings.gap
-    if gap_kind == "current" and setup.max_depth > MAX_NEEDLE_RATIO * end:
+    # Largest ratio of depth and tip radius at which a deformed body can be followed around a
+    # needle.
+    max_needle_ratio = 1e3
+    if gap_kind == "current" and setup.max_depth > max_needle_ratio * end:
         outcome = "gap: current cannot follow the deformation of a body around such a needle"
         problem = (
             f"the depth is {setup.max_depth / end:.3g} times the radius at which the tip ends: "

@@ -25,14 +25,6 @@ MAX_ZONE_ELEMENTS = {2: 1000.0, 3: 60.0}
 # radii of the tip. A stretch of 13.5 was measured at the apex of a rod with a round end, 4.75 radii
 # deep in a neo-Hookean material of nu = 0.49.
 STRETCH_GROWTH = 0.7
-# The grading is divided by this power of the stretch, since the stretched region is a slender
-# column around the axis. With 1/3 that rod reached a depth of 5 radii with a grading of 0.08, and
-# with the usual 0.2 elements below it folded at 4.5.
-GRADING_STRETCH_EXPONENT = 1 / 3
-# Elements per radius of a punch's rounded edge, when the surface slides around it.
-ELEMENTS_PER_ARC = 10.0
-# Smallest such radius, in radii of the punch; a sharper edge would need thousands of elements.
-MIN_ARC_FRACTION = 0.02
 
 
 def frictional_edge_width(
@@ -101,11 +93,21 @@ def refine_below_deep_tip(
         setup.a / ELEMENTS_PER_RADIUS[2], setup.physics.domain.height / 4
     )
     edge_radius = getattr(tip, "edge_radius", 0.0)
-    if edge_radius >= MIN_ARC_FRACTION * end_radius:
-        h_contact = min(h_contact, edge_radius / ELEMENTS_PER_ARC)
+    # Smallest such radius, in radii of the punch; a sharper edge would need thousands of
+    # elements.
+    min_arc_fraction = 0.02
+    if edge_radius >= min_arc_fraction * end_radius:
+        # Elements per radius of a punch's rounded edge, when the surface slides around
+        # it.
+        elements_per_arc = 10.0
+        h_contact = min(h_contact, edge_radius / elements_per_arc)
     h_edge = round_length(h_contact) if edge is not None and edge_radius > 0 else fixed_sizes.h_edge
     stretch = exp(STRETCH_GROWTH * (depth_ratio - 1))
-    growth = fixed_sizes.grading or round_length(GRADING / stretch**GRADING_STRETCH_EXPONENT)
+    # The grading is divided by this power of the stretch, since the stretched region is a
+    # slender column around the axis. With 1/3 that rod reached a depth of 5 radii with a
+    # grading of 0.08, and with the usual 0.2 elements below it folded at 4.5.
+    grading_stretch_exponent = 1 / 3
+    growth = fixed_sizes.grading or round_length(GRADING / stretch**grading_stretch_exponent)
     return replace(
         fixed_sizes,
         h_contact=round_length(h_contact),

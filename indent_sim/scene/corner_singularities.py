@@ -28,12 +28,6 @@ NOTCH_ERROR = 0.1
 # heights of the body. Measured on the same cylinders.
 DECAY_ONSET = 0.5
 DECAY_RATE = 1.25
-# Gap between contact and side, in contact radii, below which the free surface in it is narrower
-# than the elements of the contact.
-NARROW_GAP = 0.3
-# Least gap to a side in distances of the side from the axis; the contact is expected to reach the
-# side if the gap is smaller.
-MIN_GAP_FRACTION = 0.02
 
 
 @dataclass(frozen=True)
@@ -135,7 +129,10 @@ def _side_corners(
     fixed.
     """
     height = domain.height
-    gap = max(r - a, MIN_GAP_FRACTION * r if edge is None else 0.0)
+    # Least gap to a side in distances of the side from the axis; the contact is expected to
+    # reach the side if the gap is smaller.
+    min_gap_fraction = 0.02
+    gap = max(r - a, min_gap_fraction * r if edge is None else 0.0)
     side_corners = []
     decay = exp(-DECAY_RATE * max(gap / height - DECAY_ONSET, 0.0))
     corner_error = CORNER_ERROR * (2 * nu) ** 2 * decay
@@ -144,7 +141,10 @@ def _side_corners(
         side_corners.append(Corner(r, height, distance, corner_error * min(a / distance, 1.0)))
     if gap > 0:
         distance = min(gap, height)
-        is_narrow_gap = gap < NARROW_GAP * a and edge is None
+        # Gap between contact and side, in contact radii, below which the free surface in
+        # it is narrower than the elements of the contact.
+        narrow_gap = 0.3
+        is_narrow_gap = gap < narrow_gap * a and edge is None
         error_constant = corner_error * min(a / distance, 1.0) if side == "fixed" else 0.0
         if error_constant or is_narrow_gap:
             side_corners.append(Corner(r, 0.0, distance, error_constant, is_narrow_gap))

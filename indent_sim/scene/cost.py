@@ -37,10 +37,6 @@ KRYLOV_BYTES = 3.3e3
 FRICTION_STEP_FACTOR = {2: 2.2, 3: 1.0}
 # The same for a time-dependent body at finite strain: 1.3 to 1.9 on three scenes of configs/.
 TIME_DEPENDENT_STEP_FACTOR = 1.6
-# Linear solves of a step in which the tip stands still.
-HOLD_SOLVES = 1.2
-# Linear solves of a jump into or out of adhesive contact: 25 to 150, most at large Maugis numbers.
-SNAP_SOLVES = 100.0
 # Memory of the dense matrices of a condensed body per pair of candidates [bytes]: eight matrices.
 DENSE_BYTES = 64.0
 
@@ -84,7 +80,10 @@ class SolverWork:
     @property
     def linear_solves(self) -> float:
         """Linear solves of the whole path: few per step on a fine path, more at its beginning."""
-        return (4.0 if self.is_nonlinear else 1.5) * self.steps + 10.0 + SNAP_SOLVES * self.snaps
+        # Linear solves of a jump into or out of adhesive contact: 25 to 150, most at
+        # large Maugis numbers.
+        snap_solves = 100.0
+        return (4.0 if self.is_nonlinear else 1.5) * self.steps + 10.0 + snap_solves * self.snaps
 
     def step_time_factor(self, dim: int) -> float:
         """Time of a linear solve relative to one without friction and time-dependent material."""
@@ -137,8 +136,10 @@ def _iterative_cost(work: SolverWork, dofs: float) -> tuple[float, float]:
 
 def _newton_cost(dim: int, work: SolverWork, dofs: float) -> tuple[float, float]:
     """Return the cost of assembly and factorisation in every iteration of Newton's method."""
+    # Linear solves of a step in which the tip stands still.
+    hold_solves = 1.2
     # While the tip stands still no contact is new, and most steps use the last factorisation.
-    holding_seconds = HOLD_SOLVES * work.holding_steps * 3.5e-3 * (dofs / 1750) ** 1.2
+    holding_seconds = hold_solves * work.holding_steps * 3.5e-3 * (dofs / 1750) ** 1.2
     if dim == 2:
         memory = 6e3 * dofs
         seconds_per_solve = 1.5e-3 + 6e-3 * (dofs / 1750) ** 1.5

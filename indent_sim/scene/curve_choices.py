@@ -24,8 +24,6 @@ STEP_WHY = (
 )
 QUASI_WHY = "quasi-static: every point is an equilibrium on the elastic curve"
 UNITS_REMEDY = "check that work, R and E are in consistent units"
-MAX_RADIUS_SPREAD = 500.0  # Largest ratio of contact radii that one mesh resolves.
-MAX_RIM_FRACTION = 0.95  # Largest contact radius over the lateral extent of the body.
 
 
 def curve(
@@ -139,13 +137,17 @@ def _refuse_radius_range(setup: ProblemSetup, smallest: float, largest: float) -
     """Raise ConfigError if one mesh cannot resolve all contacts, from pull-off to the deepest."""
     L = setup.physics.scales.length
     rim = setup.physics.body.lateral_extent(setup.physics.center)
-    if largest > MAX_RIM_FRACTION * rim:
+    # Largest contact radius over the lateral extent of the body.
+    max_rim_fraction = 0.95
+    if largest > max_rim_fraction * rim:
         problem = (
             f"widens the contact to a radius of {largest * L:.3g}, and the body ends at "
             f"{rim * L:.3g}"
         )
         raise ConfigError("experiment.adhesion.work", problem, UNITS_REMEDY)
-    if largest > MAX_RADIUS_SPREAD * smallest:
+    # Largest ratio of contact radii that one mesh resolves.
+    max_radius_spread = 500.0
+    if largest > max_radius_spread * smallest:
         problem = (
             f"gives a contact radius of {smallest * L:.3g} at pull-off, which is far below that of "
             f"the deepest contact, {largest * L:.3g}"

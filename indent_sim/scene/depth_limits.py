@@ -309,22 +309,21 @@ def path_to_max_depth(
         return Loading(force=largest / least_modulus_fraction).path()
     if not compliance:
         return Loading(delta=largest).path()
+    # This import takes 0.2 s, which scenes without a spring need not spend.
+    from scipy.optimize import brentq
+
     E_star = least_modulus_fraction * min(layer_material(layer).E_star for layer in layers)
 
-    def exceeds_history(depth: float) -> bool:
+    def excess(depth: float) -> float:
+        """Return the base displacement at a depth over the largest one of the history."""
         half_space_formula = half_space_force(tip, depth, E_star)
         radius = tip.radius_at(depth)
         if not half_space_formula and not isfinite(radius):
             # A plate has no lower bound of the force.
-            return depth >= largest
+            return depth - largest
         # The force of a cone is 0.64 E* a d, and that of a paraboloid 0.94 E* a d, where a is the
         # radius of the cross-section at the depth d.
         force = half_space_formula[1] if half_space_formula else 0.5 * E_star * radius * depth
-        return depth + compliance * force >= largest
+        return depth + compliance * force - largest
 
-    low = 0.0
-    high = largest
-    for _ in range(40):  # The interval shrinks to 1e-12 of the largest depth.
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if exceeds_history(middle) else (middle, high)
-    return Loading(delta=high).path()
+    return Loading(delta=brentq(excess, 0.0, largest, xtol=1e-12 * largest)).path()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from math import inf
 
@@ -36,23 +36,24 @@ MAX_SLIPPING_FRICTION = 0.3
 # Ratio of moduli up to which stacks of random layers were compared with theory: 1000, and a margin
 # for rounding.
 VERIFIED_CONTRAST = 1001.0
-# Relative error of the force by the membrane that holds the surface of a drop in its plane, at
-# most.
-SURFACE_MEMBRANE_ERROR = 5e-4
 # Elastocapillary length over contact radius beyond which p_max is off by more than its error
 # estimate; it is off by 5 % at 200.
 TENSION_PRESSURE_LIMIT = 30.0
 
 
 def scene_warnings(
-    setup: ProblemSetup, law: ContactLaw, gap: str, sizes: Sizes
+    setup: ProblemSetup, row_depths: Sequence[float], law: ContactLaw, gap: str, sizes: Sizes
 ) -> tuple[ModelWarning, ...]:
     """Warnings about the model, the contact law and the mesh of a scene at its deepest contact.
+
+    The elements are also compared with the shallowest contact of a row.
 
     Parameters
     ----------
     setup : ProblemSetup
         The problem setup.
+    row_depths : sequence of float
+        Expected depths of the output rows, as far as they are known [length].
     law : ContactLaw
         The contact law, with its stiffnesses.
     gap : str
@@ -77,7 +78,7 @@ def scene_warnings(
     return (
         *theory_warnings(setup, gap),
         *contact_warnings,
-        *_mesh_warnings(setup, sizes),
+        *_mesh_warnings(setup, row_depths, sizes),
         *_facet_warnings(setup, sizes),
         *truncation_warnings,
     )
@@ -156,7 +157,9 @@ def _friction_warnings(
         yield ModelWarning("friction", message)
 
 
-def _mesh_warnings(setup: ProblemSetup, sizes: Sizes) -> Iterator[ModelWarning]:
+def _mesh_warnings(
+    setup: ProblemSetup, row_depths: Sequence[float], sizes: Sizes
+) -> Iterator[ModelWarning]:
     """Warnings about surface tension, moduli, corners and the elements in the contact."""
     if (tension_ratio := setup.elastocapillary_length / setup.a) > TENSION_PRESSURE_LIMIT:
         step_text = f"gamma/E* is {tension_ratio:.2g} contact radii: the pressure ends with a step"
@@ -164,7 +167,10 @@ def _mesh_warnings(setup: ProblemSetup, sizes: Sizes) -> Iterator[ModelWarning]:
             "p_max", f"{step_text}, where p_max of a mesh is up to 5 % too large; the force is not"
         )
     if setup.physics.is_drop:
-        yield ModelWarning("drop", "", SURFACE_MEMBRANE_ERROR)
+        # Relative error of the force by the membrane that holds the surface of a drop in
+        # its plane, at most.
+        surface_membrane_error = 5e-4
+        yield ModelWarning("drop", "", surface_membrane_error)
     moduli = [region.material.constants.E for region in setup.physics.domain.regions]
     if max(moduli) > VERIFIED_CONTRAST * min(moduli):
         message = (
@@ -177,10 +183,12 @@ def _mesh_warnings(setup: ProblemSetup, sizes: Sizes) -> Iterator[ModelWarning]:
         remedy = "use smaller sizes everywhere, or leave them to the program"
         message = f"coarse elements at corners close to the contact: {bound_text}; {remedy}"
         yield ModelWarning("corners", message, sizes.corner_error)
-    yield from _element_warnings(setup, sizes)
+    yield from _element_warnings(setup, row_depths, sizes)
 
 
-def _element_warnings(setup: ProblemSetup, sizes: Sizes) -> Iterator[ModelWarning]:
+def _element_warnings(
+    setup: ProblemSetup, row_depths: Sequence[float], sizes: Sizes
+) -> Iterator[ModelWarning]:
     """A warning about coarse elements in the contact or at the edge of a punch."""
     nu = setup.physics.largest_nu
     a = setup.a
@@ -188,7 +196,7 @@ def _element_warnings(setup: ProblemSetup, sizes: Sizes) -> Iterator[ModelWarnin
         setup, lambda delta, a: expected_force_error(sizes, a, nu)
     )
     shallowest = _expected_radius(
-        setup, min((delta for delta in setup.physics.deltas if delta > 0), default=setup.max_depth)
+        setup, min((delta for delta in row_depths if delta > 0), default=setup.max_depth)
     )
     message = ""
     if (

@@ -36,8 +36,6 @@ ROLLER_SIDES = BoxSides("roller", "roller", "roller", "roller")
 # the contact, every further one WALL_DISTANCE_FACTOR times as far.
 FIRST_WALL_DISTANCE = 2.0
 WALL_DISTANCE_FACTOR = 1.5
-# Smallest relative error of the force that is stated for a layer.
-MIN_STATED_ERROR = 1e-6
 # Factor of safety for the error by theory: forces on meshes scatter by 1e-4, and a law with
 # nu = 0.3 replaces those with nu < 0.
 TRUNCATION_SAFETY = 1.5
@@ -199,7 +197,9 @@ def _truncate_layer(
         1.0, *(layer.material.decay_rates[1] for layer in layers if layer.material)
     )
     width = float(f"{radius + wall_distance:.6g}")
-    error = TRUNCATION_SAFETY * max(error, MIN_STATED_ERROR)
+    # Smallest relative error of the force that is stated for a layer.
+    min_stated_error = 1e-6
+    error = TRUNCATION_SAFETY * max(error, min_stated_error)
     finite_body: Cylinder | Box = Cylinder(width, height, base=body.base, sides="roller")
     if not tip.is_axisymmetric:
         finite_body = Box((2 * width, 2 * width, height), base=body.base, sides=ROLLER_SIDES)

@@ -25,12 +25,6 @@ NEARLY_INCOMPRESSIBLE_NU = 0.45
 # it again), and 0.65 on sections of nearly incompressible bodies: 2.6 times as much.
 EDGE_ERROR = 0.25
 INCOMPRESSIBLE_EDGE_FACTOR = 2.6
-# Depth that a penalty takes from the tip, at most, in units of mean pressure/epsilon_n.
-MAX_PENETRATION_FACTOR = 1.5
-# At finite strain this penetration grows as a power of 1/(1 - delta/height), with this exponent.
-PENETRATION_EXPONENT = 1.5
-# Largest d ln F/d ln delta: that of a paraboloid on a thin incompressible layer.
-MAX_FORCE_EXPONENT = 3.0
 
 
 def edge_error(sizes: Sizes) -> float:
@@ -115,13 +109,20 @@ def penalty_force_loss(
     """
     if not isinstance(contact, Penalty) or delta <= 0:
         return 0.0
+    # Depth that a penalty takes from the tip, at most, in units of mean pressure/epsilon_n.
+    max_penetration_factor = 1.5
+    # At finite strain this penetration grows as a power of 1/(1 - delta/height), with this
+    # exponent.
+    penetration_exponent = 1.5
     penetration = (
-        MAX_PENETRATION_FACTOR
-        * (1.0 if material.is_small_strain else (1.0 - delta) ** -PENETRATION_EXPONENT)
+        max_penetration_factor
+        * (1.0 if material.is_small_strain else (1.0 - delta) ** -penetration_exponent)
         / contact.stiffness
     )
     force, pressure = _forces_and_pressures(theory, material, delta, a, np.ones(1))
-    force_loss = MAX_FORCE_EXPONENT * penetration * float(pressure[0]) / delta
+    # Largest d ln F/d ln delta: that of a paraboloid on a thin incompressible layer.
+    max_force_exponent = 3.0
+    force_loss = max_force_exponent * penetration * float(pressure[0]) / delta
     if force_loss < NEGLIGIBLE_ERROR:
         # This upper bound suffices; theory takes long to evaluate many depths.
         return force_loss

@@ -85,20 +85,41 @@ def problem_along_history(
             path = _remove_jumps(
                 path, "loading.force_history" if path.control == "force" else "loading.history"
             )
-    tip = setup.relative_tip
-    height = physics.body.height
-    return replace(
-        physics,
-        path=path,
-        deltas=expected_depths(
-            path,
-            setup.theory,
-            tip,
-            physics.material,
-            height,
-            physics.scales,
-            physics.mirror_multiplicity,
-        ),
+    return replace(physics, path=path, deltas=_depths_along(setup, path))
+
+
+def row_depths(setup: ProblemSetup, is_time_stepped: bool) -> tuple[float, ...]:
+    """Return the expected depths of the output rows that a scene asks for [length].
+
+    They are empty if every time step is a row, because a history without `times` asks for no depth:
+    `row_warnings` assesses such rows after the solution. The rows of such a history on the elastic
+    curve are interpolated between the points of the curve, whose depths are returned.
+
+    Parameters
+    ----------
+    setup : ProblemSetup
+        The problem setup.
+    is_time_stepped : bool
+        Whether the history is solved step by step.
+    """
+    if setup.history and setup.history.times:
+        return tuple(
+            min(delta, setup.max_depth) for delta in _depths_along(setup, setup.history.path)
+        )
+    return () if is_time_stepped else setup.physics.deltas
+
+
+def _depths_along(setup: ProblemSetup, path: LoadPath) -> tuple[float, ...]:
+    """Return the expected depth [length] at each value of a path."""
+    physics = setup.physics
+    return expected_depths(
+        path,
+        setup.theory,
+        setup.relative_tip,
+        physics.material,
+        physics.body.height,
+        physics.scales,
+        physics.mirror_multiplicity,
     )
 
 

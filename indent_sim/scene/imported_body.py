@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from indent_sim.mesh import imported_domain, mesh_import
-from indent_sim.mesh.imported_mesh import BoundaryCells, ImportedMesh
+from indent_sim.mesh.imported_mesh import ImportedMesh, boundary_cells_of
 from indent_sim.mesh.model_domain import ModelDomain, Region
 from indent_sim.model.imported_body import ImportedBody, MeshFromFile
 from indent_sim.model.materials import Material
@@ -67,14 +67,14 @@ def position_imported_mesh(
 def read_imported_mesh(config: Config, comm: Any) -> ImportedMesh | None:
     """Read the mesh file of a scene; None if its body has no mesh file (collective).
 
-    On several ranks, rank 0 reads the file and maps its arrays into memory; the others receive the
-    boundary cells.
+    On several ranks, rank 0 reads the file and the others receive the boundary cells.
     """
-    if not isinstance(config.body, MeshFromFile):
+    source = config.body
+    if not isinstance(source, MeshFromFile):
         return None
     if comm.size == 1:
-        return read_mesh_file(config, config.body)
-    boundary_cells = run_on_root(comm, _read_boundary_cells, config, config.body)
+        return read_mesh_file(config, source)
+    boundary_cells = run_on_root(comm, lambda: boundary_cells_of(read_mesh_file(config, source)))
     shared_cells = comm.bcast(
         replace(boundary_cells, unplaced_mesh=None) if boundary_cells else None, root=0
     )
@@ -84,17 +84,6 @@ def read_imported_mesh(config: Config, comm: Any) -> ImportedMesh | None:
 def read_mesh_file(config: Config, source: MeshFromFile) -> ImportedMesh:
     """Read a mesh file, whose path is relative to the folder of the scene file."""
     return mesh_import.import_mesh(os.path.dirname(config.source.name), source, config.material)
-
-
-def _read_boundary_cells(config: Config, source: MeshFromFile) -> BoundaryCells:
-    """Read the boundary cells in the mesher process; all other arrays stay in a file."""
-    from indent_sim.mesh.mesher_process import call_in_mesher
-
-    failure_text = f"'{source.file}' could not be read"
-    folder = os.path.dirname(config.source.name)
-    return call_in_mesher(
-        failure_text, mesh_import.import_boundary_cells, folder, source, config.material
-    )()
 
 
 def _region_materials(imported_mesh: ImportedMesh, config: Config) -> list[tuple[str, Material]]:

@@ -31,9 +31,6 @@ CORNER_ERROR_SHARE = 0.1
 # The same for the boundary layers at drained faces with a requested accuracy, and for inclusions.
 FILM_ERROR_SHARE = 0.5
 INCLUSION_ERROR_SHARE = 0.25
-# Smallest element size at a drained face in contact radii: smaller ones change the force by less
-# than 1e-4.
-MIN_FILM_SIZE = 1e-3
 # Elements across a coating; tests/physics/test_skins.py measures the error of the force.
 ELEMENTS_PER_COATING = 1.5
 # Least and most elements in half the thickness of an inclusion, by dimension.
@@ -207,9 +204,12 @@ def _film_sizes(
     h_film = given_size
     if h_film is None:
         fraction_per_length = boundary_films.force_fraction_per_length(setup)
+        # Smallest element size at a drained face in contact radii: smaller ones change
+        # the force by less than 1e-4.
+        min_film_size = 1e-3
         h_film = round_length(
             boundary_films.film_element_size(
-                rows, max_fraction, D, fraction_per_length, default_sizes.h_far, MIN_FILM_SIZE * a
+                rows, max_fraction, D, fraction_per_length, default_sizes.h_far, min_film_size * a
             )
         )
     films = []

@@ -25,8 +25,6 @@ COUNTS_3D = {"cells": (4.16, 1.94), "nodes": (5.15, 5.90), "vertices": (0.56, 1.
 # Facets per size^(dim - 1) of the surface, by dimension, and nodes per facet.
 FACETS_PER_AREA = {2: 1.0, 3: 2.3}
 NODES_PER_FACET = 2.1
-# Elements between the fine patch and the end of the candidate nodes of a condensed body.
-CONDENSED_MARGIN = 3.0
 INTEGRAL_POINTS = 50  # points of an integral over a body, in each direction
 
 
@@ -191,7 +189,9 @@ def candidate_count(sizes: Sizes, domain: ModelDomain) -> float:
     It is the order of the dense matrices of a condensed body without friction.
     """
     dim = domain.dim
-    r, wr = _log_grid(sizes.fine_radius + CONDENSED_MARGIN * sizes.h_contact, sizes.axis_size)
+    # Elements between the fine patch and the end of the candidate nodes of a condensed body.
+    condensed_margin = 3.0
+    r, wr = _log_grid(sizes.fine_radius + condensed_margin * sizes.h_contact, sizes.axis_size)
     size = sizes.size_at(r, np.zeros_like(r)) ** (dim - 1)
     ring_weight = _ring_weight(r, dim, _sector_count(sizes, domain))
     return NODES_PER_FACET * FACETS_PER_AREA[dim] * float((ring_weight * wr / size).sum())

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from indent_sim.model import stability
-from indent_sim.model.elastic_law import LOCKING_POISSON_RATIO
+from indent_sim.model.measured_constants import LOCKING_POISSON_RATIO
 from indent_sim.model.tips import (
     STEM_HALF_ANGLE,
     FlatPunch,
@@ -26,9 +26,6 @@ from indent_sim.scene.regions import unused_material_message
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
-
-# Characteristic strain up to which forces at small strain are good to some per cent: a/R = 0.25.
-MAX_SMALL_STRAIN = 0.05
 
 
 @dataclass(frozen=True)
@@ -94,7 +91,10 @@ def _model_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
     if physics.is_compressed:
         strain = delta / body.height
         formula = "delta/height"
-    if physics.small_strain and strain > MAX_SMALL_STRAIN:
+    # Characteristic strain up to which forces at small strain are good to some per cent: a/R
+    # = 0.25.
+    max_small_strain = 0.05
+    if physics.small_strain and strain > max_small_strain:
         yield ModelWarning(
             "small_strain",
             f"strains near {formula} = {strain:.2g}: small strain is no longer a good model",

@@ -23,9 +23,6 @@ PROFILE_EXPONENTS: dict[type, float] = {
     Cone: 1.0,
     FlatPunch: inf,
 }
-# Distance of the side walls, in thicknesses of the layer and contact radii, from which on they
-# hardly change the force.
-MIN_WALL_DISTANCE = 2.0
 # Change of the force by no slip below which it is not mentioned [%].
 NEGLIGIBLE_PERCENT = 1.0
 # Largest element size at the edge, in widths of the tensile rim, at which the elements resolve the
@@ -33,9 +30,6 @@ NEGLIGIBLE_PERCENT = 1.0
 MAX_RIM_ELEMENTS = 6.0
 # Coefficient of friction that replaces stick then. The force is 0.05 % lower, measured at nu = 0.
 STICK_FRICTION = 5.0
-# Poisson's ratio from which on tetrahedra, whose facets cross the edge, do not resolve the rim; at
-# nu = 0.1 they do.
-MIN_SAFE_NU = 0.3
 
 
 @dataclass(frozen=True)
@@ -139,7 +133,10 @@ def _small_strain_effect(setup: ProblemSetup) -> NoSlipEffect | None:
         if isinstance(tip, Sphere):
             source += " for the paraboloid"
         return NoSlipEffect(percent, percent, percent, source)
-    min_extent = MIN_WALL_DISTANCE * max(domain.height, a)
+    # Distance of the side walls, in thicknesses of the layer and contact radii, from which on
+    # they hardly change the force.
+    min_wall_distance = 2.0
+    min_extent = min_wall_distance * max(domain.height, a)
     if domain.supports.get("base") != "fixed" or lateral_extent < min_extent:
         return None
     ratios = no_slip.layer_force_range(nu, a / domain.height, power)
@@ -239,5 +236,8 @@ def tensile_rim_width(tip: Indenter, nu: float, sizes: Sizes, dim: int) -> float
     ):
         return 0.0
     rim_width = 2 * sizes.punch_edge * exp(-(pi**2) / log(3 - 4 * nu))
-    is_resolved = sizes.h_edge <= MAX_RIM_ELEMENTS * rim_width or (dim == 3 and nu < MIN_SAFE_NU)
+    # Poisson's ratio from which on tetrahedra, whose facets cross the edge, do not resolve
+    # the rim; at nu = 0.1 they do.
+    min_safe_nu = 0.3
+    is_resolved = sizes.h_edge <= MAX_RIM_ELEMENTS * rim_width or (dim == 3 and nu < min_safe_nu)
     return rim_width if is_resolved else 0.0

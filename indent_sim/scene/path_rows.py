@@ -12,8 +12,6 @@ import numpy as np
 from indent_sim.model.load_path import LoadPath
 from indent_sim.theory.drained_layer import drained_length, excess_length
 
-# Relative difference of the rates of two segments up to which they are one.
-RATE_TOLERANCE = 1e-6
 # Number of changes of the load before a row that are considered: films of earlier changes have
 # grown thick.
 MAX_CHANGES = 30
@@ -114,12 +112,14 @@ def path_rows(path: LoadPath) -> list[PathRow]:
 def _merge_segments(points: Sequence[tuple[float, float]]) -> list[PathSegment]:
     """Return the segments between points (value, time); those of one constant rate are merged."""
     segments: list[PathSegment] = []
+    # Relative difference of the rates of two segments up to which they are one.
+    rate_tolerance = 1e-6
     for (previous_value, begin), (value, end) in pairwise(points):
         segment = PathSegment(begin, end, value - previous_value)
         if (
             segments
             and end > begin
-            and abs(segment.rate - segments[-1].rate) <= RATE_TOLERANCE * abs(segment.rate)
+            and abs(segment.rate - segments[-1].rate) <= rate_tolerance * abs(segment.rate)
         ):
             segments[-1].end = end
             segments[-1].change = segments[-1].change + segment.change

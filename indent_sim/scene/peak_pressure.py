@@ -9,9 +9,6 @@ from indent_sim.model.spherical_bodies import SphericalBody
 from indent_sim.model.tips import Indenter
 from indent_sim.scene.problem_definition import ProblemDefinition
 
-# Relative tolerance for the radius of an edge at the rim of the body.
-EXTENT_TOLERANCE = 1e-9
-
 
 def infinite_pressure_reason(tip: Indenter, a: float) -> str:
     """Return why the pressure of a contact of radius a [length] is unbounded; empty if it is not.
@@ -43,6 +40,8 @@ def missing_peak_reason(physics: ProblemDefinition, sizes: Sizes, a: float) -> s
     body = physics.body
     tip = physics.indenter
     discontinuities = tip.slope_discontinuities() if a > 0 else []
+    # Relative tolerance for the radius of an edge at the rim of the body.
+    extent_tolerance = 1e-9
     for r, width in discontinuities:
         element_size = float(sizes.size_at(np.array(r), np.array(0.0)))
         is_touched = r <= a + element_size or (
@@ -51,7 +50,7 @@ def missing_peak_reason(physics: ProblemDefinition, sizes: Sizes, a: float) -> s
         if (
             is_touched
             and width < element_size
-            and r < body.max_lateral_extent(physics.center) * (1 - EXTENT_TOLERANCE)
+            and r < body.max_lateral_extent(physics.center) * (1 - extent_tolerance)
         ):
             where = "apex" if r == 0 else "edge"
             kind = f"sharp {where}" if width == 0 else f"{where} (rounded by less than an element)"

@@ -25,11 +25,6 @@ from indent_sim.scene.reference_theory import relative_tip
 # of an incompressible network creases (Hong, Zhao & Suo 2009, Appl. Phys. Lett. 95, 111901). No
 # smooth surface is stable from 3.4 on (Biot 1963).
 CREASING_STRETCH = 2.4
-# Linear solves of load control per linear solve of depth control.
-FORCE_SEARCH_FACTOR = 2
-# Elastocapillary number gamma/(mu R) from which surface tension alone stabilizes the surface.
-# Without a membrane, a ball between plates is solved at 33, in 300 iterations, and not at 100.
-DROP_THRESHOLD = 50.0
 
 
 @dataclass(frozen=True)
@@ -110,15 +105,35 @@ class ProblemDefinition:
 
         Symmetry excludes an axis that is normal to a mirror plane through the tip.
         """
-        if not self.has_friction or self.domain.kinematics.name == "axisymmetric":
-            return {}
-        mirror_surfaces = self.domain.mirror_walls(self.center)
-        axes = {name: axis for axis, name in enumerate("xy"[: self.domain.dim - 1])}
         return {
             name: axis
-            for name, axis in axes.items()
-            if not mirror_surfaces & {f"{name}_min", f"{name}_max"}
+            for name, axis in self._lateral_axes.items()
+            if not self._mirror_walls_across(name)
         }
+
+    @property
+    def missing_side_forces(self) -> dict[str, bool]:
+        """Horizontal axes along which symmetry excludes a side force.
+
+        The value is True if the mirror plane is a wall of the body itself, whose image pushes back,
+        and False if only a part of the body is modelled.
+        """
+        return {
+            name: name not in self.domain.mirror_axes
+            for name in self._lateral_axes
+            if self._mirror_walls_across(name)
+        }
+
+    @property
+    def _lateral_axes(self) -> dict[str, int]:
+        """Horizontal axes along which friction may push the tip; none in axisymmetry."""
+        if not self.has_friction or self.domain.kinematics.name == "axisymmetric":
+            return {}
+        return {name: axis for axis, name in enumerate("xy"[: self.domain.dim - 1])}
+
+    def _mirror_walls_across(self, axis_name: str) -> set[str]:
+        """Walls normal to an axis that are mirror planes through the tip."""
+        return self.domain.mirror_walls(self.center) & {f"{axis_name}_min", f"{axis_name}_max"}
 
     @property
     def mirror_multiplicity(self) -> int:
@@ -329,7 +344,11 @@ class ProblemDefinition:
     @property
     def is_drop(self) -> bool:
         """True if surface tension dominates the elasticity of a round body."""
-        return self.drop_number >= DROP_THRESHOLD
+        # Elastocapillary number gamma/(mu R) from which surface tension alone stabilizes
+        # the surface. Without a membrane, a ball between plates is solved at 33, in 300
+        # iterations, and not at 100.
+        drop_threshold = 50.0
+        return self.drop_number >= drop_threshold
 
     @property
     def is_linear(self) -> bool:
@@ -346,7 +365,9 @@ class ProblemDefinition:
         linear : str
             direct | iterative.
         """
-        solves_per_row = (1 if self.largest_force is None else FORCE_SEARCH_FACTOR) * (
+        # Linear solves of load control per linear solve of depth control.
+        force_search_factor = 2
+        solves_per_row = (1 if self.largest_force is None else force_search_factor) * (
             2 if self.slip_reference == "mid" else 1
         )
         mixed = any(

@@ -38,11 +38,12 @@ from indent_sim.theory.films import (
     perriot_barthel_modulus,
 )
 from indent_sim.theory.layer import Layer
+from indent_sim.theory.measured_constants import THEORY_ERROR
 from indent_sim.theory.roots import ForceCurve
 from indent_sim.theory.solution import SOLUTION_ERRORS
 from indent_sim.theory.stack import Stack, StackLayer
 from indent_sim.theory.strip import Strip
-from indent_sim.theory.theory import THEORY_ERROR, Theory
+from indent_sim.theory.theory import Theory
 
 NO_INCLUSIONS = "theory's body has no inclusions"
 # Ratio of Young's moduli up to which layer theory keeps the error THEORY_ERROR; beyond it the error

@@ -12,11 +12,11 @@ import numpy as np
 
 from indent_sim.mesh.model_domain import ModelDomain, Region
 from indent_sim.model.body import DimensionedBody
-from indent_sim.model.elastic_law import LOCKING_POISSON_RATIO
 from indent_sim.model.gel import Gel
 from indent_sim.model.imported_body import MeshFromFile
 from indent_sim.model.layers import Layer
 from indent_sim.model.materials import Material
+from indent_sim.model.measured_constants import LOCKING_POISSON_RATIO
 from indent_sim.model.unbounded_bodies import UnboundedBody
 from indent_sim.model.units import Scales, round_length
 from indent_sim.process.errors import ConfigError
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
 D = TypeVar("D")
 Layers = tuple[Layer, ...]
-# Larger Poisson's ratios make the matrix of displacement elements too ill-conditioned.
-MAX_DISPLACEMENT_NU = 0.49999
 
 
 def elastic_layers(config: Config) -> Layers:
@@ -147,7 +145,9 @@ def choose_formulation(key: str, material: Material, min_shear_fraction: float) 
     )
     if min_shear_fraction < 1:
         law_text = f"{law_text} after relaxation of the shear modulus"
-    if chosen == "displacement" and nu > MAX_DISPLACEMENT_NU:
+    # Larger Poisson's ratios make the matrix of displacement elements too ill-conditioned.
+    max_displacement_nu = 0.49999
+    if chosen == "displacement" and nu > max_displacement_nu:
         raise ConfigError(
             f"{key}.formulation", f"displacement elements cannot have {law_text}", "use 'mixed'"
         )

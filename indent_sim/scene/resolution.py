@@ -22,8 +22,6 @@ PRESETS = {"fast": 0.05, "balanced": 0.01, "accurate": 0.001}
 # scene.
 ERROR_CONSTANT = {2: 0.65, 3: 0.33}
 ORDER_OF_CONVERGENCE = 2.5
-# With fewer elements in the contact radius the error no longer follows that power.
-SATURATION_ELEMENTS = 2.0
 # Elements in the radius of the contact without a requested accuracy, by dimension: the force of the
 # last step is within 0.3 %, measured on a paraboloid in two dimensions and on a cube.
 ELEMENTS_PER_RADIUS = {2: 10.0, 3: 5.0}
@@ -50,11 +48,6 @@ GRADING_ERROR_SHARE = 0.5
 MAX_GRADING = 0.5
 # h_far n divided by the larger of height and width, by dimension.
 FAR_SIZE_FACTOR = {2: 2.0, 3: 1.25}
-# Factor of the elements in the contact radius on a confined layer that is nearly incompressible,
-# whose force scatters more from mesh to mesh.
-CONFINED_LAYER_FACTOR = 1.6
-# Largest element size at the contact in thicknesses of the layer divided by n.
-THIN_LAYER_FACTOR = 4.0
 # h_edge n^ORDER_OF_CONVERGENCE divided by the punch's radius, by dimension. In three dimensions it
 # is so small that the error by the edge (`expected_error.EDGE_ERROR` times h_edge over the radius)
 # alone is within ERROR_CONSTANT n^-ORDER_OF_CONVERGENCE: with 3.0 the first mesh missed its target,
@@ -65,10 +58,6 @@ MIN_RESOLVED_RADIUS = {2: 0.01, 3: 0.2}
 # Exponent of the element size at a drained face in the error by its boundary layer, once that is
 # resolved.
 FILM_ERROR_ORDER = 2.0
-# d ln F/d ln delta of a paraboloid: a penalty takes the mean pressure/epsilon_n from the depth.
-PENALTY_ERROR_FACTOR = 1.5
-# Share of the error that a penalty may take where its stiffness is left to the program.
-ENFORCEMENT_ERROR_SHARE = 0.2
 
 
 @dataclass(frozen=True)
@@ -127,8 +116,11 @@ class MeshResolution:
     @property
     def penalty_stiffness(self) -> float:
         """Stiffness epsilon_n [pressure/length] of a penalty that takes its share of the error."""
+        # Share of the error that a penalty may take where its stiffness is left to the
+        # program.
+        enforcement_error_share = 0.2
         return self.penalty_error_coefficient / (
-            ENFORCEMENT_ERROR_SHARE * min(self.error, self.target)
+            enforcement_error_share * min(self.error, self.target)
         )
 
     def why(self, length: float) -> str:
@@ -170,7 +162,9 @@ class MeshResolution:
             The sizes; those of corners and boundary layers are left open.
         """
         n = self.n
-        h_contact = min(self.largest_radius / n, height * min(1.0, THIN_LAYER_FACTOR / n))
+        # Largest element size at the contact in thicknesses of the layer divided by n.
+        thin_layer_factor = 4.0
+        h_contact = min(self.largest_radius / n, height * min(1.0, thin_layer_factor / n))
         h_axis = h_edge = None
         if edge is None:
             h_axis = min(self.smallest_radius / n, h_contact)
@@ -201,7 +195,9 @@ def target_error(accuracy: float | str | None) -> float | None:
 
 def error_decay(n: float) -> float:
     """Return the decay of the error with n elements in the contact radius, up to a constant."""
-    return float((n**4 + SATURATION_ELEMENTS**4) ** (-ORDER_OF_CONVERGENCE / 4))
+    # With fewer elements in the contact radius the error no longer follows that power.
+    saturation_elements = 2.0
+    return float((n**4 + saturation_elements**4) ** (-ORDER_OF_CONVERGENCE / 4))
 
 
 def required_elements(
@@ -220,7 +216,10 @@ def required_elements(
     anisotropy : float
         Factor of an anisotropic body (`anisotropy_factor`).
     """
-    factor = CONFINED_LAYER_FACTOR if is_confined else 1.0
+    # Factor of the elements in the contact radius on a confined layer that is nearly
+    # incompressible, whose force scatters more from mesh to mesh.
+    confined_layer_factor = 1.6
+    factor = confined_layer_factor if is_confined else 1.0
     elements = factor * (ERROR_CONSTANT[dim] / target) ** (1 / ORDER_OF_CONVERGENCE)
     return min(anisotropy * max(elements, MIN_ELEMENTS[dim]), MAX_ELEMENTS)
 
@@ -255,7 +254,10 @@ def resolution_from_contacts(
     """
     largest_radius = max(a for _, a, _ in contacts)
     smallest_radius = max(min(a for _, a, _ in contacts), MIN_RESOLVED_RADIUS[dim] * largest_radius)
-    coefficient = max(PENALTY_ERROR_FACTOR * pressure / delta for delta, _, pressure in contacts)
+    # d ln F/d ln delta of a paraboloid: a penalty takes the mean pressure/epsilon_n from the
+    # depth.
+    penalty_error_factor = 1.5
+    coefficient = max(penalty_error_factor * pressure / delta for delta, _, pressure in contacts)
     return MeshResolution(target, n, smallest_radius, largest_radius, coefficient, dim)
 
 

@@ -32,7 +32,7 @@ from indent_sim.scene.cost import predict_cost as cost_of
 from indent_sim.scene.diffusion_times import drained_face_size
 from indent_sim.scene.discretization_warnings import scene_warnings
 from indent_sim.scene.fluid_warnings import fluid_warnings
-from indent_sim.scene.history_path import problem_along_history
+from indent_sim.scene.history_path import problem_along_history, row_depths
 from indent_sim.scene.mesh_counts import candidate_count
 from indent_sim.scene.model_warnings import (
     ModelWarning,
@@ -53,6 +53,7 @@ from indent_sim.scene.problem_setup import ProblemSetup, set_up_problem, truncat
 from indent_sim.scene.resolution import MeshResolution
 from indent_sim.scene.sizing import END_FRACTION
 from indent_sim.scene.time_prediction import TimePrediction, time_prediction
+from indent_sim.theory.solution import Solution
 from indent_sim.theory.theory import Theory
 
 if TYPE_CHECKING:
@@ -249,6 +250,30 @@ class Scene:
         )
         return tuple(sentence for sentence in sentences if sentence)
 
+    def theory_solution(self, delta: float) -> Solution | None:
+        """Contact of the reference theory at a depth [length]; None where it has none.
+
+        Parameters
+        ----------
+        delta : float
+            A depth, as a rule one that is prescribed: all of these are solved at once.
+        """
+        theory = self.plan.theory
+        if theory is None:
+            return None
+        return self._prescribed_solutions.get(delta) or theory.solution_at_depth(delta)
+
+    @cached_property
+    def _prescribed_solutions(self) -> dict[float, Solution]:
+        """Contacts of the reference theory at all prescribed depths; empty if it ends earlier."""
+        if self.plan.theory is None or self.physics.path.control != "depth":
+            return {}
+        # Rows have depths in the user's units: the conversion and back repeats their round-off.
+        scale = self.physics.scales.depth
+        deltas = [delta * scale / scale for delta in self.physics.deltas]
+        solutions = self.plan.theory.solutions_at_depths(deltas)
+        return dict(zip(deltas, solutions, strict=True)) if solutions else {}
+
     @property
     def exact_theory(self) -> Theory | None:
         """The reference theory if it solves exactly this problem, else None."""
@@ -385,7 +410,7 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
         raise _memory_error(config, physics, sizes, work, fineness)
     warnings = (
         *material_warnings(config, setup),
-        *scene_warnings(setup, law, gap, sizes),
+        *scene_warnings(setup, row_depths(setup, is_in_time), law, gap, sizes),
         *fluid_warnings(setup, physics, sizes),
     )
     body_choices = (
@@ -400,6 +425,7 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
         *adhesion_choice,
         *tip_choice,
         *wall_choice,
+        *choices.side_force_choices(physics),
     )
     peak_reason = missing_peak_reason(physics, sizes, setup.a if setup.max_depth > 0 else 0.0)
     peak_choices = [Choice("p_max", "empty", peak_reason)] if peak_reason else []

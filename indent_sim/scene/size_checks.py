@@ -20,9 +20,6 @@ if TYPE_CHECKING:
 # is at r = 0 and coordinates have all their digits.
 MIN_ELEMENT_SIZE = 5e-9
 MIN_AXIS_SIZE = 1e-10
-# Smallest radius of a punch relative to the longest side of a box. Below 3e-6 gmsh's CAD kernel,
-# which has a tolerance of 1e-7, loses the edge and fails or aborts.
-MIN_PUNCH_RADIUS = 1e-5
 
 
 def configured_sizes(
@@ -95,7 +92,10 @@ def check_sizes(sizes: Sizes, setup: ProblemSetup, longest_side: float) -> None:
     domain = setup.physics.domain
     L = setup.physics.scales.length
     edge = sizes.punch_edge
-    min_radius = MIN_PUNCH_RADIUS * longest_side
+    # Smallest radius of a punch relative to the longest side of a box. Below 3e-6 gmsh's CAD
+    # kernel, which has a tolerance of 1e-7, loses the edge and fails or aborts.
+    min_punch_radius = 1e-5
+    min_radius = min_punch_radius * longest_side
     if edge is not None and domain.dim == 3 and domain.wall_radius is None and edge < min_radius:
         problem = (
             f"a punch of radius {edge * L:g} is too small for a box of this size, at least "

@@ -56,9 +56,6 @@ MIN_LAST_RADIUS = 1e-4
 # h_contact over the element size at a punch's sharp edge, where the pressure is singular, by
 # dimension.
 EDGE_RATIO = {2: 20.0, 3: 4.0}
-# Radius of a punch's edge, in radii of the punch, below which the pressure has a peak where the
-# contact ends.
-NEARLY_SHARP = 0.5
 # A contact that reaches this part of the radius at which a tip ends, ends there as under a punch.
 END_FRACTION = 0.999
 # The sensitivity of the force to a punch's radius next to a wall is this times (1 + radius/gap), to
@@ -144,7 +141,10 @@ def mesh_resolution(
 
 def _is_sharp(tip: Indenter) -> bool:
     """True if the contact ends at a punch's edge, with a peak of the pressure there."""
-    return isinstance(tip, FlatPunch) and tip.edge_radius < NEARLY_SHARP * tip.radius
+    # Radius of a punch's edge, in radii of the punch, below which the pressure has a peak
+    # where the contact ends.
+    nearly_sharp = 0.5
+    return isinstance(tip, FlatPunch) and tip.edge_radius < nearly_sharp * tip.radius
 
 
 def _contact_state(setup: ProblemSetup, delta: float) -> tuple[float, float, float]:

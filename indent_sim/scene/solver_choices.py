@@ -18,18 +18,12 @@ from indent_sim.scene.reasons import first_reason
 from indent_sim.scene.reference_theory import NO_INCLUSIONS
 from indent_sim.scene.resolution import target_error
 from indent_sim.scene.tip_theories import theory_tip_shape
-from indent_sim.theory.theory import MAX_KEPT_SOLUTIONS
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
 
 
 WHOLE_BODY_WHY = "solver.linear: iterative applies to the whole body only"
-# Iterations must save this many seconds of a factorization, which never fails, to be chosen.
-MIN_SECONDS_SAVED = 2.0
-# Iterations must take less than this part of the time of a factorization: predicted times are no
-# more accurate.
-MAX_TIME_RATIO = 0.8
 # Larger values need so many iterations that some systems are not solved. Measured: 7 iterations at
 # nu = 0.45 with displacement elements, 25 at 0.495, 56 at 0.499, too many at 0.4999; 7 with a
 # contact stiffness of 3e5 E*/h_contact, 10 and more Newton iterations with 9e5.
@@ -182,8 +176,14 @@ def linear_solver(
     cost_texts = [
         f"about {cost.seconds:.2g} s and {cost.memory / 1e9:.2g} GB" for cost in (direct, iterative)
     ]
-    is_worth_it = direct.seconds - iterative.seconds > MIN_SECONDS_SAVED
-    is_cheaper = is_worth_it and iterative.seconds < MAX_TIME_RATIO * direct.seconds
+    # Iterations must save this many seconds of a factorization, which never fails, to be
+    # chosen.
+    min_seconds_saved = 2.0
+    is_worth_it = direct.seconds - iterative.seconds > min_seconds_saved
+    # Iterations must take less than this part of the time of a factorization: predicted times
+    # are no more accurate.
+    max_time_ratio = 0.8
+    is_cheaper = is_worth_it and iterative.seconds < max_time_ratio * direct.seconds
     is_needed = direct.memory > available_memory >= iterative.memory
     solver_kind = "iterative" if is_cheaper or is_needed else "direct"
     return Choice(
@@ -242,9 +242,6 @@ def theory_obstacle(config: Config, setup: ProblemSetup) -> str:
             f"the relative error of the theory is {reference_theory.error:.0e}, and accuracy asks "
             f"for {target:g}"
         )
-    if setup.physics.path.control == "depth" and len(setup.physics.deltas) <= MAX_KEPT_SOLUTIONS:
-        # All depths are solved in one go; the deepest one is among them.
-        reference_theory.expect_depths(setup.physics.deltas)
     if not reference_theory.covers_path(setup.max_depth, setup.physics.largest_force):
         return (
             "the deepest contact is outside the range of the theory: it reaches a wall, the end of "

@@ -21,7 +21,6 @@ Regions = tuple[Region, ...]
 Sides = tuple[Side, ...]
 Supports = Mapping[str, str]
 SYMMETRY_NAMES = ("full", "half", "quarter")  # The index is the number of mirror planes.
-MIRROR_DECIMALS = 9  # Mirror images must agree to 1e-9 of the height of the body.
 # Ends of the quarters of a unit circle, anticlockwise.
 QUARTER_ENDS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 
@@ -99,8 +98,10 @@ def _are_inclusions_symmetric(regions: Regions, axis: str, c: float) -> bool:
 
 def _round_center(inclusion: Inclusion) -> Inclusion:
     """Return the inclusion with a rounded center, so that mirror images compare equal."""
+    # Mirror images must agree to 1e-9 of the height of the body.
+    mirror_decimals = 9
     return replace(
-        inclusion, center=tuple(round(x, MIRROR_DECIMALS) + 0.0 for x in inclusion.center)
+        inclusion, center=tuple(round(x, mirror_decimals) + 0.0 for x in inclusion.center)
     )
 
 

@@ -21,8 +21,6 @@ from indent_sim.theory.poroelasticity import paraboloid_fraction_remaining
 
 # Difference from an elastic limit up to which a body counts as being at this limit [%].
 NEAR_LIMIT_PERCENT = 2.0
-# Contact radius over height up to which the tabled decay of the force on a half-space is used.
-MAX_RADIUS_RATIO = 0.6
 # Number of points of the midpoint rule for the integral over a ramp.
 RAMP_POINTS = 1000
 
@@ -257,10 +255,13 @@ def _drainage_transition(
     tip = physics.drainage.tip
     power = profile_exponent(physics.indenter)
     is_single_solid = len(physics.domain.regions) == 1 and physics.scales.dim == 3
+    # Contact radius over height up to which the tabled decay of the force on a half-space is
+    # used.
+    max_radius_ratio = 0.6
     has_known_decay = (
         power in (1.0, 2.0)
         and is_single_solid
-        and setup.a <= MAX_RADIUS_RATIO * physics.body.height
+        and setup.a <= max_radius_ratio * physics.body.height
     )
     remaining_fraction = final_fraction = None
     if (

@@ -24,8 +24,6 @@ from indent_sim.studies.study_file import RunRequest, StudyFile
 # These sections and keys choose how a problem is solved; all others belong to the problem itself.
 METHOD_SECTIONS = ("mesh", "contact", "solver")
 METHOD_KEYS = ("accuracy", "material.formulation", "loading.steps")
-# Largest number of errors that are reported; more would hide the first ones on the screen.
-MAX_REPORTED_ERRORS = 20
 
 
 @dataclass(frozen=True)
@@ -190,13 +188,16 @@ def resolve_cases(study: StudyFile) -> tuple[list[Case], list[RejectedCase]]:
         for rejected_case in rejected_cases:
             rejected_by_error.setdefault(str(rejected_case.error), []).append(rejected_case)
         case_count = len(cases) + len(rejected_cases)
+        # Largest number of errors that are reported; more would hide the first ones on
+        # the screen.
+        max_reported_errors = 20
         # An error of every run belongs to the base scene and needs no name of a run.
         errors = [
             same_error_cases[0].error
             if len(same_error_cases) == case_count
             else same_error_cases[0].located_error
             for same_error_cases in rejected_by_error.values()
-        ][:MAX_REPORTED_ERRORS]
+        ][:max_reported_errors]
         if cases and not study.named_cases:
             errors[-1] = _add_tolerance_hint(errors[-1], len(rejected_cases), case_count)
         raise ConfigErrors.combine(errors)

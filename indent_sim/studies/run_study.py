@@ -16,7 +16,6 @@ from indent_sim.process.usage import duration_text, machine_memory
 from indent_sim.results.atomic_files import read_regular_file
 from indent_sim.results.reader import Results, data_frame
 from indent_sim.results.result_files import Report, read_report
-from indent_sim.run import pipeline
 from indent_sim.studies import cases as case_list
 from indent_sim.studies import curve_table, study_file, study_folder, study_picture, study_table
 from indent_sim.studies.cases import Case
@@ -24,7 +23,7 @@ from indent_sim.studies.reference import scoreboard
 from indent_sim.studies.reference.reference_solution import ReferenceSolution
 from indent_sim.studies.study_folder import StudyFolder
 from indent_sim.studies.study_table import Row
-from indent_sim.studies.worker import ExitStatus, Job, LoadLibraries, Workers
+from indent_sim.studies.worker import ExitStatus, Job, run_jobs
 
 if TYPE_CHECKING:
     import pandas
@@ -184,11 +183,6 @@ def execute_study(
     finished = Study(
         output or study.directory, study.title, study.keys, reference.name, [], reference.notes
     )
-    load_libraries = (
-        pipeline.warm_up
-        if any(case.planned_run.scene.is_meshed for case in cases)
-        else lambda: None
-    )
     names = [case.name for case in shard_cases]
     options = {"resume": resume, "shared": shard is not None, "overwrite": overwrite}
     folder = study_folder.open_study_folder(finished.directory, names=names, **options)
@@ -197,10 +191,10 @@ def execute_study(
             title=study.title, study=str(study.path), keys=study.keys, compare_to=reference.name
         )
         if shard is not None:
-            _run_cases(shard_cases, open_folder, jobs, load_libraries, tell)
+            _run_cases(shard_cases, open_folder, jobs, tell)
             return finished
         try:
-            _run_cases(shard_cases, open_folder, jobs, load_libraries, tell)
+            _run_cases(shard_cases, open_folder, jobs, tell)
         finally:
             ended_runs = ((case.id, open_folder.ended_results(case.name)) for case in shard_cases)
             results_by_id = {name: results for name, results in ended_runs if results is not None}
@@ -269,7 +263,7 @@ def read_study(folder: Path) -> Study:
         raise UsageError(f"{folder} has no readable study: {error}", file=str(folder)) from None
     return Study(
         folder,
-        str(record.get("title")),
+        str(record.get("title") or folder.resolve().name),
         keys,
         str(record.get("compare_to")),
         rows,
@@ -281,7 +275,6 @@ def _run_cases(
     cases: Sequence[Case],
     folder: StudyFolder,
     worker_count: int,
-    load: LoadLibraries,
     tell: ReportLine,
 ) -> None:
     """Do the runs in parallel, without those that a resumed study has finished before."""
@@ -296,26 +289,31 @@ def _run_cases(
     total_seconds = sum(map(_expected_seconds, pending_cases.values()))
     remaining_seconds = total_seconds
     jobs = {
-        name: Job(case.planned_run, folder.run_folder(name), folder.is_resumed)
+        name: Job(
+            case.planned_run.config,
+            case.planned_run.scene.is_meshed,
+            folder.run_folder(name),
+            folder.is_resumed,
+        )
         for name, case in pending_cases.items()
     }
-    with Workers(worker_count, jobs, load) as workers:
-        for count, (name, ending) in enumerate(workers.run_jobs(jobs), start=1):
-            if ending[0]:
-                folder.record_failure(name, *ending)
-            remaining_seconds -= _expected_seconds(pending_cases[name])
-            # The runs so far calibrate the predicted seconds of the others.
-            expected_time = (
-                (time.monotonic() - start_time)
-                * remaining_seconds
-                / (total_seconds - remaining_seconds)
-            )
-            remaining_text = (
-                f"  about {duration_text(expected_time)} left" if count < len(pending_cases) else ""
-            )
-            outcome = _outcome_text(folder.ended_results(name), ending)
-            label = pending_cases[name].label
-            tell(f"run {count}/{len(pending_cases)}  {label}  {outcome}{remaining_text}")
+    ended_jobs = run_jobs(jobs, worker_count, folder.lock_descriptor)
+    for count, (name, ending) in enumerate(ended_jobs, start=1):
+        if ending[0]:
+            folder.record_failure(name, *ending)
+        remaining_seconds -= _expected_seconds(pending_cases[name])
+        # The runs so far calibrate the predicted seconds of the others.
+        expected_time = (
+            (time.monotonic() - start_time)
+            * remaining_seconds
+            / (total_seconds - remaining_seconds)
+        )
+        remaining_text = (
+            f"  about {duration_text(expected_time)} left" if count < len(pending_cases) else ""
+        )
+        outcome = _outcome_text(folder.ended_results(name), ending)
+        label = pending_cases[name].label
+        tell(f"run {count}/{len(pending_cases)}  {label}  {outcome}{remaining_text}")
     folder.delete_other_runs()
 
 

@@ -39,6 +39,9 @@ LOG_RESULT_RATIO = 30.0
 MIN_MAP_VALUES = 3
 # A logarithmic axis with a larger ratio of its ends has ticks only at 1, 2 and 5 of a decade.
 FEW_TICKS_RATIO = 6.0
+# Margin of a logarithmic axis: a factor that is a power of the ratio of its ends, and its minimum.
+LOG_MARGIN_EXPONENT = 0.05
+MIN_LOG_MARGIN = 1.25
 MAP_LEVELS = 12
 # Width and height of a small multiple [inches].
 MULTIPLE_SIZE = (2.0, 1.75)
@@ -140,8 +143,7 @@ def small_multiples_figure(curve_groups: CurveGroups, title: str) -> Iterator[Fi
                     draw_map(axes, curve_groups, number_keys, values, label)
                 else:
                     draw_over_number(axes, curve_groups, key, values, label, styles)
-        if first_axes.get_legend_handles_labels()[1]:
-            figures.draw_figure_legend(figure, first_axes)
+        figures.draw_figure_legend(figure, first_axes)
         figures.draw_title(figure, title, _subtitle(curve_groups, key_roles, across))
         yield figure
 
@@ -224,16 +226,19 @@ def _draw_multiples(
                     force,
                     [styles[i] for i in panel_runs],
                 )
-            figures.draw_panel_title(axes, picture_text(", ".join(filter(None, (name, row_name)))))
+            value_names = [
+                value_name or f"{curve_groups.short_key(key)} not given"
+                for key, value_name in ((key_roles.across, name), (key_roles.down, row_name))
+                if key
+            ]
+            figures.draw_panel_title(axes, picture_text(", ".join(value_names)))
             axes.set(xlabel=depth.label, ylabel=force.label)
     first_axes: Axes = panels[0, 0]
     _scale_axes(first_axes, runs, depth, force)
     for axes in panels.ravel():
         axes.label_outer()
     if bar is not None:
-        figures.draw_colour_bar(
-            list(panels.ravel()), bar, key_label(curve_groups, key_roles.colour), "right"
-        )
+        draw_number_bar(list(panels.ravel()), bar, key_label(curve_groups, key_roles.colour))
     else:
         style_by_name = dict(zip(names[key_roles.colour], styles, strict=True))
         for name, style in style_by_name.items():
@@ -262,15 +267,19 @@ def _scale_axes(axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis) -
     if value_ratio([run["force"].max() for run in runs]) < LOG_RESULT_RATIO:
         axes.autoscale_view()
         return
-    axes.set(xscale="log", yscale="log")
-    for matplotlib_axis, set_limits, convert, column in (
-        (axes.xaxis, axes.set_xlim, depth, "delta"),
-        (axes.yaxis, axes.set_ylim, force, "force"),
+    for matplotlib_axis, set_scale, set_limits, convert, column in (
+        (axes.xaxis, axes.set_xscale, axes.set_xlim, depth, "delta"),
+        (axes.yaxis, axes.set_yscale, axes.set_ylim, force, "force"),
     ):
         values = np.concatenate([run[column] for run in runs])
         positive_values = convert(values[values > 0])
-        set_limits(0.8 * positive_values.min(), 1.25 * positive_values.max())
-        set_plain_log_ticks(matplotlib_axis, max(value_ratio(positive_values), FEW_TICKS_RATIO))
+        ratio = value_ratio(positive_values)
+        if ratio == 1:  # All runs have one step at the same depth.
+            continue
+        set_scale("log")
+        margin = max(MIN_LOG_MARGIN, ratio**LOG_MARGIN_EXPONENT)
+        set_limits(positive_values.min() / margin, margin * positive_values.max())
+        set_plain_log_ticks(matplotlib_axis, max(ratio, FEW_TICKS_RATIO))
         matplotlib_axis.set_minor_locator(NullLocator())
 
 
@@ -304,6 +313,16 @@ def number_colours(values: Sequence[float]) -> tuple[list[Colour], Any]:
     return colours, ScalarMappable(norm, colour_map)
 
 
+def draw_number_bar(panels: Sequence[Axes], colour_scale: Any, label: str) -> None:
+    """Draw the colour bar of a varied number right of the panels."""
+    from matplotlib.colors import LogNorm
+
+    bar = figures.draw_colour_bar(panels, colour_scale, label, "right")
+    norm = colour_scale.norm
+    if isinstance(norm, LogNorm):
+        set_plain_log_ticks(bar.ax.yaxis, norm.vmax / norm.vmin)
+
+
 def key_label(curve_groups: CurveGroups, key: str) -> str:
     """Return the axis label of a varied number: its name with its unit."""
     unit = curve_groups.key_unit(key) or unit_label_of_key(key, curve_groups.curves[0].results)
@@ -327,7 +346,7 @@ def representative_values(curve_groups: CurveGroups, column: str) -> tuple[list[
     return values, f"{column_axis.label}, {row_text}"
 
 
-def group_indices(curve_groups: CurveGroups, key: str) -> dict[str, list[int]]:
+def _group_indices(curve_groups: CurveGroups, key: str) -> dict[str, list[int]]:
     """Return the indices of the curves, grouped by the values of all other varied keys as text."""
     groups: dict[str, list[int]] = {}
     for index, name in enumerate(
@@ -344,6 +363,7 @@ def draw_over_number(
     values: Sequence[float],
     label: str,
     styles: Sequence[PlotStyle],
+    group_styles: Sequence[PlotStyle] | None = None,
 ) -> None:
     """Draw results over a varied number; runs that differ in it alone are joined by a line.
 
@@ -355,27 +375,28 @@ def draw_over_number(
         Result of each curve, and its axis label.
     styles
         Style of each curve; its points have this colour.
+    group_styles
+        Style of the line of each curve, if the lines are named in a legend.
     """
     numbers = curve_groups.key_numbers(key)
-    for indices in group_indices(curve_groups, key).values():
+    for name, indices in _group_indices(curve_groups, key).items():
         ordered = sorted(indices, key=lambda index: numbers[index])
-        colours = [styles[index]["color"] for index in ordered]
         x = [numbers[index] for index in ordered]
         y = [values[index] for index in ordered]
+        if group_styles:
+            axes.plot(x, y, lw=1.0, ms=5, **group_styles[ordered[0]], label=picture_text(name))
+            continue
+        colours = [styles[index]["color"] for index in ordered]
         line = colours[0] if len(set(map(str, colours))) == 1 else figures.GREY
         axes.plot(x, y, lw=0.9, color=line, zorder=1)
         axes.scatter(x, y, s=12, color=colours, zorder=2)
-    scale_number_axis(axes, numbers)
+    number_ratio = value_ratio(numbers)
+    if number_ratio > LOG_NUMBER_RATIO:
+        axes.set_xscale("log")
+        set_plain_log_ticks(axes.xaxis, number_ratio)
     if value_ratio(values) >= LOG_RESULT_RATIO:
         axes.set_yscale("log")
     axes.set(xlabel=key_label(curve_groups, key), ylabel=label)
-
-
-def scale_number_axis(axes: Axes, numbers: Sequence[float]) -> None:
-    """Set a logarithmic x axis for a varied number that spans decades."""
-    if value_ratio(numbers) > LOG_NUMBER_RATIO:
-        axes.set_xscale("log")
-        set_plain_log_ticks(axes.xaxis, value_ratio(numbers))
 
 
 def set_plain_log_ticks(matplotlib_axis: Any, ratio: float) -> None:
@@ -399,7 +420,8 @@ def is_grid(curve_groups: CurveGroups, keys: Sequence[str]) -> bool:
         zip(curve_groups.key_numbers(keys[0]), curve_groups.key_numbers(keys[1]), strict=True)
     )
     counts = [len({pair[i] for pair in pairs}) for i in (0, 1)]
-    return min(counts) >= MIN_MAP_VALUES and len(pairs) == counts[0] * counts[1]
+    is_full = len(pairs) == len(curve_groups.curves) == counts[0] * counts[1]
+    return min(counts) >= MIN_MAP_VALUES and is_full
 
 
 def draw_map(
@@ -415,28 +437,22 @@ def draw_map(
         Result of each curve, and its label.
     """
     from matplotlib.colors import LogNorm
-    from matplotlib.ticker import LogLocator, MaxNLocator
+    from matplotlib.ticker import MaxNLocator
 
-    x, y = (curve_groups.key_numbers(key) for key in keys)
-    value_at = {
-        pair: value for *pair_, value in zip(x, y, values, strict=True) for pair in [tuple(pair_)]
-    }
-    across = sorted(set(x))
-    up = sorted(set(y))
-    value_grid = np.array(
-        [[value_at[across_value, up_value] for across_value in across] for up_value in up]
-    )
+    x, y = (np.array(curve_groups.key_numbers(key)) for key in keys)
+    across = np.unique(x)
+    up = np.unique(y)
+    value_grid = np.array(values)[np.lexsort((x, y))].reshape(len(up), len(across))
     is_log = value_ratio(values) >= LOG_RESULT_RATIO
     low = min(values)
     high = max(values) if max(values) > low else low + 1.0
-    levels = np.linspace(low, high, MAP_LEVELS + 1)
-    if is_log:
-        levels = np.geomspace(low, high, MAP_LEVELS + 1)
+    levels = (np.geomspace if is_log else np.linspace)(low, high, MAP_LEVELS + 1)
     norm_style: PlotStyle = {"norm": LogNorm(low, high)} if is_log else {}
     filled_contours = axes.contourf(
         across, up, value_grid, levels=levels, cmap="viridis", extend="neither", **norm_style
     )
-    axes.plot(x, y, ls="", marker=".", ms=4, color="white", mec=figures.INK, mew=0.3)
+    dot_style: PlotStyle = {"ls": "", "marker": "o", "ms": 3, "color": "white", "clip_on": False}
+    axes.plot(x, y, mec=figures.INK, mew=0.5, zorder=3, **dot_style)
     for numbers, scale, matplotlib_axis in (
         (across, axes.set_xscale, axes.xaxis),
         (up, axes.set_yscale, axes.yaxis),
@@ -446,8 +462,10 @@ def draw_map(
             set_plain_log_ticks(matplotlib_axis, value_ratio(numbers))
     axes.set(xlabel=key_label(curve_groups, keys[0]), ylabel=key_label(curve_groups, keys[1]))
     bar = figures.draw_colour_bar([axes], filled_contours, label, "bottom")
-    bar.set_ticks(LogLocator(subs=(1, 2, 5)) if is_log else MaxNLocator(5))
-    bar.ax.xaxis.set_major_formatter("{x:g}")
+    if is_log:
+        set_plain_log_ticks(bar.ax.xaxis, high / low)
+    else:
+        bar.set_ticks(MaxNLocator(5))
     bar.minorticks_off()
 
 
@@ -463,6 +481,45 @@ def column_figure(curve_groups: CurveGroups, column: str, title: str) -> Iterato
     UsageError
         No number varies, or no run has this column.
     """
+    panel_keys = _keys_of_panels(curve_groups, column)
+    is_map = len(panel_keys[0]) == 2
+    count = len(panel_keys)
+    width = PANEL_SIZE[0] * count * (1.4 if count == 1 else 1.0)
+    with figures.new_figure(
+        (width, TITLE_HEIGHT + PANEL_SIZE[1] + (1.0 if is_map else 0.4))
+    ) as figure:
+        panels = figure.subplots(1, count, squeeze=False)[0]
+        _draw_column(panels, curve_groups, column, panel_keys)
+        figures.draw_figure_legend(figure, panels[0])
+        figures.draw_title(figure, title, f"{len(curve_groups.curves)} runs")
+        yield figure
+
+
+def draw_column_into(axes: Axes, curve_groups: CurveGroups, column: str) -> None:
+    """Draw one of `PLOTTED_COLUMNS` into axes of another program's figure, with a legend inside.
+
+    Raises
+    ------
+    UsageError
+        As `column_figure` raises it, and if the column needs several panels.
+    """
+    panel_keys = _keys_of_panels(curve_groups, column)
+    if len(panel_keys) > 1:
+        keys = ", ".join(key for keys in panel_keys for key in keys)
+        raise UsageError(
+            f"ax is for one panel, but {column} has {len(panel_keys)}: over {keys}",
+            "plot it without ax",
+        )
+    _draw_column([axes], curve_groups, column, panel_keys)
+    if axes.get_legend_handles_labels()[1]:
+        axes.legend()
+
+
+def _keys_of_panels(curve_groups: CurveGroups, column: str) -> list[tuple[str, ...]]:
+    """Return the varied numbers of each panel of a column: one, or two for a map.
+
+    UsageError if there are none, or no run has the column.
+    """
     numeric = curve_groups.numeric_keys()
     if not numeric:
         raise UsageError(
@@ -472,39 +529,35 @@ def column_figure(curve_groups: CurveGroups, column: str, title: str) -> Iterato
         np.isfinite(curve.results.table.get(column, np.nan)).any() for curve in curve_groups.curves
     ):
         raise UsageError(f"no run of this study has {column}")
-    number_keys = (
-        (STIFFNESS_KEY,)
-        if column == "penetration" and STIFFNESS_KEY in numeric
-        else numeric[:MAX_NUMBER_PANELS]
-    )
+    if column == "penetration" and STIFFNESS_KEY in numeric:
+        return [(STIFFNESS_KEY,)]
+    if is_grid(curve_groups, numeric):
+        return [numeric]
+    return [(key,) for key in numeric[:MAX_NUMBER_PANELS]]
+
+
+def _draw_column(
+    panels: Sequence[Axes],
+    curve_groups: CurveGroups,
+    column: str,
+    panel_keys: Sequence[tuple[str, ...]],
+) -> None:
+    """Draw a column into its panels: a map, or points over a varied number in each panel."""
     values, label = representative_values(curve_groups, column)
-    is_map = number_keys == numeric and is_grid(curve_groups, number_keys)
-    count = 1 if is_map else len(number_keys)
-    width = PANEL_SIZE[0] * count * (1.4 if count == 1 else 1.0)
-    with figures.new_figure(
-        (width, TITLE_HEIGHT + PANEL_SIZE[1] + (1.0 if is_map else 0.4))
-    ) as figure:
-        panels = figure.subplots(1, count, squeeze=False)[0]
-        if is_map:
-            draw_map(panels[0], curve_groups, number_keys, values, label)
-        else:
-            _draw_over_each(figure, panels, curve_groups, number_keys, (values, label))
-        if number_keys == (STIFFNESS_KEY,):
-            _draw_pressure_over_stiffness(panels[0], curve_groups)
-            if (
-                min(values) > 0
-                and value_ratio(curve_groups.key_numbers(STIFFNESS_KEY)) > LOG_NUMBER_RATIO
-            ):
-                # Penetration is inversely proportional to the stiffness.
-                panels[0].set_yscale("log")
-        if panels[0].get_legend_handles_labels()[1]:
-            figures.draw_figure_legend(figure, panels[0])
-        figures.draw_title(figure, title, f"{len(curve_groups.curves)} runs")
-        yield figure
+    if len(panel_keys[0]) == 2:
+        draw_map(panels[0], curve_groups, panel_keys[0], values, label)
+        return
+    number_keys = [key for (key,) in panel_keys]
+    _draw_over_each(panels, curve_groups, number_keys, (values, label))
+    if column == "penetration" and number_keys == [STIFFNESS_KEY]:
+        _draw_pressure_over_stiffness(panels[0], curve_groups)
+        stiffness_ratio = value_ratio(curve_groups.key_numbers(STIFFNESS_KEY))
+        if min(values) > 0 and stiffness_ratio > LOG_NUMBER_RATIO:
+            # Penetration is inversely proportional to the stiffness.
+            panels[0].set_yscale("log")
 
 
 def _draw_over_each(
-    figure: Figure,
     panels: Sequence[Axes],
     curve_groups: CurveGroups,
     number_keys: Sequence[str],
@@ -528,7 +581,7 @@ def _draw_over_each(
         )
         styles, bar = styles_by_key(curve_groups, colour_key)
         if bar is not None:
-            figures.draw_colour_bar(list(panels), bar, key_label(curve_groups, colour_key), "right")
+            draw_number_bar(list(panels), bar, key_label(curve_groups, colour_key))
     else:
         styles = [{"color": figures.COLOURS[0]} for _ in names]
     for axes, key in zip(panels, number_keys, strict=True):

@@ -138,6 +138,11 @@ class StudyFolder:
         self._release()
 
     @property
+    def lock_descriptor(self) -> int:
+        """Descriptor of the locked file."""
+        return self._lock_descriptor
+
+    @property
     def is_resumed(self) -> bool:
         """True if finished runs are kept and interrupted runs continued."""
         return self._is_resumed

@@ -8,9 +8,10 @@ remains over time, and the time at which half of it is over.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from textwrap import wrap
+from typing import Any
 
 import numpy as np
 
@@ -27,26 +28,23 @@ from indent_sim.studies import small_multiples, study_table
 from indent_sim.studies.curve_table import CurveGroups, distinguishing_labels
 from indent_sim.studies.small_multiples import (
     DASHES,
-    LOG_NUMBER_RATIO,
     MAX_COLOURS,
     MAX_NAMED_GROUPS,
-    group_indices,
+    draw_number_bar,
+    draw_over_number,
     key_label,
+    representative_values,
     set_plain_log_ticks,
     styles_by_key,
     value_ratio,
 )
 from indent_sim.studies.study_table import Row
 
-# Largest number of numbered points of the Pareto front; more would not fit into the legend.
-MAX_NAMED_POINTS = 8
 # Points nearer than these fractions of the panel's width and height have no room for two numbers.
 LABEL_DISTANCE = (0.03, 0.045)
 # Each group beyond this number makes the picture higher by this height [inches].
 GROUPS_AT_BASE_HEIGHT = 4
 HEIGHT_PER_GROUP = 0.2
-# Longer names in a legend are cut.
-MAX_LEGEND_LETTERS = 48
 # Letters of a line of the legend, in which each point of the front has two lines.
 POINT_LABEL_LETTERS = 44
 # The cost axis is logarithmic if the ratio of its ends is larger.
@@ -54,19 +52,8 @@ LOG_COST_RATIO = 3.0
 ONE_PERCENT = 0.01
 # Width and height of the panels of curves.png [inches].
 CURVE_PANEL_SIZE = 4.4
-# Width of a colour bar [inches].
-BAR_WIDTH = 0.2
-# Shorter names stand in two columns below a panel.
-TWO_COLUMN_LETTERS = 24
-# A higher legend below a panel makes the picture higher [inches].
-MAX_LEGEND_HEIGHT = 1.4
 # More curves have colours by a key instead of a name each.
 MAX_NAMED_CURVES = 8
-# Relative difference up to which two runs have the same half-space formula; interpolation between
-# points of its curve is more accurate.
-FORMULA_TOLERANCE = 1e-3
-# Height of a line of the scoreboard [inches].
-SCOREBOARD_LINE_HEIGHT = 0.27
 # The axis of the scoreboard is logarithmic beyond this difference [per cent].
 LINEAR_PERCENT = 0.1
 SCOREBOARD_MARK: PlotStyle = {"ls": "", "marker": "o", "ms": 6, "zorder": 3}
@@ -138,67 +125,61 @@ def curves_figure(curve_groups: CurveGroups, title: str) -> Iterator[Figure]:
         with small_multiples.small_multiples_figure(curve_groups, title) as figure:
             yield figure
         return
-    number_keys = curve_groups.numeric_keys()[:3]
+    number_keys = curve_groups.numeric_keys()[: small_multiples.MAX_NUMBER_PANELS]
     count = len(curve_groups.curves)
-    is_coloured = len(number_keys) > 0 and (len(curve_groups.keys) == 1 or count > MAX_NAMED_CURVES)
-    styles, names = _all_line_styles(curve_groups)
-    longest = min(max(map(len, names), default=0), MAX_LEGEND_LETTERS)
-    legend_width = 0.9 if is_coloured or not any(names) else 0.7 + figures.LETTER_WIDTH * longest
-    groups_by_key = {key: group_indices(curve_groups, key) for key in number_keys}
-    named_groups = {
-        key: list(groups)
-        for key, groups in groups_by_key.items()
-        if _group_styles(curve_groups, key)
-    }
-    longest_group_name = max(
-        (len(name) for group_names in named_groups.values() for name in group_names), default=0
-    )
-    legend_columns = 2 if longest_group_name <= TWO_COLUMN_LETTERS else 1
-    legend_height = figures.LINE_HEIGHT * max(
-        [0, *(-(-len(group_names) // legend_columns) + 1 for group_names in named_groups.values())]
-    )
-    height = CURVE_PANEL_SIZE + max(0.0, legend_height - MAX_LEGEND_HEIGHT)
-    widths = [
-        *[CURVE_PANEL_SIZE] * (1 + len(number_keys)),
-        BAR_WIDTH if is_coloured else legend_width,
-    ]
-    rows = [["curves", *number_keys, "names"]]
-    heights = [height - legend_height]
-    if named_groups:
-        rows = [
-            *rows,
-            [
-                "curves",
-                *(f"{key} groups" if key in named_groups else key for key in number_keys),
-                "names",
-            ],
-        ]
-        heights = [*heights, legend_height]
-    with figures.new_figure(
-        (CURVE_PANEL_SIZE * (1 + len(number_keys)) + legend_width, height)
-    ) as figure:
-        axes: dict[str, Axes] = figure.subplot_mosaic(
-            rows, width_ratios=widths, height_ratios=heights
-        )
+    styles, names, colour_scale = _curve_styles(curve_groups)
+    width = CURVE_PANEL_SIZE * (1 + len(number_keys))
+    with figures.new_figure((width, CURVE_PANEL_SIZE)) as figure:
+        panels = figure.subplots(1, 1 + len(number_keys), squeeze=False)[0]
+        _draw_force_curves(panels[0], curve_groups, styles, names, holds)
+        legend_heights = [0.0]
+        if colour_scale is None:
+            legend_heights.append(figures.draw_legend_under(panels[0]))
+        else:
+            label = key_label(curve_groups, number_keys[0])
+            draw_number_bar(list(panels), colour_scale, label)
+        for axes, key in zip(panels[1:], number_keys, strict=True):
+            _draw_over_number(axes, curve_groups, key, styles, holds)
+            legend_heights.append(figures.draw_legend_under(axes))
+        figure.set_size_inches(width, CURVE_PANEL_SIZE + max(legend_heights))
         hold_subtitle = "remaining fraction of the fall of the force while the tip is held"
         subtitle = hold_subtitle if _common_holds(holds) else "every force at its run's own depth"
         figures.draw_title(figure, title, f"{count} run{'s' * (count > 1)}  ·  {subtitle}")
-        if is_coloured:
-            styles, colour_scale = styles_by_key(curve_groups, number_keys[0])
-            names = [""] * count
-            label = key_label(curve_groups, number_keys[0])
-            figure.colorbar(colour_scale, cax=axes["names"], label=label).outline.set_visible(False)
-        _draw_force_curves(axes["curves"], curve_groups, styles, names, holds)
-        for key in number_keys:
-            _draw_over_number(axes[key], curve_groups, key, styles, holds)
-            if key in named_groups:
-                figures.draw_legend_panel(axes[f"{key} groups"], axes[key], legend_columns)
-        if not is_coloured:
-            figures.draw_legend_panel(axes["names"], axes["curves"])
-            # The legend beside the panels has all names of the legend inside the first panel.
-            if (inner_legend := axes["curves"].get_legend()) is not None:
-                inner_legend.remove()
         yield figure
+
+
+def draw_curves_into(axes: Axes, curve_groups: CurveGroups) -> None:
+    """Draw the curves of a study into axes of another program's figure, with a legend inside."""
+    holds = [first_hold(curve.results) for curve in curve_groups.curves]
+    styles, names, colour_scale = _curve_styles(curve_groups)
+    _draw_force_curves(axes, curve_groups, styles, names, holds)
+    if colour_scale is not None:
+        label = key_label(curve_groups, curve_groups.numeric_keys()[0])
+        draw_number_bar([axes], colour_scale, label)
+    elif axes.get_legend_handles_labels()[1]:
+        axes.legend()
+
+
+def requested_figure(
+    curve_groups: CurveGroups, panel: str, title: str
+) -> AbstractContextManager[Figure]:
+    """Return the figure of a study's curves, or of one of its columns over the varied numbers."""
+    if panel in small_multiples.PLOTTED_COLUMNS:
+        return small_multiples.column_figure(curve_groups, panel, title)
+    return curves_figure(curve_groups, title)
+
+
+def _curve_styles(curve_groups: CurveGroups) -> tuple[list[PlotStyle], list[str], Any]:
+    """Return style and name of every curve, and a colour scale that replaces names; None without.
+
+    Curves that differ in one number, and many curves, have colours by the first number.
+    """
+    count = len(curve_groups.curves)
+    number_keys = curve_groups.numeric_keys()
+    if number_keys and (len(curve_groups.keys) == 1 or count > MAX_NAMED_CURVES):
+        styles, colour_scale = styles_by_key(curve_groups, number_keys[0])
+        return styles, [""] * count, colour_scale
+    return *_all_line_styles(curve_groups), None
 
 
 def _all_line_styles(curve_groups: CurveGroups) -> tuple[list[PlotStyle], list[str]]:
@@ -269,7 +250,9 @@ def draw_scoreboard(rows: Sequence[Row], title: str, path: Path) -> None:
     if not known_rows:
         path.unlink(missing_ok=True)
         return
-    with figures.new_figure((9.2, 1.6 + SCOREBOARD_LINE_HEIGHT * len(known_rows))) as figure:
+    # Height of a line of the scoreboard [inches].
+    scoreboard_line_height = 0.27
+    with figures.new_figure((9.2, 1.6 + scoreboard_line_height * len(known_rows))) as figure:
         axes = figure.subplots()
         wrong_count = sum(row["wrong"] in ("published", "both") for row in known_rows)
         count_text = (
@@ -345,8 +328,10 @@ def _draw_force_curves(
 ) -> None:
     """Draw force over depth of every run; if all hold, the remaining fall of the force."""
     runs = [curve.results for curve in curve_groups.curves]
+    # Longer names in a legend are cut.
+    max_legend_letters = 48
     # Matplotlib leaves labels that begin with "_" out of legends.
-    labels = [picture_text(name, MAX_LEGEND_LETTERS) or "_" for name in names]
+    labels = [picture_text(name, max_legend_letters) or "_" for name in names]
     if common_holds := _common_holds(holds):
         for hold, style, name in zip(common_holds, styles, labels, strict=True):
             axes.plot(
@@ -410,8 +395,11 @@ def _common_formula(runs: Sequence[Results]) -> Report | None:
     )
     x, y = (np.array([0.0, *deepest_formula["curve"][name]]) for name in ("delta", "force"))
     ends = [(formula["curve"]["delta"][-1], formula["curve"]["force"][-1]) for formula in formulas]
+    # Relative difference up to which two runs have the same half-space formula; interpolation
+    # between points of its curve is more accurate.
+    formula_tolerance = 1e-3
     is_common = all(
-        abs(np.interp(delta, *smooth_curve(x, y)) / force - 1) < FORMULA_TOLERANCE
+        abs(np.interp(delta, *smooth_curve(x, y)) / force - 1) < formula_tolerance
         for delta, force in ends
         if force
     )
@@ -436,41 +424,20 @@ def _common_holds(holds: Holds) -> list[HoldRelaxation]:
 def _draw_over_number(
     axes: Axes, curve_groups: CurveGroups, key: str, styles: Sequence[PlotStyle], holds: Holds
 ) -> None:
-    """Draw the representative force of every run, or the half time of its hold, over a number.
-
-    Runs that differ in this number alone are joined by a line. The lines have styles of their own
-    if they are few and named, else their points have the colours of the curves.
-    """
-    force = axis_of_column("force", [curve.results for curve in curve_groups.curves])
+    """Draw the representative force of every run, or the half time of its hold, over a number."""
+    values, label = representative_values(curve_groups, "force")
     common_holds = _common_holds(holds)
-    group_styles = _group_styles(curve_groups, key)
-    values = curve_groups.key_numbers(key)
-    y = [hold.half_time for hold in common_holds] or [
-        float(force(_representative_force(curve.results))) for curve in curve_groups.curves
-    ]
-    for name, indices in group_indices(curve_groups, key).items():
-        ordered = sorted(indices, key=lambda index: values[index])
-        x_y = [values[index] for index in ordered], [y[index] for index in ordered]
-        if group_styles:
-            axes.plot(*x_y, lw=1.0, ms=5, **group_styles[ordered[0]], label=picture_text(name))
-            continue
-        axes.plot(*x_y, lw=1.0, color=figures.GREY, zorder=1)
-        axes.scatter(*x_y, s=14, color=[styles[index]["color"] for index in ordered], zorder=2)
-    all_time_histories = all("t" in curve.results.table for curve in curve_groups.curves)
-    if value_ratio(values) > (1.0 if common_holds else LOG_NUMBER_RATIO):
-        axes.set_xscale("log")
-        set_plain_log_ticks(axes.xaxis, value_ratio(values))
-    if common_holds or value_ratio(y) >= LOG_FORCE_RATIO:
-        axes.set_yscale("log")
-    y_label = f"{'largest' if all_time_histories else 'last'} {force.label}"
     if common_holds:
-        y_label = f"half of the fall is over at t{_time_unit(curve_groups)}"
-    axes.set(xlabel=key_label(curve_groups, key), ylabel=y_label)
-
-
-def _representative_force(run: Results) -> float:
-    """Return the force of the row that represents a run in the table."""
-    return float(run["force"][study_table.representative_row(run)])
+        values = [hold.half_time for hold in common_holds]
+        label = f"half of the fall is over at t{_time_unit(curve_groups)}"
+    group_styles = _group_styles(curve_groups, key)
+    draw_over_number(axes, curve_groups, key, values, label, styles, group_styles)
+    number_ratio = value_ratio(curve_groups.key_numbers(key))
+    if common_holds:
+        axes.set_yscale("log")
+    if common_holds and number_ratio > 1:
+        axes.set_xscale("log")
+        set_plain_log_ticks(axes.xaxis, number_ratio)
 
 
 def _draw_error_over_cost(axes: Axes, groups: dict[str, list[Row]]) -> None:
@@ -492,9 +459,12 @@ def _draw_pareto_front(axes: Axes, front: Sequence[Row]) -> list[Row]:
     # The positions are fractions of the panel's width and height.
     positions = axes.transLimits.transform(axes.transScale.transform(points))
     spaced = _spaced_points(positions)
+    # Largest number of numbered points of the Pareto front; more would not fit into the
+    # legend.
+    max_named_points = 8
     named_indices = [
         spaced[i]
-        for i in np.linspace(0, len(spaced) - 1, min(MAX_NAMED_POINTS, len(spaced)))
+        for i in np.linspace(0, len(spaced) - 1, min(max_named_points, len(spaced)))
         .round()
         .astype(int)
     ]

@@ -30,14 +30,6 @@ from scipy.optimize import brentq, minimize_scalar
 from indent_sim.theory.punches import Punches
 from indent_sim.theory.solution import require_positive
 
-# Distance of ln a on either side of an extremum in which a polynomial through this many points
-# approximates the curve: it finds the extremum to 1e-10.
-EXTREMUM_WIDTH = 0.05
-EXTREMUM_POINTS = 13
-BRANCH_SAMPLES = 120  # Equilibria from which a stable branch is interpolated.
-# Contact radius over that without force below which no contact becomes unstable, on any layer and
-# under any tip.
-LEAST_UNSTABLE_RADIUS = 1e-3
 # Relative distance that a search keeps from the largest radius, where the stiffness may be singular
 # (at a wall).
 LEAST_RIM_DISTANCE = 1e-9
@@ -101,8 +93,10 @@ class Jkr:
     def _find_pull_off(self, compliance: float = 0.0) -> AdhesiveContact:
         """Find the equilibrium with the smallest z, or the smallest force in force control."""
         zero_force_radius = self._zero_force_radius
+        # On any layer and under any tip, contacts that become unstable are larger than a thousandth
+        # of the one without force.
         log_bounds = (
-            math.log(max(LEAST_UNSTABLE_RADIUS * zero_force_radius, self.punches.min_radius)),
+            math.log(max(1e-3 * zero_force_radius, self.punches.min_radius)),
             math.log(zero_force_radius),
         )
         return self.equilibrium_at(
@@ -146,9 +140,10 @@ class Jkr:
         log_radius = float(
             minimize_scalar(lambda x: value(math.exp(x)), bounds=(low, high), method="bounded").x
         )
-        bounds = max(log_radius - EXTREMUM_WIDTH, low), min(log_radius + EXTREMUM_WIDTH, high)
+        # So near to the extremum a polynomial through 14 points finds it to 1e-10.
+        bounds = max(log_radius - 0.05, low), min(log_radius + 0.05, high)
         polynomial = Chebyshev.interpolate(
-            np.vectorize(lambda x: value(math.exp(x))), EXTREMUM_POINTS, domain=bounds
+            np.vectorize(lambda x: value(math.exp(x))), 13, domain=bounds
         )
         stationary_points = np.asarray(polynomial.deriv().roots(), dtype=complex)
         inner_extrema = [
@@ -213,9 +208,7 @@ class Jkr:
         value = self._prescribed_value(compliance)
         lowest = value(pull_off.a)
         upper_radius = self._radius_beyond(largest, value, pull_off.a)
-        a = pull_off.a * (upper_radius / pull_off.a) ** (
-            np.linspace(0.0, 1.0, BRANCH_SAMPLES) ** 1.5
-        )
+        a = pull_off.a * (upper_radius / pull_off.a) ** (np.linspace(0.0, 1.0, 120) ** 1.5)
         equilibria = [pull_off, *(self.equilibrium_at(float(x)) for x in a[1:])]
         prescribed_values = [
             c.force if math.isinf(compliance) else c.delta + compliance * c.force

@@ -27,8 +27,6 @@ from indent_sim.theory.solution import Solution, no_contact
 # DIFFERENCE_STEP^4/30 times the fifth derivative, 3e-14 of a modulus, and a rounding error of
 # 1e-16/DIFFERENCE_STEP of one: stresses have ten digits at strains above 1e-3.
 DIFFERENCE_STEP = 1e-3
-# Error of the lateral logarithmic strain at which Newton's method ends.
-STRAIN_TOLERANCE = 1e-13
 # Strain energy psi(l1, l2, l3) [F/L^2] of the principal stretches, the last one along z.
 Energy = Callable[[float, float, float], float]
 
@@ -140,18 +138,25 @@ class HyperelasticBar:
             return 0.0
         if self.is_incompressible:
             return -axial_strain / (2 - self.confined_directions)
-        lateral_strain = 0.0
-        for _ in range(50):
-            slope = _first_derivative(lambda e: self._energy(e, axial_strain), lateral_strain)
-            curvature = _second_derivative(lambda e: self._energy(e, axial_strain), lateral_strain)
-            if not (curvature > 0 and math.isfinite(slope)):
-                break
-            lateral_strain -= slope / curvature
-            if abs(slope) <= STRAIN_TOLERANCE * curvature:
-                return lateral_strain
-        raise ValueError(
-            f"the material has no equilibrium at the stretch {math.exp(axial_strain):.4g} along z"
-        )
+        # This import takes 0.2 s, which other scenes need not spend.
+        from scipy.optimize import newton
+
+        def slope(lateral_strain: float) -> float:
+            return _first_derivative(lambda e: self._energy(e, axial_strain), lateral_strain)
+
+        def curvature(lateral_strain: float) -> float:
+            value = _second_derivative(lambda e: self._energy(e, axial_strain), lateral_strain)
+            if not value > 0:
+                raise ArithmeticError("the strain energy is not convex")
+            return value
+
+        try:
+            return float(newton(slope, 0.0, fprime=curvature, tol=1e-13))
+        except (ArithmeticError, RuntimeError) as error:
+            raise ValueError(
+                "the material has no equilibrium at the stretch "
+                f"{math.exp(axial_strain):.4g} along z"
+            ) from error
 
 
 def _first_derivative(function: Callable[[float], float], x: float) -> float:

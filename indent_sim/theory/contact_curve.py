@@ -18,13 +18,14 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, partial
 from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebfit, chebpts2, chebval
 
 from indent_sim.theory.profiles import Tip
-from indent_sim.theory.roots import first_guess, increasing_root, next_guess, power_law_step
+from indent_sim.theory.roots import first_guess, increasing_root, next_guess
 from indent_sim.theory.solution import (
     MAX_SLENDERNESS,
     PEAK_POINTS,
@@ -35,29 +36,12 @@ from indent_sim.theory.solution import (
 from indent_sim.theory.stack import Stack
 
 TENSION_RINGS = 40  # Rings of a contact in which the sign of the pressure is checked.
-TENSION_TOLERANCE = 1e-6  # Tensile part of the force below which the sign is rounding.
-# Interpolation pays for this many depths and more, as long as it solves no more sizes per depth
-# than this; the search for the size of one depth solves four or five.
-FEWEST_DEPTHS = 8
-SIZES_PER_DEPTH = 1.9
-# Numbers of Chebyshev points that are tried in turn. The points are nested (n -> 2 n - 1), so that
-# every contact size that was solved for one number is used again for the next.
-SIZE_COUNTS = (8, 15, 29, 57, 113)
+FEWEST_DEPTHS = 8  # Number of depths from which on interpolation pays.
 # A polynomial has converged when its last coefficients, this many, are this small relative to the
 # largest one.
 TAIL_TOLERANCE = 2e-13
 TAIL_COEFFICIENTS = 2
-# Relative error of a depth or force above which the search for its contact size has failed.
-SEARCH_TOLERANCE = 1e-11
-# Margin of the number of sizes that is predicted from the decay of the coefficients: smaller
-# numbers are skipped.
-SIZE_COUNT_MARGIN = 2.0
-# The secant search for sizes: relative step at which it ends, relative step below which the
-# exponent is kept, and number of steps.
-SIZE_TOLERANCE = 1e-11
-LEAST_SECANT_STEP = 1e-10
-MAX_SECANT_STEPS = 30
-PEAK_SAMPLING_STRIDE = 7  # The place of the largest pressure is checked for every seventh size.
+SIZE_TOLERANCE = 1e-11  # Relative step at which the secant search for sizes ends.
 # Points across a contact at which the largest pressure is searched for: the pressure varies over h.
 LEAST_PEAK_POINTS = 21
 PEAK_POINTS_PER_RADIUS = 8.0
@@ -264,7 +248,8 @@ class ContactCurve(ABC):
             or self.tip.slope_discontinuities
         ):
             return None
-        max_sizes = int(SIZES_PER_DEPTH * count)
+        # The search for the contact size of a single depth solves four or five sizes.
+        max_sizes = int(1.9 * count)
         smallest, largest = self._estimated_sizes(first_depth, last_depth)
         if largest < self.max_size():
             interpolated = ChebyshevContactCurve.interpolate(self, smallest, largest, max_sizes)
@@ -284,8 +269,9 @@ class ContactCurve(ABC):
         depths = first_depth / self.h, last_depth / self.h
         sizes = [first_guess(self.profile, depth, self.max_size()) for depth in depths]
         estimates = zip(sizes, self.linear_solutions(sizes, max(sizes)), depths, strict=True)
+        # The depth of a paraboloid grows with the square of the contact size.
         smallest, largest = (
-            power_law_step(a, linear.indentation_of_radius, depth) for a, linear, depth in estimates
+            a * math.sqrt(depth / linear.indentation_of_radius) for a, linear, depth in estimates
         )
         return smallest * (1.0 - END_MARGIN), largest * (1.0 + END_MARGIN)
 
@@ -349,7 +335,8 @@ class ContactCurve(ABC):
             * solution.area
             / solution.force
         )
-        return fraction if fraction > TENSION_TOLERANCE else 0.0
+        # The sign of a smaller part is rounding.
+        return fraction if fraction > 1e-6 else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -373,8 +360,12 @@ class ChebyshevContactCurve:
         """
         solution_of_size: dict[float, Any] = {}
         needed_count = 0.0
-        for count in (count for count in SIZE_COUNTS if count <= max_sizes):
-            if count < needed_count - SIZE_COUNT_MARGIN:
+        # The Chebyshev points are nested (n -> 2 n - 1), so that every contact size that was solved
+        # for one number is used again for the next.
+        for count in (count for count in (8, 15, 29, 57, 113) if count <= max_sizes):
+            # Numbers below the one that the decay of the coefficients predicts are skipped, with a
+            # margin of two.
+            if count < needed_count - 2.0:
                 continue
             sizes = list(
                 map(
@@ -391,7 +382,7 @@ class ChebyshevContactCurve:
                 new_sizes, curve.linear_solutions(new_sizes, sizes[-1]), strict=True
             )
             interpolated = cls(curve, np.array(sizes), [solution_of_size[a] for a in sizes])
-            tail = _tail_ratio(interpolated._scaled_node_values)
+            tail = _tail_ratio(interpolated._load_coefficients)
             if tail <= TAIL_TOLERANCE:
                 return interpolated
             needed_count = (
@@ -460,7 +451,7 @@ class ChebyshevContactCurve:
 
     def _load_values(self, a: np.ndarray) -> np.ndarray:
         """Return depth, force, stiffness and energy (4, len(a)) [L, F, F/L, F L] of contacts."""
-        return self.evaluate_polynomials(self._scaled_node_values, a) * self._load_scales(a)
+        return self.evaluate_polynomials(self._load_coefficients, a) * self._load_scales(a)
 
     def _load_scales(self, a: np.ndarray) -> np.ndarray:
         """Return Hertzian factors of the load values (4, len(a)) [L, F, F/L, F L]."""
@@ -471,61 +462,42 @@ class ChebyshevContactCurve:
         return np.array([g, stiffness * g, stiffness, stiffness * g * g])
 
     @cached_property
-    def _scaled_node_values(self) -> np.ndarray:
-        """Scaled quantities d, f, s and u at the nodes (4, sizes)."""
-        return np.asarray(self._node_values / self._load_scales(self.sizes))
+    def _load_coefficients(self) -> np.ndarray:
+        """Chebyshev coefficients (sizes, 4) of the scaled quantities d, f, s and u."""
+        return _coefficients(self._node_values / self._load_scales(self.sizes))
 
     @cached_property
     def _node_values(self) -> np.ndarray:
         """Depth, force, stiffness and energy at the nodes (4, sizes) [L, F, F/L, F L]."""
         return self.curve.load_values(self.sizes, self.linear_solutions)
 
-    def evaluate_polynomials(self, values: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Return (columns, len(a)) polynomials through values (columns, sizes), at sizes a [h]."""
+    def evaluate_polynomials(self, coefficients: np.ndarray, a: np.ndarray) -> np.ndarray:
+        """Return (columns, len(a)) Chebyshev series of (sizes, columns), at sizes a [h]."""
         x = self.curve.interpolation_variable(a)
-        (first, *_, last) = self.curve.interpolation_variable(self.sizes)
-        angle = np.arccos(
-            np.minimum(np.maximum((2.0 * x - first - last) / (last - first), -1.0), 1.0)
+        first, *_, last = self.curve.interpolation_variable(self.sizes)
+        return np.asarray(
+            chebval(np.clip((2.0 * x - first - last) / (last - first), -1.0, 1.0), coefficients)
         )
-        return (
-            np.cos(np.multiply.outer(angle, np.arange(values.shape[1]))) @ _coefficients(values)
-        ).T
 
     def _find_sizes(self, requested: Sequence[float], column: int) -> np.ndarray:
         """Return the sizes [h] at which one row of the load values has the requested values.
 
         Secants in logarithmic variables start from chords between the nodes.
         """
+        # This import takes 0.2 s, which other scenes need not spend.
+        from scipy.optimize import newton
+
         log_requested = np.log(requested)
-        smallest = self.sizes[0]
-        largest = self.sizes[-1]
         log_sizes = np.log(self.sizes)
-        log_values = np.log(self._node_values[column])
-        chord = np.clip(np.searchsorted(log_values, log_requested) - 1, 0, log_values.size - 2)
-        x = np.interp(log_requested, log_values, log_sizes)
-        exponent = (np.diff(log_values) / np.diff(log_sizes))[chord]
-        previous: tuple[np.ndarray, np.ndarray] | None = None
-        for _ in range(MAX_SECANT_STEPS):
-            log_errors = (
-                np.log(
-                    self._load_values(np.minimum(np.maximum(np.exp(x), smallest), largest))[column]
-                )
-                - log_requested
-            )
-            if previous is not None:
-                size_changes = x - previous[0]
-                error_changes = log_errors - previous[1]
-                is_reliable = np.abs(size_changes) > LEAST_SECANT_STEP
-                exponent = np.where(
-                    is_reliable, error_changes / np.where(is_reliable, size_changes, 1.0), exponent
-                )
-            previous = (x, log_errors)
-            x = x - log_errors / exponent
-            if np.abs(x - previous[0]).max() <= SIZE_TOLERANCE:
-                break
-        a = np.minimum(np.maximum(np.exp(x), smallest), largest)
+        start = np.interp(log_requested, np.log(self._node_values[column]), log_sizes)
+        log_a = newton(
+            lambda x: np.log(self._load_values(np.exp(x))[column]) - log_requested,
+            start,
+            tol=SIZE_TOLERANCE,
+        )
+        a = np.exp(np.clip(log_a, log_sizes[0], log_sizes[-1]))
         if not np.all(
-            np.abs(self._load_values(a)[column] - requested) <= SEARCH_TOLERANCE * np.abs(requested)
+            np.abs(self._load_values(a)[column] - requested) <= 1e-11 * np.abs(requested)
         ):
             raise ArithmeticError("contact sizes were not found for all depths or forces at once")
         return a
@@ -550,10 +522,10 @@ class _PeakPressures:
     def _are_central(self) -> bool:
         """True if the largest pressure lies in the center, where an even pressure has slope 0.
 
-        Every PEAK_SAMPLING_STRIDE-th size is checked, and all are taken to be alike.
+        Every seventh size is checked, and all are taken to be alike.
         """
         curve = self._curve
-        stride = slice(None, None, PEAK_SAMPLING_STRIDE)
+        stride = slice(None, None, 7)
         point_count = min(
             PEAK_POINTS, LEAST_PEAK_POINTS + math.ceil(PEAK_POINTS_PER_RADIUS * curve.sizes[-1])
         )
@@ -586,9 +558,12 @@ class _PeakPressures:
         scales = [
             contact_curve.E_star * contact_curve.profile(a) / a for a in (curve.sizes, self._a)
         ]
-        if not np.isfinite(peaks).all() or _tail_ratio(peaks / scales[0]) > TAIL_TOLERANCE:
+        if not np.isfinite(peaks).all():
             return None
-        return np.asarray(curve.evaluate_polynomials(peaks / scales[0], self._a)[0] * scales[1])
+        coefficients = _coefficients(peaks / scales[0])
+        if _tail_ratio(coefficients) > TAIL_TOLERANCE:
+            return None
+        return np.asarray(curve.evaluate_polynomials(coefficients, self._a)[0] * scales[1])
 
 
 def _field_values(curve: ContactCurve, delta: float, a: float, name: str, r: Any) -> Any:
@@ -601,30 +576,20 @@ def _chebyshev_points(low: float, high: float, count: int) -> list[float]:
 
     Every second one of 2 n - 1 points is one of n points.
     """
-    points = 0.5 * (low + high) - 0.5 * (high - low) * np.cos(
-        math.pi * np.arange(count) / (count - 1)
-    )
+    points = 0.5 * (low + high) + 0.5 * (high - low) * chebpts2(count)
     return [low, *map(float, points[1:-1]), high]
 
 
-@lru_cache(maxsize=len(SIZE_COUNTS))
-def _coefficient_matrix(count: int) -> np.ndarray:
-    """Return the matrix (count, count) from values at Chebyshev points to coefficients."""
-    k = np.arange(count)
-    n = count - 1
-    ends = np.where((k == 0) | (k == n), 0.5, 1.0)
-    return 2.0 / n * ends[:, None] * np.cos(math.pi * np.outer(k, n - k) / n) * ends
-
-
-def _tail_ratio(values: np.ndarray) -> float:
-    """Return the last coefficients of polynomials through values over the largest one of each.
-
-    `values` has the shape (columns, sizes); the result is the largest ratio.
-    """
-    coefficients = np.abs(_coefficients(values))
-    return float((coefficients[-TAIL_COEFFICIENTS:].max(axis=0) / coefficients.max(axis=0)).max())
-
-
 def _coefficients(values: np.ndarray) -> np.ndarray:
-    """Return coefficients (sizes, columns) of polynomials through values (columns, sizes)."""
-    return _coefficient_matrix(values.shape[1]) @ values.T
+    """Return Chebyshev coefficients (sizes, columns) of values (columns, sizes) at the points."""
+    count = values.shape[1]
+    return np.asarray(chebfit(chebpts2(count), values.T, count - 1))
+
+
+def _tail_ratio(coefficients: np.ndarray) -> float:
+    """Return the last coefficients (sizes, columns) over the largest one of their column.
+
+    The result is the largest ratio.
+    """
+    sizes = np.abs(coefficients)
+    return float((sizes[-TAIL_COEFFICIENTS:].max(axis=0) / sizes.max(axis=0)).max())

@@ -10,10 +10,6 @@ import math
 
 import numpy as np
 
-# Ramp time over the elapsed time below which a pressure counts as sudden: the difference of powers
-# would lose digits.
-SUDDEN_FRACTION = 1e-6
-
 
 def drained_length(diffusivity: float, elapsed: np.ndarray, ramp_time: np.ndarray) -> np.ndarray:
     """Return the thickness (n,) [length] of undrained body that holds the fluid lost by drainage.
@@ -35,7 +31,8 @@ def drained_length(diffusivity: float, elapsed: np.ndarray, ramp_time: np.ndarra
     ramp_time
         Times (n,) in which it grows, 0 to `elapsed` [time].
     """
-    is_sudden = ramp_time < SUDDEN_FRACTION * elapsed
+    # The difference of powers would lose digits.
+    is_sudden = ramp_time < 1e-6 * elapsed
     growth_time = np.where(is_sudden, elapsed, ramp_time)
     ramped = (elapsed**1.5 - (elapsed - growth_time) ** 1.5) / growth_time
     return (

@@ -33,8 +33,6 @@ import numpy as np
 from indent_sim.theory import no_slip
 from indent_sim.theory.no_slip import FrictionCorrection
 
-# The force is accurate to 2e-5; twice as many rings halve the error at five times the cost.
-FRICTION_RINGS = 200
 EDGE_GRADING = 4.0  # Exponent of the grading of rings towards the edge, where p, q are singular.
 # Largest friction times beta with this accuracy; above 1 the edge has another singularity.
 MAX_FRICTION_BETA = 0.8
@@ -108,9 +106,10 @@ class FrictionalPunch:
 @lru_cache(maxsize=16)
 def _punch(beta: float, friction: float) -> FrictionalPunch:
     """Return the frictional punch on the graded rings, cached."""
-    return Rings(
-        1.0 - (1.0 - np.linspace(0.0, 1.0, FRICTION_RINGS + 1)) ** EDGE_GRADING
-    ).solve_punch(beta, friction)
+    # Twice as many rings halve the error of the force, 2e-5, at five times the cost.
+    return Rings(1.0 - (1.0 - np.linspace(0.0, 1.0, 201)) ** EDGE_GRADING).solve_punch(
+        beta, friction
+    )
 
 
 @dataclass(frozen=True)

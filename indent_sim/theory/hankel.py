@@ -14,7 +14,7 @@ from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
-from numpy.polynomial.chebyshev import chebder
+from numpy.polynomial.chebyshev import chebder, chebvander
 
 from indent_sim.theory.quadrature import (
     bessel_j1_zeros,
@@ -25,17 +25,9 @@ from indent_sim.theory.quadrature import (
 )
 from indent_sim.theory.stack import Stack
 
-AXIS_POINTS = 64  # Gauss points of an integral of cosh(y x), an entire function, up to x < W.
-# Smallest and largest radius [h] of a kernel in even polynomials.
-MIN_EVEN_RADIUS = 2.0**-10
-MAX_EVEN_RADIUS = 2.0
-# Largest number of even polynomials, and the relative size of coefficients that are left out.
-MAX_EVEN_POLYNOMIALS = 32
-EVEN_TOLERANCE = 1e-17
-EXTRA_BESSEL_ORDERS = 20  # The downward recurrence starts this many orders above the last one.
-WALL_FORM_SWITCH = (
-    2.0  # The value of k W at which the wall integral changes from its split to its direct form.
-)
+MAX_EVEN_POLYNOMIALS = 32  # Largest number of even polynomials of a kernel.
+# The value of k W at which the wall integral changes from its split to its direct form.
+WALL_FORM_SWITCH = 2.0
 
 
 @dataclass(frozen=True)
@@ -97,7 +89,8 @@ class Kernel:
         cosines = -self.k[:, None] * sici(np.multiply.outer(self.k, a))[0]
         if not self.y.size:
             return cosines
-        x, w = gauss_legendre(0.0, 1.0, AXIS_POINTS)
+        # The integrand cosh(y x) is an entire function.
+        x, w = gauss_legendre(0.0, 1.0, 64)
         hyperbolic = self.slope_over_x(np.multiply.outer(a, x).ravel())[self.k.size :].reshape(
             -1, a.size, x.size
         )
@@ -129,7 +122,7 @@ class EvenKernel:
 
     def basis(self, x: np.ndarray) -> np.ndarray:
         """Return b_j(x), shape (modes, len(x))."""
-        return _chebyshev_values(self._chebyshev_argument(x), len(self.matrix))
+        return chebvander(self._chebyshev_argument(x), len(self.matrix) - 1).T
 
     def apply_weights(self, values: np.ndarray) -> np.ndarray:
         """Return sum_l matrix_jl values_l of values (..., modes, n)."""
@@ -151,7 +144,7 @@ class EvenKernel:
             / self.max_radius**2
             * (
                 derivative_matrix
-                @ _chebyshev_values(self._chebyshev_argument(x), derivative_matrix.shape[1])
+                @ chebvander(self._chebyshev_argument(x), derivative_matrix.shape[1] - 1).T
             )
         )
 
@@ -172,26 +165,14 @@ def _derivative_matrix(count: int) -> np.ndarray:
     return np.ascontiguousarray(chebder(np.eye(count)).T)
 
 
-def _chebyshev_values(x: np.ndarray, count: int) -> np.ndarray:
-    """Return T_0 to T_(count - 1) at arguments x, shape (count, len(x))."""
-    values = np.empty((count, x.size))
-    values[0] = 1.0
-    values[1:2] = x
-    twice = 2.0 * x
-    for n in range(2, count):
-        np.multiply(twice, values[n - 1], out=values[n])
-        values[n] -= values[n - 2]
-    return values
-
-
 def contact_kernel(a: float, stack: Stack, wall: float) -> Kernel | EvenKernel:
     """Return the kernel of `axisymmetric_kernel` for radii up to a, by few polynomials if possible.
 
     Without walls the kernel is analytic up to 2 h off the real axis: polynomials approximate it
     where the contact is smaller. They are cached for radii in powers of sqrt(2).
     """
-    if math.isinf(wall) and a <= MAX_EVEN_RADIUS:
-        max_radius = 2.0 ** (0.5 * math.ceil(2.0 * math.log2(max(a, MIN_EVEN_RADIUS))))
+    if math.isinf(wall) and a <= 2.0:
+        max_radius = 2.0 ** (0.5 * math.ceil(2.0 * math.log2(max(a, 2.0**-10))))
         if polynomial_kernel := _polynomial_kernel(max_radius, stack):
             return polynomial_kernel
     return axisymmetric_kernel(a, stack, wall)
@@ -203,35 +184,20 @@ def _polynomial_kernel(max_radius: float, stack: Stack) -> EvenKernel | None:
 
     cos(k x) = J_0(k R) + 2 sum_j (-1)^j J_2j(k R) T_2j(x/R) with R = max_radius.
     """
+    from scipy.special import jv
+
     kernel = axisymmetric_kernel(max_radius, stack, math.inf)
-    j = np.arange(MAX_EVEN_POLYNOMIALS)
-    waves = np.where(j == 0, 1.0, 2.0 * (-1.0) ** j)[:, None] * _even_bessel(
-        kernel.k * max_radius, MAX_EVEN_POLYNOMIALS
-    )
+    j = np.arange(MAX_EVEN_POLYNOMIALS)[:, None]
+    waves = np.where(j == 0, 1.0, 2.0 * (-1.0) ** j) * jv(2 * j, kernel.k * max_radius)
     matrix = waves @ (kernel.weight[:, None] * waves.T)
     sizes = np.abs(matrix).max(axis=0)
-    polynomial_count = max(1, int(np.count_nonzero(sizes > EVEN_TOLERANCE * sizes.max())))
+    # Coefficients below rounding are left out.
+    polynomial_count = max(1, int(np.count_nonzero(sizes > 1e-17 * sizes.max())))
     return (
         EvenKernel(max_radius, matrix[:polynomial_count, :polynomial_count])
         if polynomial_count < MAX_EVEN_POLYNOMIALS
         else None
     )
-
-
-def _even_bessel(x: np.ndarray, count: int) -> np.ndarray:
-    """Return J_0, J_2, ... at 0 < x < 2 count, shape (count, len(x)), each to its own rounding.
-
-    The ratios follow from J_n/J_(n-1) = x/(2 n - x J_(n+1)/J_n) downwards, and J_0 from J_0 + 2
-    sum_j J_2j = 1 (Abramowitz & Stegun 9.1.46, 9.1.73). This avoids the import of scipy.special.
-    """
-    last_order = 2 * count + EXTRA_BESSEL_ORDERS
-    ratios = np.empty((last_order, x.size))
-    ratio = np.zeros_like(x)
-    for n in range(last_order, 0, -1):
-        ratio = x / (2.0 * n - x * ratio)
-        ratios[n - 1] = ratio
-    ratios_to_first = np.vstack([np.ones_like(x), np.cumprod(ratios, axis=0)[1::2]])
-    return np.asarray(ratios_to_first[:count] / (2.0 * ratios_to_first.sum(axis=0) - 1.0))
 
 
 def axisymmetric_kernel(a: float, stack: Stack, wall: float) -> Kernel:

@@ -26,9 +26,6 @@ from scipy.optimize import brentq
 from indent_sim.theory.elastic_curve import ElasticCurve
 from indent_sim.theory.relaxation_function import Modulus
 
-# Increase of the elastic depth, over the largest depth, above which the contact grows again.
-REGROWTH_TOLERANCE = 1e-9
-
 
 @dataclass(frozen=True)
 class Response:
@@ -172,7 +169,8 @@ class LeeRadokTing:
         elastic_depths = [
             self.response_at(t).elastic_depth for t in times if t >= self._times[self._peak_index]
         ]
-        return bool(np.any(np.diff(elastic_depths) > REGROWTH_TOLERANCE * self.deepest))
+        # A smaller increase is a rounding error.
+        return bool(np.any(np.diff(elastic_depths) > 1e-9 * self.deepest))
 
 
 def _double_exponential_nodes(points: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

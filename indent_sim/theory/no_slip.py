@@ -26,49 +26,15 @@ from functools import lru_cache
 import numpy as np
 
 from indent_sim.theory.half_space import check_nu
+from indent_sim.theory.measured_constants import (
+    CELL_DIP,
+    CELL_PEAK,
+    LAYER_FORCE_RATIOS,
+    MAPPED_POISSON_RATIOS,
+    MAPPED_SLENDERNESS,
+)
 from indent_sim.theory.quadrature import Nodes, gauss_legendre, join_nodes
 
-# Force without slip over the frictionless one on a layer bonded to its base, by Poisson's ratio
-# (rows) and contact radius over thickness (columns), for the exponents of a paraboloid, a cone and
-# a flat punch. Paraboloid and cone are as deep as the frictionless tip with that contact radius.
-# The ratios are finite element solutions of the scenes in configs/studies/friction in twenty load
-# steps; scripts/make_friction_page solves them again and fails where one differs by more than
-# MAP_ERROR.
-MAPPED_SLENDERNESS = (0.1, 0.3, 1.0, 2.0, 3.0, 5.0, 10.0)
-MAPPED_POISSON_RATIOS = (0.0, 0.3, 0.4, 0.45, 0.49, 0.5)
-LAYER_FORCE_RATIOS = {
-    2.0: (
-        (1.057, 1.060, 1.043, 1.023, 1.013, 1.006, 1.002),
-        (1.017, 1.016, 1.003, 1.000, 1.001, 1.001, 1.000),
-        (1.006, 1.004, 1.001, 1.017, 1.021, 1.015, 1.006),
-        (1.002, 1.000, 1.014, 1.066, 1.083, 1.066, 1.026),
-        (1.000, 1.000, 1.045, 1.211, 1.339, 1.398, 1.241),
-        (1.000, 1.001, 1.059, 1.304, 1.585, 2.057, 2.731),
-    ),
-    1.0: (
-        (1.049, 1.051, 1.038, 1.020, 1.012, 1.005, 1.001),
-        (1.015, 1.014, 1.003, 1.000, 1.000, 1.000, 1.000),
-        (1.005, 1.003, 1.001, 1.015, 1.020, 1.014, 1.005),
-        (1.001, 1.000, 1.011, 1.060, 1.078, 1.062, 1.023),
-        (1.000, 1.000, 1.039, 1.196, 1.320, 1.381, 1.230),
-        (1.000, 1.001, 1.051, 1.282, 1.553, 2.011, 2.683),
-    ),
-    math.inf: (
-        (1.106, 1.110, 1.081, 1.050, 1.035, 1.022, 1.011),
-        (1.030, 1.029, 1.010, 1.005, 1.004, 1.003, 1.001),
-        (1.010, 1.007, 1.005, 1.022, 1.024, 1.019, 1.010),
-        (1.003, 1.001, 1.022, 1.079, 1.093, 1.077, 1.041),
-        (1.000, 1.001, 1.065, 1.254, 1.382, 1.434, 1.284),
-        (1.000, 1.001, 1.084, 1.366, 1.659, 2.126, 2.781),
-    ),
-}
-MAP_ERROR = 0.005  # Relative error of a force ratio of the map.
-MAP_ROUNDING = 0.001  # Rounding of the map.
-# Range inside a cell of the map beyond that of its corners: upwards as a fraction of the largest
-# change of the force, downwards of the force, where the slip changes its direction.
-# scripts/make_friction_page compares it with solutions between the lines of the map.
-CELL_PEAK = 0.02
-CELL_DIP = 0.004
 # Integrals over t = tanh(y) end at this y, where 1/cosh^2 is below 1e-17 of its peak.
 MAX_HYPERBOLIC_ANGLE = 20.0
 # Gauss panels along y: the integrands are analytic up to pi/2 off the real axis, so that only the
@@ -163,7 +129,8 @@ def layer_force_range(nu: float, slenderness: float, power: float) -> tuple[floa
     corners = [force_ratios[row][column] for row in rows for column in columns]
     low = min(corners)
     high = max(corners)
-    return low - CELL_DIP, high + MAP_ROUNDING + CELL_PEAK * (high - 1.0)
+    # The ratios of the map are rounded to three decimals.
+    return low - CELL_DIP, high + 1e-3 + CELL_PEAK * (high - 1.0)
 
 
 def _neighbouring_lines(lines: Sequence[float], value: float) -> list[int]:

@@ -31,38 +31,25 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from indent_sim.theory.half_space import check_nu
+from indent_sim.theory.measured_constants import (
+    DRAINAGE_RAMP_FRACTIONS,
+    DRAINAGE_STEP_FRACTIONS,
+    DRAINAGE_TIMES,
+)
 from indent_sim.theory.quadrature import Nodes, gauss_legendre, join_nodes
 from indent_sim.theory.solution import require_positive
 from indent_sim.theory.theory import Theory
 
 SurfaceDrainage = Literal["drained", "sealed"]
-# Points of Talbot's contour for twelve digits; half of them are conjugates of the others.
-CONTOUR_POINTS = 24
 CONTACT_POINTS = 64  # Gauss points of the integral equation.
 # Largest wavenumber k [1/a] and end of the first panel: the integrand decays like k^-6 once its
 # first two terms for large k are subtracted.
 MAX_WAVENUMBER = 120.0
 FIRST_PANEL = 1e-6
-# Gauss points of a panel of wavenumbers, and further ones per unit of the phase k x.
-WAVE_POINTS = 24
-WAVE_PHASE_POINTS = 0.7
 # Times tau = D t/a^2 below which 1 - g = sqrt(tau) (A - B ln tau) is used: the boundary layers are
 # too thin for these points. A and B are those of the two sample times.
 SHORT_TIME = 1e-3
 SHORT_TIME_SAMPLES = SHORT_TIME, 4.0 * SHORT_TIME
-# Fraction (F - F(inf))/(F(0+) - F(inf)) of the force of a paraboloid at the times tau = D t/a^2
-# after a step of the depth, and at the end of a ramp of that duration, for a sealed and a drained
-# tip. These are finite element solutions for a/h = 0.16 and nu = 0.2 with a drained surface outside
-# the contact.
-TABULATED_TIMES = (0.01, 0.1, 1.0, 10.0, 100.0)
-STEP_FRACTIONS = {
-    "sealed": (0.964, 0.745, 0.228, 0.0369, 1e-3),
-    "drained": (0.792, 0.498, 0.182, 0.0355, 1e-3),
-}
-RAMP_FRACTIONS = {
-    "sealed": (0.980, 0.865, 0.462, 0.1417, 0.0225),
-    "drained": (0.873, 0.671, 0.3455, 0.1196, 0.0199),
-}
 
 
 @dataclass(frozen=True)
@@ -195,8 +182,8 @@ def paraboloid_fraction_remaining(
     """Return about (F - F(inf))/(F(0+) - F(inf)) of a paraboloid, from 1 down to 0.
 
     It is interpolated and extrapolated linearly in ln(fraction/(1 - fraction)) over ln tau from the
-    table above. The error is 0.02 up to tau = 0.1 and 0.1 beyond, for nu = 0 to 0.4 and a/h = 0.05
-    to 0.5.
+    table of `measured_constants`. The error is 0.02 up to tau = 0.1 and 0.1 beyond, for nu = 0 to
+    0.4 and a/h = 0.05 to 0.5.
 
     Parameters
     ----------
@@ -209,8 +196,9 @@ def paraboloid_fraction_remaining(
     """
     if tau <= 0.0 or math.isinf(tau):
         return float(tau <= 0.0)
-    fractions = np.array((STEP_FRACTIONS if loading == "step" else RAMP_FRACTIONS)[tip])
-    x = np.log(TABULATED_TIMES)
+    table = DRAINAGE_STEP_FRACTIONS if loading == "step" else DRAINAGE_RAMP_FRACTIONS
+    fractions = np.array(table[tip])
+    x = np.log(DRAINAGE_TIMES)
     y = np.log(fractions / (1.0 - fractions))
     k = int(np.clip(np.searchsorted(x, math.log(tau)), 1, len(x) - 1))
     log_odds = y[k - 1] + (y[k] - y[k - 1]) * (math.log(tau) - x[k - 1]) / (x[k] - x[k - 1])
@@ -250,7 +238,8 @@ def poroelastic_fraction_remaining(
     if tau < SHORT_TIME:
         return _short_time_fraction(tau, nu, undrained_nu, surface)
     r = (undrained_nu - nu) / (1.0 - nu)
-    points, weights = _talbot_contour(CONTOUR_POINTS)
+    # 24 points give twelve digits; half of them are conjugates of the others.
+    points, weights = _talbot_contour(24)
     ratio = (
         sum(
             (w * _laplace_transform(z / tau, r, surface)).real
@@ -303,7 +292,8 @@ def _wave_nodes() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         ),
     ]
     parts = [
-        gauss_legendre(low, high, WAVE_POINTS + math.ceil(WAVE_PHASE_POINTS * (high - low)))
+        # The phase k x of a panel needs further Gauss points.
+        gauss_legendre(low, high, 24 + math.ceil(0.7 * (high - low)))
         for low, high in pairwise(edges)
     ]
     k, weights = join_nodes(parts)

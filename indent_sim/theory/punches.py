@@ -31,11 +31,7 @@ from indent_sim.theory.quadrature import gauss_legendre
 from indent_sim.theory.roots import increasing_root
 
 FIT_DEGREE = 7  # Degree of the polynomials of the radius that are fitted to ln K and ln P.
-# Relative error of K or P above which a fit leaves out the largest radii.
-MAX_MISFIT = 0.01
 FEWEST_RADII = 6  # Radii that a fit needs.
-# Radii with a smaller P, relative to the largest one, lie in a flat part of the tip.
-FLAT_TIP_FORCE = 1e-9
 QUADRATURE_POINTS = 32  # Gauss points of the integral of g over each smooth piece of the tip.
 
 
@@ -177,7 +173,7 @@ class FittedPunches:
         a, K, P = (values[a < tip.max_radius] for values in (a, K, P))
         P_0 = np.array([self._half_space_force(radius) for radius in a])
         # Radii on the flat part of a punch with a rounded edge have P = 0.
-        is_curved = FLAT_TIP_FORCE * P_0.max(initial=0.0) < P_0
+        is_curved = 1e-9 * P_0.max(initial=0.0) < P_0
         if np.count_nonzero(is_curved) < FEWEST_RADII:
             raise ValueError(
                 f"{np.count_nonzero(is_curved)} contact radii are too few for a fit, which needs "
@@ -191,8 +187,9 @@ class FittedPunches:
         n = len(a)
         misfit = math.inf
         # Towards the wall of an incompressible body K grows without bound: no polynomial
-        # approximates it there, so that the largest radii are left out one part after the other.
-        while misfit > MAX_MISFIT:
+        # approximates it there, so that the largest radii are left out one part after the other
+        # until the misfit is 1 %.
+        while misfit > 0.01:
             if n < FEWEST_RADII:
                 raise ValueError(
                     "the stiffness of flat punches is too irregular for a fit: give a smaller "

@@ -24,18 +24,18 @@ Nodes = tuple[np.ndarray, np.ndarray]  # Nodes and weights of a quadrature rule.
 
 
 def bessel_j1_zeros(numbers: np.ndarray) -> np.ndarray:
-    """Return zeros of J1 by their numbers, counted from 1.
+    """Return zeros of J1 by their increasing numbers, counted from 1.
 
     Non-integer numbers, from SINGLE_MODES on, give the smooth continuation by McMahon's expansion.
     """
-    from scipy.special import j0, j1
+    from scipy.special import jn_zeros
 
     b = (numbers + 0.25) * math.pi
     v = 8.0 * b
     z = b - 3.0 / v + 12.0 / v**3 - 7545.6 / v**5 + 3567925.0 / v**7
-    is_first = numbers <= SINGLE_MODES
-    for _ in range(3):
-        z[is_first] -= j1(z[is_first]) / (j0(z[is_first]) - j1(z[is_first]) / z[is_first])
+    first = numbers[numbers <= SINGLE_MODES].astype(int)
+    if first.size:
+        z[: first.size] = jn_zeros(1, first[-1])[first - 1]
     return z
 
 

@@ -13,15 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-EQUAL_STEP_TOLERANCE = 1e-6  # Relative difference of time steps that count as equal.
-# Shortest time of the Prony series of a power law, over the mean time between samples.
-SHORTEST_TIME_FRACTION = 1e-3
 # Function from the elastic forces at some times to those of the relaxing body.
 ForceRelaxation = Callable[[np.ndarray], np.ndarray]
-# Prony series of a power law: exponentials per decade, and decades beyond the shortest and the
-# longest time.
-EXPONENTIALS_PER_DECADE = 8
-EXTRA_DECADES = 2.0
+EXTRA_DECADES = 2.0  # Decades of a Prony series beyond the shortest and the longest time.
 
 
 @dataclass(frozen=True)
@@ -82,9 +76,7 @@ class ShearRelaxation:
         from scipy.signal import lfilter
 
         dt = np.diff(t)
-        has_equal_steps = bool(len(dt)) and bool(
-            np.all(np.abs(dt - dt[0]) <= EQUAL_STEP_TOLERANCE * abs(dt[0]))
-        )
+        has_equal_steps = bool(len(dt)) and bool(np.all(np.abs(dt - dt[0]) <= 1e-6 * abs(dt[0])))
 
         def recurrence(first: float, decay: np.ndarray, gain: np.ndarray) -> np.ndarray:
             """Return h_j = h_{j-1} decay_j + gain_j from the first value on."""
@@ -144,7 +136,7 @@ class PowerLaw:
         t^-b = int_0^inf s^(b-1) e^(-ts) ds/Gamma(b), integrated with equal steps of ln s.
         """
         b = self.exponent
-        step = math.log(10.0) / EXPONENTIALS_PER_DECADE
+        step = math.log(10.0) / 8  # Eight exponentials per decade.
         # Slower rates contribute less than 1e-9.
         slowest_rate = 1e-9 ** (1.0 / b) / longest
         log_slowest_rate = math.log(max(slowest_rate, 10.0**-EXTRA_DECADES * 1e-4 / longest))
@@ -159,9 +151,8 @@ class PowerLaw:
     def force_relaxation(self, t: np.ndarray) -> ForceRelaxation:
         """Return the function from elastic forces at increasing times t (n,) to relaxed ones."""
         span = max(float(np.ptp(t)), 1e-300)
-        return self.prony_series(
-            SHORTEST_TIME_FRACTION * span / max(len(t) - 1, 1), span
-        ).force_relaxation(t)
+        # The series begins with a thousandth of the mean time between samples.
+        return self.prony_series(1e-3 * span / max(len(t) - 1, 1), span).force_relaxation(t)
 
 
 Modulus = ShearRelaxation | PowerLaw  # G(t) = E(t)/E of a linear viscoelastic material.

@@ -1,7 +1,6 @@
 """Inversion of an increasing load curve: the contact size of a depth, the depth of a force.
 
-The search is a secant method in (log a, log depth), where Hertz's law is a straight line, inside a
-bracket (Press et al., Numerical Recipes, chapter 9, for safeguarded secants).
+The search is Brent's method in (ln a, ln depth), where Hertz's law is a straight line.
 """
 
 from __future__ import annotations
@@ -9,21 +8,19 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 
 from indent_sim.theory.solution import SOLUTION_ERRORS
 
 ForceCurve = Callable[[float], float]  # Force [F] at a depth [L].
-# Sizes over the limit at which the tip's profile is tabulated for the first guess.
-GUESS_FRACTIONS = np.geomspace(1e-18, 1.0, 400)
-# Relative distance from a wall or from the end of the tip at which the search gives up.
-LEAST_END_DISTANCE = 1e-4
+ROOT_TOLERANCE = 1e-13  # Relative error of a root.
 
 
 def first_guess(profile: Callable[[np.ndarray], np.ndarray], depth: float, limit: float) -> float:
     """Return a contact size in (0, limit) at which an increasing profile(x) is about `depth`."""
-    grid = limit * (1.0 - 1e-9) * GUESS_FRACTIONS
+    grid = limit * (1.0 - 1e-9) * np.geomspace(1e-18, 1.0, 400)
     values = profile(grid)
     if values[-1] <= depth:
         return 0.5 * limit
@@ -48,44 +45,50 @@ def next_guess(previous_points: list[tuple[float, float]], depth: float) -> floa
 
 
 def increasing_root(
-    depth: Callable[[float], float], target: float, start: float, limit: float
+    function: Callable[[float], float], target: float, start: float, limit: float
 ) -> float:
-    """Return the contact size a in (0, limit) at which an increasing depth(a) is `target` > 0.
-
-    The secant in (log a, log depth) is kept inside a bracket, which is bisected where the secant
-    leaves it or converges slowly. Any other increasing function can take the place of the depth.
+    """Return the x in (0, limit) at which an increasing function(x) is `target` > 0.
 
     Raises
     ------
     ValueError
-        If the depth stays below the target up to a relative distance of 1e-4 from the limit.
+        If the function stays below the target up to a relative distance of 1e-4 from the limit.
     ArithmeticError
-        If the search does not converge.
+        If the function stays above the target down to x = 0.
     """
-    lo = 0.0
-    hi = limit
-    a = min(start, 0.5 * (start + limit) if start < limit else 0.9 * limit)
-    previous: tuple[float, float] | None = None
-    for iteration in range(200):
-        value = depth(a)
-        lo, hi = (a, hi) if value < target else (lo, a)
-        if value == target or hi - lo <= 1e-15 * hi:
-            return a
-        step = power_law_step(a, value, target, previous)
-        if abs(step - a) <= 1e-11 * a:
-            return step  # The error of this step is about the square of the last one's.
-        previous = (a, value)
-        if (iteration > 30 and iteration % 2) or not lo < step < hi:
-            step = _bracketed_step(lo, hi, limit)
-        if lo > limit * (1.0 - LEAST_END_DISTANCE):
+    # This import takes 0.2 s, which other scenes need not spend.
+    from scipy.optimize import brentq
+
+    @cache  # Brent's method begins with both ends of the bracket.
+    def log_excess(log_x: float) -> float:
+        """Return ln(function/target); a value without a logarithm gives a large number."""
+        value = function(math.exp(log_x))
+        if value <= 0.0:
+            return -1e3
+        return math.log(value / target) if math.isfinite(value) else 1e3
+
+    low = high = math.log(start if start < limit else 0.9 * limit)
+    # A power law of the exponent 2, that of a paraboloid's depth, or more has its root within half
+    # of the logarithm.
+    width = max(0.6 * abs(log_excess(low)), ROOT_TOLERANCE)
+    while log_excess(high) < 0.0:
+        size = math.exp(high)
+        if size > limit * (1.0 - 1e-4):
             raise ValueError(
                 f"the contact would grow to {limit:g} thicknesses, where it meets a wall or the "
                 "end of the tip, or where the layer is too thin for the theory"
             )
-        a = step
-    raise ArithmeticError(
-        f"no contact size found for the depth {target:g} (in units of the thickness)"
-    )
+        low = high
+        # The limit is approached by nine tenths of the distance.
+        high = min(high + width, math.log(limit - 0.1 * (limit - size)))
+        width *= 2.0
+    while log_excess(low) >= 0.0:
+        if math.exp(low) == 0.0:
+            raise ArithmeticError(f"the value {target:g} is below those of all contact sizes")
+        high = low
+        low -= width
+        width *= 2.0
+    return math.exp(brentq(log_excess, low, high, xtol=ROOT_TOLERANCE))
 
 
 def depth_of_force(force_at: ForceCurve, force: float, start: float) -> float | None:
@@ -96,30 +99,3 @@ def depth_of_force(force_at: ForceCurve, force: float, start: float) -> float | 
     with contextlib.suppress(*SOLUTION_ERRORS), np.errstate(all="ignore"):
         return increasing_root(force_at, force, start, 1e15 * start)
     return None
-
-
-def power_law_step(
-    a: float, value: float, target: float, previous: tuple[float, float] | None = None
-) -> float:
-    """Return the next a of the secant in (log a, log value); NaN where `value` is not > 0.
-
-    Without a previous pair (a, value) the exponent is 2, that of a paraboloid's depth.
-    """
-    if value <= 0.0:
-        return math.nan
-    exponent = 2.0
-    if previous is not None and previous[1] > 0.0 and previous[0] != a:
-        exponent = math.log(value / previous[1]) / math.log(a / previous[0])
-    if not 0.1 < exponent < 100.0:
-        exponent = 2.0 if exponent < 0.1 else 100.0
-    return a * (target / value) ** (1.0 / exponent)
-
-
-def _bracketed_step(lo: float, hi: float, limit: float) -> float:
-    """Return a step inside the bracket (lo, hi) for a secant that left it."""
-    if lo == 0.0:
-        return 0.25 * hi
-    if hi >= limit:
-        # No size above lo was evaluated: approach the limit quickly, but not in one step.
-        return min(2.0 * lo, limit - 0.1 * (limit - lo))
-    return 0.5 * (lo + hi)

@@ -8,12 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# Search for the largest pressure: points of the first round, points of the rounds that refine the
-# interval around the largest value, number of rounds, and relative change that ends the search.
-PEAK_POINTS = 101
-REFINED_PEAK_POINTS = 11
-PEAK_ROUNDS = 12
-PEAK_TOLERANCE = 1e-10
+PEAK_POINTS = 101  # Points of the first round of the search for the largest pressure.
 # Errors by which a theory says that it has no solution. In numpy 1.24 LinAlgError is a subclass of
 # neither ValueError nor ArithmeticError.
 SOLUTION_ERRORS = (ValueError, ArithmeticError, np.linalg.LinAlgError)
@@ -63,7 +58,7 @@ class Solution:
         """Return the largest pressure [F/L^2] to 1e-9, or NaN where it is infinite.
 
         The pressure is infinite under a sharp apex or edge. The search refines the interval around
-        the largest sampled value until this no longer changes.
+        the largest sampled value until this changes by less than 1e-10.
         """
         if self.force <= 0.0:
             return 0.0
@@ -71,7 +66,7 @@ class Solution:
             return self.peak_pressure()
         r = np.linspace(0.0, self.a, points)
         largest = 0.0
-        for _ in range(PEAK_ROUNDS):
+        for _ in range(12):
             with np.errstate(all="ignore"):
                 p = np.asarray(self.pressure(r), dtype=float)
             previous_largest = largest
@@ -80,10 +75,10 @@ class Solution:
                 return math.nan
             if previous_largest == 0.0 and p[0] == largest and p[1] > p[2]:
                 return largest  # The maximum is in the center, where the pressure has slope 0.
-            if abs(largest - previous_largest) <= PEAK_TOLERANCE * largest:
+            if abs(largest - previous_largest) <= 1e-10 * largest:
                 return largest
             k = int(np.argmax(p))
-            r = np.linspace(r[max(k - 1, 0)], r[min(k + 1, r.size - 1)], REFINED_PEAK_POINTS)
+            r = np.linspace(r[max(k - 1, 0)], r[min(k + 1, r.size - 1)], 11)
         return math.nan
 
 

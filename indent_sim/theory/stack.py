@@ -26,9 +26,6 @@ from indent_sim.theory.half_space import E_star
 from indent_sim.theory.solution import require_positive
 
 BASE_SUPPORTS = ("fixed", "roller")
-# Wall distance over the height beyond which a stack counts as infinitely wide, with an error <
-# 1e-9.
-FAR_WALL_HEIGHTS = 1e6
 # The value of k h above which a layer is computed by reflected waves; both methods are accurate to
 # 1e-15 between 0.3 and 3.
 WAVE_THICKNESS = 1.0
@@ -152,7 +149,8 @@ class Stack:
             return math.inf
         if self.is_bottomless:
             raise ValueError("a half-space between side walls sinks without end")
-        return distance / self.h if distance < FAR_WALL_HEIGHTS * self.height else math.inf
+        # Farther walls change the force by less than 1e-9.
+        return distance / self.h if distance < 1e6 * self.height else math.inf
 
     def compliance_complement(self, k: np.ndarray) -> np.ndarray:
         """Return M(k) = 1 - L(k) [-] for wavenumbers k > 0 [1/L], of the shape of k."""

@@ -16,7 +16,6 @@ from scipy.linalg import cholesky, solve_triangular
 from indent_sim.theory.hankel import axisymmetric_kernel
 from indent_sim.theory.layer import Layer
 
-POINTS_PER_RADIUS = 200  # Points in the largest contact radius of a layer.
 SURFACE_MARGIN = 1.25  # Radius of the surface over the largest expected contact radius.
 MAX_ACTIVE_SET_ITERATIONS = 60  # Active sets that are tried for a contact that is no disc.
 # Tensile pressure or overlap that is accepted, relative to the largest pressure or gap.
@@ -103,7 +102,7 @@ def layer_surface(contact: Layer, a: float) -> RelaxingSurface:
     is a disc ends at the same radius in both.
     """
     h = contact.h
-    n = round(POINTS_PER_RADIUS * SURFACE_MARGIN)
+    n = round(200 * SURFACE_MARGIN)  # 200 points in the largest contact radius.
     edge = contact.tip.punch_radius
     max_radius = edge or min(SURFACE_MARGIN * a, contact.max_size() * h * (1 - 1e-6))
     edges = np.linspace(0.0, max_radius, n + 1)

@@ -45,6 +45,11 @@ from numpy.polynomial import Chebyshev
 
 from indent_sim.theory.contact_curve import ContactCurve, field_of_position
 from indent_sim.theory.layer import Layer
+from indent_sim.theory.measured_constants import (
+    TENSION_ERROR_OF_KINKED_TIPS,
+    TENSION_ERROR_OF_PUNCHES,
+    TENSION_ERROR_OF_SMOOTH_TIPS,
+)
 from indent_sim.theory.quadrature import Nodes, gauss_legendre, join_nodes, wavenumber_nodes
 from indent_sim.theory.solution import Solution
 
@@ -53,16 +58,7 @@ from indent_sim.theory.solution import Solution
 LEAST_FUNCTIONS = 16
 FUNCTIONS_PER_ROOT = 1.5
 MAX_FUNCTIONS = 100
-# Stated relative errors of the force. Against three times as many functions the largest differences
-# were 1.4e-4 under a tip with slope discontinuities (a polygon), 3e-6 under a sharp punch and 3e-9
-# under smooth tips.
-KINKED_ERROR = 5e-4
-SHARP_EDGE_ERROR = 1e-5
-SMOOTH_ERROR = 1e-8
-# Gauss points on a panel of the angle, and on the innermost one, graded as v^3 to the logarithm.
-PANEL_POINTS = 10
-INNERMOST_POINTS = 20
-OUTSIDE_POINTS = 24  # Degree of the polynomial for the surface displacement outside the contact.
+PANEL_POINTS = 10  # Gauss points on a panel of the angle.
 
 
 class LinearSolution(NamedTuple):
@@ -125,8 +121,10 @@ class LayerWithSurfaceTension(ContactCurve):
     def error(self) -> float:
         """Stated relative error of the force."""
         if self.has_slope_discontinuities:
-            return KINKED_ERROR
-        return SHARP_EDGE_ERROR if self.tip.punch_radius is not None else SMOOTH_ERROR
+            return TENSION_ERROR_OF_KINKED_TIPS
+        if self.tip.punch_radius is not None:
+            return TENSION_ERROR_OF_PUNCHES
+        return TENSION_ERROR_OF_SMOOTH_TIPS
 
     @property
     def has_slope_discontinuities(self) -> bool:
@@ -283,7 +281,8 @@ def _logarithmic_nodes(angle: float, levels: int, count: int) -> Nodes:
         steps = [min(longest, 0.5 * length) * 0.5**k for k in range(levels, -1, -1)]
         panels = math.ceil((length - steps[-1]) / longest)
         edges = [*steps, *(steps[-1] + (length - steps[-1]) * np.arange(1, panels + 1) / panels)]
-        v, w = gauss_legendre(0.0, 1.0, INNERMOST_POINTS)
+        # The innermost panel is graded as v^3 to the logarithm.
+        v, w = gauss_legendre(0.0, 1.0, 20)
         parts.append((direction * edges[0] * v**3, 3.0 * edges[0] * v**2 * w))
         parts += [
             (direction * x, w)
@@ -320,9 +319,10 @@ def _u_z(
     outside_sinking = None
     end = float(np.arccosh(max(1.0, r.max() / a)))
     if end > 0.0:
+        # The displacement outside the contact is interpolated by a polynomial of degree 24.
         outside_sinking = Chebyshev.interpolate(
             lambda y: layer.outside_displacement(a, phi, a * np.cosh(np.maximum(y, 1e-9))),
-            OUTSIDE_POINTS,
+            24,
             [0.0, end],
         )
     value = np.empty_like(r)

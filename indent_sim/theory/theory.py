@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from itertools import takewhile
 from math import ceil, inf
 from typing import TYPE_CHECKING
@@ -14,22 +15,19 @@ import numpy as np
 from indent_sim.theory.compression import Compression
 from indent_sim.theory.contact_curve import ContactCurve
 from indent_sim.theory.layer import Layer
+from indent_sim.theory.measured_constants import THEORY_ERROR
 from indent_sim.theory.roots import ForceCurve, depth_of_force
 from indent_sim.theory.solution import SOLUTION_ERRORS, Solution
 
 if TYPE_CHECKING:
     from indent_sim.theory.adhesion import Jkr
 
-MAX_KEPT_SOLUTIONS = 100  # Solutions that a theory keeps before its cache is emptied.
-THEORY_ERROR = 1e-8  # Stated relative error of the theory: ten times the measured one.
-TENSION_CHECK_DEPTHS = 10  # Depths of a path at which the sign of the contact pressure is checked.
-
 
 @dataclass(frozen=True)
 class Theory:
     """Reference theory of a body under a tip on its axis, with textbook formulas for such a body.
 
-    Strains are small unless `is_finite_strain`. Solutions are cached by their depth.
+    Strains are small unless `is_finite_strain`.
 
     Attributes
     ----------
@@ -56,53 +54,18 @@ class Theory:
     formulas: Mapping[str, ForceCurve] = field(default_factory=dict, repr=False)
     tension_fraction: float = 0.0
     is_finite_strain: bool = False
-    _jkr_of_work: dict[float, Jkr | None] = field(
-        default_factory=dict, init=False, repr=False, compare=False
-    )
-    _solution_of_depth: dict[float, Solution | None] = field(
-        default_factory=dict, init=False, repr=False, compare=False
-    )
-    _expected_solutions: dict[float, Solution | None] = field(
-        default_factory=dict, init=False, repr=False, compare=False
-    )
 
     def solutions_at_depths(self, deltas: Sequence[float]) -> list[Solution] | None:
         """Return one Solution per depth, or None if the theory ends before one of them.
 
         The theory ends where the contact would reach a side wall or the end of the tip.
         """
-        if len(self._solution_of_depth) > MAX_KEPT_SOLUTIONS:
-            self._solution_of_depth.clear()
-        new_depths = [delta for delta in deltas if delta not in self._solution_of_depth]
-        with contextlib.suppress(*SOLUTION_ERRORS):
-            self._solution_of_depth.update(
-                zip(new_depths, self.contact.solutions_at_depths(new_depths), strict=True)
-            )
-        solutions = [
-            solution for delta in deltas if (solution := self._solution_of_depth.get(delta))
-        ]
-        return solutions if len(solutions) == len(deltas) else None
-
-    def expect_depths(self, deltas: Sequence[float]) -> None:
-        """Announce depths that will be requested one by one; the first request solves them all."""
-        self._expected_solutions.clear()
-        self._expected_solutions.update(dict.fromkeys(deltas))
+        solutions = _solutions_at_depths(self.contact, tuple(deltas))
+        return None if solutions is None else list(solutions)
 
     def solution_at_depth(self, delta: float) -> Solution | None:
         """Return the Solution at one depth, or None if the theory ends before it."""
-        if delta in self._expected_solutions:
-            if self._expected_solutions[delta] is None and (
-                path_solutions := self.solutions_at_depths(list(self._expected_solutions))
-            ):
-                self._expected_solutions.update(
-                    zip(self._expected_solutions, path_solutions, strict=True)
-                )
-            if solution := self._expected_solutions[delta]:
-                return solution
-            # The theory ends before the deepest of the announced depths.
-            self._expected_solutions.clear()
-        solutions = self.solutions_at_depths([delta])
-        self._solution_of_depth.setdefault(delta, None)
+        solutions = _solutions_at_depths(self.contact, (delta,))
         return solutions[0] if solutions else None
 
     def solutions_at_forces(self, forces: Sequence[float]) -> list[Solution] | None:
@@ -119,7 +82,10 @@ class Theory:
         return deepest if deepest_solution and deepest_solution.force <= force else None
 
     def checked_for_tension(self, deltas: Sequence[float]) -> Theory:
-        """Return the theory, marked as inexact if its pressure is tensile at one of the depths."""
+        """Return the theory, marked as inexact if its pressure is tensile at one of the depths.
+
+        About ten of the depths are checked.
+        """
         if (
             not self.is_exact
             or isinstance(self.contact, Compression)
@@ -127,9 +93,7 @@ class Theory:
         ):
             return self
         sampled_depths = sorted(
-            delta
-            for delta in {*deltas[:: ceil(len(deltas) / TENSION_CHECK_DEPTHS)], max(deltas)}
-            if delta > 0
+            delta for delta in {*deltas[:: ceil(len(deltas) / 10)], max(deltas)} if delta > 0
         )
         solutions = self.solutions_at_depths(sampled_depths)
         if solutions is None:
@@ -171,11 +135,24 @@ class Theory:
 
     def jkr(self, work: float) -> Jkr | None:
         """Return the JKR contact with a work of adhesion, or None if the theory has none."""
-        if work in self._jkr_of_work:
-            return self._jkr_of_work[work]
-        # Imported here because only adhesive scenes need scipy.optimize.
-        from indent_sim.theory.adhesion import Jkr
-        from indent_sim.theory.punches import LayerPunches
+        return _jkr(self.contact, work) if isinstance(self.contact, Layer) else None
 
-        jkr = Jkr(LayerPunches(self.contact), work) if isinstance(self.contact, Layer) else None
-        return self._jkr_of_work.setdefault(work, jkr)
+
+@lru_cache(maxsize=100)
+def _solutions_at_depths(
+    contact: ContactCurve | Compression, deltas: tuple[float, ...]
+) -> tuple[Solution, ...] | None:
+    """Return one Solution per depth, or None if the theory ends before one of them."""
+    with contextlib.suppress(*SOLUTION_ERRORS):
+        return tuple(contact.solutions_at_depths(deltas))
+    return None
+
+
+@lru_cache(maxsize=16)
+def _jkr(contact: Layer, work: float) -> Jkr:
+    """Return the JKR contact with a work of adhesion."""
+    # Imported here because only adhesive scenes need scipy.optimize.
+    from indent_sim.theory.adhesion import Jkr
+    from indent_sim.theory.punches import LayerPunches
+
+    return Jkr(LayerPunches(contact), work)

@@ -19,6 +19,7 @@ exponentials.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -32,14 +33,8 @@ from indent_sim.theory.surface_contact import (
     SurfaceContactLCP,
 )
 
-# Steps of one length at the beginning of a segment before their length doubles, and steps that a
-# segment has at least.
+# Steps of one length at the beginning of a segment before their length doubles.
 KINK_STEPS = 40
-LEAST_STEPS_PER_SEGMENT = 150
-# Steps of a history, about, beside at least one in each segment.
-MAX_HISTORY_STEPS = 2000
-STEPS_PER_RELAXATION_TIME = 20.0  # The first steps per shortest relaxation time.
-FORCE_TOLERANCE = 1e-12  # Relative error of a prescribed force.
 MAX_SEARCH_STEPS = 60  # Newton steps of the search for the depth of a force.
 
 
@@ -77,7 +72,8 @@ class ViscoelasticTimeStepper:
         self._branch_pressures = np.zeros((len(self._fractions), n))
         self._elastic_pressures: np.ndarray = np.zeros(n)
         self._longest_step = 0.0
-        self._contact_of_alpha: dict[float, SurfaceContactLCP] = {}
+        # Steps of one length share a contact problem, so that its matrix is factored once.
+        self._contact_problem = lru_cache(1)(self._make_contact_problem)
 
     def responses(
         self, times: Sequence[float], values: Sequence[float], rows_per_segment: Sequence[int] = ()
@@ -98,7 +94,8 @@ class ViscoelasticTimeStepper:
         Response
             The first one is that of the first time.
         """
-        self._longest_step = (times[-1] - times[0]) / MAX_HISTORY_STEPS
+        # About 2000 steps in all, beside at least one in each segment.
+        self._longest_step = (times[-1] - times[0]) / 2000
         yield self._step(times[0], 0.0, values[0])
         pieces = pairwise(zip(times, values, strict=True))
         for ((t0, v0), (t1, v1)), row_count in zip(
@@ -109,34 +106,32 @@ class ViscoelasticTimeStepper:
                 continue
             last_reported = t0
             report_interval = (t1 - t0) / row_count
-            for step_start, step_end in self._step_intervals(t0, t1):
-                response = self._step(
-                    step_end, step_end - step_start, v0 + (v1 - v0) * (step_end - t0) / (t1 - t0)
-                )
+            for step_end, dt in self._steps_of_segment(t0, t1):
+                response = self._step(step_end, dt, v0 + (v1 - v0) * (step_end - t0) / (t1 - t0))
                 if step_end == t1 or step_end - last_reported >= report_interval:
                     yield response
                     last_reported = step_end
 
-    def _step_intervals(self, start: float, end: float) -> list[tuple[float, float]]:
-        """Return the steps of a segment: short ones first, then doubled up to the longest one.
+    def _steps_of_segment(self, start: float, end: float) -> list[tuple[float, float]]:
+        """Return the steps of a segment as pairs (end, length), with few different lengths.
 
-        Relaxation may be fast after the kink at the beginning of a segment.
+        There are at least 150. Short ones come first, 20 per shortest relaxation time, since
+        relaxation may be fast after the kink at the beginning of a segment; then they are doubled
+        up to the longest one.
         """
         span = end - start
-        longest_step = min(max(span / LEAST_STEPS_PER_SEGMENT, self._longest_step), span)
-        dt = min(
-            longest_step, min(self._relaxation_times, default=span) / STEPS_PER_RELAXATION_TIME
-        )
+        longest_step = min(max(span / 150, self._longest_step), span)
+        dt = min(longest_step, min(self._relaxation_times, default=span) / 20.0)
         dt = longest_step / 2.0 ** np.ceil(np.log2(longest_step / dt))
-        ends = [start]
+        steps = []
         t = start
         while dt < longest_step and t + KINK_STEPS * dt < end:
-            ends += [t + dt * k for k in range(1, KINK_STEPS + 1)]
-            t = ends[-1]
+            steps += [(t + dt * k, dt) for k in range(1, KINK_STEPS + 1)]
+            t = steps[-1][0]
             dt = 2.0 * dt
-        remaining_steps = max(1, round((end - t) / longest_step))
-        ends += [*(t + (end - t) * k / remaining_steps for k in range(1, remaining_steps)), end]
-        return list(pairwise(ends))
+        count = max(1, round((end - t) / longest_step))
+        dt = (end - t) / count
+        return [*steps, *((t + dt * k, dt) for k in range(1, count)), (end, dt)]
 
     def _step(self, t: float, dt: float, value: float) -> Response:
         """Advance by dt to the time t, at which z, or the force, has a value."""
@@ -162,21 +157,13 @@ class ViscoelasticTimeStepper:
         self._elastic_pressures = phi
         return Response(t, delta, float(self.surface.areas @ p), contact.contact_radius, np.nan)
 
-    def _contact_problem(self, alpha: float) -> SurfaceContactLCP:
-        """Return the contact problem of the compliance A/alpha.
-
-        Steps of one length share it, so that its matrix is factored once.
-        """
-        key = round(alpha, 14)
-        if key not in self._contact_of_alpha:
-            areas = self.surface.areas
-            c = 0.0 if self.is_force_controlled else self.compliance
-            self._contact_of_alpha = {
-                key: SurfaceContactLCP(
-                    self.surface, self.surface.compliance / alpha + c * np.outer(areas, areas)
-                )
-            }
-        return self._contact_of_alpha[key]
+    def _make_contact_problem(self, alpha: float) -> SurfaceContactLCP:
+        """Return the contact problem of the compliance A/alpha."""
+        areas = self.surface.areas
+        c = 0.0 if self.is_force_controlled else self.compliance
+        return SurfaceContactLCP(
+            self.surface, self.surface.compliance / alpha + c * np.outer(areas, areas)
+        )
 
     def _depth_under_force(
         self, contact: SurfaceContactLCP, open_gaps: np.ndarray, force: float
@@ -202,7 +189,7 @@ class ViscoelasticTimeStepper:
                 delta = 0.5 * (lower_depth + delta)
                 continue
             force_deficit = force - float(areas @ p)
-            if abs(force_deficit) <= FORCE_TOLERANCE * force:
+            if abs(force_deficit) <= 1e-12 * force:
                 return delta, p
             lower_depth = delta if force_deficit > 0.0 else lower_depth
             delta += force_deficit / contact.stiffness

@@ -1,4 +1,4 @@
-"""Whole processes, timed: start-up, meshing, solution and files, in CPU seconds with what they started."""
+"""Measurement of whole processes: start-up, meshing, solution and files."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,25 +23,43 @@ from indent_sim.scene.scene import resolve
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = [sys.executable, "-m", "indent_sim.cli.start"]
+HERTZ = "configs/hertz.yaml"
+# Settings of every measured run.
 LEAN = ("output.plot=false", "output.fields=none")
-MPI = {
+MPI_ENVIRONMENT = {
     "OMPI_ALLOW_RUN_AS_ROOT": "1",
     "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
     "OMPI_MCA_hwloc_base_binding_policy": "none",
 }
-STEPS = (10, 100, 1000, 10000)
-TIPS = 200
-RUNS = 60
+# Numbers of load steps, of tips on a condensed body, and of runs of a study.
+STEP_COUNTS = (10, 100, 1000, 10000)
+TIP_COUNT = 200
+STUDY_RUNS = 60
 STUDY = """\
 base: {scene}
 vary: {{indenter.R: {{from: 0.8, to: 1.2, count: {runs}}}}}
 compare_to: theory
 """
 
+# A config and its settings.
+Scene = tuple[str, ...]
+
 
 @dataclass(frozen=True)
 class Measured:
-    """A scene as a process of its own: medians of its times [s], its largest memory [MB], forces and run.json."""
+    """Measurement of a scene as a process of its own.
+
+    Attributes
+    ----------
+    cpu, wall
+        Medians of the CPU and wall time [s].
+    memory
+        Largest memory [MB].
+    force
+        Forces of the rows.
+    report
+        The content of run.json.
+    """
 
     cpu: float
     wall: float
@@ -53,99 +71,146 @@ class Measured:
 def measure(
     config: str | Path, *overrides: str, repeat: int = 1, ranks: int = 1, **environment: str
 ) -> Measured:
-    """Run a scene `repeat` times. SystemExit when it fails."""
-    before = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
-    words = [word for setting in (*LEAN, *overrides) for word in ("--set", setting)]
-    command = [*before, *PROGRAM, "run", str(ROOT / config), *words, "--output", "run"]
-    known = os.environ | MPI | {"PYTHONPATH": str(ROOT)} | environment
+    """Run a scene `repeat` times.
+
+    Parameters
+    ----------
+    config : str or Path
+        The scene file.
+    overrides : str
+        Settings "key=value".
+    repeat : int
+        Number of runs, of which the median counts.
+    ranks : int
+        Number of ranks.
+    environment : str
+        Additional environment variables.
+
+    Raises
+    ------
+    SystemExit
+        A run fails.
+    """
+    launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
+    options = [word for setting in (*LEAN, *overrides) for word in ("--set", setting)]
+    options += ["--output", "run"]
+    command = [*launcher, *PROGRAM, "run", str(ROOT / config), *options]
+    run_environment = os.environ | MPI_ENVIRONMENT | {"PYTHONPATH": str(ROOT)} | environment
     with tempfile.TemporaryDirectory() as folder:
-        times = [timed(command, folder, known) for _ in range(repeat)]
-        found = read(Path(folder, "run"))
+        times = [timed(command, folder, run_environment) for _ in range(repeat)]
+        results = read(Path(folder, "run"))
     cpu, wall = map(statistics.median, zip(*times, strict=True))
-    return Measured(cpu, wall, found.report["peak_memory_MB"], found["force"], found.report)
+    memory = results.report["peak_memory_MB"]
+    return Measured(cpu, wall, memory, results["force"], results.report)
 
 
 def timed(command: list[str], folder: str, environment: Mapping[str, str]) -> tuple[float, float]:
-    """CPU seconds, with those of what it started, and wall seconds of a command. SystemExit when it fails."""
-    began = time.perf_counter()
+    """Run a command in a folder.
+
+    Returns
+    -------
+    cpu : float
+        CPU time of the process and of all processes that it started [s].
+    wall : float
+        Wall time [s].
+
+    Raises
+    ------
+    SystemExit
+        The command fails.
+    """
+    start = time.perf_counter()
     process = subprocess.Popen(
         command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment
     )
     _, status, usage = os.wait4(process.pid, 0)
+    wall = time.perf_counter() - start
     if status:
         raise SystemExit(f"failed: {' '.join(command)}")
-    return usage.ru_utime + usage.ru_stime, time.perf_counter() - began
+    return usage.ru_utime + usage.ru_stime, wall
 
 
-def steps(repeat: int) -> list[tuple[int, float]]:
-    """Load steps of configs/hertz.yaml and the CPU seconds of each run."""
+def measure_steps(repeat: int) -> list[tuple[int, float]]:
+    """Return numbers of load steps of HERTZ, and the CPU seconds of each run."""
     return [
-        (n, measure("configs/hertz.yaml", f"loading.steps={n}", repeat=repeat).cpu) for n in STEPS
+        (count, measure(HERTZ, f"loading.steps={count}", repeat=repeat).cpu)
+        for count in STEP_COUNTS
     ]
 
 
-def throughput(repeat: int) -> list[tuple[int, float, float]]:
-    """Runs at a time, wall seconds and CPU seconds of a study of RUNS tips on the body of configs/hertz.yaml."""
-    found = []
+def measure_throughput(repeat: int) -> list[tuple[int, float, float]]:
+    """Measure a study of STUDY_RUNS tips on the body of HERTZ.
+
+    Returns
+    -------
+    list of (jobs, wall, cpu)
+        Number of parallel runs, wall seconds and CPU seconds.
+    """
+    measurements = []
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
     with tempfile.TemporaryDirectory() as folder:
-        Path(folder, "tips.yaml").write_text(
-            STUDY.format(scene=ROOT / "configs/hertz.yaml", runs=RUNS), "utf-8"
-        )
+        study = STUDY.format(scene=ROOT / HERTZ, runs=STUDY_RUNS)
+        Path(folder, "tips.yaml").write_text(study, "utf-8")
         for jobs in dict.fromkeys((1, os.cpu_count() or 1)):
-            command = [
-                *PROGRAM,
-                "study",
-                "tips.yaml",
-                "--jobs",
-                str(jobs),
-                "--output",
-                f"of_{jobs}",
-            ]
-            times = [
-                timed(command, folder, os.environ | {"PYTHONPATH": str(ROOT)})
-                for _ in range(repeat)
-            ]
+            options = ["--jobs", str(jobs), "--output", f"of_{jobs}"]
+            command = [*PROGRAM, "study", "tips.yaml", *options]
+            times = [timed(command, folder, environment) for _ in range(repeat)]
             cpu, wall = map(statistics.median, zip(*times, strict=True))
-            found.append((jobs, wall, cpu))
-    return found
+            measurements.append((jobs, wall, cpu))
+    return measurements
 
 
-def tips() -> tuple[int, float]:
-    """Contact nodes of the condensed body of configs/hertz.yaml, and CPU seconds for one more tip on it."""
-    body = condense(resolve(load(ROOT / "configs/hertz.yaml")))
-    began = time.process_time()
-    for n in range(TIPS):
-        body.states(Paraboloid(0.8 + 0.4 * n / TIPS), [0.008])
-    return body.compliance.size, (time.process_time() - began) / TIPS
+def measure_tips() -> tuple[int, float]:
+    """Return the contact nodes of the condensed body of HERTZ, and the CPU seconds of a tip."""
+    body = condense(resolve(load(ROOT / HERTZ)))
+    start = time.process_time()
+    for k in range(TIP_COUNT):
+        body.states(Paraboloid(0.8 + 0.4 * k / TIP_COUNT), [0.008])
+    return body.compliance.size, (time.process_time() - start) / TIP_COUNT
 
 
-def kernels(scenes: tuple[str, ...], repeat: int) -> list[tuple[str, float, float]]:
-    """Scene, CPU seconds with an empty cache of kernels, CPU seconds with a full one."""
-    found = []
+def measure_kernels(scenes: Sequence[str], repeat: int) -> list[tuple[str, float, float]]:
+    """Return every scene with its CPU seconds with an empty and with a full cache of kernels."""
+    measurements = []
     for scene in scenes:
         with tempfile.TemporaryDirectory() as cache:
             cold = measure(scene, XDG_CACHE_HOME=cache).cpu
-            found.append((scene, cold, measure(scene, repeat=repeat, XDG_CACHE_HOME=cache).cpu))
-    return found
+            warm = measure(scene, repeat=repeat, XDG_CACHE_HOME=cache).cpu
+        measurements.append((scene, cold, warm))
+    return measurements
 
 
-def on_ranks(
-    scenes: tuple[tuple[str, ...], ...], repeat: int
-) -> list[tuple[tuple[str, ...], int, Measured]]:
-    """Every scene (with its overrides) on 1, 2, 4, ... ranks, as many as there are cores."""
-    ranks = [n for n in (1, 2, 4, 8, 16) if n <= (os.cpu_count() or 1)]
-    return [(scene, n, measure(*scene, repeat=repeat, ranks=n)) for scene in scenes for n in ranks]
+def measure_ranks(scenes: Sequence[Scene], repeat: int) -> list[tuple[Scene, int, Measured]]:
+    """Measure every scene on 1, 2, 4, ... ranks, up to the number of cores."""
+    rank_counts = [count for count in (1, 2, 4, 8, 16) if count <= (os.cpu_count() or 1)]
+    return [
+        (scene, ranks, measure(*scene, repeat=repeat, ranks=ranks))
+        for scene in scenes
+        for ranks in rank_counts
+    ]
 
 
-def predictions() -> list[tuple[str, dict[str, tuple[float, float]]]]:
-    """Every shipped scene with a mesh: what was measured and what `plan` said, of dofs, memory [MB] and CPU seconds."""
-    found = []
+def measure_predictions() -> list[tuple[str, list[tuple[float, float]]]]:
+    """Compare every shipped scene that has a mesh with its prediction.
+
+    Returns
+    -------
+    list of (scene, pairs)
+        Measured and predicted number of dofs, memory [MB] and CPU seconds.
+    """
+    comparisons = []
     for path in sorted((ROOT / "configs").rglob("*.yaml")):
-        if "studies" in path.parts or not (scene := resolve(load(path))).is_meshed:
+        if "studies" in path.parts:
             continue
-        plan, done = scene.plan.prediction, measure(path)
-        pairs = {"dofs": done.report["dofs"], "memory_MB": done.memory, "seconds": done.cpu}
-        found.append(
-            (str(path.relative_to(ROOT / "configs")), {k: (v, plan[k]) for k, v in pairs.items()})
-        )
-    return found
+        scene = resolve(load(path))
+        if not scene.is_meshed:
+            continue
+        plan = scene.plan.prediction
+        done = measure(path)
+        pairs = [
+            (done.report["dofs"], plan["dofs"]),
+            (done.memory, plan["memory_MB"]),
+            (done.cpu, plan["seconds"]),
+        ]
+        comparisons.append((str(path.relative_to(ROOT / "configs")), pairs))
+    return comparisons

@@ -1,4 +1,4 @@
-"""This program and others on the same problems: one table a problem, and one picture."""
+"""Comparison with other programs on the same problems: a table for each problem, and a picture."""
 
 from __future__ import annotations
 
@@ -16,76 +16,101 @@ from indent_sim.results.pictures import figures
 
 PEERS = Path(__file__).with_name("peers.csv")
 PICTURE = IMAGES / "accuracy-programs.png"
-OURS = "indent-sim"
+OWN_NAME = "indent-sim"
 RUBBER = (
     "body.radius=2",
     "body.sides=roller",
     "indenter={shape: sphere, R: 1.0}",
     "loading={delta: 0.3, steps: 10}",
 )
-
-# Forces of the last step, by converged computations with independent programs, to 1e-6
-RUBBERS = {"0.3": 0.455870, "0.49": 0.619888}
+# Forces of the last step by Poisson's ratio, from converged computations with independent programs,
+# to 1e-6.
+RUBBER_FORCES = {"0.3": 0.455870, "0.49": 0.619888}
 TITLES = {
     "axi": "HERTZ, axisymmetric",
     "cube": "HERTZ, three-dimensional",
     "rubber 0.3": "Sphere on neo-Hookean rubber, nu = 0.3",
     "rubber 0.49": "Sphere on neo-Hookean rubber, nu = 0.49",
 }
+NUMBER_COLUMNS = ("h", "error_last", "error_worst", "cpu_s", "memory_MB")
 
 Row = dict[str, Any]
 
 
-def ours(repeat: int) -> list[Row]:
-    """This program's own rows, like those of `peers`."""
+# ---- rows ------------------------------------------------------------------------------------
+
+
+def own_rows(repeat: int) -> list[Row]:
+    """Measure this program; return rows like those of `peers`."""
     rows = []
     for h in (0.04, 0.02, 0.01, 0.005, 0.0025):
         done = measure("configs/hertz.yaml", f"mesh.h_contact={h}", repeat=repeat)
-        worst = max(abs(f / exact - 1) for f, exact in zip(done.force, CYLINDER_STEPS, strict=True))
-        rows.append(own_row("axi", h, done, done.force[-1] / CYLINDER_STEPS[-1] - 1, worst))
+        errors = [
+            force / exact - 1 for force, exact in zip(done.force, CYLINDER_STEPS, strict=True)
+        ]
+        rows.append(own_row("axi", h, done, errors[-1], max(map(abs, errors))))
     for h in (0.04, 0.03, 0.02, 0.016, 0.0125):
         done = measure("configs/hertz_cube.yaml", f"mesh.h_contact={h}", repeat=repeat)
         rows.append(own_row("cube", h, done, done.force[-1] / CUBE - 1))
-    for nu, force in RUBBERS.items():
+    for nu, exact in RUBBER_FORCES.items():
         material = f"material={{model: neo_hookean, E: 1.0, nu: {nu}}}"
         for h in (0.08, 0.04, 0.02):
-            done = measure(
-                "configs/hertz.yaml", *RUBBER, material, f"mesh.h_contact={h}", repeat=repeat
-            )
-            rows.append(own_row(f"rubber {nu}", h, done, done.force[-1] / force - 1))
+            settings = (*RUBBER, material, f"mesh.h_contact={h}")
+            done = measure("configs/hertz.yaml", *settings, repeat=repeat)
+            rows.append(own_row(f"rubber {nu}", h, done, done.force[-1] / exact - 1))
     return rows
 
 
-def own_row(case: str, h: float, done: Measured, last: float, worst: float | None = None) -> Row:
-    """A row of this program."""
+def own_row(
+    case: str, h: float, done: Measured, error_last: float, error_worst: float | None = None
+) -> Row:
+    """Return a row of this program.
+
+    Parameters
+    ----------
+    case
+        One of TITLES.
+    h
+        Element size.
+    done
+        The measurement.
+    error_last, error_worst
+        Relative error of the force at the last step, and the largest one at any step if known.
+    """
     report = done.report
-    said = {
+    return {
         "case": case,
-        "program": OURS,
+        "program": OWN_NAME,
         "method": report["method"].replace("_", " "),
         "element": "P2",
         "h": h,
+        "error_last": error_last,
+        "error_worst": error_worst,
+        "cpu_s": done.cpu,
+        "memory_MB": done.memory,
+        "dofs": report["dofs"],
+        "iterations": report["audit"]["newton_iterations"],
+        "gap": report["gap"],
+        "stages": report["cpu_timings"],
     }
-    found = {"error_last": last, "error_worst": worst, "cpu_s": done.cpu, "memory_MB": done.memory}
-    effort = {"dofs": report["dofs"], "iterations": report["audit"]["newton_iterations"]}
-    return said | found | effort | {"gap": report["gap"], "stages": report["cpu_timings"]}
 
 
 def peers() -> list[Row]:
-    """The rows of peers.csv."""
-    with open(PEERS, newline="", encoding="utf-8") as stream:
-        rows: list[Row] = list(csv.DictReader(line for line in stream if not line.startswith("#")))
+    """Return the rows of peers.csv."""
+    with open(PEERS, newline="", encoding="utf-8") as file:
+        rows: list[Row] = list(csv.DictReader(line for line in file if not line.startswith("#")))
     for row in rows:
-        row |= {
-            k: float(row[k]) if row[k] else None
-            for k in ("h", "error_last", "error_worst", "cpu_s", "memory_MB")
-        }
+        for name in NUMBER_COLUMNS:
+            row[name] = float(row[name]) if row[name] else None
     return rows
 
 
+# ---- tables ----------------------------------------------------------------------------------
+
+
 def tables(rows: Sequence[Row]) -> str:
-    """A table for each problem, the quickest first."""
-    names = [
+    """Return a table for each problem, with the fastest run first."""
+    head = [
         "program",
         "contact",
         "element",
@@ -100,128 +125,152 @@ def tables(rows: Sequence[Row]) -> str:
     ]
     parts = []
     for case, title in TITLES.items():
-        mine = sorted((row for row in rows if row["case"] == case), key=lambda row: row["cpu_s"])
-        parts.append(f"### {title}\n\n{table(names, [line(row) for row in mine])}")
+        case_rows = [row for row in rows if row["case"] == case]
+        case_rows.sort(key=lambda row: row["cpu_s"])
+        parts.append(f"### {title}\n\n{table(head, [row_cells(row) for row in case_rows])}")
     return "\n".join(parts)
 
 
-def line(row: Row) -> list[str]:
-    """A row as cells; this program's name is bold."""
-    name = f"**{OURS}**" if row["program"] == OURS else row["program"]
-    errors = percent(row["error_last"]), size(row["error_worst"])
-    costs = str(row["iterations"]), number(row["cpu_s"]), number(row["memory_MB"])
+def row_cells(row: Row) -> list[str]:
+    """Return the cells of a row; the name of this program is bold."""
     return [
-        name,
+        f"**{OWN_NAME}**" if row["program"] == OWN_NAME else row["program"],
         row["method"],
         row["element"],
         number(row["h"]),
         str(row["dofs"]),
-        *errors,
-        *costs,
+        percent(row["error_last"]),
+        size(row["error_worst"]),
+        str(row["iterations"]),
+        number(row["cpu_s"]),
+        number(row["memory_MB"]),
         row["gap"],
     ]
 
 
-def stages(rows: Sequence[Row]) -> str:
-    """Where the time of this program goes."""
-    mine = [row for row in rows if row["program"] == OURS]
-    names = list(dict.fromkeys(name for row in mine for name in row["stages"]))
-    lines = [
-        [
-            TITLES[row["case"]],
-            f"{row['h']:g}",
-            *(number(row["stages"].get(name), 2) for name in names),
-        ]
-        for row in mine
-    ]
-    return table(["problem", "h", *names], lines)
+def stages_table(rows: Sequence[Row]) -> str:
+    """Return the table of the CPU seconds of this program by stage."""
+    own = [row for row in rows if row["program"] == OWN_NAME]
+    stages = list(dict.fromkeys(stage for row in own for stage in row["stages"]))
+    lines = []
+    for row in own:
+        cells = [number(row["stages"].get(stage), 2) for stage in stages]
+        lines.append([TITLES[row["case"]], f"{row['h']:g}", *cells])
+    return table(["problem", "h", *stages], lines)
+
+
+# ---- picture ---------------------------------------------------------------------------------
 
 
 def draw(rows: Sequence[Row]) -> None:
-    """Error against CPU seconds of the whole process, a panel for each problem, this program's points joined."""
-    programs = list(dict.fromkeys([OURS, *(row["program"] for row in rows)]))
-    shown = "first panel: largest error of ten steps, hollow where only the last is known; others: last step"
+    """Draw the error against the CPU seconds of the process, with a panel for each problem."""
+    programs = list(dict.fromkeys([OWN_NAME, *(row["program"] for row in rows)]))
+    subtitle = (
+        "first panel: largest error of ten steps, hollow where only the last is known; "
+        "others: last step"
+    )
     with figures.new_figure((12.4, 7.6)) as figure:
         figures.draw_title(
-            figure, "Error of the force against the time of the whole process", shown
+            figure, "Error of the force against the time of the whole process", subtitle
         )
-        for axes, (case, title) in zip(figure.subplots(2, 2).ravel(), TITLES.items(), strict=True):
-            mine = [row for row in rows if row["case"] == case]
-            for row in mine:
-                draw_point(axes, row, programs.index(row["program"]))
-            joined = sorted(
-                (row for row in mine if row["program"] == OURS), key=lambda row: row["h"]
-            )
-            x, y = [row["cpu_s"] for row in joined], [error(row) for row in joined]
-            axes.plot(x, y, color=figures.INK, lw=1.2, zorder=2)
-            front(axes, mine)
-            finish(axes, title)
-        handles, names = legend(programs)
-        figure.get_layout_engine().set(
-            rect=(0, 0.09, 1, 0.82)
-        )  # the programs stand below the panels
-        figure.legend(handles, names, loc="lower center", ncol=5, fontsize=9)
+        panels = figure.subplots(2, 2).ravel()
+        for panel, (case, title) in zip(panels, TITLES.items(), strict=True):
+            case_rows = [row for row in rows if row["case"] == case]
+            draw_case(panel, case_rows, programs)
+            format_panel(panel, title)
+        handles, labels = legend_entries(programs)
+        # The legend is below the panels.
+        figure.get_layout_engine().set(rect=(0, 0.09, 1, 0.82))
+        figure.legend(handles, labels, loc="lower center", ncol=5, fontsize=9)
         figures.save(figure, PICTURE)
 
 
-def error(row: Row) -> float:
-    """The largest error known of a row."""
+def draw_case(panel: Any, rows: Sequence[Row], programs: Sequence[str]) -> None:
+    """Draw the points of a problem, a line through those of this program, and the Pareto front."""
+    for row in rows:
+        draw_point(panel, row, programs.index(row["program"]))
+    own = sorted((row for row in rows if row["program"] == OWN_NAME), key=lambda row: row["h"])
+    panel.plot(
+        [row["cpu_s"] for row in own],
+        [known_error(row) for row in own],
+        color=figures.INK,
+        lw=1.2,
+        zorder=2,
+    )
+    draw_front(panel, rows)
+
+
+def known_error(row: Row) -> float:
+    """Return the largest error of any step if known, else that of the last step."""
     return abs(row["error_last"] if row["error_worst"] is None else row["error_worst"])
 
 
-def style(i: int) -> dict[str, Any]:
-    """How the points of the i-th program look: this one black, the others coloured."""
+def point_style(i: int) -> dict[str, Any]:
+    """Return the style of the points of the i-th program, of which the first is this one."""
     colours = (figures.INK, *figures.COLOURS[:6], figures.GREY, figures.INK)
-    return {
-        "color": colours[i % len(colours)],
-        "marker": ("*", *figures.MARKERS, "<", ">")[i % 10],
-        "ls": "",
-    }
+    markers = ("*", *figures.MARKERS, "<", ">")
+    return {"color": colours[i % len(colours)], "marker": markers[i % 10], "ls": ""}
 
 
-def draw_point(axes: Any, row: Row, i: int) -> None:
-    """One row; hollow when it is compared by its last step although others of its problem have all ten."""
-    look = style(i) | ({} if comparable(row) else {"mfc": "none"})
-    axes.plot(row["cpu_s"], error(row), ms=11 if i == 0 else 7, zorder=4 if i == 0 else 3, **look)
+def draw_point(panel: Any, row: Row, i: int) -> None:
+    """Draw a row of the i-th program, hollow if it is not comparable."""
+    style = point_style(i)
+    if not is_comparable(row):
+        style["mfc"] = "none"
+    is_own = i == 0
+    panel.plot(
+        row["cpu_s"],
+        known_error(row),
+        ms=11 if is_own else 7,
+        zorder=4 if is_own else 3,
+        **style,
+    )
 
 
-def comparable(row: Row) -> bool:
-    """Whether the error known of a row is that of the others of its problem."""
+def is_comparable(row: Row) -> bool:
+    """Return whether the known error of a row is the same quantity as that of the other rows."""
     return row["error_worst"] is not None or row["case"] != "axi"
 
 
-def front(axes: Any, rows: Sequence[Row]) -> None:
-    """The Pareto front of a panel: the rows that none beats in both error and time."""
-    best: list[Row] = []
-    for row in sorted(filter(comparable, rows), key=lambda row: row["cpu_s"]):
-        if not best or error(row) < error(best[-1]):
-            best.append(row)
-    x, y = [row["cpu_s"] for row in best], [error(row) for row in best]
-    axes.step(x, y, where="post", color=figures.GREY, lw=1.2, ls=":", zorder=1)
+def draw_front(panel: Any, rows: Sequence[Row]) -> None:
+    """Draw the Pareto front: the rows that no other row beats in both error and time."""
+    front: list[Row] = []
+    for row in sorted(filter(is_comparable, rows), key=lambda row: row["cpu_s"]):
+        if not front or known_error(row) < known_error(front[-1]):
+            front.append(row)
+    panel.step(
+        [row["cpu_s"] for row in front],
+        [known_error(row) for row in front],
+        where="post",
+        color=figures.GREY,
+        lw=1.2,
+        ls=":",
+        zorder=1,
+    )
 
 
-def finish(axes: Any, title: str) -> None:
-    """Logarithmic axes, named."""
+def format_panel(panel: Any, title: str) -> None:
+    """Give a panel logarithmic axes with labels, a title and a light grid."""
     from matplotlib.ticker import LogLocator
 
-    axes.set(
+    panel.set(
         xscale="log",
         yscale="log",
         xlabel="CPU seconds of the process",
         ylabel="|relative error of the force|",
     )
-    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    axes.xaxis.set_major_formatter("{x:g}")
-    axes.xaxis.set_minor_formatter("")
-    axes.set_title(title, loc="left")
-    axes.grid(True, which="major", color="#e4e4e4", lw=0.6, zorder=0)
-    axes.margins(0.1)
+    panel.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    panel.xaxis.set_major_formatter("{x:g}")
+    panel.xaxis.set_minor_formatter("")
+    panel.set_title(title, loc="left")
+    panel.grid(True, which="major", color="#e4e4e4", lw=0.6, zorder=0)
+    panel.margins(0.1)
 
 
-def legend(programs: Sequence[str]) -> tuple[list[Any], list[str]]:
-    """Handles and names: the programs, the joined points, the front."""
+def legend_entries(programs: Sequence[str]) -> tuple[list[Any], list[str]]:
+    """Return handles and labels of the programs and of the Pareto front."""
     from matplotlib.lines import Line2D
 
-    handles = [Line2D([], [], ms=8, **style(i)) for i in range(len(programs))]
-    handles += [Line2D([], [], color=figures.GREY, lw=1.0, ls=":")]
+    handles = [Line2D([], [], ms=8, **point_style(i)) for i in range(len(programs))]
+    handles.append(Line2D([], [], color=figures.GREY, lw=1.0, ls=":"))
     return handles, [*programs, "Pareto front"]

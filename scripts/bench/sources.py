@@ -1,4 +1,4 @@
-"""One source of error at a time: how large it gets, and what it costs to bring it under the target."""
+"""Sources of error one at a time: how large each gets, and what it costs to reduce it."""
 
 from __future__ import annotations
 
@@ -10,15 +10,31 @@ from markdown import number, size, table
 
 from indent_sim.config.strict_yaml import short_yaml
 
+# Error below which the cheapest run is searched.
 TARGET = 0.001
-WORST, LAST = "force_error_worst", "force_error_vs"
+WORST = "force_error_worst"
+LAST = "force_error_vs"
 
 Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Source:
-    """The rows of a study in which one error varies, which error that is, and the keys that tell the rows apart."""
+    """Source of error.
+
+    Attributes
+    ----------
+    name
+        Name of the source.
+    study
+        Name of the study that varies it.
+    mine
+        Whether a row of the study varies this source only.
+    error
+        Column of the error.
+    keys
+        Keys that differ between the rows.
+    """
 
     name: str
     study: str
@@ -27,18 +43,23 @@ class Source:
     keys: tuple[str, ...]
 
 
+def varies_mesh_only(row: Row) -> bool:
+    """Return whether nothing but the element sizes is varied."""
+    return not any(row[key] for key in ("contact.method", "loading.steps"))
+
+
 SOURCES = (
     Source(
         "near mesh",
         "mesh",
-        lambda row: plain(row) and row["mesh.h_far"] == 0.05,
+        lambda row: varies_mesh_only(row) and row["mesh.h_far"] == 0.05,
         WORST,
         ("mesh.h_contact",),
     ),
     Source(
         "far mesh",
         "mesh",
-        lambda row: plain(row) and row["mesh.h_contact"] == 0.0025,
+        lambda row: varies_mesh_only(row) and row["mesh.h_contact"] == 0.0025,
         WORST,
         ("mesh.h_far",),
     ),
@@ -57,7 +78,11 @@ SOURCES = (
         ("loading.steps",),
     ),
     Source(
-        "truncated half-space", "truncation", lambda row: True, LAST, ("body.radius", "body.height")
+        "truncated half-space",
+        "truncation",
+        lambda row: True,
+        LAST,
+        ("body.radius", "body.height"),
     ),
     Source(
         "small for finite strain",
@@ -83,50 +108,49 @@ SOURCES = (
 )
 
 
-def plain(row: Row) -> bool:
-    """Whether nothing but the mesh sizes is varied."""
-    return not any(row[key] for key in ("contact.method", "loading.steps"))
-
-
-def sources(rows: dict[str, Sequence[Row]]) -> str:
-    """A line for each source; `rows` are those of the studies by their names."""
-    names = ["source", "at its largest", "error", "under 0.1 % with", "error", "CPU s"]
-    return table(names, [line(source, rows[source.study]) for source in SOURCES])
+def sources_table(rows: dict[str, Sequence[Row]]) -> str:
+    """Return the table of all sources; `rows` are those of the studies by name."""
+    head = ["source", "at its largest", "error", "under 0.1 % with", "error", "CPU s"]
+    return table(head, [line(source, rows[source.study]) for source in SOURCES])
 
 
 def line(source: Source, rows: Sequence[Row]) -> list[str]:
-    """The largest error, and the cheapest run under the target; where none is, the best."""
-    found = [row for row in rows if row["status"] == "done" and source.mine(row)]
-    largest = max(found, key=lambda row: abs(row[source.error]))
-    good = [row for row in found if abs(row[source.error]) < TARGET]
-    best = (
-        min(good, key=lambda row: row["cpu_s"])
-        if good
-        else min(found, key=lambda row: abs(row[source.error]))
-    )
-    told = label(best, source.keys) if good else f"not reached; {label(best, source.keys)}"
-    errors = [size(row[source.error]) for row in (largest, best)]
+    """Return the line of a source: the run with the largest error, and the cheapest good one.
+
+    If no error is below the target, the run with the smallest error takes its place.
+    """
+
+    def error(row: Row) -> float:
+        return abs(row[source.error])
+
+    finished = [row for row in rows if row["status"] == "done" and source.mine(row)]
+    largest = max(finished, key=error)
+    good = [row for row in finished if error(row) < TARGET]
+    if good:
+        best = min(good, key=lambda row: row["cpu_s"])
+        settings = keys_text(best, source.keys)
+    else:
+        best = min(finished, key=error)
+        settings = f"not reached; {keys_text(best, source.keys)}"
     return [
         source.name,
-        label(largest, source.keys),
-        errors[0],
-        told,
-        errors[1],
+        keys_text(largest, source.keys),
+        size(largest[source.error]),
+        settings,
+        size(best[source.error]),
         number(best["cpu_s"], 2),
     ]
 
 
-def label(row: Row, keys: Sequence[str]) -> str:
-    """The keys that matter of a row, in words."""
-    return ", ".join(spoken(key, row[key]) for key in keys)
+def keys_text(row: Row, keys: Sequence[str]) -> str:
+    """Return keys of a row with their values as text."""
+    return ", ".join(key_text(key, row[key]) for key in keys)
 
 
-def spoken(key: str, value: Any) -> str:
-    """A key and its value; a section by its kind."""
+def key_text(key: str, value: Any) -> str:
+    """Return a key and its value as text; a section as the name of its type."""
     if isinstance(value, dict):
         return str(value.get("model") or value.get("shape"))
-    return (
-        f"epsilon_n {number(value, 2)} E*/h"
-        if key == "stiffness"
-        else f"{key.split('.')[-1]} {short_yaml(value)}"
-    )
+    if key == "stiffness":
+        return f"epsilon_n {number(value, 2)} E*/h"
+    return f"{key.split('.')[-1]} {short_yaml(value)}"

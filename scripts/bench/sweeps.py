@@ -1,4 +1,4 @@
-"""The studies of configs/studies/accuracy: carried out, their pictures kept, their rows as tables."""
+"""Studies of configs/studies/accuracy: their execution, pictures and tables."""
 
 from __future__ import annotations
 
@@ -20,57 +20,71 @@ IMAGES = ROOT / "docs" / "images"
 Row = dict[str, Any]
 
 
-def carry_out(name: str, resume: bool) -> Study:
-    """The study of a name."""
+def execute(name: str, resume: bool) -> Study:
+    """Execute a study by its name."""
     return studies.execute_study(
         STUDIES / f"{name}.yaml", output=RESULTS / name, resume=resume, tell=print
     )
 
 
-def section(done: Study, down: Sequence[str], error: str) -> str:
-    """Table, picture and advice of a study that varies the mesh; the picture goes to docs/images."""
-    image = IMAGES / f"accuracy-{done.directory.name.replace('_', '-')}.png"
-    shutil.copy(done.directory / "study.png", image)
-    advice = "".join(f"* {line}\n" for line in done.recommendations)
-    return f"{matrix(done.rows, down, error)}\n![{done.title}](images/{image.name})\n\n{advice}"
+def section(study: Study, keys: Sequence[str], error: str) -> str:
+    """Return table, picture and recommendations of a study that varies the mesh.
+
+    The picture is copied to docs/images.
+
+    Parameters
+    ----------
+    study
+        The study.
+    keys
+        The other varied keys; each combination of their values has a line in the table.
+    error
+        Column of the error.
+    """
+    image = IMAGES / f"accuracy-{study.directory.name.replace('_', '-')}.png"
+    shutil.copy(study.directory / "study.png", image)
+    recommendations = "".join(f"* {text}\n" for text in study.recommendations)
+    picture = f"![{study.title}](images/{image.name})"
+    return f"{mesh_table(study.rows, keys, error)}\n{picture}\n\n{recommendations}"
 
 
-def matrix(rows: Sequence[Row], down: Sequence[str], error: str) -> str:
-    """A line for each value of `down`, a column for each mesh: error, CPU seconds; memory of the finest last."""
-    meshes = sorted({row["mesh.h_contact"] for row in rows}, reverse=True)
+def mesh_table(rows: Sequence[Row], keys: Sequence[str], error: str) -> str:
+    """Return a table with a line for each combination of keys and a column for each mesh."""
+    sizes = sorted({row["mesh.h_contact"] for row in rows}, reverse=True)
     head = [
-        *(key.split(".")[-1] for key in down),
-        *(f"h = {h:g}" for h in meshes),
+        *(key.split(".")[-1] for key in keys),
+        *(f"h = {h:g}" for h in sizes),
         "dofs, finest",
         "MB, finest",
     ]
+    rows_by_values: dict[tuple[Any, ...], dict[float, Row]] = {}
+    for row in rows:
+        values = tuple(row[key] for key in keys)
+        rows_by_values.setdefault(values, {})[row["mesh.h_contact"]] = row
     lines = []
-    for values in dict.fromkeys(tuple(row[key] for key in down) for row in rows):
-        mine = {
-            row["mesh.h_contact"]: row for row in rows if tuple(row[key] for key in down) == values
-        }
-        cells = [cell(mine[h], error) if h in mine else "" for h in meshes]
-        finest = mine[min(mine)]
+    for values, rows_by_size in rows_by_values.items():
+        cells = [run_cell(rows_by_size[h], error) if h in rows_by_size else "" for h in sizes]
+        finest = rows_by_size[min(rows_by_size)]
         lines.append([*map(str, values), *cells, str(finest["dofs"]), number(finest["memory_MB"])])
     return table(head, lines)
 
 
-def cell(row: Row, error: str) -> str:
-    """Error and CPU seconds of a run."""
-    return (
-        f"{size(row[error])}, {number(row['cpu_s'], 2)} s" if row["status"] == "done" else "failed"
-    )
+def run_cell(row: Row, error: str) -> str:
+    """Return error and CPU seconds of a run."""
+    if row["status"] != "done":
+        return "failed"
+    return f"{size(row[error])}, {number(row['cpu_s'], 2)} s"
 
 
-def asked(done: Study) -> str:
-    """The accuracy asked for, the error bar that was given with the force, and the error there was."""
+def accuracy_table(study: Study) -> str:
+    """Return the table of requested accuracies, error bars and errors."""
     lines = []
-    for row in done.rows:
-        found = read(done.directory / "runs" / row["run"])
-        bar = (found["force_error"] / found["force"]).max()
-        worst = (
-            row["force_error_vs"] if row["force_error_worst"] is None else row["force_error_worst"]
-        )
+    for row in study.rows:
+        results = read(study.directory / "runs" / row["run"])
+        bar = (results["force_error"] / results["force"]).max()
+        worst = row["force_error_worst"]
+        if worst is None:
+            worst = row["force_error_vs"]
         lines.append(
             [
                 size(row["accuracy"]),
@@ -84,8 +98,8 @@ def asked(done: Study) -> str:
     return table(["asked for", "largest error bar", "worst error", "dofs", "CPU s", "MB"], lines)
 
 
-def reductions(rows: Sequence[Row]) -> str:
-    """The same scene as a plane, a quarter, a half and whole, condensed and not."""
+def reductions_table(rows: Sequence[Row]) -> str:
+    """Return the table of one scene with different symmetries and solvers."""
     cheapest = min(row["cpu_s"] for row in rows)
     head = [
         "modelled",
@@ -97,34 +111,38 @@ def reductions(rows: Sequence[Row]) -> str:
         "times the cheapest",
         "MB",
     ]
-    return table(
-        head,
+    lines = [
         [
-            [
-                row["mesh.symmetry"],
-                row["solver.method"],
-                str(row["dofs"]),
-                percent(row["force_error_vs"]),
-                str(row["newton_iterations"]),
-                number(row["cpu_s"], 2),
-                number(row["cpu_s"] / cheapest, 2),
-                number(row["memory_MB"]),
-            ]
-            for row in rows
-        ],
-    )
+            row["mesh.symmetry"],
+            row["solver.method"],
+            str(row["dofs"]),
+            percent(row["force_error_vs"]),
+            str(row["newton_iterations"]),
+            number(row["cpu_s"], 2),
+            number(row["cpu_s"] / cheapest, 2),
+            number(row["memory_MB"]),
+        ]
+        for row in rows
+    ]
+    return table(head, lines)
 
 
-def growth(rows: Sequence[Row]) -> str:
-    """Cost against unknowns, and how much both grow from the first to the last mesh of each kind."""
+def growth_table(rows: Sequence[Row]) -> str:
+    """Return the table of cost against unknowns.
+
+    Its last columns are ratios of the last mesh of each symmetry and solver to the first.
+    """
+    rows_by_kind: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        rows_by_kind.setdefault((row["mesh.symmetry"], row["solver.method"]), []).append(row)
     lines = []
-    for kind in dict.fromkeys((row["mesh.symmetry"], row["solver.method"]) for row in rows):
-        mine = [row for row in rows if (row["mesh.symmetry"], row["solver.method"]) == kind]
-        ends = mine[0], mine[-1]
-        grown = [ends[1][name] / ends[0][name] for name in ("dofs", "cpu_s", "memory_MB")]
-        told = "; ".join(
+    for kind, kind_rows in rows_by_kind.items():
+        costs = "; ".join(
             f"{row['dofs']}: {number(row['cpu_s'], 2)} s, {number(row['memory_MB'])} MB"
-            for row in mine
+            for row in kind_rows
         )
-        lines.append([*kind, told, *(f"x {number(value, 2)}" for value in grown)])
+        first = kind_rows[0]
+        last = kind_rows[-1]
+        ratios = [last[name] / first[name] for name in ("dofs", "cpu_s", "memory_MB")]
+        lines.append([*kind, costs, *(f"x {number(ratio, 2)}" for ratio in ratios)])
     return table(["modelled", "solver", "dofs: CPU s, MB", "dofs", "CPU s", "MB"], lines)

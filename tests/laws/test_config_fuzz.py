@@ -1,4 +1,7 @@
-"""Whatever text comes in: a valid Config that survives writing and reading, or a ConfigError."""
+"""Any text given as a scene is a valid Config, or ends in a ConfigError.
+
+A valid Config survives writing and reading.
+"""
 
 from __future__ import annotations
 
@@ -83,7 +86,7 @@ FINITE = st.floats(allow_nan=False, allow_infinity=False)
 
 
 def outcome(text: str, overrides: tuple[str, ...] = ()) -> None:
-    """Lets nothing pass but a config that round-trips, or a ConfigError that says something."""
+    """Assert that a text is a config that round-trips, or a ConfigError with a message."""
     try:
         config = loads(text, "scene.yaml", overrides)
     except ConfigError as error:
@@ -93,7 +96,7 @@ def outcome(text: str, overrides: tuple[str, ...] = ()) -> None:
 
 
 def same(config: Config) -> None:
-    """Writing and reading changes nothing."""
+    """Assert that writing and reading changes nothing."""
     assert loads(to_yaml(config)) == config
     assert config_from_mapping(to_mapping(config)) == config
 
@@ -182,14 +185,14 @@ def test_numbers_come_back_to_the_last_digit(size, deltas, x, y):
 
 
 # ---- documents with several mistakes
-# --------------------------------------------------------------------------------
 
 SCENES: list[dict[str, Any]] = [
     parse(SCENE)[0],
     parse("""\
 units: {length: um, force: nN}
-body: {shape: cylinder, radius: 3, height: 1, layers: [{thickness: 0.4, material: {model: neo_hookean, E: 2, nu: 0.4}},
-       {thickness: 0.6}], inclusions: [{shape: ball, center: [0, 0, -0.7], radius: 0.1,
+body: {shape: cylinder, radius: 3, height: 1,
+       layers: [{thickness: 0.4, material: {model: neo_hookean, E: 2, nu: 0.4}}, {thickness: 0.6}],
+       inclusions: [{shape: ball, center: [0, 0, -0.7], radius: 0.1,
        material: {model: linear_elastic, E: 1, nu: 0.2}}]}
 material: {model: linear_elastic, E: 1 kPa, nu: 0.3}
 indenter: {shape: sphere, R: 2.5 um}
@@ -266,7 +269,7 @@ Path_ = tuple[Any, ...]
 
 
 def places(value: Any, path: Path_ = ()) -> list[Path_]:
-    """Every place of a document but the whole."""
+    """Paths of all parts of a document but the whole."""
     parts = (
         value.items()
         if isinstance(value, dict)
@@ -278,7 +281,7 @@ def places(value: Any, path: Path_ = ()) -> list[Path_]:
 
 
 def junk(rng: random.Random, depth: int = 0) -> Any:
-    """A value that hardly belongs anywhere."""
+    """A value that belongs hardly anywhere."""
     kind = rng.randrange(8 if depth < 3 else 4)
     if kind < 4:
         return rng.choice([NUMBERS, TEXTS, WORDS, [None, True, False]][kind])
@@ -293,7 +296,7 @@ def junk(rng: random.Random, depth: int = 0) -> Any:
 
 
 def deep(levels: int) -> Any:
-    """A list in a list in a list."""
+    """A nested list of so many levels."""
     return [deep(levels - 1)] if levels else 1
 
 
@@ -308,7 +311,7 @@ def misspelt(rng: random.Random, word: Any) -> Any:
 
 
 def mutated(rng: random.Random, document: Any) -> Any:
-    """A document with something else in one place."""
+    """A document with a change in one place."""
     *above, last = rng.choice(places(document))
     section = document
     for part in above:
@@ -332,7 +335,7 @@ def mutated(rng: random.Random, document: Any) -> Any:
 
 
 def override(rng: random.Random) -> str:
-    """Words for --set: of any depth, of any sense."""
+    """Random words for --set."""
     parts = rng.choices(PARTS, k=rng.choice([1, 2, 3, 4, 21, 5000]))
     key = rng.choice(
         [
@@ -344,7 +347,10 @@ def override(rng: random.Random) -> str:
 
 
 def how_it_ends(seed: int, place: Path) -> int:
-    """The exit code of one scene or study with one to four mistakes, whose errors are sentences."""
+    """The exit code of a random scene or study with one to four mistakes.
+
+    Its errors must be sentences.
+    """
     rng = random.Random(seed)
     document = copy.deepcopy(rng.choice(SCENES))
     is_study = rng.random() < 0.2
@@ -382,7 +388,10 @@ def ends(seeds: range, place: Path) -> Counter[int]:
 
 
 def test_several_mistakes(tmp_path):
-    """And eighteen hundred in `make stress`."""
+    """Scenes with up to four mistakes are read or refused with sentences.
+
+    `make stress` tries eighteen hundred of them.
+    """
     counts = ends(range(75), tmp_path)
     assert set(counts) <= {0, 2, 3} and counts[0] > 2
 

@@ -1,6 +1,4 @@
-"""Stacks drawn at random: whatever the layers, the tip and the depth, the laws of linear contact
-hold.
-"""
+"""The laws of linear contact hold for random stacks, tips and depths."""
 
 from __future__ import annotations
 
@@ -42,9 +40,7 @@ TIPS = st.sampled_from([*SMOOTH, "punch"])
 
 
 def contact(kind, stack, name, size, wall):
-    """The theory's contact and its three neighbouring depths, so that the contact radius is about
-    `size`.
-    """
+    """A contact of random layers whose radius is near `size`, and three neighbouring depths."""
     a = size * stack.h
     wall = None if wall is None or stack.is_bottomless else wall * a
     assume(

@@ -1,6 +1,7 @@
-"""`accuracy` and the error bars on scenes whose exact force is known: layers between frictionless
-walls, where layer theory (Lebedev & Ufliand 1958, Hayes et al. 1972, Dini sum of the wall)
-solves the very body that is meshed.
+"""`accuracy` and error bars on scenes whose exact force is known.
+
+These are layers between frictionless walls, where layer theory (Lebedev & Ufliand 1958, Hayes et
+al. 1972, Dini sum of the wall) solves the very body that is meshed.
 """
 
 from __future__ import annotations
@@ -12,10 +13,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmark_forces import CUBE as CUBE_FORCE
+from accuracy_scenes import (
+    CUBE,
+    FEW,
+    QUIET,
+    Case,
+    cube_forces,
+    drawn,
+    exact_forces,
+    forces_on_a_finite_body,
+)
 from benchmark_forces import CYLINDER_STEPS as FORCES
 from promised_bars import BAR_OVER_ERROR, ROWS_OF_A_CLASS, SMALL_ERROR, WIDEST
-from scipy.optimize import brentq, least_squares
+from scipy.optimize import least_squares
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.config.schema import Config
@@ -23,51 +33,6 @@ from indent_sim.run.pipeline import simulate, states
 from indent_sim.scene.scene import resolve
 
 TARGETS = (0.05, 0.01, 0.001)
-QUIET = {"fields": "none", "surface": "none", "plot": False}
-WIDE = 2.0  # radius of the wall over height, or over the contact radius where that is larger
-
-
-@dataclass(frozen=True)
-class Case:
-    """A tip pressed into a layer of height 1 until the contact radius is about `a`, in `steps`
-    equal steps.
-    """
-
-    tip: str
-    a: float
-    nu: float
-    base: str = "fixed"
-    shape: str = "cylinder"
-    steps: int = 5
-
-    def __str__(self) -> str:
-        return f"{self.tip}, a/h {self.a:g}, nu {self.nu:g}, {self.base}, {self.shape}"
-
-    def mapping(self) -> dict[str, Any]:
-        wall = WIDE * max(1.0, self.a)
-        sides = {"base": self.base, "sides": "roller", "height": 1.0}
-        size = {"radius": wall} if self.shape == "cylinder" else {"width": 2 * wall}
-        R = max(1.0, 5 * self.a**2)
-        tip = {
-            "paraboloid": {"R": R},
-            "sphere": {"R": R},
-            "cone": {"half_angle": 85},
-            "flat_punch": {"radius": self.a},
-        }
-        return {
-            "body": {"shape": self.shape} | size | sides,
-            "material": {"model": "linear_elastic", "E": 1.0, "nu": self.nu},
-            "indenter": {"shape": self.tip} | tip[self.tip],
-            "loading": {"delta": self.depth(tip[self.tip]), "steps": self.steps},
-            "output": QUIET,
-        }
-
-    def depth(self, tip: dict[str, Any]) -> float:
-        """Where the sections of the tip are about this wide, in a layer that is thick or thin."""
-        sink = 0.6 if self.a > 0.5 else 1.0  # a thin layer's surface follows the tip
-        if self.tip == "cone":
-            return sink * 1.57 * self.a * np.tan(np.radians(5))
-        return 0.01 * min(1.0, self.a) if self.tip == "flat_punch" else sink * self.a**2 / tip["R"]
 
 
 SCENES = [
@@ -108,19 +73,11 @@ SCENES += [
 
 @dataclass(frozen=True)
 class Judged:
-    """The relative errors of a run's forces, true and estimated, step by step."""
+    """True and estimated relative errors of a run's forces, row by row."""
 
     true: np.ndarray
     bar: np.ndarray
     report: dict[str, Any]
-
-
-def exact_forces(config: Config) -> np.ndarray:
-    """The force of every step, by theory."""
-    scene = resolve(config)
-    assert scene.plan.theory is not None
-    solutions = scene.plan.theory.solutions_at_depths(scene.physics.deltas) or []
-    return np.array([solution.force for solution in solutions]) * scene.physics.scales.force
 
 
 def judged(case: Case, target: float, folder: Path, **sections: Any) -> Judged:
@@ -135,7 +92,7 @@ def judged(case: Case, target: float, folder: Path, **sections: Any) -> Judged:
 
 
 def statistics(runs: list[Judged]) -> dict[str, float]:
-    """Shares of rows and of last rows inside their bars, and the median of bar over true error."""
+    """Shares of all rows and of last rows inside their bars, and the median of bar over error."""
     inside = [run.true <= run.bar for run in runs]
     return {
         "rows": float(np.mean(np.concatenate(inside))),
@@ -149,10 +106,9 @@ def statistics(runs: list[Judged]) -> dict[str, float]:
 def test_every_scene_is_as_accurate_as_asked_for_and_knows_its_error(
     target: float, tmp_path: Path
 ) -> None:
-    """All tips, thick and thin layers, compressible or not.
+    """Every scene meets the target at every row, and the bars have the promised coverage.
 
-    The target holds at every step without exception, and the bars as is promised of a class of
-    scenes.
+    The scenes cover all tips, thick and thin layers, compressible or not.
     """
     runs = [judged(case, target, tmp_path / str(i)) for i, case in enumerate(SCENES)]
     for case, run_ in zip(SCENES, runs, strict=True):
@@ -168,26 +124,10 @@ def test_every_scene_is_as_accurate_as_asked_for_and_knows_its_error(
     assert found["bar over error"] <= BAR_OVER_ERROR
 
 
-def drawn(count: int, seed: int = 7) -> list[Case]:
-    """Scenes drawn at random, none of which chose a constant of `accuracy`."""
-    draw = np.random.default_rng(seed)
-    return [
-        Case(
-            tip=str(draw.choice(["paraboloid", "sphere", "cone", "flat_punch"])),
-            a=float(np.exp(draw.uniform(np.log(0.01), np.log(3.5)))),
-            nu=float(draw.choice([0.0, 0.1, 0.2, 0.3, 0.4, 0.45, 0.47, 0.49, 0.4999])),
-            base=str(draw.choice(["fixed", "roller"])),
-            shape="strip" if draw.random() < 0.15 else "cylinder",
-            steps=int(draw.integers(1, 9)),
-        )
-        for _ in range(count)
-    ]
-
-
 @pytest.mark.verify
 @pytest.mark.parametrize("target", (0.01, 0.001))
 def test_scenes_drawn_at_random(target: float, tmp_path: Path) -> None:
-    """The target holds without exception, and the bars as is promised of a class of scenes."""
+    """Random scenes meet the target at every row, and the bars have the promised coverage."""
     runs = [judged(case, target, tmp_path / str(i)) for i, case in enumerate(drawn(30))]
     found = statistics(runs)
     print(target, found)
@@ -200,12 +140,12 @@ def test_scenes_drawn_at_random(target: float, tmp_path: Path) -> None:
     ["paraboloid", pytest.param("sphere", marks=pytest.mark.verify)],
 )
 def test_the_force_converges_with_the_elements_in_the_contact(tip: str) -> None:
-    """Near mesh, far mesh and growth together, as `accuracy` moves them.
+    """The force converges at least with the order 2 in the elements in the contact radius.
 
-    The error of a step jumps with the elements that happen to touch: taken is the root mean square
-    over five steps on three meshes whose sizes differ by 7 %. The energy of a smooth solution
-    converges as h^4 with quadratic elements; the contact edge, where the pressure ends like a root,
-    leaves less of it.
+    All sizes change together, as `accuracy` changes them. The error of a row jumps with the
+    elements that happen to touch; taken is the root mean square over five rows on three meshes
+    whose sizes differ by 7 %. The energy of a smooth solution converges as h^4 with quadratic
+    elements; the contact edge, where the pressure ends like a square root, leaves less of it.
     """
     config = config_from_mapping(Case(tip, 0.1, 0.3).mapping() | {"accuracy": 0.01})
     divisions = np.array((5, 8, 13, 20))
@@ -215,7 +155,7 @@ def test_the_force_converges_with_the_elements_in_the_contact(tip: str) -> None:
 
 
 def rms(divisions: list[float], config: Config) -> float:
-    """Root mean square of the relative force errors of all steps on some meshes."""
+    """Root mean square of the relative force errors of all rows on several meshes."""
     errors, exact = [], exact_forces(config)
     for n in divisions:
         found = states(resolve(config, n), with_surface=False)
@@ -252,8 +192,9 @@ OTHERS: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("target", (0.01, 0.001))
 @pytest.mark.parametrize("name", OTHERS)
 def test_other_bodies_methods_and_paths(name: str, target: float, tmp_path: Path) -> None:
-    """A row or two of six may be outside its bar, by no more than its width: the sets of rows are
-    small.
+    """Other bodies, methods and paths meet the target; at most two of six rows exceed their bar.
+
+    They exceed it by no more than its width; the sets of rows are small.
     """
     found = judged(Case("paraboloid", 0.1, 0.3), target, tmp_path, **OTHERS[name])
     assert np.nanmax(found.true) <= target
@@ -270,8 +211,9 @@ SPHERE_ON_GEL = {  # force at depth; see test_hyperelastic.py for where they com
 @pytest.mark.parametrize("target", TARGETS)
 @pytest.mark.parametrize("nu", SPHERE_ON_GEL)
 def test_hyperelastic_bodies(nu: float, target: float, tmp_path: Path) -> None:
-    """A sphere on a neo-Hookean layer, gap at the deformed point, against computations with
-    elements of order 6; the references are good to 1e-5.
+    """A sphere on a neo-Hookean layer with the current gap meets the target.
+
+    References are computations with elements of order 6, good to 1e-5.
     """
     exact = np.array(list(SPHERE_ON_GEL[nu].values()))
     config = config_from_mapping(
@@ -290,41 +232,8 @@ def test_hyperelastic_bodies(nu: float, target: float, tmp_path: Path) -> None:
     assert np.sum(true > bar) <= 1
 
 
-CUBE: dict[str, Any] = Case("paraboloid", 0.1, 0.3).mapping() | {
-    "body": {"shape": "box", "size": [2.0, 2.0, 1.0]},
-    "loading": {"delta": 0.01, "steps": 10},
-}
-DEPTHS = np.arange(1, 11) * 1e-3
-
-
-def forces_on_a_finite_body(k_0: float, k_2: float) -> np.ndarray:
-    """Hertz' force at DEPTHS on a body (E = 1, nu = 0.3) that sinks F (k_0 - k_2 (r^2 + s^2)) less
-    at r than a half-space does, F at distances s from the axis, s^2 = 2 a^2/5 in the mean: what
-    is far away is smooth.
-    """
-    E_star = 1 / (1 - 0.3**2)
-
-    def excess(force: float, depth: float) -> float:
-        curvature = 1 + 2 * k_2 * force
-        a = (0.75 * force / E_star / curvature) ** (1 / 3)
-        return float(a**2 * curvature - depth - force * (k_0 - 0.4 * k_2 * a**2))
-
-    return np.array([brentq(excess, 1e-8, 3e-3, args=(depth,)) for depth in DEPTHS])
-
-
-def cube_forces() -> np.ndarray:
-    """Of the whole cube at DEPTHS.
-
-    What the cylinder's independent forces say of k_2, and the cube's last one of k_0
-    (test_hertz.py); half of k_2 more or less would change the first force by 8e-5 of it.
-    """
-    _, k_2 = least_squares(lambda k: forces_on_a_finite_body(*k) / FORCES - 1, [0.4, 0.2]).x
-    k_0 = brentq(lambda k: forces_on_a_finite_body(k, k_2)[-1] / CUBE_FORCE - 1, 0.3, 0.5)
-    return forces_on_a_finite_body(k_0, k_2)
-
-
 def test_the_forces_on_a_finite_body_are_those_of_independent_computations() -> None:
-    """Two numbers give all ten forces on the cylinder to the seven digits that are known."""
+    """Two fitted constants give all ten forces on the cylinder to the seven known digits."""
     found = least_squares(lambda k: forces_on_a_finite_body(*k) / FORCES - 1, [0.4, 0.2])
     assert np.abs(found.fun).max() <= 1e-6
 
@@ -334,7 +243,10 @@ def test_the_forces_on_a_finite_body_are_those_of_independent_computations() -> 
     "target", [target for target in TARGETS if target >= 0.01]
 )  # 0.001 takes minutes
 def test_a_cube(target: float, tmp_path: Path) -> None:
-    """Three dimensions, the quarter of a box: all ten steps keep the target and know their error."""
+    """A box in three dimensions, reduced to a quarter, keeps the target at all ten increments.
+
+    The error against the extrapolated force is within the target and within the error bar.
+    """
     outcome = simulate(config_from_mapping(CUBE | {"accuracy": target}), directory=tmp_path)
     true = np.abs([state.force for state in outcome.states] / cube_forces() - 1)
     bar = np.array([state.force_error for state in outcome.states]) / cube_forces()
@@ -350,10 +262,10 @@ def test_a_cube(target: float, tmp_path: Path) -> None:
 @pytest.mark.verify
 @pytest.mark.parametrize(("radius", "nu"), [(0.1, 0.3), (0.25, 0.45), (0.5, 0.3)])
 def test_a_punch_on_a_box(radius: float, nu: float, tmp_path: Path) -> None:
-    """The edge, a circle that straight facets follow, costs most of the mesh.
+    """A flat punch on a box meets the target; its error bar may be half too narrow.
 
-    Theory's layer ends at a round wall, or nowhere: this wide a box differs by less than 1e-3. A
-    bar may be half too narrow: few elements share the edge.
+    The edge is a circle that straight facets follow, which costs most of the mesh. The reference
+    ends at a round wall or nowhere: so wide a box differs by less than 1e-3.
     """
     config = config_from_mapping(
         {
@@ -373,18 +285,12 @@ def test_a_punch_on_a_box(radius: float, nu: float, tmp_path: Path) -> None:
     assert true <= 1.5 * bar
 
 
-FEW = [
-    Case("paraboloid", 0.1, 0.3),
-    Case("cone", 1.0, 0.45),
-    Case("flat_punch", 0.5, 0.3, "roller"),
-    Case("sphere", 3.0, 0.4999),
-    Case("paraboloid", 0.1, 0.3, shape="strip"),
-]
-
-
 @pytest.mark.parametrize("case", FEW, ids=str)
 def test_accuracy_is_met_and_the_bars_hold_the_error(case: Case, tmp_path: Path) -> None:
-    """One row in twenty may be outside its bar: one of five is let go."""
+    """A target of 1 % is met, and at most one of five rows exceeds its error bar.
+
+    One row in twenty may exceed it.
+    """
     found = judged(case, 0.01, tmp_path)
     assert found.true.max() <= 0.01
     assert np.all(found.bar <= 0.01)
@@ -422,8 +328,12 @@ SHARP: list[tuple[dict[str, Any], dict[str, Any], str]] = [  # tip, depths, meth
 
 @pytest.mark.verify
 def test_corners_of_a_tip_and_edges(tmp_path: Path) -> None:
-    """Kinks somewhere in an element, narrow rounded edges, Nitsche's method at a sharp one: judged by what companions
-    say, without the floor that exact theory puts under the bars of these bodies, as is promised of a class."""
+    """Error bars of tips with slope discontinuities and edges hold at a rate that a class promises.
+
+    The discontinuity lies somewhere inside an element; edges are sharp, by Nitsche's method, or
+    narrow and rounded. Judged are the estimates from companion runs alone, without the floor that
+    exact theory puts under the error bars of these bodies.
+    """
     runs = []
     target = 0.03
     for i, ((tip, depths, method), nu) in enumerate(itertools.product(SHARP, (0.3, 0.4999))):

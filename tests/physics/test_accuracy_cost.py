@@ -1,9 +1,7 @@
-"""What `accuracy` costs, on scenes of test_accuracy.py: its unknowns against the fewest of settings
-by hand that keep the error. Unknowns are counted, not seconds, which others who use the machine
-would change.
+"""Unknowns that `accuracy` takes, against the fewest of settings by hand that keep the error.
 
-Luck does not count: settings are good when they and all finer ones, near and far, keep the target
-at every step.
+Unknowns are counted, because seconds depend on other users of the machine. Settings count as good
+if they and all finer ones, near and far, keep the target at every row.
 """
 
 from __future__ import annotations
@@ -15,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_accuracy import CUBE, FEW, Case, cube_forces, exact_forces
+from accuracy_scenes import CUBE, FEW, Case, cube_forces, exact_forces
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.run.pipeline import simulate
@@ -43,9 +41,7 @@ IN_SPACE = 2.0  # 1.0 to 1.6 were found
 
 @dataclass(frozen=True)
 class Run:
-    """Worst relative error of all steps, unknowns, and how many times as fine as the coarsest the
-    sizes are.
-    """
+    """Worst relative error of all rows, unknowns, and the refinement over the coarsest sizes."""
 
     error: float
     dofs: float
@@ -56,14 +52,14 @@ class Run:
 def run(
     mapping: dict[str, Any], exact: np.ndarray, folder: Path, near: float = 0.0, far: float = 0.0
 ) -> Run:
-    """A scene beside its exact forces."""
+    """Run a scene with known forces."""
     outcome = simulate(config_from_mapping(mapping), directory=folder, overwrite=True)
     error = np.abs([state.force for state in outcome.states] / exact - 1).max()
     return Run(error, outcome.report["dofs"], near, far)
 
 
 def by_hand(case: Case, exact: np.ndarray, folder: Path) -> list[Run]:
-    """All settings of the grid whose far size is not below the near one."""
+    """Runs of all settings of the grid whose far size is not below the near one."""
     scene = resolve(config_from_mapping(case.mapping()))
     h_far, widest = (
         scene.sizes.h_far,
@@ -78,9 +74,7 @@ def by_hand(case: Case, exact: np.ndarray, folder: Path) -> list[Run]:
 
 
 def fewest(runs: Sequence[Run], target: float) -> float:
-    """The fewest unknowns of those that keep the target together with all finer ones; infinite when
-    none does.
-    """
+    """Fewest unknowns of settings that keep the target with all finer ones; infinite if none do."""
     bad = [one for one in runs if one.error > target]
     good = [
         one
@@ -93,7 +87,7 @@ def fewest(runs: Sequence[Run], target: float) -> float:
 @pytest.mark.verify
 @pytest.mark.parametrize("case", FEW, ids=str)
 def test_no_settings_by_hand_have_far_fewer_unknowns(case: Case, tmp_path: Path) -> None:
-    """Sizes are at most twice as fine as they need be."""
+    """Automatic sizes are at most twice as fine as necessary."""
     exact = exact_forces(config_from_mapping(case.mapping()))
     runs = by_hand(case, exact, tmp_path / "by hand")
     for target in (0.01, 0.001):
@@ -106,7 +100,10 @@ def test_no_settings_by_hand_have_far_fewer_unknowns(case: Case, tmp_path: Path)
 
 @pytest.mark.verify
 def test_nor_in_three_dimensions(tmp_path: Path) -> None:
-    """The quarter of a cube, at each of ten steps, the first of which rules a uniform mesh."""
+    """Automatic sizes of a cube are hardly finer than the best uniform mesh.
+
+    The first of its ten rows determines the mesh.
+    """
     exact = cube_forces()
     sizes = (0.04, 0.03, 0.02, 0.015, 0.0125, 0.01)
     runs = [run(CUBE | {"mesh": {"h_contact": h}}, exact, tmp_path, 1 / h) for h in sizes]

@@ -1,6 +1,4 @@
-"""Adhesion with a range: an independent solution on a half-space, energy, both ways of a path,
-three dimensions.
-"""
+"""Adhesion with a range: an independent solution, energy, loading and unloading, 3D."""
 
 from __future__ import annotations
 
@@ -33,7 +31,7 @@ LOOSE = {"adhesion": {"work": 1e-2, "range": 5e-2}}  # Maugis' lambda 1 at R = E
 
 
 def reach(parameter: float) -> float:
-    """The range of WORK at Maugis' lambda under a paraboloid of R = 1."""
+    """Range of an adhesion with the work WORK and a Maugis lambda, under a paraboloid of R = 1."""
     return float((WORK**2 / (E_STAR**2 * (parameter / LAMBDA_PER_TABOR) ** 3)) ** (1 / 3))
 
 
@@ -49,11 +47,11 @@ def attracted(parameter: float, *depths: float) -> Any:
 def on_rings(
     law: Adhesion, depths: list[float], rings: int = 100, inside: float = 0.08, ranges: float = 10
 ) -> list[float]:
-    """Force over pi work R of a paraboloid, R = 1, on a half-space, by rings of constant pressure
-    (Newton), out to where the gap is so many ranges.
+    """Forces over pi work R of a paraboloid on a half-space, by rings of constant pressure.
 
-    A disc of unit pressure and radius b displaces by (4/(pi E*)) b E(r/b) inside, (4/(pi E*)) r
-    (E(b/r) - (1 - b^2/r^2) K(b/r)) outside (Johnson, Contact Mechanics, 3.4).
+    Newton's method; the rings end where the gap is so many ranges. A disc of unit pressure and
+    radius b displaces by (4/(pi E*)) b E(r/b) inside and by (4/(pi E*)) r (E(b/r) - (1 - b^2/r^2)
+    K(b/r)) outside (Johnson, Contact Mechanics, 3.4).
     """
     assert law.range
     far = max((2 * ranges * law.range) ** 0.5, 2 * inside)
@@ -88,8 +86,10 @@ def _disc(r: np.ndarray, b: float) -> np.ndarray:
 
 
 def test_the_force_is_that_of_rings_on_a_half_space() -> None:
-    """Near the greatest pull and beyond first touch. 0.2 %: 0.05 % of the finite body, 0.1 % of a
-    hundred rings.
+    """The adhesive force is that of rings on a half-space, to 0.2 %.
+
+    Depths lie near the largest pull and beyond first contact. The finite body contributes 0.05 %, a
+    hundred rings 0.1 %.
     """
     depths = [0.3, 0.0, -0.4]
     expected = on_rings(Adhesion(WORK, reach(1.0)), [d * DEPTH for d in depths])
@@ -118,7 +118,7 @@ def test_the_error_bar_holds_where_the_force_passes_zero() -> None:
 
 
 def largest_pull(depths: list[float], forces: list[float]) -> float:
-    """Of a parabola through three rows."""
+    """Minimum of a parabola through three rows."""
     least = np.polynomial.Polynomial.fit(depths, forces, 2)
     return float(least(least.deriv().roots()[0]))
 
@@ -134,9 +134,10 @@ def largest_pull(depths: list[float], forces: list[float]) -> float:
     ],
 )
 def test_pull_off_of_an_exponential_attraction(parameter: float, about: float, pull: float) -> None:
-    """The largest pull over pi work R, of a parabola through three rows: 0.3 % of `on_rings` with
-    four hundred rings, up to a gap of ten ranges (fewer rings or a wider surface move it by
-    1e-4). It acts farther than a step of the same strength and work, and pulls more than that.
+    """The pull-off of an exponential attraction is that of rings, and beyond a constant one's.
+
+    The largest pull of a parabola through three rows is compared with 400 rings out to a gap of ten
+    ranges, to 0.3 %; fewer rings or a wider surface change them by 1e-4.
     """
     depths = [about + 0.1, about, about - 0.1]
     rows = attracted(parameter, *depths)
@@ -147,9 +148,9 @@ def test_pull_off_of_an_exponential_attraction(parameter: float, about: float, p
 
 @pytest.mark.verify
 def test_the_exact_pull_off_of_the_scoreboard_is_that_of_rings() -> None:
-    """To 1e-5: two hundred rings and four hundred differ by 7e-6.
+    """The exact pull-off of the scoreboard is that of rings, to 1e-5.
 
-    What is published there is Maugis' own.
+    200 and 400 rings differ by 7e-6. The published value there is Maugis'.
     """
     path = (
         Path(__file__).resolve().parents[2]
@@ -175,9 +176,10 @@ def test_the_exact_pull_off_of_the_scoreboard_is_that_of_rings() -> None:
 def test_a_surface_that_ends_at_five_ranges_pulls_less(
     parameter: float, about: float, pull: float
 ) -> None:
-    """Another program's values: 0.5 %, of which its elements of half a cohesive zone take 0.35.
+    """Rings up to five ranges give another program's pull-off, to 0.5 %.
 
-    What is cut off is 0.6 % at lambda 0.5 and nothing at 2.
+    Its elements of half a cohesive zone contribute 0.35 %. The cut-off costs 0.6 % at lambda 0.5
+    and nothing at lambda 2.
     """
     law, depths = Adhesion(WORK, reach(parameter)), [about + 0.1, about, about - 0.1]
     cut, whole = (
@@ -190,10 +192,10 @@ def test_a_surface_that_ends_at_five_ranges_pulls_less(
 
 @pytest.mark.verify
 def test_a_contact_holds_on_however_long_the_step() -> None:
-    """At lambda 2.5 two states are stable at -0.06.
+    """At a depth with two stable states the contact is found during unloading, for any increment.
 
-    One is found on the way out, by short steps and by one of five ranges, which Newton alone takes
-    to the other; that one is found on the way in.
+    Lambda is 2.5 and the depth -0.06. Newton's method alone would take an increment of five ranges
+    to the open state, which is found during loading.
     """
     adhesion = {"work": 1e-2, "range": 2e-2}
 
@@ -213,7 +215,7 @@ def test_a_contact_holds_on_however_long_the_step() -> None:
 
 
 def test_a_path_may_begin_where_the_tip_touches() -> None:
-    """At finite strain, where a body at rest is far from the state that it snaps into."""
+    """A path at finite strain may begin at first contact, far from the state after the snap-in."""
     material = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
     near, far = (
         solve(
@@ -237,11 +239,11 @@ def test_a_prescribed_pull_is_found_down_to_that_of_first_touch() -> None:
     )
     assert [row.force for row in rows[:2]] == pytest.approx(pulls[:2], rel=1e-8)
     assert 0 < rows[1].delta < rows[0].delta
-    assert not rows[2].converged and "where it first touches" in rows[2].reason
+    assert not rows[2].converged and "the pulling force is larger than" in rows[2].reason
 
 
 def test_without_work_the_force_is_the_same_as_without_adhesion() -> None:
-    """On the same elements: work 1e-12 pulls with 5e-12 of 1.5e-3."""
+    """A work of adhesion of 1e-12 changes the force by less than 1e-6, on the same elements."""
     mesh, sticky = {"h_contact": 0.01}, {"adhesion": {"work": 1e-12, "range": 1e-3}}
     (clean,), (held,) = (
         solve(scene(THICK, contact=contact, mesh=mesh)) for contact in ({}, sticky)
@@ -251,8 +253,9 @@ def test_without_work_the_force_is_the_same_as_without_adhesion() -> None:
 
 @pytest.mark.verify
 def test_in_and_out_is_one_curve_where_nothing_jumps_and_its_energy_the_work() -> None:
-    """At lambda 0.5 nothing jumps: the same rows on the way back, to what Newton leaves; and the
-    change of the energy is the integral of the force (Simpson on 8 intervals: 1e-4).
+    """Without jumps unloading repeats loading, and the energy is the work of the force.
+
+    Lambda is 0.5. Simpson's rule on 8 intervals gives the work to 1e-4.
     """
     way = [2.0, 1.75, 1.5, 1.25, 1.0, 0.75, 0.5, 0.25, 0.0]
     rows = attracted(0.5, *way, 1.0, 2.0)
@@ -268,7 +271,10 @@ def test_in_and_out_is_one_curve_where_nothing_jumps_and_its_energy_the_work() -
 
 @pytest.mark.verify
 def test_snap_in_and_pull_off_at_finite_strain() -> None:
-    """Two states are stable at one depth: which one is found depends on where the tip comes from."""
+    """The branch found at a depth with two stable states depends on where the tip comes from.
+
+    The tip approaches out of contact, is pressed in, and holds on at the same depth on its way out.
+    """
     material = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
     body = {"shape": "cylinder", "radius": 4.0, "height": 2.0, "base": "fixed", "sides": "roller"}
     adhesion = {"work": 0.02, "range": 0.03}  # Maugis' lambda 2.8
@@ -289,9 +295,10 @@ def test_snap_in_and_pull_off_at_finite_strain() -> None:
 
 @pytest.mark.verify
 def test_a_tip_snaps_in_where_newton_finds_no_way() -> None:
-    """`configs/sticky_sphere.yaml` with half its range, lambda 2.8, on elements of 1.2 cohesive
-    zones: the open state ends at -0.2425, and the contact that the body falls into is the one
-    that the way back finds: 1e-7, Newton's.
+    """After the end of the open state the snapped contact is the one that unloading finds.
+
+    `configs/sticky_sphere.yaml` with half its range, lambda 2.8, on elements of 1.2 cohesive zones;
+    the open state ends at -0.2425.
     """
     changes = [
         "contact.adhesion.range=0.08",
@@ -306,9 +313,7 @@ def test_a_tip_snaps_in_where_newton_finds_no_way() -> None:
 
 @pytest.mark.verify
 def test_the_state_after_a_snap_is_that_of_rings() -> None:
-    """The way in ends beyond the fold of the open state, where rings find the contact from inside:
-    0.5 %.
-    """
+    """The state after a snap-in is that of rings, which find the contact from inside, to 0.5 %."""
     parameter = 3.0
     (expected,) = on_rings(Adhesion(WORK, reach(parameter)), [0.0], rings=300)
     (found,) = attracted(parameter, 0.0)
@@ -318,9 +323,10 @@ def test_the_state_after_a_snap_is_that_of_rings() -> None:
 @pytest.mark.stress
 @pytest.mark.parametrize("number", range(12))
 def test_a_row_does_not_depend_on_its_steps(number: int) -> None:
-    """In or out, lambda 0.1 to 5, linear and neo-Hookean, half-spaces, layers, caps: one row with
-    1, 4 and 16 steps has one force, to a hundred times what Newton leaves of the residual, and
-    is a minimum.
+    """The force of a row is the same with 1, 4 and 16 increments, and is a minimum of energy.
+
+    Random scenes in and out, with lambda 0.1 to 5, linear and neo-Hookean, on half-spaces, layers
+    and caps; the tolerance is a hundred times Newton's residual.
     """
     sections, end, back = drawn(number)
     forces = []
@@ -345,9 +351,7 @@ FAR_OFF = -0.5  # twelve ranges and more above most of these bodies
 
 
 def drawn(number: int) -> tuple[dict[str, Any], float, float]:
-    """A random scene, the depth of its row, and that from which the tip comes back to it; 0 if it
-    comes from above.
-    """
+    """Random scene, the depth of its row, and the depth from which the tip comes back, or 0."""
     pick = random.Random(1000 + number)
     nu, work, parameter = (
         pick.choice([0.3, 0.48]),
@@ -406,9 +410,10 @@ def test_a_force_of_zero_is_a_depth_where_push_and_pull_are_equal(
 def test_three_dimensions_give_the_force_of_the_body_of_revolution(
     wide: float, coarse: float, rel: float
 ) -> None:
-    """A box and the cylinder of the same section: 1 %, of coarse elements, where they are wider
-    than the tip feels; two more where it feels the corners and elements are four fifths of the
-    cohesive zone of 0.22.
+    """An adhesive tip on a box gives the force on a cylinder of the same section.
+
+    Coarse elements contribute 1 %. Two per cent more are allowed where the tip feels the corners
+    and elements are four fifths of the cohesive zone of 0.22.
     """
     loading = {"deltas": [-0.05, 0.02]}
     box = {"shape": "box", "size": [wide, wide, 1.0], "base": "fixed", "sides": "free"}

@@ -1,6 +1,4 @@
-"""A tip inside the surface beside the contact surface, where nothing keeps it out, is seen: that
-row cannot be true.
-"""
+"""A tip inside the surface next to the contact surface is found, and the row is refused."""
 
 from __future__ import annotations
 
@@ -29,7 +27,7 @@ BODIES = {
 def judged(
     folder: Path, kinematics: str, body: dict[str, Any], *overrides: str
 ) -> tuple[float, str]:
-    """The force of a paraboloid 0.05 deep, and what cannot be true of it."""
+    """Force of a paraboloid at a depth of 0.05, and the reason why it cannot be right."""
     write(folder / "body.msh", body)
     mesh = {
         "shape": "mesh",
@@ -52,7 +50,7 @@ def judged(
 
 
 def narrowed(body: dict[str, Any], to: float) -> dict[str, Any]:
-    """The body with a contact group that ends so far from the tip's axis."""
+    """Body with a contact group that ends at a distance from the tip's axis."""
     top = body["facets"]["top"]
     reach = np.abs(body["points"][top][..., :2] * (1.0, float(len(top[0]) == 3))).max(axis=(1, 2))
     body["facets"]["top"] = top[reach <= to + 1e-9]
@@ -72,7 +70,10 @@ def narrowed(body: dict[str, Any], to: float) -> dict[str, Any]:
 def test_a_contact_group_that_ends_beside_the_contact(
     tmp_path: Path, kinematics: str, reach: float, loss: float, gap: str
 ) -> None:
-    """The force is too small by more than `loss`, against the whole top, whose row is right."""
+    """A contact group that ends inside the contact is found; its force is too small.
+
+    The whole top, in contrast, gives a right row.
+    """
     whole, nothing = judged(tmp_path, kinematics, BODIES[kinematics](), f"contact.gap={gap}")
     force, said = judged(
         tmp_path, kinematics, narrowed(BODIES[kinematics](), reach), f"contact.gap={gap}"
@@ -82,7 +83,7 @@ def test_a_contact_group_that_ends_beside_the_contact(
 
 
 def test_a_terrace_that_the_tip_runs_into(tmp_path: Path) -> None:
-    """Beside the contact group the top goes up into the tip, and is free."""
+    """A free terrace next to the contact group, into which the tip runs, is found."""
     body = narrowed(section(1.0, 0.5, 20, 10), 0.3)
     x, z = body["points"][:, 0], body["points"][:, 1]
     body["points"][:, 1] = z + np.where(z > -0.01, np.clip(0.4 * (x - 0.3), 0.0, 0.1), 0.0)

@@ -1,5 +1,6 @@
-"""Contact radius, largest pressure and depth of a force with their error bars, where layer theory
-is exact: on layers between frictionless walls (the scenes of test_accuracy.py).
+"""Contact radius, largest pressure and depth of a force with error bars, against exact theory.
+
+The scenes are the layers between frictionless walls of accuracy_scenes.py.
 """
 
 from __future__ import annotations
@@ -10,8 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from accuracy_scenes import Case, drawn
 from promised_bars import BAR_OVER_ERROR, ROWS_OF_A_CLASS, SMALL_ERROR, WIDEST
-from test_accuracy import Case, drawn
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.state import State
@@ -26,24 +27,24 @@ RADII = np.append(
 
 @dataclass(frozen=True)
 class Judged:
-    """A number, in units of its exact value, row by row: its true error and its bar."""
+    """True error and error bar of a number, relative to its exact value, row by row."""
 
     true: np.ndarray
     bar: np.ndarray
 
     @property
     def held(self) -> float:
-        """The share of rows whose bar holds the error."""
+        """Share of rows whose bar holds the error."""
         return float(np.mean(self.true <= self.bar))
 
     @property
     def width(self) -> float:
-        """The median of bar over error."""
+        """Median of bar over error."""
         return float(np.median(self.bar / self.true))
 
 
 def theory(case: Case, mapping: dict[str, Any]) -> dict[str, np.ndarray]:
-    """delta, force, a and p_max of every step at prescribed depths, all of height and modulus 1."""
+    """delta, force, a and p_max of every row at prescribed depths, for unit height and modulus."""
     scene = resolve(config_from_mapping(mapping))
     assert scene.plan.theory is not None and scene.plan.theory.is_exact
     curve = scene.plan.theory.solutions_at_depths(scene.physics.deltas) or []
@@ -65,9 +66,7 @@ def found(rows: list[State], name: str, exact: np.ndarray) -> Judged:
 
 
 def judged(case: Case, folder: Path, **sections: Any) -> dict[str, Judged]:
-    """Every number of a scene that theory knows: at prescribed depths, and at the forces that
-    belong to them.
-    """
+    """All numbers of a scene that theory knows, at depths and at the forces of these depths."""
     mapping = case.mapping()
     exact = theory(case, mapping)
     bars = {} if "accuracy" in sections else {"error_bars": True}
@@ -92,7 +91,7 @@ def together(runs: list[dict[str, Judged]], name: str) -> Judged:
 
 
 def table(runs: list[dict[str, Judged]]) -> dict[str, Judged]:
-    """The rows of all runs, number by number."""
+    """Rows of all runs together, number by number."""
     found = {name: together(runs, name) for name in ("a", "p_max", "delta")}
     for name, all_rows in found.items():
         median, most = np.median(all_rows.true), all_rows.true.max()
@@ -116,7 +115,7 @@ GROUPS: dict[str, list[dict[str, Any]]] = {
 @pytest.mark.verify
 @pytest.mark.parametrize("group", GROUPS)
 def test_bars_hold_what_stands_beside_the_force(group: str, tmp_path: Path) -> None:
-    """Random scenes, none of which chose a constant: bars as is promised of a class of scenes."""
+    """Bars of a, p_max and delta of random scenes have the promised coverage."""
     runs = []
     for sections in GROUPS[group]:
         print(sections)
@@ -139,9 +138,9 @@ FEW = [Case("paraboloid", 0.1, 0.3), Case("sphere", 1.0, 0.4999, steps=3)]
 
 
 def test_bars_hold_the_numbers_of_a_few_scenes(tmp_path: Path) -> None:
-    """One row in twenty may be outside its bar: one of eight is let go.
+    """At most one of eight rows exceeds its bar, and no bar exceeds 2 %.
 
-    A bar says something: at most 2 %.
+    One row in twenty may exceed it.
     """
     runs = [judged(case, tmp_path / str(i), accuracy=0.05) for i, case in enumerate(FEW)]
     for rows in table(runs).values():
@@ -150,11 +149,10 @@ def test_bars_hold_the_numbers_of_a_few_scenes(tmp_path: Path) -> None:
 
 
 # ---- what is read off a solution
-# --------------------------------------------------------------------------------
 
 
 def errors(case: Case, **sections: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Relative errors of a and p_max at every step."""
+    """Relative errors of a and p_max at every row."""
     mapping = case.mapping() | sections
     exact = theory(case, mapping)
     pushed = list(states(resolve(config_from_mapping(mapping)), with_surface=False))
@@ -168,9 +166,11 @@ def errors(case: Case, **sections: Any) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("solver", ["condensed", "newton"])
 @pytest.mark.parametrize("multiple", [100, 1000])
 def test_a_stiff_penalty_knows_its_pressure(multiple: float, solver: str) -> None:
-    """<p_hat> at points oscillates: at 1000 E*/h_contact p_max was 126 % too large and a 14 % too
-    small. Its projection, which the nodal forces make, does not. 1 % of a: ten elements, and
-    0.05 of the last.
+    """A stiff penalty gives p_max to the promised error and a to 1 %.
+
+    The trial pressure at points oscillates: at 1000 E*/h_contact it made p_max 126 % too large and
+    a 14 % too small. Its projection onto nodes does not oscillate. There are ten elements in the
+    radius.
     """
     case = Case("paraboloid", 0.1, 0.3, steps=2)
     sizes = resolve(config_from_mapping(case.mapping())).sizes
@@ -184,16 +184,19 @@ def test_a_stiff_penalty_knows_its_pressure(multiple: float, solver: str) -> Non
 
 @pytest.mark.parametrize("nu", [0.4499, 0.45, 0.4899])
 def test_the_pressure_of_a_body_that_hardly_compresses(nu: float) -> None:
-    """Displacement elements lock: p_max is off by 2 % at nu = 0.45 at most, and by 10 % at 0.4899
-    (a thin layer that is squeezed is the worst); mixed ones keep it within 0.5 % for all nu.
+    """Mixed elements keep p_max within 0.5 %, and displacement elements within 2 % below nu = 0.45.
+
+    At nu = 0.4899 displacement elements lock and would be off by 10 %; a thin compressed layer is
+    the worst case.
     """
     _, p_max = errors(Case("paraboloid", 3.0, nu, "roller", steps=2))
     assert p_max.max() <= (0.02 if nu < 0.45 else 0.005)
 
 
 def test_a_shallow_contact_is_read_as_well_as_a_deep_one() -> None:
-    """Where elements shrink towards the axis the edge is sought with their own size: a tenth of the
-    largest contact has as many elements, and a within 1 %; it was 4 %.
+    """The radius of a contact with a tenth of the largest radius is right within 1 %.
+
+    Elements shrink towards the axis, and the edge is sought with their own size; it was 4 % off.
     """
     a, _ = errors(
         Case("sphere", 0.3, 0.3), accuracy=0.01, loading={"deltas": [3e-4, 1e-3, 3e-3, 1e-2, 3e-2]}
@@ -202,7 +205,7 @@ def test_a_shallow_contact_is_read_as_well_as_a_deep_one() -> None:
 
 
 def test_there_is_no_pressure_outside_the_contact() -> None:
-    """A multiplier ripples there."""
+    """The pressure outside the contact is zero, where a multiplier ripples."""
     mapping = Case("paraboloid", 0.1, 0.3, steps=1).mapping() | {
         "loading": {"delta": 0.01, "steps": 1}
     }
@@ -238,8 +241,10 @@ PEAKLESS: list[tuple[str, dict[str, Any], bool]] = [
 def test_a_pressure_without_bound_has_no_largest_value(
     name: str, tip: dict[str, Any], has_peak: bool
 ) -> None:
-    """Under a sharp apex, corner or edge; where an arc is narrower than an element no mesh knows it
-    either. The plan says why; out of contact the pressure is zero.
+    """An unbounded pressure has no p_max, and the plan gives the reason.
+
+    It occurs under a sharp apex, corner or edge, and where an arc is narrower than an element. Out
+    of contact p_max is zero.
     """
     mapping = Case("paraboloid", 0.3, 0.3).mapping() | {
         "indenter": tip,
@@ -255,7 +260,7 @@ def test_a_pressure_without_bound_has_no_largest_value(
 
 
 def test_an_unbounded_pressure_is_an_empty_cell(tmp_path: Path) -> None:
-    """Above the surface the cone feels nothing, and its pressure is 0."""
+    """An unbounded pressure is an empty cell of the table; above the surface it is 0."""
     mapping = Case("cone", 0.3, 0.3).mapping() | {
         "loading": {"deltas": [-0.01, 0.01]},
         "accuracy": 0.05,

@@ -1,6 +1,4 @@
-"""Runs that theory solves: against closed forms, against the mesh they replace, and what their
-folder says.
-"""
+"""Runs solved by theory: closed forms, the mesh that they replace, and their folder."""
 
 from __future__ import annotations
 
@@ -55,13 +53,10 @@ def by_theory(*args: Any, **sections: Any) -> list[State]:
 
 
 # ---- the numbers
-# -----------------------------------------------------------------------------------------------
 
 
 def test_hertz_and_sneddon_to_eight_digits() -> None:
-    """Closed forms of force, contact radius and peak pressure; 1e-8 is what theory states of
-    itself.
-    """
+    """Force, radius and peak pressure of Hertz and Sneddon are reproduced to the stated 1e-8."""
     (state,) = by_theory(HALF_SPACE)
     E_star = hs.E_star(1.0, 0.3)
     assert state.force == pytest.approx(hs.paraboloid_force(0.01, 1.0, E_star), rel=1e-8)
@@ -74,8 +69,9 @@ def test_hertz_and_sneddon_to_eight_digits() -> None:
 
 @pytest.mark.parametrize("name", BODIES)
 def test_a_mesh_agrees_within_its_error_bars(name: str, tmp_path: Path) -> None:
-    """Without what the bars know of theory themselves: their estimate, or 1e-4, what scatters from
-    mesh to mesh.
+    """A mesh agrees with theory within its estimated error, without theory's part of the bar.
+
+    At least 1e-4 is allowed, the scatter from mesh to mesh.
     """
     theory = run(tmp_path / "theory", THEORY, body=BODIES[name]).states
     mesh = run(tmp_path / "mesh", CONDENSED, body=BODIES[name], accuracy=0.01)
@@ -86,10 +82,10 @@ def test_a_mesh_agrees_within_its_error_bars(name: str, tmp_path: Path) -> None:
 
 
 def test_the_surface_is_the_mesh_s(tmp_path: Path) -> None:
-    """u_z, gap and pressure at a mesh's points: 1 % of the depth, 2 % of the peak, by which its
-    nodes scatter.
+    """Displacement, gap and pressure of the surface are those of a mesh.
 
-    Not within an element of the contact's end, where the root of the pressure is a mesh's worst.
+    1 % of the depth and 2 % of the peak are the scatter of the nodes. An element at the contact's
+    end, where the pressure is a square root, is left out.
     """
     mesh, theory = (
         read(run(tmp_path / name, f"solver.method={name}", body=WALLED, accuracy=0.001).directory)
@@ -114,9 +110,7 @@ def test_the_surface_is_the_mesh_s(tmp_path: Path) -> None:
 
 
 def test_equilibrium_of_the_surface(tmp_path: Path) -> None:
-    """The written pressure carries the force: trapezoids over 40 points up to a square root,
-    40^-1.5 = 4e-3.
-    """
+    """The written pressure integrates to the force, to the 4e-3 of trapezoids."""
     found = read(run(tmp_path / "out", body=LAYER).directory)
     r, p = (found.surface[name][found.surface["step"] == 2] for name in ("x", "pressure"))
     assert trapezoid(2 * np.pi * r * p, r) == pytest.approx(found["force"][1], rel=4e-3)
@@ -134,7 +128,6 @@ def test_out_of_contact_there_is_nothing() -> None:
 
 
 # ---- the folder
-# ------------------------------------------------------------------------------------------------
 
 
 def test_what_the_table_says(tmp_path: Path) -> None:
@@ -165,7 +158,7 @@ def test_a_picture_is_drawn_of_it(tmp_path: Path) -> None:
 
 
 def test_error_bars_are_theorys_own(tmp_path: Path) -> None:
-    """Never of no width: 1e-8 of each number."""
+    """Error bars of theory are 1e-8 of each number."""
     found = read(run(tmp_path / "out", bars=True, loading={"forces": [0.001, 0.002]}).directory)
     for name in ("force", "a", "p_max", "delta"):
         assert found[f"{name}_error"] == pytest.approx(1e-8 * found[name], rel=1e-12)
@@ -218,7 +211,7 @@ def test_theory_and_mesh_are_compared(tmp_path: Path) -> None:
 
 
 def test_the_end_says_what_film_formulas_would_have_said(tmp_path: Path) -> None:
-    """In run.json and in one line, beside theory and beside a mesh."""
+    """The report and the last lines compare with film formulas, for theory and for a mesh."""
     for name in ("theory", "condensed"):
         done = run(tmp_path / name, f"solver.method={name}", body=BODIES["film"])
         said = {one["name"]: one for one in done.report["theory"]["formulas"]}
@@ -239,7 +232,7 @@ def test_the_end_says_what_film_formulas_would_have_said(tmp_path: Path) -> None
 
 
 def test_200_layers_in_a_row() -> None:
-    """No two have a kernel in common; each gives more than the one before it, being thinner."""
+    """200 layers, each with a kernel of its own, have a force that grows as they get thinner."""
     forces = [
         by_theory({"shape": "layer", "height": h})[0].force for h in np.geomspace(3.0, 0.03, 200)
     ]

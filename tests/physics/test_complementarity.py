@@ -1,8 +1,7 @@
-"""p >= 0, g >= 0, p g = 0 at every step, integrated here by other means than the program's.
+"""p >= 0, g >= 0, p g = 0 at every row, integrated independently of the program.
 
-The surface of an axisymmetric body is a row of quadratic elements: everything is taken from the
-surface table and the multiplier at its nodes, and the contact law is integrated over r with Gauss'
-rule.
+The surface of an axisymmetric body is a row of quadratic elements. Everything is taken from the
+surface table and the nodal multiplier, and the contact law is integrated over r with Gauss' rule.
 """
 
 from __future__ import annotations
@@ -27,9 +26,7 @@ GAUSS = {n: tuple(np.array(part) for part in np.polynomial.legendre.leggauss(n))
 
 
 def walked(base: Scene) -> Iterator[tuple[Surface, np.ndarray, float, float]]:
-    """Surface table, raw multiplier at its nodes, depth and force of every step; E = 1 and height 1
-    are the units.
-    """
+    """Surface table, nodal multiplier, depth and force of every row, in units of E and height."""
     walk = solver.create_load_stepper(base, meshed(base))
     for state in walk.states(base.physics.path, lambda step: True):
         assert state.converged and state.surface is not None, state.reason
@@ -44,7 +41,7 @@ def walked(base: Scene) -> Iterator[tuple[Surface, np.ndarray, float, float]]:
 
 
 def gauss(a: float, b: float, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points and weights of n points for the integral of 2 pi r f(r) over [a, b]."""
+    """Points and weights for the integral of 2 pi r f(r) over [a, b]."""
     x, w = GAUSS[n]
     r = (a + b) / 2 + (b - a) / 2 * x
     return r, w * (b - a) / 2 * 2 * np.pi * r
@@ -59,10 +56,10 @@ def quadratic(x: np.ndarray, r: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("method", ["condensed", "newton"])
 def test_active_set_is_complementary(method: str) -> None:
-    """Nodal pressures against gaps weighted with the hats of all nodes.
+    """Nodal pressures and weighted gaps of the active set are complementary.
 
-    A mean gap may be negative by 1e-8 of the depth, and a pressure by as much of E*: hundred times
-    the solver's tolerance.
+    Gaps are weighted with the hat functions of all nodes. A mean gap may be negative by 1e-8 of the
+    depth, and a pressure by as much of E*: a hundred times the solver's tolerance.
     """
     base = scene(
         CYLINDER,
@@ -94,9 +91,10 @@ def test_active_set_is_complementary(method: str) -> None:
 @pytest.mark.parametrize("multiple", [0.1, 1.0, 10.0])
 @pytest.mark.parametrize("method", ["condensed", "newton"])
 def test_augmented_lagrangian_solves_its_own_equations(method: str, multiple: float) -> None:
-    """Equation 3.7: int N (<lam - epsilon_n g> - lam) = 0 for every multiplier, with the eleven
-    points an edge that the program takes (the bracket's kink is seen by them), and the force is
-    the integral of <lam - epsilon_n g> >= 0. 1e-9 of the peak pressure is ten times the solver's
+    """The nodal multiplier satisfies N (<lam - epsilon_n g> - lam) = 0 (eq. 3.7).
+
+    The eleven quadrature points of the program are used, since they see the kink of the bracket.
+    The force is the integral of <lam - epsilon_n g> >= 0; 1e-9 of the peak is ten times the
     tolerance.
     """
     epsilon_n = multiple * E_STAR / H
@@ -124,13 +122,14 @@ def test_augmented_lagrangian_solves_its_own_equations(method: str, multiple: fl
 
 
 # ---- where the set ends
-# -----------------------------------------------------------------------------------------
 
 
 def test_hats_jitter_less_than_conditions_at_the_nodes() -> None:
-    """The textbook's active set, F_i >= 0, g_i >= 0 and F_i g_i = 0 at every node, on the same
-    compliance: as the edge goes from node to node its force is off by 0.11 % in the mean and
-    0.49 % at most, ours by 0.07 and 0.23 %.
+    """The force of weighted gaps scatters less than that of conditions at the nodes.
+
+    The textbook's active set, F_i >= 0, g_i >= 0 and F_i g_i = 0, on the same compliance is off by
+    0.11 % in the mean and 0.49 % at most as the edge passes nodes; weighted gaps by 0.07 and 0.23
+    %.
     """
     base = scene(WALLED, contact={"method": "active_set"}, mesh={"h_contact": H})
     deltas = np.linspace(0.0017, DELTA, 200)  # four to ten elements in the radius
@@ -153,13 +152,10 @@ def test_hats_jitter_less_than_conditions_at_the_nodes() -> None:
 
 
 # ---- active sets that go round in a circle
-# --------------------------------------------------------------------
 
 
 def circling() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A symmetric positive definite matrix, gaps and a first set from which active sets come back
-    to themselves.
-    """
+    """Positive definite matrix, gaps and initial set for which active sets repeat in a cycle."""
     random = np.random.default_rng(0)
     for _ in range(20000):
         half = random.normal(size=(4, 4))
@@ -179,7 +175,7 @@ def circling() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def test_circling_sets_are_resolved() -> None:
-    """Such matrices exist; least squares finds the pressures, to round-off."""
+    """Where active sets repeat, least squares finds the pressures to round-off."""
     A, gap, start = circling()
     p, solves = solve_complementarity(A, gap, start)
     G = gap + A @ p
@@ -190,9 +186,7 @@ def test_circling_sets_are_resolved() -> None:
 
 
 def test_least_squares_finds_the_same_contact(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Forced on a real contact by calling every set a repetition: the same force to 1e-9, another
-    algorithm.
-    """
+    """Least squares gives the force of active sets on a real contact, to 1e-9."""
     base = scene(CYLINDER, contact={"method": "active_set"}, mesh={"h_contact": H})
     expected = solve(base)[-1]
     real = contact.solve_complementarity
@@ -215,7 +209,7 @@ def test_least_squares_finds_the_same_contact(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_one_node_at_a_time_finds_the_same_contact(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Forced on Newton from the first step on: more iterations, the same force to 1e-9."""
+    """Changing one node at a time gives the same force to 1e-9, in more iterations."""
     base = scene(
         CYLINDER,
         contact={"method": "active_set"},

@@ -1,6 +1,4 @@
-"""A plate on a flat top: homogeneous compression is exact, whatever the body, the law and the
-contact method.
-"""
+"""A plate on a flat top: homogeneous compression is exact for all bodies, laws and methods."""
 
 from __future__ import annotations
 
@@ -34,9 +32,9 @@ EXACT = 1e-9
 
 
 def stress(stretch: float, E: float, nu: float, held: int) -> float:
-    """Nominal pressure on a neo-Hookean bar of this stretch along its axis, kept from spreading in
-    `held` of the two directions across it, by bisection of the traction on its free sides: an
-    independent way to the same number.
+    """Nominal pressure on a neo-Hookean bar of a stretch, by bisection of its lateral traction.
+
+    The bar is kept from spreading in `held` of its two lateral directions.
     """
     mu, lame = E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))
     free = 2 - held
@@ -53,7 +51,7 @@ def stress(stretch: float, E: float, nu: float, held: int) -> float:
 
 
 def confirmed(of: Scene, expected: list[float]) -> None:
-    """Every row has the force that is expected, and so says the theory beside the run."""
+    """Assert the force of every row, and that theory in the report agrees with it."""
     found = solve(of)
     assert [state.force for state in found] == pytest.approx(expected, rel=EXACT)
     said = theory_comparison(of, found)
@@ -86,7 +84,7 @@ def test_a_linear_block_is_compressed_evenly(
 def test_rubber_is_compressed_evenly_at_finite_strain(
     body: dict[str, Any], held: int, area: float
 ) -> None:
-    """Its rim bulges past where it was, and stays under the plate."""
+    """Rubber is compressed homogeneously at finite strain; its rim bulges below the plate."""
     expected = [area * stress(1 - delta, 10.0, 0.45, held) for delta in (0.1, 0.2, 0.3)]
     confirmed(scene(body, material=RUBBER, indenter=PLATE, loading=DEEP), expected)
 
@@ -94,7 +92,7 @@ def test_rubber_is_compressed_evenly_at_finite_strain(
 @pytest.mark.verify
 @pytest.mark.parametrize("symmetry", ["quarter", "full"])
 def test_a_block_of_rubber_is_compressed_evenly(symmetry: str) -> None:
-    """Also where only pins hold it sideways: a plane does not push that way."""
+    """A block is compressed homogeneously, also where only pins hold it laterally."""
     base = scene(
         BLOCK,
         material=RUBBER,
@@ -107,7 +105,10 @@ def test_a_block_of_rubber_is_compressed_evenly(symmetry: str) -> None:
 
 @pytest.mark.parametrize("method", ["penalty", "active_set", "nitsche", "uzawa"])
 def test_every_contact_method_compresses_alike(method: str) -> None:
-    """A penalty lets the plate sink in by p/epsilon_n: as deep as it says itself."""
+    """All contact methods give the force of the depth less the stated penetration.
+
+    A penalty lets the plate sink in by p/epsilon_n.
+    """
     base = scene(DISC, indenter=PLATE, loading=SMALL, contact={"method": method})
     (state,) = solve(base)
     assert state.force == pytest.approx(pi * (0.02 - state.penetration), rel=1e-6)
@@ -124,7 +125,7 @@ def test_every_contact_method_compresses_alike(method: str) -> None:
     ids=["incompressible", "ogden", "gent", "nu 0"],
 )
 def test_theory_knows_every_law(law: dict[str, Any]) -> None:
-    """The mesh knows nothing of the bar's equation: it minimises the energy."""
+    """The mesh gives the force of the bar's equation for every law."""
     base = scene(DISC, material=law, indenter=PLATE, loading=DEEP, mesh={"h_contact": 0.5})
     theory = base.exact_theory
     assert theory is not None
@@ -149,10 +150,10 @@ def test_a_force_finds_its_depth() -> None:
 
 @pytest.mark.parametrize("base", ["roller", "fixed"])
 def test_a_plate_over_mirror_planes_compresses_the_mirrored_body(base: str) -> None:
-    """Half of a strip between its mirror plane and a free side: half of the whole strip's force.
+    """Half of a strip between a mirror plane and a free side has half of the strip's force.
 
-    The halves have meshes of their own, which differ by 1 % on a bonded base; a frictionless one is
-    exact. Theory, which both are compared with, is that of the whole.
+    On a bonded base the two meshes differ by 1 %; a frictionless one is exact. Theory is that of
+    the whole.
     """
     rows = []
     for width, x_min, place in ((2.0, "free", 1.0), (1.0, "roller", 0.0)):
@@ -171,9 +172,9 @@ def test_a_plate_over_mirror_planes_compresses_the_mirrored_body(base: str) -> N
 
 
 def test_a_punch_as_wide_as_the_body_is_a_plate() -> None:
-    """Its edge would cut into the rim that bulges.
+    """A punch as wide as the body becomes a plate, whose edge does not cut into the rim.
 
-    The values are those of a disc between rigid planes.
+    The forces are those of a disc between rigid planes.
     """
     base = scene(
         DISC, material=RUBBER, indenter={"shape": "flat_punch", "radius": 1.0}, loading=DEEP
@@ -206,10 +207,10 @@ def test_a_punch_whose_edge_crosses_that_of_a_block_is_refused(radius: float) ->
 
 
 def test_a_bonded_disc_is_stiffer_than_gent_and_lindley_say_by_what_they_leave_out() -> None:
-    """0.0375783 on meshes graded to 1e-7 at the corner (test_corners).
+    """A bonded disc has the force of graded meshes; Gent and Lindley's formula is 6 % lower.
 
-    The formula takes its sections for parabolas and is 6 % low at this height; the run says that it
-    compares with it, and with no half-space.
+    0.0375783 was found on meshes graded to 1e-7 at the corner (test_corners.py). The formula takes
+    the sections for parabolas; the report compares with it, and with no half-space.
     """
     base = scene(CYLINDER, material=ELASTIC | {"nu": 0.4999}, indenter=PLATE)
     found = solve(base)
@@ -224,8 +225,9 @@ def test_a_bonded_disc_is_stiffer_than_gent_and_lindley_say_by_what_they_leave_o
 
 
 def test_a_side_that_folds_up_against_the_plate_is_found() -> None:
-    """Beside a top that sticks the side turns over its rim: between 0.2 and 0.25 of the height, and
-    it says so.
+    """A side that folds up against the plate is found, between 0.2 and 0.25 of the height.
+
+    It does so next to a top without slip.
     """
     loading = {"deltas": [0.1, 0.2, 0.25]}
     stuck = {"friction": "stick"}
@@ -249,8 +251,9 @@ def test_a_side_that_folds_up_against_the_plate_is_found() -> None:
 
 
 def test_a_porous_disc_ends_drained() -> None:
-    """A ramp of 110 times what the fluid takes to the side, R^2/D: within 1 % of drained
-    compression.
+    """After a slow ramp a porous disc has the force of drained compression, within 1 %.
+
+    The ramp takes 110 R^2/D.
     """
     law = {"model": "neo_hookean", "E": 10.0, "nu": 0.2, "flow": {"permeability": 1.0}}
     base = scene(

@@ -1,6 +1,4 @@
-"""The condensed body: the numbers of the full Newton, and one factorisation for many tips as a
-notebook uses it.
-"""
+"""The condensed body: numbers of the full Newton method, and one factorization for many tips."""
 
 from __future__ import annotations
 
@@ -15,6 +13,7 @@ from scenes import BOX, CYLINDER, ELASTIC, PARABOLOID, STRIP, WALLED, scene, sol
 
 from indent_sim.config.scene_file import load
 from indent_sim.fe.condensed import compliance, equilibrium
+from indent_sim.fe.condensed.compliance import Condenser
 from indent_sim.model.tips import Paraboloid, Sphere
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.pipeline import condense, states
@@ -38,17 +37,16 @@ BODIES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
 
 
 def solved_by(method: str, base: Scene) -> Scene:
-    """The same scene for one solver or the other."""
+    """The same scene with another solver."""
     return replace(base, solver=replace(base.solver, method=method))
 
 
 def assert_condensed_is_newton(base: Scene) -> None:
-    """Force, radius and, at every node of the surface, the pressure (of the path's largest), at
-    every step to 1e-9.
+    """Assert that both solvers give the same force, radius and nodal pressures at every row.
 
-    It is one discrete problem: the difference is what Newton's tolerance of 1e-10 leaves, and
-    usually 1e-12. Uzawa's multiplier stops at 1e-8 of itself on the way of either solver, so its
-    pressures are known to that. What else a row says, to ten times that.
+    They solve one discrete problem, so that the difference is what Newton's tolerance of 1e-10
+    leaves: 1e-9 of the path's largest pressure, and ten times that for the other columns. Uzawa's
+    multiplier stops at 1e-8 of itself.
     """
     pressures = 1e-8 if base.physics.contact.method == "uzawa" else 1e-9
     condensed, newton = (solve(solved_by(solver, base)) for solver in ("condensed", "newton"))
@@ -79,7 +77,7 @@ SHIPPED = sorted(path for path in CONFIGS.rglob("*.yaml") if "studies" not in pa
 
 
 def test_every_linear_config_is_condensed() -> None:
-    """But for those that follow a path or need no mesh."""
+    """Every linear shipped config is condensed, unless it is path-dependent or has no mesh."""
     for path in SHIPPED:
         base = resolve(load(path))
         is_whole = base.is_meshed and base.solver.method != "condensed"
@@ -112,9 +110,7 @@ def test_condensed_is_newton_on_shipped_configs(name: str) -> None:
 
 @pytest.mark.parametrize("method", ["augmented_lagrangian", "uzawa", "active_set"])
 def test_no_number_knows_the_candidates(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Four elements around the fine patch, the whole surface, or so few that they must grow:
-    rounding alone differs.
-    """
+    """No number depends on the candidate nodes, whether many, all, or too few at first."""
     base = scene(CYLINDER, contact={"method": method}, mesh={"h_contact": 0.02})
     (expected,) = solve(base)
     for margin in (-5.0, 1000.0):
@@ -128,9 +124,7 @@ def test_no_number_knows_the_candidates(method: str, monkeypatch: pytest.MonkeyP
 
 
 def test_another_tip_on_the_same_compliance_is_a_run_of_its_own():
-    """Same mesh, same equations: only round-off may differ from a scene that was built with the
-    tip.
-    """
+    """Another tip on the same compliance gives the numbers of its own scene, to round-off."""
     base = scene(WALLED, "mesh.h_contact=0.02")
     body = condense(base)
     for tip, section in (
@@ -150,11 +144,14 @@ def test_depths_come_in_the_order_asked_for_and_one_factorisation_serves_them_al
     deep, shallow = body.states(deltas=[0.01, 0.005])
     assert (deep.delta, shallow.delta) == (0.01, 0.005)
     assert deep.force > shallow.force > 0
-    assert body.equilibrium.under(body.scene).contact.compliance is compliance
+    assert body.equilibrium.reuse_body(body.scene).contact.compliance is compliance
 
 
 def test_forces_on_the_same_compliance():
-    """The depths that gave them: F(delta) is one curve, met within 1e-10."""
+    """Forces on the same compliance give back the depths of these forces.
+
+    Each depth is found within 1e-10.
+    """
     body = condense(scene(WALLED, "mesh.h_contact=0.02"))
     depths = [0.01, 0.002, 0.006]
     found = body.states(forces=[state.force for state in body.states(deltas=depths)])
@@ -169,14 +166,14 @@ def test_a_scene_that_does_not_condense_is_refused():
 
 
 def test_a_compliance_that_grows_is_the_one_solved_at_once() -> None:
-    """Only columns of the new nodes are solved for; the rest follows by symmetry, which holds to
-    round-off.
+    """A compliance extended by new nodes is the one solved at once, to round-off.
+
+    Only the columns of the new nodes are solved; the rest follows by symmetry.
     """
     condenser = condense(scene(BOX, "mesh.h_contact=0.05")).equilibrium.condenser
     condenser.condense(0.1, (1.0, 1.0), [2])
     grown = condenser.condense(0.3, (1.0, 1.0), [2])
-    condenser._last_compliance = None
-    at_once = condenser.condense(0.3, (1.0, 1.0), [2])
+    at_once = Condenser(condenser.body).condense(0.3, (1.0, 1.0), [2])
     assert grown.size == at_once.size > 50
     for name in ("C", "support_reactions", "pin_reactions"):
         ours, theirs = getattr(grown, name), getattr(at_once, name)
@@ -184,24 +181,25 @@ def test_a_compliance_that_grows_is_the_one_solved_at_once() -> None:
 
 
 def test_memory_does_not_grow_with_the_blocks_solved(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two matrices of one right-hand side, some 60 kB each, for each of 250 nodes: 30 MB if they
-    stayed.
+    """Memory does not grow with the blocks of right-hand sides that are solved.
+
+    Two matrices of some 60 kB for each of 250 nodes would be 30 MB.
     """
     monkeypatch.setattr(compliance, "BLOCK_SIZE", 1)
-    condenser = condense(scene(WALLED, "mesh.h_contact=0.001")).equilibrium.condenser
-    candidates = condenser._last_compliance.candidates
-    kept = 16 * len(candidates) * condenser.body.unknowns.owned_count
-    assert kept > 2e7
+    body = condense(scene(WALLED, "mesh.h_contact=0.001")).equilibrium.condenser.body
+    again = Condenser(body)
     before = memory_in_use()
-    condenser._last_compliance = None
-    condenser._compliance_columns(candidates, [1])
+    found = again.condense(0.11, (0.0,), [1])
+    kept = 16 * found.size * body.unknowns.owned_count
+    assert kept > 2e7
     assert memory_in_use() - before < kept / 4
 
 
 @pytest.mark.parametrize("method", ["condensed", "newton"])
 def test_memory_of_a_solution_is_given_back(method: str) -> None:
-    """What dies after its mesh is released stays: 2 MB a run with a compliance, 5 MB with a tangent
-    and its factor.
+    """The memory of a solution is released with it.
+
+    Objects that outlive their mesh would stay: 2 MB a run with a compliance, 5 MB with a factor.
     """
     base = solved_by(
         method, scene(WALLED, "mesh.h_contact=0.02", loading={"delta": 0.01, "steps": 1})
@@ -214,8 +212,10 @@ def test_memory_of_a_solution_is_given_back(method: str) -> None:
 
 
 def test_memory_of_a_step_is_given_back() -> None:
-    """A step lets go of some twenty vectors of the body, 16 MB over these rows; a third of that is
-    room for states.
+    """The memory of an increment is released.
+
+    Some twenty vectors of the body, 16 MB over these rows, would stay; a third is room for the
+    states.
     """
     base = solved_by(
         "newton", scene(WALLED, "mesh.h_contact=0.01", loading={"delta": 0.01, "steps": 50})
@@ -230,7 +230,7 @@ def test_memory_of_a_step_is_given_back() -> None:
 
 @pytest.mark.parametrize("taken", [0, 1, 3])
 def test_a_walk_that_is_left_early_lets_go_of_its_mesh(taken: int) -> None:
-    """Once, whether it is left after its first row, after another one, or at its end."""
+    """The mesh is released once, wherever the iteration over the states is left."""
     from indent_sim.fe import solver
 
     released = []
@@ -252,8 +252,9 @@ def memory_in_use() -> int:
 
 
 def test_a_contact_too_large_to_condense_is_solved_by_newton_and_says_so() -> None:
-    """The plan gives the size as the reason, in nodes and bytes; asked for all the same, it is
-    refused.
+    """A contact too large to condense is solved by Newton's method, with size and reason.
+
+    If condensation is requested all the same, the scene is refused.
     """
     fine = {"mesh": {"h_contact": 0.0015, "h_far": 0.5}}
     assert scene(WALLED, **fine).solver.method == "condensed"
@@ -273,9 +274,7 @@ def test_a_contact_too_large_to_condense_is_solved_by_newton_and_says_so() -> No
 def test_a_contact_that_outgrows_what_can_be_condensed_is_no_number(
     loading: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its nodes hold the first row and not the second, which says so: no force of a contact that
-    was cut off.
-    """
+    """A row whose contact exceeds the largest compliance fails and has no force."""
     monkeypatch.setattr(equilibrium, "CANDIDATE_MARGIN", -7.0)
     base = scene(WALLED, loading=loading, mesh={"h_contact": 0.01})
     monkeypatch.setattr(equilibrium, "MAX_CANDIDATES", 10)
@@ -288,8 +287,10 @@ def test_a_contact_that_outgrows_what_can_be_condensed_is_no_number(
 
 @pytest.mark.verify
 def test_bodies_condensed_before_take_no_memory() -> None:
-    """Twenty of them, after ten that fill the allocator's pools: PETSc's objects alone were 1.5 MB
-    of each, 30 MB.
+    """Condensed bodies are released entirely.
+
+    Twenty are made after ten that fill the allocator's pools; PETSc's objects alone were 1.5 MB
+    each.
     """
 
     def resident() -> float:

@@ -1,6 +1,4 @@
-"""`accuracy` and the error bars where a bonded corner, a free edge or a wall beside the contact
-rules the force.
-"""
+"""`accuracy` and error bars where a bonded corner, a free edge or a wall governs the force."""
 
 from __future__ import annotations
 
@@ -38,8 +36,9 @@ WALLS = {"one": ("fixed", "free")}  # the two sides of a strip, where they diffe
 
 @dataclass(frozen=True)
 class Case:
-    """A tip pressed into a body of height 1 and the half-width `wide`, until contact takes about
-    the share `reach` of that: by the theory of a layer that ends at roller walls.
+    """A tip pressed into a body of height 1 until the contact takes a share of its half-width.
+
+    The share `reach` of `wide` is reached by the theory of a layer between roller walls.
     """
 
     tip: str
@@ -99,7 +98,7 @@ class Case:
         )
 
     def depth(self) -> float:
-        """Where contact ends at `reach`."""
+        """Depth at which the contact ends at `reach`."""
         a = self.reach * self.wide
         if self.tip == "flat_punch":
             return 0.001 * min(1.0, a)
@@ -121,11 +120,10 @@ class Case:
 
 
 def drawn(count: int, seed: int) -> list[Case]:
-    """Scenes drawn at random, a third of them with a contact within 5 % of a side.
+    """Random scenes, a third of them with a contact within 5 % of a side.
 
-    Where a smooth tip is pressed down onto the top of a fixed side, the force has no bound and the
-    program refuses: contact stays away from one, the more in narrow bodies, which are squeezed more
-    than theory says.
+    The program refuses a smooth tip on the top of a fixed side, where the force is unbounded: the
+    contact stays away from it, the more in narrow bodies.
     """
     draw = np.random.default_rng(seed)
     found = []
@@ -157,9 +155,7 @@ def drawn(count: int, seed: int) -> list[Case]:
 
 
 def graded(config: Config, n: float = 15.0, grading: float = 0.2) -> Scene:
-    """The scene on a mesh that shrinks to nothing towards every corner and towards the end of every
-    step's contact.
-    """
+    """The scene on a mesh graded towards every corner and towards every row's contact edge."""
     base = resolve(config, n)
     (low, high), (bottom, top) = base.physics.domain.extent
     ends = {abs(end - base.physics.center[0]) for end in (low, high)} - {0.0}
@@ -180,7 +176,7 @@ def graded(config: Config, n: float = 15.0, grading: float = 0.2) -> Scene:
 
 
 def true_forces(config: Config) -> np.ndarray:
-    """The force of every step: by exact theory, where the body is its own, else on a graded mesh."""
+    """Force of every increment, by exact theory where it covers the body, else on a graded mesh."""
     scene = resolve(config)
     theory = scene.plan.theory
     if (
@@ -194,9 +190,7 @@ def true_forces(config: Config) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Judged:
-    """The relative errors of a run's forces, true and estimated (without the word of exact theory),
-    step by step.
-    """
+    """Relative errors of a run's forces, true and estimated without exact theory, row by row."""
 
     true: np.ndarray
     bar: np.ndarray
@@ -228,7 +222,7 @@ PLATE: dict[str, Any] = {  # on a bonded disc of nearly incompressible material,
 
 
 def test_a_plate_on_a_bonded_disc(tmp_path: Path) -> None:
-    """0.0375783 on meshes graded to 1e-7 at the corner."""
+    """A plate on a bonded disc meets 1 % of 0.0375783, found on meshes graded to 1e-7."""
     found = judged(PLATE, 0.01, tmp_path, np.array([0.0375783]))
     assert found.true.max() <= 0.01 and found.inside.all()
 
@@ -242,8 +236,10 @@ def test_a_plate_on_a_bonded_disc(tmp_path: Path) -> None:
     ids=str,
 )
 def test_a_contact_that_nearly_fills_the_body(case: Case, tmp_path: Path) -> None:
-    """Between contact and wall the surface rises in a ring narrower than the elements under the tip
-    would be.
+    """A contact that nearly fills its body meets the target.
+
+    The surface rises in a ring next to the wall that is narrower than elements under the tip would
+    be.
     """
     found = judged(case.mapping(), 0.01, tmp_path)
     assert found.true.max() <= 0.01 and found.inside.all()
@@ -264,9 +260,10 @@ def test_a_contact_that_nearly_fills_the_body(case: Case, tmp_path: Path) -> Non
 def test_automatic_sizes_resolve_a_punch_beside_a_wall(
     nu: float, wide: float, reach: float
 ) -> None:
-    """The force on a thin incompressible layer changes by up to 140 % for a per cent of the punch's
-    radius, which is too small by a quarter of the elements at its edge. Automatic sizes cost at
-    most 0.3 % of the force.
+    """Automatic sizes next to a wall keep the force of a punch within 0.3 %.
+
+    On a thin incompressible layer it changes by up to 140 % per per cent of the radius, which is
+    too small by a quarter of the edge elements.
     """
     config = config_from_mapping(Case("flat_punch", wide, reach, nu, "roller").mapping())
     (state,) = states(resolve(config), with_surface=False)
@@ -284,8 +281,9 @@ EXACT = [
 @pytest.mark.verify
 @pytest.mark.parametrize("case", EXACT, ids=str)
 def test_graded_meshes_agree_with_exact_theory(case: Case) -> None:
-    """What judges the scenes without a theory, judged where there is one, to a twentieth of the
-    finest target.
+    """Graded meshes, the reference of scenes without theory, agree with exact theory to 5e-5.
+
+    This is a twentieth of the finest target.
     """
     config = config_from_mapping(case.mapping() | {"accuracy": 0.001})
     found = [state.force for state in states(graded(config), with_surface=False)]
@@ -294,7 +292,10 @@ def test_graded_meshes_agree_with_exact_theory(case: Case) -> None:
 
 @pytest.mark.verify
 def test_graded_meshes_converge_at_bonded_corners() -> None:
-    """Half as much growth, half as large elements under the tip: as close as to exact theory."""
+    """Graded meshes at bonded corners are converged to 5e-5.
+
+    The comparison has half the growth and elements half as large under the tip.
+    """
     for case in [case for case in drawn(60, SEED) if case.sides != "roller"][:3]:
         config = config_from_mapping(case.mapping() | {"accuracy": 0.001})
         finer = [state.force for state in states(graded(config, 30.0, 0.1), with_surface=False)]
@@ -303,9 +304,9 @@ def test_graded_meshes_converge_at_bonded_corners() -> None:
 
 @pytest.mark.verify
 def test_scenes_drawn_at_random(tmp_path: Path) -> None:
-    """Eighteen scenes, by turns at three targets, against finer graded meshes or exact theory.
+    """Random scenes with corners meet their targets, and the bars have the promised coverage.
 
-    The target holds without exception, and the bars as is promised of a class of scenes.
+    Eighteen scenes at three targets are compared with graded meshes or exact theory.
     """
     runs = []
     for i, case in enumerate(drawn(18, SEED)):

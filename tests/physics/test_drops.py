@@ -1,7 +1,7 @@
-"""Bodies that are as good as drops: their surface tension holds them, and next to no elasticity.
+"""Bodies that are held by their surface tension and have next to no elasticity.
 
-Between plates they are what Young and Laplace's equation says: a surface of constant mean curvature
-that meets the plates at zero angle.
+Between plates they satisfy Young and Laplace's equation: a surface of constant mean curvature that
+meets the plates at zero angle.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from indent_sim.scene.scene import Scene, resolve
 
 
 def drop(mu: float, loading: dict[str, Any]) -> Scene:
-    """A ball of radius 1 and tension 1 between two plates."""
+    """A ball of radius 1 and surface tension 1 between two plates."""
     return resolve(
         config_from_mapping(
             {
@@ -34,13 +34,12 @@ def drop(mu: float, loading: dict[str, Any]) -> Scene:
 
 
 def young_laplace(delta: float) -> float:
-    """Force on a drop of the volume of a ball of radius 1 and tension 1 whose plates are 2 - delta
-    apart.
+    """Force on a drop with the volume of a unit ball and tension 1 between plates 2 - delta apart.
 
-    With the radius a of contact and b of the equator, the sine of the angle between the meridian
-    and the plates is s(r) = (b/r) (r^2 - a^2)/(b^2 - a^2), which is 0 at the contact's edge and 1
-    at the equator: the mean curvature is the same everywhere, the pressure inside 2 b/(b^2 - a^2),
-    and the force that times pi a^2.
+    With the contact radius a and the equator's radius b, the sine of the angle between meridian and
+    plates is s(r) = (b/r) (r^2 - a^2)/(b^2 - a^2), which is 0 at the edge of the contact and 1 at
+    the equator: the mean curvature is constant, the pressure 2 b/(b^2 - a^2), and the force pi a^2
+    times that.
     """
 
     def integral(a: float, b: float, power: int) -> float:
@@ -81,10 +80,10 @@ def test_young_laplace_as_reported(delta: float, force: float) -> None:
 
 @pytest.mark.parametrize("steps", [1, pytest.param(4, marks=pytest.mark.verify)])
 def test_a_drop_between_plates(steps: int) -> None:
-    """gamma/(mu R) = 1000.
+    """A drop of gamma/(mu R) = 1000 between plates has the force of Young and Laplace, to 0.2 %.
 
-    The elastic part is 0.07 % of the force, the membrane that holds the surface in its plane 0.04
-    %, the mesh some 0.03 %: found 0.09 to 0.13 %.
+    The elastic part is 0.07 % of it, the membrane that regularizes the surface 0.04 %, the mesh
+    some 0.03 %; 0.09 to 0.13 % were found.
     """
     scene = drop(0.001, {"delta": 0.1 * steps, "steps": steps})
     chosen = {choice.key: choice.why for choice in scene.plan.choices}["surface"]

@@ -1,8 +1,7 @@
-"""Early times of bodies that drain, and random scenes in time: forces inside their bars, and rows
-of gels.
+"""Early times of draining bodies: forces while only a film has drained, and random scenes.
 
-Forces while only a film has drained, on meshes of the program's own and on given ones, and jumps
-that a closed column cannot take at once.
+Meshes are automatic or given; jumps that a closed column cannot follow are treated; rows of gels
+are within their bars.
 """
 
 from __future__ import annotations
@@ -57,9 +56,10 @@ WEIGHT = 0.00589049
 
 
 def first_vertex_beside_a_film() -> float:
-    """The pressure that `pore_pressure_max` takes for 1 beside a face whose film no element
-    resolves: the mean of two smoothings, 2 F p - F F p, of p = 1 - (-0.268)^k at the k-th vertex
-    from the face. 1.096, at the first.
+    """Value of `pore_pressure_max` for a pressure of 1 next to an unresolved film: 1.096.
+
+    It is the largest of two smoothings, 2 F p - F F p, of p = 1 - (-0.268)^k at the k-th vertex
+    from the face.
     """
     p = 1 - (3**0.5 - 2) ** np.arange(20)
     once = np.convolve(p, [1 / 6, 2 / 3, 1 / 6], "valid")
@@ -73,17 +73,21 @@ def rows(mapping: dict[str, Any], folder: Path, **how: Any) -> Any:
     return simulate(config_from_mapping(mapping), directory=folder / "run", **how)
 
 
-@pytest.mark.slow
 def test_a_quick_ramp_on_a_drained_layer(tmp_path: Path) -> None:
-    """To 0.45 %: 0.15 % have drained, and a film may cost 0.3 %. It was 2.2 % low."""
+    """A fast ramp on a drained layer has the undrained force less what has drained.
+
+    0.15 % have drained, and a film may cost 0.3 %. The force was 2.2 % low.
+    """
     (row,) = rows(QUICK, tmp_path).states
     assert UNDRAINED * (1 - 4.5e-3) < row.force < UNDRAINED * (1 - 1e-3)
     assert row.pore_pressure_max == pytest.approx(row.p_max, rel=0.05)  # nothing sticks out
 
 
 def test_a_given_mesh_says_what_its_elements_miss(tmp_path: Path) -> None:
-    """The part `film` is the error of the force, to a tenth; all of it is low, and 0.15 % have
-    drained. Predicted stages take two iterations each: 142 without.
+    """On a given mesh the part `film` of the error budget is the force's error, to a tenth.
+
+    0.15 % have drained. Extrapolated stages take two iterations each; without they took 142 in
+    total.
     """
     found = rows(QUICK | {"mesh": {"h_contact": 0.0147}}, tmp_path, error_bars=True)
     (row,), (part,) = found.states, found.report["error_budget"]
@@ -94,8 +98,9 @@ def test_a_given_mesh_says_what_its_elements_miss(tmp_path: Path) -> None:
 
 
 def test_a_disc_with_a_drained_rim_meets_its_accuracy(tmp_path: Path) -> None:
-    """A hundredth of the film is 1e-4 of the radius: 0.80 % off before, and the pore pressure 43 %
-    too high.
+    """A disc whose rim has drained to 1e-4 of its radius meets its accuracy.
+
+    Before, the force was 0.80 % off and the pore pressure 43 % too high.
     """
     found = rows(DISC | {"accuracy": 0.003}, tmp_path)
     (row,) = found.states
@@ -107,15 +112,18 @@ def test_a_disc_with_a_drained_rim_meets_its_accuracy(tmp_path: Path) -> None:
 
 
 def test_the_ramp_of_a_disc_is_the_integral_of_its_steps() -> None:
-    """Of the exact series: a ramp as quick as a step, and the mean of steps."""
+    """The exact series of a ramp is that of a step if fast, and else the mean of steps."""
     step = unconfined_force(1.0, 0.2, 1 / confined_modulus(1.0, 0.2), 1.0, 0.01, 0.1)
     assert disc_ramp(1.0, 0.2, 1.0, 1.0, 0.01, 1e-6, 0.1) == pytest.approx(step, rel=1e-5)
 
 
-@pytest.mark.slow
 def test_a_column_is_followed_in_steps_that_reach_its_rows(tmp_path: Path) -> None:
-    """During a ramp of 1e-3 H^2/D and soon after it, to 1 %: in steps as long as the elements of the contact drain
-    in, the first row after the ramp was 6 % off. The mesh costs 0.5 %, the steps as much."""
+    """The force of a drained column during and after a fast ramp is that of the series to 1 %.
+
+    The ramp lasts 1e-3 H^2/D. With time steps as long as an element of the contact takes to drain,
+    the first row after the ramp was 6 % off. The mesh contributes 0.5 % to the tolerance, the time
+    steps as much.
+    """
     height, shortening, ramp = 1.0, 0.01, 1e-3
     times = [ramp / 2, ramp, 1.3 * ramp, 2 * ramp]
     column = COLUMN | {
@@ -140,8 +148,10 @@ def test_a_column_is_followed_in_steps_that_reach_its_rows(tmp_path: Path) -> No
 
 @pytest.mark.parametrize("base", ["fixed", "roller"])
 def test_a_sudden_force_on_a_closed_column(base: str, tmp_path: Path) -> None:
-    """Terzaghi, with rows later than the jump; no depth gives the force at once. To 3e-3: elements
-    h = 0.05 cost h^2/24 of the square of the length that has drained, 0.19 (2.9e-3).
+    """A sudden force on a closed column gives Terzaghi's settlement at later rows.
+
+    No depth gives that force at once. Elements h = 0.05 cost h^2/24 of the square of the drained
+    length 0.19, which is 2.9e-3.
     """
     loading = {"force_history": [[0, 0], [0, WEIGHT], [0.8, WEIGHT]], "times": [0.4, 0.8]}
     found = rows(
@@ -153,7 +163,7 @@ def test_a_sudden_force_on_a_closed_column(base: str, tmp_path: Path) -> None:
 
 
 def test_a_jump_in_the_middle_of_a_history(tmp_path: Path) -> None:
-    """A second weight, by superposition; to 3e-3, as the first alone."""
+    """A second sudden force settles by superposition, to the 3e-3 of the first."""
     loading = {
         "force_history": [[0, 0], [0, WEIGHT], [0.4, WEIGHT], [0.4, 2 * WEIGHT], [0.8, 2 * WEIGHT]],
         "times": [0.8],
@@ -172,7 +182,7 @@ def test_a_row_at_the_jump_itself_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("sides", ["fixed", "free", "roller"])
 def test_a_sudden_force_on_a_narrower_punch_has_a_depth_at_once(sides: str, tmp_path: Path) -> None:
-    """Where the body can rise beside the tip the jump has a row, shallower than later ones."""
+    """A sudden force on a narrower punch has a row at once, shallower than later ones."""
     loading = {"force_history": [[0, 0], [0, WEIGHT], [0.8, WEIGHT]], "times": [0.0, 0.8]}
     changes = {
         "indenter": {"shape": "flat_punch", "radius": 0.15},
@@ -184,12 +194,10 @@ def test_a_sudden_force_on_a_narrower_punch_has_a_depth_at_once(sides: str, tmp_
 
 
 def test_a_column_that_drains_under_the_tip_alone(tmp_path: Path) -> None:
-    """The tip covers the whole top, so what the rest of it would do is all the same: forces of a
-    drained top.
+    """A column that drains under its tip has the forces of a drained top.
 
-    Before the tip is found to touch, the column is full and closed. The reactions of that trial,
-    1e9 times those of the answer, measured round-off from then on, and the forces on tip and base
-    were 1e-4 apart.
+    The tip covers the whole top. Before it is found to touch, the column is full and closed; the
+    reactions of that trial, 1e9 times the right ones, once set the level of round-off.
     """
     history = {
         "history": [[0, 0], [9.3e-4, 0.01], [2.8e-3, 0.01]],
@@ -209,7 +217,10 @@ def test_a_column_that_drains_under_the_tip_alone(tmp_path: Path) -> None:
 
 
 def test_a_full_and_closed_column_is_refused(tmp_path: Path) -> None:
-    """Nothing gives way, and no force is right: it ended in forces on tip and base of two signs."""
+    """A closed and full column is refused, and one with storage is not.
+
+    It once ended with forces of opposite signs on tip and base.
+    """
     closed = COLUMN | {"drainage": COLUMN["drainage"] | {"tip": "sealed"}}
     loading = {"history": [[0, 0], [0.1, 0.01]], "times": [0.1]}
     with pytest.raises(ConfigError, match="cannot be compressed"):
@@ -223,11 +234,10 @@ def test_a_full_and_closed_column_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.verify
 def test_random_scenes_in_time_are_inside_their_bars() -> None:
-    """Two scenes of each kind; `python tests/early_times.py` runs more, and its table stands in
-    docs/time.md.
+    """97 % of forces and 93 % of largest pressures of random scenes are inside their bars.
 
-    97 % of forces and 93 % of largest pressures are asked for, and every gel is to end with rows;
-    of so few rows one more may miss.
+    Every gel ends with rows, and one row more may miss among so few. `python tests/early_times.py`
+    runs more scenes; docs/time.md has the table.
     """
     found = [judged(scene) for scene in early_scenes(5, 2 * len(KINDS))]
     assert not [one.lost for one in found if one.lost]

@@ -1,6 +1,4 @@
-"""Experiments on the solved curve: from a mesh as from theory, and against values of independent
-solutions.
-"""
+"""Experiments on a solved curve, from a mesh and from theory, against independent solutions."""
 
 from __future__ import annotations
 
@@ -62,14 +60,12 @@ def pull_off(findings: HistoryResult, how: str = "force_control") -> dict[str, f
 
 
 def at(findings: HistoryResult, t: float) -> Any:
-    """The last row of a time."""
+    """Last row at a time."""
     return [row for row in findings.rows if row.t == t][-1]
 
 
 def test_rows_do_not_know_what_else_is_made_of_the_curve() -> None:
-    """On a mesh, to the last digit: as much surface is condensed for a history alone as for one
-    with an experiment.
-    """
+    """A history on a mesh gives the same digits with and without an experiment."""
     relaxing = {
         "material": ELASTIC | {"relaxation": SLOW},
         "loading": {"history": [[0, 0], [1, 0.01], [2, 0.0]]},
@@ -83,7 +79,7 @@ def test_rows_do_not_know_what_else_is_made_of_the_curve() -> None:
 
 
 def sticky(nu: float, h: float, *overrides: str) -> HistoryResult:
-    """Equilibria of a bonded layer, E = R = 1, work = 1e-3."""
+    """Equilibria of a bonded layer with E = R = 1 and work = 1e-3."""
     layer = LAYER | {"height": h}
     return found(layer, STICKY, *overrides, material=ELASTIC | {"nu": nu}, loading={"delta": 0.01})
 
@@ -97,10 +93,10 @@ def sticky(nu: float, h: float, *overrides: str) -> HistoryResult:
     ],
 )
 def test_both_branches_and_pull_off_from_a_mesh(nu: float, h: float, force: float) -> None:
-    """Of the mesh's frictionless curve alone, at automatic sizes: 0.3 % of the numbers at pull-off.
+    """Both branches and the pull-off from a mesh's frictionless curve are right to 0.3 %.
 
-    Force control by five independent digits, of which 0.05 % are used; depth control and both
-    branches by theory, 0.15 % and 0.28 %.
+    Under force control the reference has five independent digits (0.05 % were found); under depth
+    control and on the branches it is theory (0.15 % and 0.28 %).
     """
     exact, meshed = (sticky(nu, h, f"solver.method={method}") for method in ("theory", "condensed"))
     assert pull_off(meshed)["force"] / (math.pi * 1e-3) == pytest.approx(force, rel=3e-3)
@@ -122,9 +118,7 @@ def test_both_branches_and_pull_off_from_a_mesh(nu: float, h: float, force: floa
 @pytest.mark.verify
 @pytest.mark.parametrize(("nu", "h", "force"), [BONDED_PULL_OFF[0], BONDED_PULL_OFF[-1]])
 def test_pull_off_from_forty_elements(nu: float, h: float, force: float) -> None:
-    """0.15 % of the five digits with 40 elements in the contact that comes off, of which 0.03 % are
-    used.
-    """
+    """40 elements in the contact at pull-off give the five digits to 0.15 %; 0.03 % were found."""
     last = min(sticky(nu, h, "solver.method=theory").rows, key=lambda row: row.force)
     findings = sticky(nu, h, "solver.method=condensed", f"mesh.h_contact={last.a / 40}")
     assert pull_off(findings)["force"] / (math.pi * 1e-3) == pytest.approx(force, rel=1.5e-3)
@@ -159,7 +153,10 @@ TING = {0.5: 0.645470, 1.0: 1.692881, 1.1: 1.341960, 1.25: 0.883998, 1.5: 0.3065
 
 @pytest.mark.parametrize(("method", "tolerance"), [("theory", 1e-4), ("condensed", 2e-3)])
 def test_a_triangle_on_a_standard_linear_solid(method: str, tolerance: float) -> None:
-    """Ting's six values: 1e-4 from theory, of which 3e-6 are used; 0.2 % from a mesh, 0.08 %."""
+    """A triangular history gives Ting's six values, from theory to 1e-4 and from a mesh to 0.2 %.
+
+    3e-6 and 0.08 % were found.
+    """
     times = [0.0, *TING, 2.0]
     history = [[t, 0.01 * (1 - abs(t - 1))] for t in times]
     findings = found(
@@ -176,8 +173,9 @@ def test_a_triangle_on_a_standard_linear_solid(method: str, tolerance: float) ->
 
 
 def test_a_tip_that_comes_back_from_a_mesh_and_from_theory() -> None:
-    """Two discretisations of one stepped contact; the mesh costs 0.1 % of the force and the
-    contact's edge 0.5 %.
+    """Time stepping of a returning tip gives the same forces from a mesh and from theory.
+
+    The mesh contributes 0.1 % of the force, the contact edge 0.5 % of the radius.
     """
     history = {"relaxation": {"prony": [[0.4, 0.1], [0.3, 1.0]]}, "history": TWICE}
     both = [found(LAYER, history, f"solver.method={m}") for m in ("theory", "condensed")]
@@ -192,9 +190,9 @@ def test_a_tip_that_comes_back_from_a_mesh_and_from_theory() -> None:
 def stepped_directly(
     surface: RelaxingSurface, modulus: Modulus, times: np.ndarray, z: np.ndarray, c: float
 ) -> np.ndarray:
-    """Forces of a relaxing body: p_n = sum_k <G>_nk (phi_k - phi_{k-1}) with all of the past,
-    <G>_nk being the mean modulus of the step k, and every contact a least-squares problem with p
-    >= 0.
+    """Forces of a relaxing body by p_n = sum_k <G>_nk (phi_k - phi_{k-1}) with its whole past.
+
+    <G>_nk is the mean modulus of the step k. Every contact is a least-squares problem with p >= 0.
     """
     age = modulus.integral(times[:, None] - np.minimum(times[:, None], times[None, :]))
     steps = np.diff(times)
@@ -216,9 +214,9 @@ def stepped_directly(
 
 @pytest.mark.parametrize("compliance", [0.0, 5.0])
 def test_any_history_on_a_layer_against_stepping_with_all_of_the_past(compliance: float) -> None:
-    """The program keeps internal variables and factors of discs; here nothing is forgotten.
+    """Time stepping with internal variables gives the forces of stepping with the whole past.
 
-    Two steps, h and h/2, take the error of h^2 out of the oracle: 1e-4 of the largest force.
+    Steps h and h/2 extrapolate the reference's error of h^2: 1e-4 of the largest force remain.
     """
     experiment: dict[str, Any] = {
         "relaxation": {"prony": [[0.4, 0.1], [0.3, 1.0]]},
@@ -226,7 +224,8 @@ def test_any_history_on_a_layer_against_stepping_with_all_of_the_past(compliance
     }
     experiment |= {"frame": {"compliance": compliance}} if compliance else {}
     base = scene_of(LAYER, experiment, "solver.method=condensed")
-    one = _HistoryEvaluation(base, pipeline.condense(base).equilibrium)
+    equilibrium = pipeline.condense(base).equilibrium
+    one = _HistoryEvaluation(base, equilibrium)
     surface, asked = one.relaxing_surface(0.01), [t for t, _ in TWICE[1:]]
     forces = []
     for step in (0.01, 0.005):
@@ -236,16 +235,17 @@ def test_any_history_on_a_layer_against_stepping_with_all_of_the_past(compliance
             np.interp(asked, times, stepped_directly(surface, one.modulus, times, z, compliance))
         )
     exact = forces[1] + (forces[1] - forces[0]) / 3
-    findings = evaluate_with_units(base, one._equilibrium)
+    findings = evaluate_with_units(base, equilibrium)
     assert findings.time["method"] == "time steps"
     assert [at(findings, t).force for t in asked] == pytest.approx(exact, abs=1e-4 * exact.max())
 
 
 @pytest.mark.parametrize("body", [LAYER, STRIP])
 def test_lee_and_radok_is_time_stepping_on_the_same_compliance(body: dict[str, Any]) -> None:
-    """Direct stepping of contact on the condensed compliance is the oracle; what a contact without
-    a past gives at 2000 depths, superposed by the modulus, is the same force, but for a point
-    that touches between two of them: 1e-4.
+    """Time stepping of a ramp is Lee and Radok's superposition on the same compliance.
+
+    The elastic forces at 2000 depths are superposed by the modulus. Points that touch between two
+    depths leave 1e-4.
     """
     history = {"relaxation": {"prony": [[0.4, 0.1], [0.3, 1.0]]}, "history": [[0, 0], [1, 0.01]]}
     base = scene_of(body, history, "solver.method=condensed", "mesh.h_contact=0.008")
@@ -274,8 +274,9 @@ def test_lee_and_radok_is_time_stepping_on_the_same_compliance(body: dict[str, A
 def test_any_linear_body_by_quadrature_and_by_steps(
     body: dict[str, Any], tip: dict[str, Any]
 ) -> None:
-    """The proof needs no shape: of one mesh both give the same force, but for the curve's samples,
-    0.5 % in 3D.
+    """Quadrature of the elastic curve and time stepping agree for any linear body.
+
+    The samples of the curve leave 0.5 % in three dimensions.
     """
     sections: dict[str, Any] = {"indenter": tip} | (
         {"mesh": {"h_contact": 0.04}} if body is BOX else {}
@@ -295,8 +296,9 @@ def test_any_linear_body_by_quadrature_and_by_steps(
 
 
 def test_a_soft_cantilever_snaps_in_and_lets_go() -> None:
-    """dF/ddelta = -k at the jump out, first touch at the jump in; rows of the history jump between
-    the same states.
+    """A soft cantilever jumps in at first contact, and out where dF/ddelta = -k.
+
+    The rows of the history jump between the same states.
     """
     instrument = STICKY | {"cantilever": {"stiffness": 0.05}}
     findings = found(LAYER, instrument | {"history": [[0, -0.1], [1, 0.1], [2, -0.15]]})
@@ -317,9 +319,10 @@ def test_a_soft_cantilever_snaps_in_and_lets_go() -> None:
 
 @pytest.mark.parametrize("method", ["theory", pytest.param("condensed", marks=pytest.mark.verify)])
 def test_a_tip_lets_go_where_the_slope_is_the_springs(method: str) -> None:
-    """Where z = delta + F/k is least along the equilibria dF/ddelta = -k: the jump is there, within
-    one step of them. k -> infinity is depth control, k -> 0 force control, to 1e-6 in k's ratio
-    to the contact's stiffness.
+    """A tip on a spring jumps off where z = delta + F/k is smallest along the equilibria.
+
+    A very stiff spring is depth control and a very soft one force control, to 1e-6 of the stiffness
+    ratio.
     """
     equilibria = sticky(0.3, 1.0, f"solver.method={method}").rows
     delta, force = (
@@ -348,9 +351,7 @@ def test_a_tip_lets_go_where_the_slope_is_the_springs(method: str) -> None:
 
 
 def test_springs_between_depth_control_and_force_control() -> None:
-    """Without adhesion a cantilever only stretches the curve, and a frame of the same compliance
-    does the same.
-    """
+    """Without adhesion a cantilever only stretches the curve, and so does a frame."""
     history = [[0, 0], [1, 0.01]]
     stiff = at(found(LAYER, {"cantilever": {"stiffness": 1e9}, "history": history}), 1)
     assert stiff.delta == pytest.approx(0.01, rel=1e-9)
@@ -381,7 +382,7 @@ def test_a_force_below_the_pull_off_has_no_depth() -> None:
 
 
 def test_a_tip_that_was_pulled_off_and_comes_back_is_warned_of() -> None:
-    """Its rows in between have no depth, though the last one has."""
+    """A tip that is pulled off and comes back is warned of; rows in between have no depth."""
     history = {"force_history": [[0, 0], [1, 1e-2], [2, -1e-2], [3, 1e-2]]}
     findings = found(HALF_SPACE, STICKY | history)
     assert findings.rows[-1].a > 0 and any(math.isnan(row.delta) for row in findings.rows)
@@ -399,9 +400,7 @@ def test_a_tip_that_was_pulled_off_and_comes_back_is_warned_of() -> None:
     ],
 )
 def test_a_jump_at_the_first_time(experiment: dict[str, Any]) -> None:
-    """Every point listed is a row: a history that begins in the body has no row before its jump,
-    one that lists the rest before has that; all other rows are the same.
-    """
+    """Every listed point is a row, also a jump at the first time; the other rows are the same."""
     jumped, listed = (
         found(HALF_SPACE, experiment | {"history": [*first, [0, 0.01], [1, 0.01], [2, 0]]}).rows
         for first in ([], [[0, 0]])
@@ -419,7 +418,7 @@ def test_a_jump_at_the_first_time(experiment: dict[str, Any]) -> None:
 
 
 def test_oscillations_about_the_end_of_the_history() -> None:
-    """K (G' + i G''), K = 2 E* a of the half-space; of one Maxwell term."""
+    """The dynamic stiffness is K (G' + i G'') with K = 2 E* a, for one Maxwell term."""
     experiment = {"relaxation": SLOW, "history": [[0, 0], [1, 0.01]], "frequencies": [0.25]}
     findings = found(HALF_SPACE, experiment, material=SOLID)
     x = 2 * math.pi * 0.25
@@ -451,7 +450,11 @@ def test_uncertainties_of_the_instrument() -> None:
 def test_a_wrong_radius_makes_a_modulus_wrong_by_the_curve_of_the_scene(
     nu: float, h: float, solver: str
 ) -> None:
-    """To 1 % of the exponent: theory's is of a change of 10 %, the mesh's force is good to 0.3 %."""
+    """The modulus error of a 10 % radius error is 10 % of the exponent of F(R) by exact theory.
+
+    The tolerance is 1 % of the exponent: theory's is taken over a change of 10 %, and the mesh's
+    force is good to 0.3 %.
+    """
     layer = one_layer(Layer, profiles.paraboloid(1.0), E=1.0, nu=nu, h=h, wall=2.0)
     forces = [
         replace(layer, tip=profiles.paraboloid(R)).solutions_at_depths([0.02])[0].force
@@ -470,7 +473,7 @@ def test_a_wrong_radius_makes_a_modulus_wrong_by_the_curve_of_the_scene(
 
 
 def test_units_change_nothing() -> None:
-    """Lengths in thousandths, forces in millionths: the same scene."""
+    """Lengths in thousandths and forces in millionths give the same scene."""
     here = at(found(LAYER, STICKY | {"history": [[0, 0], [1, 0.01], [2, -0.01]]}), 1)
     there = at(
         found(
@@ -484,8 +487,9 @@ def test_units_change_nothing() -> None:
 
 
 def test_a_body_that_comes_up_again_is_stepped() -> None:
-    """Held after a retraction the surface rises around the tip: Ting's one cycle is left, and a
-    warning says so.
+    """A hold after unloading, in which the contact grows again, is stepped and warned of.
+
+    Ting's solution of a single cycle does not cover it.
     """
     history = {"relaxation": SLOW, "history": [[0, 0], [1, 0.01], [1.2, 0.006], [5, 0.006]]}
     findings = found(HALF_SPACE, history)
@@ -504,7 +508,7 @@ def test_what_no_row_reaches_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_a_step_that_finds_no_contact_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What has not settled is no number: it is said, and the run is not converged."""
+    """A time step whose contact does not converge raises NotConverged."""
     base = scene_of(STRIP, {"relaxation": SLOW, "history": TWICE}, "solver.method=condensed")
     body = pipeline.condense(base).equilibrium
     monkeypatch.setattr(surface_contact, "MAX_ACTIVE_SET_ITERATIONS", 1)
@@ -534,8 +538,9 @@ def test_a_mesh_too_coarse_for_a_curve_is_said_so() -> None:
 def test_a_spring_on_a_body_softer_than_a_half_space(
     body: dict[str, Any], stiffness: float, tmp_path: Path
 ) -> None:
-    """Round or narrow, it lets the tip in farther: the depth is that of way and force, and the
-    force that of a run to this depth, 5e-4 for the curve between its samples.
+    """Over a spring the tip goes deeper into a finite body, to the depth of way and force.
+
+    The force is that of a run to this depth; 5e-4 is the curve between its samples.
     """
     quiet = {"plot": False, "fields": "none"}
     given = {
@@ -565,9 +570,10 @@ def test_a_spring_on_a_body_softer_than_a_half_space(
     ids=["half-space", "layer"],
 )
 def test_a_punch_creeps_as_its_modulus(body: dict[str, Any], tmp_path: Path) -> None:
-    """Its contact stays, so the depth is the creep function's integral: of the moduli 1 and 0.7
-    with the time 1 it is 1/0.7 - (1/0.7 - 1) exp(-0.7 t), over the stiffness of an elastic row;
-    2e-5, steps of second order.
+    """The depth of a punch under a constant force follows the creep function.
+
+    For moduli 1 and 0.7 and the time 1 it is 1/0.7 - (1/0.7 - 1) exp(-0.7 t); 2e-5 is the error of
+    second-order steps.
     """
     g, quiet = 0.3, {"plot": False, "fields": "none"}
     punch = {

@@ -1,8 +1,7 @@
-"""The stability map in short: the most telling cells of configs/studies/extremes, against the
-theory of that very body.
+"""The stability map in short: cells of configs/studies/extremes, against theory of that body.
 
-Right is within 0.5 % of the force; what is not must be covered by the error the scene itself
-states. The whole map: docs/stability.md.
+A force within 0.5 % is right; any other must be covered by the error that the scene states. The
+whole map is docs/stability.md.
 """
 
 from __future__ import annotations
@@ -36,12 +35,12 @@ def stiffness(name: str, multiple: float, h: float = H) -> dict[str, Any]:
 
 
 def once(delta: float) -> dict[str, Any]:
-    """One step to a depth."""
+    """Loading to a depth in one increment."""
     return {"loading": {"delta": delta, "steps": 1}}
 
 
 def error(base: Scene) -> float:
-    """Force over that of theory - 1, at the last depth."""
+    """Force over that of exact theory minus 1, at the last depth."""
     theory = base.plan.theory.solution_at_depth(base.physics.deltas[-1])
     assert base.plan.theory.is_exact
     return solve(base)[-1].force / (theory.force * base.physics.scales.force) - 1
@@ -125,7 +124,7 @@ FLAGGED: dict[str, Any] = {
 
 @pytest.mark.parametrize("name", FLAGGED)
 def test_not_right_and_says_so(name: str) -> None:
-    """The stated error covers the true one, and a warning speaks of it."""
+    """A wrong force is covered by the stated error, and a warning names the reason."""
     make, words = FLAGGED[name]
     base = make()
     assert TOLERANCE < abs(error(base)) <= base.plan.prediction["force_error"]
@@ -133,8 +132,10 @@ def test_not_right_and_says_so(name: str) -> None:
 
 
 def test_a_penalty_deep_in_soft_rubber_states_enough() -> None:
-    """What is left of the layer stiffens, and the tip sinks further than at small strain; truth: a
-    multiplier.
+    """The stated error of a penalty deep in soft rubber covers the true one.
+
+    The rest of the layer stiffens, so that the tip sinks in farther than at small strain.
+    Reference: a multiplier.
     """
     deep = {
         "material": {"model": "neo_hookean", "E": 1.0, "nu": 0.4999},
@@ -149,8 +150,9 @@ def test_a_penalty_deep_in_soft_rubber_states_enough() -> None:
 
 
 def test_a_multiplier_at_finite_strain_bears_a_huge_stiffness() -> None:
-    """1e6 E*/h throws the first step out of all bounds; through softer contact the force is that of
-    `auto`.
+    """An augmented Lagrangian with 1e6 E*/h gives the force of `auto`.
+
+    Softer contacts lead to it, because the first increment would otherwise diverge.
     """
     sections = {
         "material": {"model": "neo_hookean", "E": 1.0, "nu": 0.3},
@@ -165,7 +167,7 @@ def test_a_multiplier_at_finite_strain_bears_a_huge_stiffness() -> None:
 
 
 def test_elements_too_small_for_the_body_are_refused() -> None:
-    """gmsh would abort; with a smaller body there is no doubt."""
+    """Elements too small for gmsh are refused, and a smaller body is accepted."""
     needle = {"shape": "cone", "half_angle": 1.0}
     with pytest.raises(ConfigError, match="make the body smaller"):
         layer(indenter=needle, **once(1e-9))
@@ -173,9 +175,7 @@ def test_elements_too_small_for_the_body_are_refused() -> None:
 
 
 def test_a_curved_wall_in_three_dimensions() -> None:
-    """Its polygon encloses less than the circle, which an incompressible body feels: within 0.5 %
-    of theory all the same.
-    """
+    """A polygonal wall in three dimensions keeps an incompressible body within 0.5 % of theory."""
     walled = WIDE | {"radius": 1.0}
     assert (
         abs(
@@ -188,8 +188,9 @@ def test_a_curved_wall_in_three_dimensions() -> None:
 
 
 def test_an_incompressible_body_held_on_all_sides_has_no_room() -> None:
-    """Its mean height stays 0: a paraboloid would touch all of a disc of radius W at the depth
-    W^2/(4 R).
+    """A confined incompressible body refuses depths that cover its whole top.
+
+    A paraboloid covers a disc of radius W at the depth W^2/(4 R), since the mean height stays 0.
     """
     with pytest.raises(ConfigError, match="leaves no room"):
         layer(WIDE | {"radius": 1.0}, nu=0.5, R=25.0, **once(0.0101))
@@ -213,9 +214,10 @@ BLUNT = {"shape": "paraboloid", "R": 1.25}  # meets all of these at 0.5^2/(2 R) 
 @pytest.mark.parametrize("gap", ["reference", "current"])
 @pytest.mark.parametrize("body", SIDES.values(), ids=SIDES)
 def test_no_tip_moves_the_top_of_a_fixed_side(body: dict[str, Any], gap: str) -> None:
-    """u_z = 0 there. The surface beside it would have to jump down to the tip, and the force grew
-    with every refinement while its error bar stayed a fifth of that. A free side moves; a tip
-    beyond its end's reach is none of a side's.
+    """A tip that reaches the top of a fixed side is refused.
+
+    u_z = 0 there, so that the surface would have to jump. The force grew with every refinement,
+    while its error bar stayed a fifth of that.
     """
     scene = {"indenter": BLUNT, "contact": {"method": "auto", "gap": gap}}
     with pytest.raises(
@@ -231,7 +233,7 @@ def test_no_tip_moves_the_top_of_a_fixed_side(body: dict[str, Any], gap: str) ->
 
 @pytest.mark.parametrize("center", [0.5, 0.4])
 def test_a_tip_beside_the_middle_meets_one_side_first(center: float) -> None:
-    """At (1 - center)^2/(2 R)."""
+    """A tip off the middle meets the nearer fixed side at (1 - center)^2/(2 R)."""
     strip, tip = SIDES["strip"], BLUNT | {"center": [center]}
     meets = (1 - center) ** 2 / 2.5
     assert layer(strip, indenter=tip, **once(0.99 * meets)).physics.deltas[-1] > 0
@@ -245,9 +247,7 @@ def test_a_tip_beside_the_middle_meets_one_side_first(center: float) -> None:
 def test_the_stiffness_of_an_augmented_lagrangian_is_no_matter_of_effort(
     solver: str, h: float
 ) -> None:
-    """From 1e-2 to 1e2 E*/h the iterations at most double, with 2, 10 or 30 elements in the
-    contact.
-    """
+    """From 1e-2 to 1e2 E*/h the iterations at most double, with 2, 10 or 30 elements in contact."""
     spent = [
         solve(layer(solver={"method": solver}, **stiffness("augmented_lagrangian", m, h)))[
             -1
@@ -258,7 +258,7 @@ def test_the_stiffness_of_an_augmented_lagrangian_is_no_matter_of_effort(
 
 
 def test_units_are_no_matter_of_effort() -> None:
-    """Nanometres and terapascals, kilometres and pascals: the same numbers, the same iterations."""
+    """Nanometres and terapascals take the iterations of kilometres and pascals."""
     states = [
         solve(
             scene(

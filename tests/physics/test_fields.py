@@ -1,6 +1,4 @@
-"""Fields of a run: what they say of the surface, of the energy and of the stress is what the tables
-say.
-"""
+"""Fields of a run agree with its tables in surface, energy and stress."""
 
 from __future__ import annotations
 
@@ -52,8 +50,9 @@ def run(request, tmp_path_factory):
 
 
 def test_fields_and_surface_agree(run):
-    """At every vertex of the contact surface, to rounding: both are the same numbers at finite
-    strain too, where the pressure of a facet ends in another value than that of the next.
+    """Fields and surface table agree at every vertex of the contact surface, to rounding.
+
+    At finite strain, too, where the pressures of neighbouring facets differ at their common node.
     """
     found, fields = run
     surface = {
@@ -71,7 +70,10 @@ def test_fields_and_surface_agree(run):
 
 
 def test_the_energy_density_adds_up_to_the_energy(run):
-    """By one point a cell, which is 4 % off on cells that are a third of the contact radius."""
+    """The energy density integrates to the energy.
+
+    One point per cell is 4 % off where cells are a third of the contact radius.
+    """
     found, fields = run
     corners = fields["points"][fields["cells"]]
     if corners.shape[1] == 3:  # rings
@@ -83,7 +85,7 @@ def test_the_energy_density_adds_up_to_the_energy(run):
 
 
 def test_stresses_belong_together(run):
-    """The invariants of the tensor are those of its principal values."""
+    """The invariants of the stress are those of its principal values."""
     _, fields = run
     stress = fields["stress"].reshape(-1, 3, 3)
     principal = fields["principal_stresses"]
@@ -116,7 +118,9 @@ body:
   base: fixed
   layers:
     - thickness: 0.6
-      material: {model: linear_elastic, E: 1.0, nu: 0.2, flow: {permeability: 0.9, alpha: 0.8, storage: 0.1}}
+      material:
+        {model: linear_elastic, E: 1.0, nu: 0.2,
+         flow: {permeability: 0.9, alpha: 0.8, storage: 0.1}}
     - {thickness: 0.4, material: {model: linear_elastic, E: 3.0, nu: 0.2}}
 drainage: {tip: drained, bath: [[0, 0], [0.2, 0.03]]}
 indenter: {shape: flat_punch, radius: 1.0}
@@ -127,9 +131,10 @@ output: {fields: all, plot: false}
 
 
 def test_a_gel_that_swells_freely_has_one_swelling_and_no_stress(tmp_path):
-    """At 1000 height^2/D_c, where exp(-2000) is left: mu(l) = 0 at l = 1.5756615, of which J = l^3;
-    Newton's method stops at 1e-12 of what the fluid's pressure of 8.8 G would hold. At first it
-    is as it was, l = 1.4.
+    """A freely swelling gel ends at its equilibrium stretch 1.5756615 without stress.
+
+    At 1000 height^2/D_c, exp(-2000) is left; Newton's method stops at 1e-12 of the pressure of 8.8
+    G.
     """
     simulate(loads(GEL), directory=tmp_path / "out")
     first, last = (read_fields(tmp_path / "out", step) for step in (1, 2))
@@ -142,12 +147,11 @@ def test_a_gel_that_swells_freely_has_one_swelling_and_no_stress(tmp_path):
 
 
 def test_a_column_holds_the_fluid_that_has_not_left_and_bears_one_stress(tmp_path):
-    """In a bath whose pressure rises.
+    """In a column with a rising bath the fluid content is the outflow, and the stress is uniform.
 
-    Content and stress are linear in a cell, so that values at centroids sum up exactly: to the
-    outflow but for the valve's 1e-8, and, by a virtual displacement linear in z, to the force but
-    for Newton's method. Cells, two to a layer, bear the same at every height within 2 %, in the
-    solid alone below, too.
+    Content and stress are linear in a cell, so that centroid values sum up exactly: to the outflow
+    but for the seal's 1e-8, and by a virtual displacement to the force. Two cells per layer bear
+    the same stress within 2 %.
     """
     simulate(loads(COLUMN), directory=tmp_path / "out")
     rows = read(tmp_path / "out")
@@ -171,7 +175,10 @@ def test_a_column_holds_the_fluid_that_has_not_left_and_bears_one_stress(tmp_pat
 
 
 def test_files_for_paraview_name_units_and_regions_and_have_depths_as_times(tmp_path: Path) -> None:
-    """Of a path that turns back the steps are times, as depths come twice."""
+    """Files for ParaView name units and regions, and have depths as times.
+
+    On a path that turns back the increments are the times, because depths occur twice.
+    """
     layers = [{"thickness": 0.2, "material": ELASTIC | {"E": "2 kPa"}}, {"thickness": 0.8}]
     given: dict[str, Any] = {
         "units": {"length": "um", "force": "nN"},

@@ -1,10 +1,9 @@
-"""One big first step, and one back: against the same depths along a path of many small steps.
+"""One large first increment and one back, against the same depths along many small ones.
 
-Scenes drawn at random over tips x gap x material (and bodies, methods, depths from 1e-6 to 3 tip
-radii), on coarse meshes: what a mesh costs is the same along both paths. Every row is right (the
-forces agree to AGREE), covered (they agree within the error that the program states), or refused
-with a reason (exit 3 or 5). Never anything else; and the net under all rows says nothing against
-one that is right.
+Random scenes over tips, gaps and materials (and bodies, methods, depths from 1e-6 to 3 tip radii)
+on coarse meshes, whose error is the same along both paths. Every row is right (the forces agree to
+AGREE), covered (they agree within the stated error), or refused with exit code 3 or 5; and no
+sanity check contradicts a right row.
 """
 
 from __future__ import annotations
@@ -77,16 +76,14 @@ WORST = ("WRONG", "FALSE ALARM", "unjudged", "covered", "right")
 
 @dataclass(frozen=True)
 class Verdict:
-    """What became of a scene, and why."""
+    """Outcome of a scene, and its reason."""
 
     outcome: str
     words: str
 
 
 def scenes(count: int, seed: int = 12) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Name and config of random scenes, the same for the same seed: every tip x gap x material in
-    turn.
-    """
+    """Name and config of random scenes: every tip, gap and material in turn."""
     pick = random.Random(seed)
     strata = sorted(product(TIPS.keys() - {IN_SPACE}, ("reference", "current"), MATERIALS))
     pick.shuffle(strata)
@@ -128,12 +125,12 @@ def _body(pick: random.Random, in_space: bool, height: float) -> dict[str, Any]:
 
 
 def _beside(body: dict[str, Any], pick: random.Random) -> list[float]:
-    """A place up to a tenth of the width beside the middle."""
+    """Position up to a tenth of the width off the middle."""
     return [body["width"] * pick.uniform(0.4, 0.6)]
 
 
 def coarse(config: dict[str, Any]) -> Scene:
-    """The scene on a coarse mesh; in three dimensions one that is cheap."""
+    """The scene on a coarse mesh, which is cheap in three dimensions."""
     planned = resolve(config_from_mapping(config))
     h = planned.plan.prediction["a"] / PER_RADIUS[planned.physics.domain.dim]
     return resolve(
@@ -144,7 +141,7 @@ def coarse(config: dict[str, Any]) -> Scene:
 
 
 def along(scene: Scene, deltas: Sequence[float]) -> list[State]:
-    """The states of the same scene and mesh along another path."""
+    """States of the same scene and mesh along another path."""
     path = tuple(delta / scene.physics.scales.length for delta in deltas)
     return list(
         pipeline.states(
@@ -154,7 +151,7 @@ def along(scene: Scene, deltas: Sequence[float]) -> list[State]:
 
 
 def judged(config: dict[str, Any]) -> Verdict:
-    """One step to the depth and one back to its half, against the fine path there."""
+    """Verdict on one increment to the depth and one back to its half."""
     try:
         scene = coarse(config)
     except ConfigError as refusal:
@@ -181,7 +178,7 @@ def judged(config: dict[str, Any]) -> Verdict:
 
 
 def contradicted(scene: Scene, states: Sequence[State]) -> str | None:
-    """What the net has against one of the states of a path."""
+    """Sanity check that contradicts one of the states of a path."""
     depths = tuple(state.delta / scene.physics.scales.length for state in states)
     there = scene.replace_physics(deltas=depths, path=LoadPath("depth", depths))
     said = (
@@ -193,7 +190,7 @@ def contradicted(scene: Scene, states: Sequence[State]) -> str | None:
 
 
 def compared(big: State, fine: State, stated: float) -> Verdict:
-    """One row against the same depth of the fine path."""
+    """Verdict on a row against the same depth of the fine path."""
     if not fine.converged:
         return Verdict("unjudged", f"{big.force:.9g}, but the fine path ends: {fine.reason}")
     difference = abs(big.force - fine.force) / max(abs(fine.force), 1e-300)
@@ -206,7 +203,7 @@ def compared(big: State, fine: State, stated: float) -> Verdict:
 @pytest.mark.stress
 @pytest.mark.parametrize("part", range(2))
 def test_ten_first_steps(part: int) -> None:
-    """None wrong; and refusing is no way out: at least two of three are right or covered."""
+    """Of ten random scenes none is wrong, and at least two of three are right or covered."""
     found = dict[str, Verdict]()
     for name, config in islice(scenes(400), 100 + part, 400, 30):
         found[name] = verdict = judged(config)
@@ -223,9 +220,7 @@ def test_ten_first_steps(part: int) -> None:
     "number", [47, 77, *(pytest.param(k, marks=pytest.mark.verify) for k in (5, 15))]
 )
 def test_some_of_them(number: int) -> None:
-    """A profile and a round punch, in `make verify` a ball and a cone, all deeper than half their
-    radius at once.
-    """
+    """Deep first increments of a profile, a round punch, a ball and a cone are right or covered."""
     name, config = next(islice(scenes(number + 1), number, None))
     assert judged(config).outcome in ("right", "covered"), name
 
@@ -239,8 +234,9 @@ def gel() -> Scene:
 
 
 def test_a_ball_does_not_tunnel(gel: Scene) -> None:
-    """`run configs/gel.yaml --set "loading={delta: 1.85, steps: 1}"`: as in ten steps, and as in
-    between.
+    """A sphere at 1.85 R in one increment has the force of ten increments.
+
+    As `run configs/gel.yaml --set "loading={delta: 1.85, steps: 1}"`.
     """
     (once,) = along(gel, [1.85])
     ten = along(gel, [0.185 * k for k in range(1, 11)])
@@ -254,10 +250,10 @@ def test_a_ball_does_not_tunnel(gel: Scene) -> None:
 @pytest.mark.verify
 @pytest.mark.parametrize("delta", [2.2, 2.64])
 def test_a_ball_beyond_its_diameter(gel: Scene, delta: float) -> None:
-    """Where it once came out at the other side, to a force of 0: more force than at 1.85 R, in one
-    step or in 11.
+    """A sphere beyond its diameter has more force than at 1.85 R, in one increment or in 11.
 
-    At 2.64 R the gel has closed over the ball, up to its stem: that is no tip that went through.
+    It once came out at the other side, with a force of 0. At 2.64 R the gel has closed over the
+    ball, up to its stem, which is no penetration.
     """
     (once,), fine = along(gel, [delta]), along(gel, [delta / 11 * k for k in range(1, 12)])
     assert once.force == pytest.approx(fine[-1].force, rel=AGREE)
@@ -266,7 +262,7 @@ def test_a_ball_beyond_its_diameter(gel: Scene, delta: float) -> None:
 
 
 def test_the_depth_of_a_deep_ball_is_found() -> None:
-    """Under force control, in one step: and at that depth there is that force."""
+    """Under force control a deep sphere is found in one increment, with that force at its depth."""
     pressed = resolve(load(GEL, ["loading={force: 20.66, steps: 1}"]))
     (state,) = pipeline.states(pressed, with_surface=False)
     assert state.converged and state.delta == pytest.approx(1.85, rel=2e-3)  # two meshes again
@@ -276,9 +272,10 @@ def test_the_depth_of_a_deep_ball_is_found() -> None:
 
 @pytest.mark.parametrize("steps", [pytest.param(1, marks=pytest.mark.verify), 14])
 def test_a_linear_body_that_turns_inside_out_is_refused(steps: int) -> None:
-    """Around the edge of a punch from 0.65 radii on; the forces before rise, and then fell to a
-    tenth of that. In a unit that makes all lengths thousands: how much may turn inside out is a
-    share of the contact radius.
+    """A linear body whose elements invert around a punch is refused, in any unit of length.
+
+    From 0.65 radii on the force fell to a tenth. The share of inverted elements is relative to the
+    contact radius.
     """
     config = {
         "body": {"shape": "cylinder", "radius": 2e3, "height": 1.2e3},
@@ -304,8 +301,9 @@ NEEDLES: dict[str, dict[str, Any]] = {
 
 @pytest.mark.parametrize("tip", NEEDLES.values(), ids=NEEDLES)
 def test_a_tip_deep_beyond_its_end_is_a_punch(tip: dict[str, Any]) -> None:
-    """F = 2 E* R (delta - O(R)), R/delta = 1e-4; the mesh costs 0.1 % at the edge. It was a plate
-    beyond 1000 R.
+    """A tip pressed in far beyond its end is a flat punch, F = 2 E* R (delta - O(R)).
+
+    R/delta is 1e-4, and the mesh costs 0.1 % at the edge. Beyond 1000 R it was taken for a plate.
     """
     deep = {
         "body": WALLED,
@@ -322,10 +320,9 @@ def test_a_tip_deep_beyond_its_end_is_a_punch(tip: dict[str, Any]) -> None:
 
 
 def test_a_contact_is_no_wider_than_its_ball() -> None:
-    """Around a ball deeper than its radius the surface hangs over; projected from above it ends at
-    the equator, R = 1.
+    """The contact radius of a ball deeper than its radius ends at the equator, R = 1.
 
-    A thousandth is for the facets' own roundness.
+    A thousandth is allowed for the facets.
     """
     states = list(
         pipeline.states(

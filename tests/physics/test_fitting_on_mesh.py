@@ -1,6 +1,4 @@
-"""A scene on a mesh fitted to curves of theory: the modulus comes back within what the mesh is said
-to cost.
-"""
+"""Fits of a meshed scene to curves of theory: the modulus is recovered within the mesh error."""
 
 from __future__ import annotations
 
@@ -26,7 +24,7 @@ WIDE = {
 
 
 def scene(body: dict, **more) -> Config:  # type: ignore[no-untyped-def,type-arg]
-    """E = 1, nu = 0.4 under a paraboloid of R = 1."""
+    """Scene with E = 1 and nu = 0.4 under a paraboloid of R = 1."""
     parts = {
         "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.4},
         "loading": {"delta": 0.1, "steps": 2},
@@ -45,18 +43,24 @@ def curve(E: float, c: float, seed: int) -> np.ndarray:
 
 @pytest.mark.parametrize("h", [0.05, 0.1])  # four elements in the contact radius, and two
 def test_the_error_of_a_mesh_is_inside_the_interval(h):
-    """Noise alone would say ±1.4 %; on the coarser mesh the force may be off by more."""
+    """The interval of the modulus contains the truth and the error of the mesh.
+
+    Noise alone would give 1.4 %; the coarser mesh may be off by more.
+    """
     found = fit((X, curve(2.0, 0.013, 1)), scene(WIDE, mesh={"h_contact": h}))
     stated = found.parameters["material.E"]
     assert stated.low < 2.0 < stated.high
     assert 1e-4 < found.entry["model_error"] < 0.2
     half = 0.5 * (stated.high - stated.low) / stated.value
     assert half > found.entry["model_error"]
-    assert any("the mesh is off" in line for line in found.entry["warnings"]) == (h == 0.1)
+    assert any("the error of the mesh is" in line for line in found.entry["warnings"]) == (h == 0.1)
 
 
 def test_a_table_of_a_mesh_is_theory_but_for_its_error_bar():
-    """Small strain, walls four heights away: the two are one problem."""
+    """The forward model of a mesh is theory's within twice its stated error.
+
+    Small strain with walls four heights away is one problem for both.
+    """
     meshed = ForwardModel(scene(WIDE, mesh={"h_contact": 0.03}), [], 0.1)
     theory = ForwardModel(scene(THEORY), [], 0.1)
     depths = np.linspace(0.02, 0.1, 9)
@@ -67,11 +71,15 @@ def test_a_table_of_a_mesh_is_theory_but_for_its_error_bar():
 
 
 def test_a_load_path_at_finite_strain_scales_with_its_only_modulus():
-    """By dimension: the table at E = 1 times three is that of the scene with E = 3."""
+    """At finite strain the forces of E = 1 times three are those of E = 3."""
     material = {"model": "neo_hookean", "E": 1.0, "nu": 0.4}
     more = {"mesh": {"h_contact": 0.1, "h_far": 0.6}}
-    soft, hard = (ForwardModel(scene(WIDE | {"radius": 2.0}, material=material | {"E": E}, **more), ["material.E"], 0.2)
-                  for E in (1.0, 3.0))  # fmt: skip
+    soft, hard = (
+        ForwardModel(
+            scene(WIDE | {"radius": 2.0}, material=material | {"E": E}, **more), ["material.E"], 0.2
+        )
+        for E in (1.0, 3.0)
+    )
     depths = np.array([0.03, 0.1, 0.2])
     np.testing.assert_allclose(
         soft(np.log([3.0]), depths), hard(np.log([3.0]), depths), rtol=1e-6
@@ -80,8 +88,9 @@ def test_a_load_path_at_finite_strain_scales_with_its_only_modulus():
 
 @pytest.mark.verify
 def test_coverage_on_a_coarse_mesh():
-    """12 curves on a mesh of two elements: fewer than 9 of 95 % intervals hold the truth once in
-    400.
+    """At least 9 of 12 intervals of 95 % contain the truth, on a mesh of two elements.
+
+    Fewer happen once in 400 by chance.
     """
     draw, inside = np.random.default_rng(3), 0
     for k in range(12):

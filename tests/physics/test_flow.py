@@ -1,8 +1,7 @@
-"""Bodies with fluid in their pores, against exact solutions, elastic limits and the balance of the
-fluid.
+"""Poroelastic bodies against exact solutions, elastic limits and the balance of the fluid.
 
-Every step is solved and accepted here, one after another; nothing of the load path takes part but
-in the last section.
+Every increment is solved and accepted here, one after another; load stepping takes part only in the
+last section.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ def draining(
     k: float = PERMEABILITY,
     **flow: Any,
 ) -> Scene:
-    """A scene with fluid in the pores of some regions, without any in those of all."""
+    """The scene with pore fluid in some of its regions, by default in all."""
     part = base.physics.domain
     chosen = regions or range(len(part.regions))
     own = [
@@ -66,7 +65,7 @@ def layer(h: float = RADIUS / 5, nu: float = 0.2, **sections: Any) -> Scene:
 
 
 class Draining:
-    """A body with fluid under the tip, step by step from rest."""
+    """A draining body under the tip, increment by increment from rest."""
 
     def __init__(self, base: Scene):
         self.body: Any = solver.create_equilibrium(base, meshed(base))
@@ -81,13 +80,13 @@ class Draining:
         return self.body.problem.depth
 
     def step(self, depth: float, dt: float = 0.0) -> float:
-        """The force after a step."""
+        """Force after an increment."""
         assert self.body.solve(depth, dt), self.body.failure
         self.body.accept()
         return float(self.body.force)
 
     def hold(self, steps: Iterator[float]) -> np.ndarray:
-        """Times since now and forces at the present depth (n, 2)."""
+        """Times since now and forces at the present depth, shape (n, 2)."""
         t, rows = 0.0, []
         for dt in steps:
             t += dt
@@ -95,18 +94,16 @@ class Draining:
         return np.array(rows)
 
     def drain(self) -> float:
-        """The force when nothing is left of the pressure: two steps, each of which leaves 1e-6 of
-        it.
-        """
+        """Force when the pore pressure is gone: two increments, each of which leaves 1e-6 of it."""
         self.step(self.depth, LONG)
         return self.step(self.depth, LONG)
 
     def ramp(self, depth: float, time: float, steps: int) -> np.ndarray:
-        """Forces on the way in from rest."""
+        """Forces of a ramp from rest."""
         return np.array([self.step(depth * n / steps, time / steps) for n in range(1, steps + 1)])
 
     def press(self, force: float, dt: float = 0.0) -> None:
-        """A step to a force: the depth by secants from the last state."""
+        """Increment to a force: the depth by secants from the last state."""
         start, tries = self.body.snapshot(), []
         depth, other = self.depth + 1e-3, self.depth + 2e-3
         for _ in range(12):
@@ -131,7 +128,7 @@ class Draining:
         return float(self.body.bulk_terms.seal.total_outflow())
 
     def pressure_at(self, x: float) -> float:
-        """The mean of p at the vertices with this first coordinate."""
+        """Mean pore pressure of the vertices with this first coordinate."""
         unknowns = self.body.problem.unknowns
         places = (
             np.abs(unknowns.collapsed_space("pore").tabulate_dof_coordinates()[:, 0] - x) < 1e-9
@@ -140,7 +137,7 @@ class Draining:
 
 
 def ladder(first: float, end: float, per_doubling: int = 4) -> Iterator[float]:
-    """Equal steps, so many of each length before it doubles, to the end."""
+    """Lengths of increments up to a time, so many of each length before it doubles."""
     t, dt = 0.0, first
     while True:
         for _ in range(per_doubling):
@@ -175,13 +172,14 @@ def undrained(E: float, nu: float, alpha: float, storage: float) -> tuple[float,
 
 
 # ---- limits
-# --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("alpha", "storage"), [(1.0, 0.0), (0.8, 0.5), (0.5, 2.0)])
 def test_at_once_and_at_last_it_is_elastic(alpha: float, storage: float) -> None:
-    """Against layer theory 5e-4, what h = a/10 costs; against elastic bodies on the same mesh, to
-    their tolerance.
+    """The first and the last force of a draining layer are elastic ones.
+
+    The tolerance is 5e-4 against layer theory, for h = a/10, and that of the solver against elastic
+    bodies on the same mesh.
     """
     base = layer(RADIUS / 10)
     body = Draining(draining(base, alpha=alpha, storage=storage))
@@ -196,7 +194,7 @@ def test_at_once_and_at_last_it_is_elastic(alpha: float, storage: float) -> None
 
 
 def solver_force(base: Scene) -> float:
-    """The force of an elastic scene."""
+    """Force of an elastic scene."""
     body: Any = solver.create_equilibrium(base, meshed(base))
     assert body.solve(max(base.physics.deltas))
     return float(body.force)
@@ -204,7 +202,10 @@ def solver_force(base: Scene) -> float:
 
 @pytest.mark.parametrize("nu", [0.49, pytest.param(0.4999, marks=VERIFY)])
 def test_a_nearly_incompressible_drained_law_keeps_its_own_pressure(nu: float) -> None:
-    """1e-3: what the mesh costs. Without q beside it p is 1e-2 off."""
+    """A nearly incompressible drained law has right limits, to the 1e-3 of the mesh.
+
+    Without a pressure unknown beside the pore pressure it would be 1e-2 off.
+    """
     base = layer(RADIUS / 10, nu)
     body = Draining(draining(base, k=PERMEABILITY * 0.01))
     assert base.physics.domain.regions[0].formulation == "mixed"
@@ -213,15 +214,12 @@ def test_a_nearly_incompressible_drained_law_keeps_its_own_pressure(nu: float) -
 
 
 # ---- exact solutions
-# -----------------------------------------------------------------------------------------------
 
 
 def under_plate(
     radius: float, h: float, law: dict[str, Any], drainage: Drainage, **flow: Any
 ) -> Draining:
-    """A column of height 1 between frictionless walls, or a body that is free to the side, under a
-    punch as wide.
-    """
+    """Column between frictionless walls, or body with free sides, under a punch as wide."""
     whole = (
         WALLED | {"radius": radius} | ({"base": "roller", "sides": "free"} if radius == 1.0 else {})
     )
@@ -234,7 +232,10 @@ def under_plate(
 
 @pytest.mark.parametrize("steps", [20, pytest.param(40, marks=VERIFY)])
 def test_confined_ramp(steps: int) -> None:
-    """6e-4 from 20 steps on, of the layer that drains at first: 0.04 thin beside h = 0.025."""
+    """A ramp on a confined column has the exact forces, to 6e-4 from 20 increments on.
+
+    The layer that drains at first is 0.04 thin, next to elements of 0.025.
+    """
     body = under_plate(0.1, 0.025, DRAINED, Drainage(tip="drained"))
     forces = body.ramp(0.01, 0.1, steps) / (np.pi * 0.1**2)
     for n in (steps // 2, steps):
@@ -243,10 +244,10 @@ def test_confined_ramp(steps: int) -> None:
 
 
 def test_consolidation_under_a_force() -> None:
-    """Terzaghi's settlement.
+    """Consolidation under a sudden force has Terzaghi's settlement, to 1.5e-3.
 
-    A sudden force has no undrained equilibrium: it comes with the first step. The depth is straight
-    within a step where the layer settles by the root of time: 1.5e-3 with eight steps a doubling.
+    The force comes with the first increment. The depth is linear within an increment, while the
+    layer settles with the root of time: hence eight increments per doubling.
     """
     body, area = under_plate(0.1, 0.05, DRAINED, Drainage(tip="drained")), np.pi * 0.1**2
     for dt in ladder(1e-4, 0.1, 8):
@@ -260,8 +261,10 @@ def test_consolidation_under_a_force() -> None:
 )
 @pytest.mark.parametrize("nu", [0.0, 0.3])
 def test_unconfined_disc(nu: float, h: float, early: float, late: float) -> None:
-    """At once uniform and incompressible, which the elements hold exactly; then, as a share of what
-    relaxes, from T = 0.001 and 0.01 on, what the elements at the side cost.
+    """A compressed disc is incompressible at once, and then relaxes as the exact series.
+
+    The elements hold the first state exactly; the tolerance of the relaxing part from T = 0.001 and
+    0.01 on is what the elements at the side cost.
     """
     body = under_plate(1.0, h, DRAINED | {"nu": nu}, DRAINAGE)
     k, eps = PERMEABILITY, 0.01
@@ -275,8 +278,9 @@ def test_unconfined_disc(nu: float, h: float, early: float, late: float) -> None
 
 @pytest.mark.parametrize("nu", [0.2])
 def test_mandel(nu: float) -> None:
-    """The pressure in the middle rises before it falls; 3e-3 of it, and 1e-3 of the shortening,
-    from T = 0.005 on.
+    """Mandel's strip: the pressure in the middle rises before it falls.
+
+    From T = 0.005 on the pressure is right to 3e-3 and the shortening to 1e-3.
     """
     h, force = 0.05, 0.005
     strip = {"shape": "strip", "width": 2.0, "height": 0.2, "base": "roller", "sides": "free"}
@@ -304,8 +308,9 @@ def test_mandel(nu: float) -> None:
 
 @pytest.mark.verify
 def test_flat_punch_on_a_half_space() -> None:
-    """A drained surface, also under the punch; as a share of what relaxes on this finite body 4e-3:
-    of the body 120 radii wide, of its elements and of the steps in time.
+    """A punch on a drained half-space relaxes as the integral equation, to 4e-3.
+
+    The tolerance covers a body 120 radii wide, its elements, and the increments in time.
     """
     wide, nu = 120.0, 0.2
     body = WALLED | {"radius": wide, "height": wide}
@@ -324,11 +329,10 @@ def test_flat_punch_on_a_half_space() -> None:
 
 
 # ---- time
-# ----------------------------------------------------------------------------------------------------------
 
 
 def relaxation(body: Draining, per_doubling: int, first: float, end: float) -> float:
-    """What is left at the end of a hold after a sudden step, as a share of what relaxes."""
+    """Share of the relaxing force that is left at the end of a hold after a sudden step."""
     at_once = body.from_rest().step(DELTA)
     (*_, (_, force)) = body.hold(ladder(first * 4 / per_doubling, end, per_doubling))
     at_last = body.drain()
@@ -337,9 +341,7 @@ def relaxation(body: Draining, per_doubling: int, first: float, end: float) -> f
 
 @pytest.mark.parametrize("tip", ["sealed", pytest.param("drained", marks=VERIFY)])
 def test_two_stages_are_of_second_order(tip: Any) -> None:
-    """Twice the steps, a quarter of the error; four steps for each doubling of their length cost
-    6e-4.
-    """
+    """Half the increment leaves a quarter of the error; four per doubling cost 6e-4."""
     body = draining_layer() if tip == "sealed" else Draining(draining(layer(), Drainage(tip=tip)))
     first, end = 1e-3 * RADIUS**2, 0.3 * RADIUS**2
     exact = relaxation(body, 16, first, end)  # whose own error makes the ratio 5 for 4
@@ -351,8 +353,9 @@ def test_two_stages_are_of_second_order(tip: Any) -> None:
 @VERIFY
 @pytest.mark.parametrize(("tip", "error"), [("drained", 1e-4), ("sealed", 2e-3)])
 def test_a_ramp_in_equal_steps(tip: Any, error: float) -> None:
-    """20 steps against 160, h = a/10: second order, but for a tip that seals one vertex after
-    another.
+    """20 equal increments of a ramp agree with 160, of second order in time.
+
+    A tip that seals one vertex after another costs more.
     """
     body, time = Draining(draining(layer(RADIUS / 10), Drainage(tip=tip))), 0.1 * RADIUS**2
     few, many = (body.from_rest().ramp(DELTA, time, n)[-1] for n in (20, 160))
@@ -367,7 +370,7 @@ def test_a_force_never_rises_in_a_hold() -> None:
 
 
 def test_what_leaves_is_what_is_missing() -> None:
-    """To what Newton leaves of the rows of p."""
+    """The outflow is the loss of fluid content, to what Newton's method leaves."""
     body = draining_layer().from_rest()
     body.ramp(DELTA, 0.1 * RADIUS**2, 5)
     body.hold(ladder(1e-3, 2.0))
@@ -377,7 +380,11 @@ def test_what_leaves_is_what_is_missing() -> None:
 
 
 def test_creep_under_a_force_ends_on_the_drained_body() -> None:
-    """2e-4: the set of vertices that the tip seals is an element wide at the edge of the contact."""
+    """The depth after long creep under a constant force is that of the drained elastic body.
+
+    After 20 diffusion times the creep left over is less than the 1e-6 of the force that is
+    asserted.
+    """
     body = draining_layer().from_rest()
     force = body.step(DELTA)
     body.from_rest()
@@ -390,7 +397,7 @@ def test_creep_under_a_force_ends_on_the_drained_body() -> None:
 
 
 def test_a_state_goes_into_a_checkpoint_and_comes_back() -> None:
-    """Packed in mid-hold and unpacked in another body: what follows is the same."""
+    """A state packed during a hold and unpacked in another body continues identically."""
     one, other = draining_layer().from_rest(), Draining(draining(layer()))
     one.step(DELTA)
     one.hold(ladder(1e-4, 2e-3))
@@ -416,7 +423,6 @@ def test_a_step_that_is_taken_back_leaves_nothing() -> None:
 
 
 # ---- the surface
-# ---------------------------------------------------------------------------------------------------
 
 
 def test_a_tip_that_drains_lets_the_force_fall_sooner() -> None:
@@ -431,8 +437,9 @@ def test_a_tip_that_drains_lets_the_force_fall_sooner() -> None:
 
 @pytest.mark.parametrize("share", [0.1, 1.0])
 def test_a_base_with_a_conductance(share: float) -> None:
-    """A column that draws fluid in through its base fills as exp(-b^2 D t/h^2) at last, b tan b = X
-    h/k. What 20 steps a decay leave of the rate: 1e-3.
+    """A column with a conductance at its base fills as exp(-b^2 D t/h^2), b tan b = X h/k.
+
+    20 increments per decay leave 1e-3 of the rate.
     """
     drainage = Drainage(
         surface="sealed", base=Conductance(share * PERMEABILITY), bath=((0.0, 0.0), (1e-3, 0.01))
@@ -449,9 +456,7 @@ def test_a_base_with_a_conductance(share: float) -> None:
 
 
 def test_a_bath_swells_a_free_body() -> None:
-    """Fluid that is drawn in at p_b = 0.01 from t = 1 on: alpha p_b = K e, uniform, whatever the
-    way there.
-    """
+    """A bath of pressure p_b swells a free body uniformly: alpha p_b = K e."""
     base = scene(
         WALLED | {"sides": "free", "base": "roller", "radius": 1.0},
         material=DRAINED,
@@ -469,12 +474,14 @@ def test_a_bath_swells_a_free_body() -> None:
 
 
 # ---- together with the rest
-# ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("friction", [0.3, "stick"])
 def test_friction_is_that_of_the_incompressible_body_at_once(friction: Any) -> None:
-    """2e-4: the contact's stiffness is a multiple of E*, which is not the same."""
+    """With friction the first force is that of the incompressible body, to 2e-4.
+
+    The stiffness of the contact is a multiple of E*, which differs.
+    """
     contact = {"method": "augmented_lagrangian", "friction": friction}
     at_once = Draining(draining(layer(contact=contact))).step(DELTA)
     elastic = layer(material=ELASTIC | {"E": 1.25, "nu": 0.5}, contact=contact)
@@ -486,9 +493,10 @@ def test_friction_is_that_of_the_incompressible_body_at_once(friction: Any) -> N
     "method", ["penalty", *(pytest.param(name, marks=VERIFY) for name in ("active_set", "uzawa"))]
 )
 def test_contact_methods_agree(method: str) -> None:
-    """While all of the surface drains: a tip that seals closes a vertex a little sooner or later.
+    """Contact methods agree on a body whose whole surface drains, to 3e-3.
 
-    Elastic forces of the methods on this mesh are as far apart.
+    Their elastic forces on this mesh differ as much. A tip that seals closes a vertex a little
+    sooner or later.
     """
     forces = []
     for contact in ({"method": "augmented_lagrangian"}, {"method": method}):
@@ -499,7 +507,7 @@ def test_contact_methods_agree(method: str) -> None:
 
 
 def test_two_layers_that_are_alike_are_one() -> None:
-    """1e-3: another mesh."""
+    """Two layers of one material have the force of one, to the 1e-3 of another mesh."""
     halves = {"layers": [{"thickness": 0.4}, {"thickness": 0.6}]}
     two = scene(
         WALLED | halves,
@@ -514,7 +522,7 @@ def test_two_layers_that_are_alike_are_one() -> None:
 
 
 def test_a_film_with_pores_on_a_body_without() -> None:
-    """At once the film is incompressible, at last drained; nothing flows through its lower face."""
+    """A porous film on an impermeable body is incompressible at once and drained at last."""
 
     def film(nu: float, E: float) -> Scene:
         law = ELASTIC | {"E": E, "nu": nu}
@@ -535,8 +543,9 @@ def test_a_film_with_pores_on_a_body_without() -> None:
 
 
 def test_a_rubber_with_pores_is_elastic_at_once_and_at_last() -> None:
-    """At finite strain: at once to what another pair of elements costs, at last to Newton's
-    tolerance.
+    """Porous rubber at finite strain has elastic first and last forces.
+
+    The first is compared to what another pair of elements costs, the last to Newton's tolerance.
     """
     law = {"model": "neo_hookean", "E": 1.0, "nu": 0.2}
     base = layer(material=law, contact={"gap": "reference"})
@@ -553,8 +562,9 @@ def test_a_rubber_with_pores_is_elastic_at_once_and_at_last() -> None:
     "pores", [pytest.param(None, marks=VERIFY), HolmesMow(phi0=0.3, alpha=2.0, M=3.0)]
 )
 def test_a_column_that_is_shorter_by_a_fifth(pores: HolmesMow | None) -> None:
-    """Small changes about the stretch s of a drained column decay as exp(-pi^2 m dP/ds t), m =
-    k(s)/s. To 3e-3, of 20 steps a decay and of the change, 1e-3 of the stretch.
+    """Small changes about a stretch s decay as exp(-pi^2 m dP/ds t) with m = k(s)/s.
+
+    3e-3 covers 20 increments per decay and a change of 1e-3 of the stretch.
     """
     law, s = {"model": "neo_hookean", "E": 1.0, "nu": 0.2}, 0.8
     body = under_plate(0.1, 0.05, law, Drainage(tip="drained"), holmes_mow=pores)
@@ -572,7 +582,6 @@ def test_a_column_that_is_shorter_by_a_fifth(pores: HolmesMow | None) -> None:
 
 
 # ---- scenes with a history
-# -----------------------------------------------------------------------------------------
 
 WET = DRAINED | {"flow": {"permeability": PERMEABILITY}}
 RAMP = [[5.0, 0.0], [5.001, DELTA], [6.0, DELTA], [6.1, 0.01]]
@@ -591,7 +600,7 @@ def rows_of(control: str) -> list[State]:
 
 
 def test_a_history_is_walked_step_by_step() -> None:
-    """The rows are the states of its steps, to the last digits; every one is audited."""
+    """The rows of a history are the states of its increments, to the last digits."""
     base, rows = in_time("history"), rows_of("history")
     body, t = Draining(base), 0.0
     for step, row in enumerate(rows, start=1):
@@ -608,7 +617,7 @@ def test_a_history_is_walked_step_by_step() -> None:
 
 @pytest.mark.parametrize("control", ["history", "force_history"])
 def test_a_stopped_history_goes_on(control: str) -> None:
-    """From its checkpoint in mid-hold: the rows are those of the whole walk."""
+    """A history stopped during a hold continues from its checkpoint with the same rows."""
     base, rows = in_time(control), rows_of(control)
     mesh, done = meshed(base), len(rows) // 2
     stopped = solver.create_load_stepper(base, mesh)
@@ -636,9 +645,11 @@ def sticky(h: float = 0.025, **sections: Any) -> Scene:
 
 
 def test_a_tip_that_adheres_comes_off_a_body_that_drains() -> None:
-    """At once it is the incompressible body, 1e-3: the pressure of pores is linear on an element;
-    drained the elastic one on the same mesh. Pulled off over a hundred times of drainage, 2e-3:
-    what has not drained yet, with the elastic body's depth of the snap between the same rows.
+    """An adhesive tip on a draining body has the elastic limits, and the elastic pull-off.
+
+    At first it is the incompressible body to 1e-3, since the pore pressure is linear in an element.
+    Pulled off over a hundred times of drainage, the force is that of the elastic body on the same
+    mesh to 2e-3, with the snap between the same rows.
     """
     depths, held = [DELTA, OUT, -OUT, -3 * OUT, -10 * OUT], 20.0
     out = [held + 100 * (DELTA - depth) / DELTA for depth in depths[1:]]
@@ -663,9 +674,7 @@ def test_a_tip_that_adheres_comes_off_a_body_that_drains() -> None:
 
 
 def test_a_tip_that_adheres_is_let_go_of_at_no_force() -> None:
-    """It sinks to the depth at which the drained body pulls as much as it pushes, and stays in
-    contact.
-    """
+    """An adhesive tip under no force sinks to the drained body's depth and stays in contact."""
     path = {
         "force_history": [[0, 0], [1, 4e-3], [2, 0], [50, 0]],
         "times": [0, 1, 2, 50],
@@ -695,9 +704,9 @@ def test_a_force_in_time_is_met_and_creeps_to_the_drained_depth() -> None:
 
 
 def test_a_column_under_a_sudden_force_settles_by_the_root_of_time() -> None:
-    """Terzaghi, with the default steps: 5e-4 at the end of a creep whose depth is not straight in
-    any step. The force of a stage between is straight: with a straight depth there it was
-    2.7e-3.
+    """Creep under a sudden force ends at Terzaghi's settlement to 5e-4, by default increments.
+
+    The force between stages is linear; with a linear depth it was 2.7e-3 off.
     """
     whole, mesh = WALLED | {"radius": 0.1}, {"h_contact": 0.05, "h_far": 0.05}
     force = 0.01 * np.pi * 0.1**2
@@ -709,7 +718,10 @@ def test_a_column_under_a_sudden_force_settles_by_the_root_of_time() -> None:
 
 
 def test_rows_at_some_times_are_near_those_of_all() -> None:
-    """A step that ends on a row is two: 1e-3."""
+    """Rows at some times are those of the full history, to 3e-3.
+
+    An increment that ends at a row becomes two, which costs 1e-3.
+    """
     base = layer(
         material=WET, loading={"history": RAMP, "per_doubling": 2, "times": [5.001, 5.3, 6.1]}
     )
@@ -719,8 +731,9 @@ def test_rows_at_some_times_are_near_those_of_all() -> None:
 
 
 def test_a_step_that_fails_is_cut_in_time() -> None:
-    """One step from the jump to the end of the hold, refused: the walk halves it and arrives, but
-    for what two steps of 50 times height^2/D leave.
+    """A failed increment of a hold is halved in time, and the hold ends at the same force.
+
+    Two increments of 50 height^2/D leave little.
     """
     body = solver.create_equilibrium(base := in_time("history"), meshed(base))
     walk, refused = solver.LoadStepper(body), [True]
@@ -740,9 +753,9 @@ def test_a_step_that_fails_is_cut_in_time() -> None:
 
 @VERIFY
 def test_retraction() -> None:
-    """Out at the speed at which it came in, a tenth of a^2/D each: 20 steps against 80 half way
-    back; no force below none, and let go above the depth of rest, as late as the surface comes
-    back.
+    """Retraction at the speed of loading ends with lift-off above the original surface.
+
+    20 increments are compared with 80 half way back; no force is tensile.
     """
     tau = 0.1 * RADIUS**2
     found = {}
@@ -764,7 +777,7 @@ def test_retraction() -> None:
 
 @VERIFY
 def test_a_force_of_rubber_never_rises_in_a_hold() -> None:
-    """At finite strain, solver noise of 8e-7 of the first force."""
+    """The force of porous rubber never rises during a hold, up to the solver's 8e-7."""
     rubber = {
         "model": "mooney_rivlin",
         "C10": 0.15,
@@ -778,8 +791,9 @@ def test_a_force_of_rubber_never_rises_in_a_hold() -> None:
 
 @pytest.mark.parametrize("many", [8, pytest.param(16, marks=VERIFY)])
 def test_fluid_and_chains_together(many: int) -> None:
-    """Both at once, four steps of each length against sixteen, or eight: measured 2.7e-4; drained
-    and relaxed at last.
+    """Flow and shear relaxation together converge in time to 2.7e-4, and end drained and relaxed.
+
+    Four increments of each length are compared with 8 or 16.
     """
     law = WET | {"relaxation": {"prony": [[0.4, 0.01], [0.2, 0.1]], "of": "shear"}}
     found = {}
@@ -807,10 +821,10 @@ def test_fluid_and_chains_together(many: int) -> None:
 
 @VERIFY
 def test_a_growing_force_is_that_of_the_depths_that_it_leads_to() -> None:
-    """There and back: the depths of the forces, prescribed at the same times, need these forces.
+    """The depths found for a growing force need that force when prescribed at the same times.
 
-    Where a depth is given the tip seals what it touches without a search; two sets may exclude each
-    other, an element of six: measured 8e-3 of the largest force.
+    Sets of sealed vertices may differ by an element of six: 8e-3 of the largest force were
+    measured.
     """
     base = layer(
         RADIUS / 6,

@@ -1,6 +1,4 @@
-"""Stick and Coulomb friction: exact solutions on a half-space, conservation of energy, and the
-traps of the method.
-"""
+"""No slip and Coulomb friction: exact solutions on a half-space, energy, and pitfalls."""
 
 from __future__ import annotations
 
@@ -11,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from half_space_friction import THICK, A, rough
 from scenes import ELASTIC, PARABOLOID, scene, solve, solved
 
 from indent_sim.config.scene_file import config_from_mapping
@@ -26,52 +25,32 @@ from indent_sim.run.pipeline import simulate, states
 from indent_sim.run.theory_comparison import theory_comparison
 from indent_sim.scene.scene import Scene, resolve
 from indent_sim.studies import cases, study_file
-from indent_sim.theory.no_slip import (
+from indent_sim.theory.measured_constants import (
     LAYER_FORCE_RATIOS,
     MAP_ERROR,
     MAPPED_POISSON_RATIOS,
     MAPPED_SLENDERNESS,
 )
 
-# 2000 contact radii thick and wide: what friction adds to the force is that of a half-space to a
-# thousandth of itself
-THICK = {"shape": "cylinder", "radius": 200.0, "height": 200.0, "base": "fixed", "sides": "roller"}
 STUDIES = Path(__file__).parents[2] / "configs" / "studies" / "friction"
-A = 0.1  # contact radius of the deepest frictionless contact
 PUNCH = {"shape": "flat_punch", "radius": A}
 IN_AND_OUT = {"deltas": [0.004, 0.01, 0.007, 0.003, 0.0, 0.004, 0.01]}
 
 
-def rough(
-    friction: float | str,
-    nu: float,
-    loading: dict[str, Any],
-    tip: dict[str, Any] = PARABOLOID,
-    **more: Any,
-) -> list[State]:
-    """The states of a thick body under a tip, thirty elements in its contact radius."""
-    sections = {
-        "material": {"model": "linear_elastic", "E": 1.0, "nu": nu},
-        "mesh": {"h_contact": A / 30},
-        "contact": {"method": "augmented_lagrangian", "friction": friction},
-    } | more
-    return solve(scene(THICK, indenter=tip, loading=loading, **sections))
-
-
 def in_and_out(depth: float, steps: int) -> list[float]:
-    """Depths of so many steps in and as many out again."""
+    """Depths of so many increments in and as many out again."""
     return [depth * (k if k <= steps else 2 * steps - k) / steps for k in range(1, 2 * steps + 1)]
 
 
 @cache
 def paraboloid(friction: float | str, nu: float, steps: int = 1, h: float = A / 30) -> float:
-    """Force of a paraboloid at the depth of A."""
+    """Force of a paraboloid at the depth with the contact radius A."""
     return rough(friction, nu, {"delta": A**2, "steps": steps}, mesh={"h_contact": h})[-1].force
 
 
 @cache
 def punch(friction: float | str, nu: float, h: float = A / 30) -> State:
-    """A flat punch of radius A after one step."""
+    """State of a flat punch of radius A after one increment."""
     return rough(friction, nu, {"delta": 0.001, "steps": 1}, PUNCH, mesh={"h_contact": h})[-1]
 
 
@@ -88,14 +67,19 @@ PARABOLOIDS = [
 def test_paraboloid_on_a_half_space(
     friction: float | str, nu: float, steps: int, exact: float
 ) -> None:
-    """Superposed no-slip punches, and Coulomb punches by a ring boundary-element method. 5e-4: ten
-    steps leave 3e-4, thirty elements 2e-4.
+    """Friction raises the force of a paraboloid on a half-space by the exact factor, to 5e-4.
+
+    References are superposed no-slip punches and Coulomb punches by a ring boundary-element method.
+    Ten increments leave 3e-4, thirty elements 2e-4.
     """
     assert paraboloid(friction, nu, steps) / paraboloid(0.0, nu) == pytest.approx(exact, abs=5e-4)
 
 
 def test_little_friction_stuck_on_the_way() -> None:
-    """The anchor of stick does for friction 0.3 too, whose own is that of the step's beginning."""
+    """The slip reference of no slip also gives the force of friction 0.3.
+
+    By default friction refers to the beginning of the increment.
+    """
     base = scene(
         THICK,
         contact={"method": "augmented_lagrangian", "friction": 0.3},
@@ -110,7 +94,10 @@ def test_little_friction_stuck_on_the_way() -> None:
 
 @pytest.mark.parametrize(("nu", "exact"), [(0.0, 1.045248), (0.3, 1.013967)])
 def test_cone_on_a_half_space(nu: float, exact: float) -> None:
-    """Superposed no-slip punches, at the cone's own radius, twenty steps as its map has: 1e-3."""
+    """No slip raises the force of a cone by the factor of superposed punches, to 1e-3.
+
+    The path has twenty increments, as that of the map.
+    """
     cone, delta = {"shape": "cone", "half_angle": 85.0}, 0.0137  # (pi/2) A tan 5 degrees
     rubbed, smooth = (
         rough(f, nu, {"delta": delta, "steps": n}, cone)[-1].force
@@ -120,9 +107,7 @@ def test_cone_on_a_half_space(nu: float, exact: float) -> None:
 
 
 def no_slip(nu: float) -> float:
-    """Force of a bonded flat punch over that of a smooth one (1 - nu) ln(3 - 4 nu)/(1 - 2 nu)
-    (Spence 1968).
-    """
+    """Force ratio of a bonded flat punch, (1 - nu) ln(3 - 4 nu)/(1 - 2 nu) (Spence 1968)."""
     return (1 - nu) * log(3 - 4 * nu) / (1 - 2 * nu)
 
 
@@ -139,8 +124,9 @@ PUNCHES = [("stick", nu, no_slip(nu)) for nu in (0.0, 0.3, 0.45)] + [
 
 @pytest.mark.parametrize(("friction", "nu", "exact"), PUNCHES)
 def test_flat_punch_on_a_half_space(friction: float | str, nu: float, exact: float) -> None:
-    """2e-4: what twenty elements in the radius leave of the edge's singularity, which friction
-    makes another one.
+    """Friction raises the force of a flat punch by the exact factor, to 2e-4.
+
+    This is what twenty elements in the radius leave of the singularity at the edge.
     """
     assert punch(friction, nu, A / 20).force / punch(0.0, nu, A / 20).force == pytest.approx(
         exact, abs=2e-4
@@ -148,8 +134,9 @@ def test_flat_punch_on_a_half_space(friction: float | str, nu: float, exact: flo
 
 
 def test_stuck_beside_a_sharp_edge() -> None:
-    """Fifty elements in the radius at nu = 0 see where a stuck surface would pull: friction 5
-    stands for stick there, to 0.1 % of the force.
+    """No slip under a sharp edge is modelled by friction 5 on fine meshes, to 0.1 % of the force.
+
+    Fifty elements in the radius at nu = 0 resolve the tension of a stuck surface.
     """
     rubbed, smooth = (punch(f, 0.0, A / 50).force for f in ("stick", 0.0))
     assert rubbed / smooth == pytest.approx(no_slip(0.0), abs=1e-3)
@@ -158,9 +145,7 @@ def test_stuck_beside_a_sharp_edge() -> None:
 def in_layer(
     friction: float | str, slenderness: float, h: float, tip: dict[str, Any], delta: float
 ) -> float:
-    """The force on an incompressible layer of thickness 1, bonded to its base, between roller walls
-    far away.
-    """
+    """Force on an incompressible layer of thickness 1, bonded to its base, with far walls."""
     layer = THICK | {"radius": 4 * max(1.0, slenderness), "height": 1.0}
     base = scene(
         layer,
@@ -175,17 +160,19 @@ def in_layer(
 
 @pytest.mark.parametrize("tip", [PUNCH, PARABOLOID], ids=["punch", "paraboloid"])
 def test_incompressible_thick_layers_do_not_slip(tip: dict[str, Any]) -> None:
-    """At nu = 1/2 the surface of a half-space moves along itself nowhere: a tenth as wide as thick,
-    1e-4.
+    """No slip does not change the force on a thick incompressible layer, to 1e-4.
+
+    The surface of an incompressible half-space has no tangential displacement.
     """
     rubbed, smooth = (in_layer(friction, 0.1, A / 20, tip, 0.1 * A) for friction in ("stick", 0.0))
     assert rubbed / smooth == pytest.approx(1.0, abs=1e-4)
 
 
 def test_incompressible_thin_layers_stick_four_times_as_hard() -> None:
-    """Squeezed between a punch twenty thicknesses wide and the base: h^3/3 of flow below a free
-    surface, h^3/12 between two held ones; 3.292 at this width by a ring solution of the bonded
-    layer, 1 %.
+    """No slip multiplies the force on a very thin incompressible layer by 3.292 at this width.
+
+    The limit is four: a layer flows as h^3/3 below a free surface and h^3/12 between two bonded
+    ones. The reference is a ring solution of the bonded layer, good to 1 %.
     """
     punch = {"shape": "flat_punch", "radius": 20.0}
     rubbed, smooth = (in_layer(friction, 20.0, 0.5, punch, 0.01) for friction in ("stick", 0.0))
@@ -205,8 +192,9 @@ def test_incompressible_thin_layers_stick_four_times_as_hard() -> None:
 def test_the_shipped_map_is_that_of_plan(
     nu: float, slender: float, name: str, power: float
 ) -> None:
-    """Three of its cells, nine in `make verify`, within the map's own error, to which
-    scripts/make_friction_page holds all of them.
+    """The shipped studies of the no-slip map give its values within its stated error.
+
+    Three cells are tried here and nine in `make verify`; scripts/make_friction_page holds all.
     """
     forces = {
         case.values["contact.friction"]: solve(case.planned_run.scene)[-1].force
@@ -222,7 +210,7 @@ def test_the_shipped_map_is_that_of_plan(
 
 @cache
 def shipped(name: str) -> list[cases.Case]:
-    """The cases of a study of the map."""
+    """Cases of a study of the map."""
     return cases.resolve_cases(study_file.read(STUDIES / f"{name}.yaml"))[0]
 
 
@@ -230,14 +218,15 @@ def shipped(name: str) -> list[cases.Case]:
     ("friction", "sticks"), [(0.1, 0.20), (0.2, 0.70), (0.3, 0.896), (0.5, 0.984)]
 )
 def test_stick_radius_of_a_flat_punch(friction: float, sticks: float) -> None:
-    """By the same boundary elements; half the last digit."""
+    """The stick radius of a flat punch is that of the ring boundary elements, to its digits."""
     state = punch(friction, 0.3)
     assert state.stick_radius / state.a == pytest.approx(sticks, abs=0.005)
 
 
 def test_theory_beside_a_rough_run() -> None:
-    """Force, radius and depth of a half-space with friction beside the run's: 1e-3, ten elements in
-    the contact.
+    """Force, radius and depth of theory with friction agree with the run, to 1e-3.
+
+    There are ten elements in the contact radius.
     """
     sections = {
         "body": {"shape": "half_space"},
@@ -257,7 +246,7 @@ def test_theory_beside_a_rough_run() -> None:
 
 
 def test_theory_without_friction_beside_a_rough_layer_says_so() -> None:
-    """Its name is that of the legend, of the report and of the last lines of a run."""
+    """Theory without friction beside a rough layer is named so in legend, report and last lines."""
     for friction, name in ((0.3, "layer theory without friction"), (0.0, "layer theory")):
         base = scene(
             THICK | {"height": 1.0},
@@ -271,7 +260,11 @@ def test_theory_without_friction_beside_a_rough_layer_says_so() -> None:
 
 @pytest.mark.parametrize("friction", ["stick", 0.5, 1.0])
 def test_half_way_lies_between_the_ends_of_the_step(friction: float | str) -> None:
-    """New contact free until the step's end is too soft, stuck where the step began too stiff."""
+    """The default slip reference lies between the two extremes of the increment.
+
+    New contact that is free until the increment's end is too soft, and one stuck from its beginning
+    too stiff.
+    """
     base = scene(
         THICK,
         contact={"method": "augmented_lagrangian", "friction": friction},
@@ -296,8 +289,9 @@ WITHOUT = [
 
 @pytest.mark.parametrize(("method", "solver", "iterations"), WITHOUT)
 def test_no_friction_is_the_limit_of_little(method: str, solver: str, iterations: int) -> None:
-    """Other code, other unknowns, another factorisation: 1e-9 of each number at a friction of
-    1e-12. And no more iterations than before.
+    """A friction of 1e-12 gives the frictionless numbers to 1e-9, in no more iterations.
+
+    It takes other code, other unknowns and another factorization.
     """
     found = []
     for friction in (0.0, 1e-12):
@@ -319,8 +313,9 @@ def test_no_friction_is_the_limit_of_little(method: str, solver: str, iterations
 
 @pytest.mark.parametrize("friction", ["stick", 0.1, 0.3])
 def test_a_closed_cycle_loses_energy_and_leaves_nothing_behind(friction: float | str) -> None:
-    """No step gives work back, and out of contact nothing is remembered: the second way in is the
-    first, to Newton's tolerance.
+    """No increment of a cycle gains energy, and out of contact nothing is remembered.
+
+    The second loading repeats the first to Newton's tolerance.
     """
     states = rough(friction, 0.3, IN_AND_OUT, mesh={"h_contact": A / 8})
     assert all(state.dissipation >= 0 for state in states)
@@ -334,8 +329,9 @@ def test_a_closed_cycle_loses_energy_and_leaves_nothing_behind(friction: float |
 
 @pytest.mark.parametrize("method", ["condensed", pytest.param("newton", marks=pytest.mark.verify)])
 def test_no_step_gives_work_back_where_little_slips(method: str) -> None:
-    """At friction 1; -int t . s over what slips alone was below zero in the fifteenth step, by 1e-5
-    of the energy.
+    """No increment gains energy where little slips, at friction 1.
+
+    -int t . s over the slipping part alone was negative in the fifteenth increment, by 1e-5.
     """
     states = rough(
         1.0,
@@ -358,9 +354,11 @@ LOOPS = [
 def test_what_a_cycle_dissipates_is_its_work(
     method: str, friction: float, tolerance: float
 ) -> None:
-    """In and out in ten steps each: 2 %, for the trapezoidal rule loses 1 % of so narrow a loop;
-    -int t . s with the tractions at the end of each step is 5 and 9 % more. A penalty, whose
-    pressure ends inside an element, 10 %: on the way out that is 7 % less, with forty steps 2 %.
+    """The dissipation of a cycle is the work of its loop.
+
+    With ten increments each way the tolerance is 2 %, since the trapezoidal rule loses 1 % of so
+    narrow a loop; -int t . s with the final tractions is 5 and 9 % more. A penalty, whose pressure
+    ends inside an element, has 10 %: unloading loses 7 %, and 2 % with forty increments.
     """
     path = in_and_out(A**2, 10)
     states = rough(
@@ -390,10 +388,11 @@ TURNS = [
 def test_points_turn_back_under_a_penalty(
     nu: float, h: float, sides: str, friction: float, deltas: list[float]
 ) -> None:
-    """Out and in again without a step cut back, in at most 21 to 27 iterations a row and not 900 to
-    3700: 40. Forces are those of the multiplier to what a penalty of 100 E*/h_contact lets the
-    tip sink in, 0.4 %; out of contact nothing is left; and what comes back of the surface's own
-    giving way is no loss.
+    """A cycle under a penalty needs no cut increments and at most 40 iterations per row.
+
+    Before it took 900 to 3700, now 21 to 27. The forces are those of a multiplier to 0.4 %, the
+    penetration of 100 E*/h_contact; out of contact nothing is left, and elastic recovery of the
+    surface is no loss.
     """
     layer = {"shape": "cylinder", "radius": 1.5, "height": 1.0, "sides": sides}
     sections = {
@@ -415,7 +414,7 @@ def test_points_turn_back_under_a_penalty(
 
 
 def assert_found_and_given_again(base: Scene, forces: list[float], tolerance: float) -> None:
-    """Prescribed forces are found, and the depths where they are give them again."""
+    """Assert that prescribed forces are found, and that their depths give them again."""
     found = solve(base)
     depths = tuple(state.delta / base.physics.scales.depth for state in found)
     again = solve(base.replace_physics(path=LoadPath("depth", depths), deltas=depths))
@@ -424,9 +423,7 @@ def assert_found_and_given_again(base: Scene, forces: list[float], tolerance: fl
 
 
 def test_forces_by_a_penalty_in_and_out() -> None:
-    """Each from the row before; the depths that are found give them again, to the search's
-    tolerance.
-    """
+    """Forces of a penalty are found in both directions, and their depths give them again."""
     layer = {"shape": "cylinder", "radius": 1.5, "height": 1.0, "sides": "roller"}
     forces = [0.02, 0.04, 0.025, 0.0]
     base = scene(
@@ -440,8 +437,9 @@ def test_forces_by_a_penalty_in_and_out() -> None:
 
 
 def test_a_penalty_loses_nothing_where_it_sticks() -> None:
-    """A punch with friction 5 slips nowhere: what a soft epsilon_t gives way, 1e-3 of the energy,
-    comes back.
+    """A punch that sticks everywhere dissipates nothing, although a soft epsilon_t yields.
+
+    The energy of that is 1e-3 of the total.
     """
     soft = {"method": "penalty", "friction": 5.0, "epsilon_t": 200.0}
     states = rough(
@@ -451,8 +449,9 @@ def test_a_penalty_loses_nothing_where_it_sticks() -> None:
 
 
 def test_few_steps_dissipate_what_many_do() -> None:
-    """On the way in, at friction 0.05: one step to 10 % and five to 3 % of forty (7 and 2 % were
-    reached; counted from where a step began what new contact slips would be 90 and 8 % more).
+    """Loading in one and five increments dissipates what forty do, to 10 % and 3 %.
+
+    7 and 2 % were reached. With slip counted from where an increment began it would be 90 and 8 %.
     """
     one, five, forty = (
         sum(
@@ -469,7 +468,7 @@ def test_few_steps_dissipate_what_many_do() -> None:
 
 @pytest.mark.parametrize("ways_in", [(1, 6), pytest.param((1, 4, 16), marks=pytest.mark.verify)])
 def test_one_row_in_a_few_steps_or_many(ways_in: tuple[int, ...]) -> None:
-    """Force, stick radius and dissipation since rest agree within their error bars."""
+    """Force, stick radius and dissipation of few and many increments agree within their bars."""
     found = []
     for steps in ways_in:
         path = {"delta": A**2, "steps": steps}
@@ -501,8 +500,9 @@ def test_one_row_in_a_few_steps_or_many(ways_in: tuple[int, ...]) -> None:
     "friction", [0.3, *(pytest.param(f, marks=pytest.mark.verify) for f in ("stick", 0.5))]
 )
 def test_condensed_is_newton(friction: float | str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One discrete problem, in and out again: Newton's tolerance alone differs, also where the
-    candidates must grow.
+    """The condensed body with friction has the numbers of the full Newton method.
+
+    They differ by Newton's tolerance alone, also where candidate nodes are added.
     """
     path = {"deltas": [0.002, 0.006, 0.01, 0.007, 0.003, 0.0]}
     whole = rough(
@@ -520,8 +520,9 @@ def test_condensed_is_newton(friction: float | str, monkeypatch: pytest.MonkeyPa
 
 
 def test_shear_is_held_on_the_axis() -> None:
-    """Five steps on the mesh on which modes of tau that do no work there made the force 10.7 % too
-    small.
+    """The force of no slip on a coarse mesh is right to 0.2 %.
+
+    Shear modes on the axis that do no work made it 10.7 % too small.
     """
     rubbed, smooth = paraboloid("stick", 0.3, 5, A / 20), paraboloid(0.0, 0.3, h=A / 20)
     assert rubbed / smooth == pytest.approx(1.016213, abs=0.002)
@@ -535,9 +536,7 @@ def test_shear_is_held_on_the_axis() -> None:
 def test_error_bars_hold_what_shorter_steps_and_smaller_elements_find(
     friction: float | str, finer: float
 ) -> None:
-    """Those of ten steps and five elements; the truth beside them from forty steps and seventeen
-    elements.
-    """
+    """Error bars of ten increments and five elements hold the numbers of 40 and 17."""
     config = config_from_mapping(
         {
             "body": THICK,
@@ -567,8 +566,9 @@ def test_error_bars_hold_what_shorter_steps_and_smaller_elements_find(
 
 
 def test_the_path_to_the_first_row_is_known_to_two_per_cent() -> None:
-    """One step from rest, however many follow: the truth of forty is within the bar, and the bar is
-    no more than 2 %; half of what lies between the two ends of the anchor is 5 %.
+    """The error bar of a first row in one increment holds the truth and is at most 2 %.
+
+    Half of the difference between the two extremes of the slip reference is 5 %.
     """
     base = scene(
         THICK,
@@ -588,9 +588,9 @@ def test_the_path_to_the_first_row_is_known_to_two_per_cent() -> None:
     "method", ["augmented_lagrangian", pytest.param("penalty", marks=pytest.mark.verify)]
 )
 def test_what_no_slip_would_change_is_solved_beside_a_run(method: str, tmp_path: Path) -> None:
-    """Where error bars are asked for: 1.6213 % on a half-space lies between the anchor's ends, and
-    0.2 % of the force from the number, six elements in the contact of a companion; the run's own
-    rows are not touched.
+    """With error bars the no-slip effect is solved, to 0.2 % of the force, and rows do not change.
+
+    The reference on a half-space is 1.6213 %; the companion has six elements in the contact.
     """
     sections = {
         "body": THICK,
@@ -635,8 +635,9 @@ def test_no_slip_beside_another_surface_is_no_number(contact: dict[str, Any]) ->
 
 @pytest.mark.parametrize("solver", ["condensed", pytest.param("newton", marks=pytest.mark.verify)])
 def test_prescribed_forces_find_the_depths_that_give_them(solver: str) -> None:
-    """In and out, each from the row before, whatever was tried between: 1e-8, the search's
-    tolerance being 1e-10.
+    """Prescribed forces with friction are found from the row before, whatever was tried between.
+
+    1e-8 is a hundred times the tolerance of the search.
     """
     forces = [3.7e-4, 1.5e-3, 7e-4, 1.3e-4]
     base = scene(
@@ -650,7 +651,7 @@ def test_prescribed_forces_find_the_depths_that_give_them(solver: str) -> None:
 
 
 def test_the_way_in_begins_where_the_tip_touches() -> None:
-    """A punch from above sticks from its first touch on: one step from there or from rest."""
+    """A punch from above sticks from its first contact on, as one that starts at rest."""
     below, above = (
         rough("stick", 0.3, {"deltas": path}, PUNCH, mesh={"h_contact": A / 6})[-1].force
         for path in ([0.001], [-0.01, 0.001])
@@ -670,8 +671,9 @@ def test_the_way_in_begins_where_the_tip_touches() -> None:
     ],
 )
 def test_ball_in_a_soft_layer(friction: float | str, nu: float, F: float) -> None:
-    """Over the smooth force at delta = 0.3 R, gap at the deformed point, by another program's walk:
-    its last digit and the elements, 2e-3.
+    """Friction raises the force of a sphere in a soft layer as another program found, to 2e-3.
+
+    The gap is the current one, at delta = 0.3 R.
     """
     layer = {"shape": "cylinder", "radius": 4.0, "height": 1.0, "base": "fixed", "sides": "roller"}
     material = {"model": "neo_hookean", "E": 1.0, "nu": nu}
@@ -695,8 +697,9 @@ def test_ball_in_a_soft_layer(friction: float | str, nu: float, F: float) -> Non
 
 @pytest.mark.parametrize("friction", [pytest.param(0.1, marks=pytest.mark.verify), "stick"])
 def test_penalty_has_the_same_friction(friction: float | str) -> None:
-    """What friction adds, 1 to 6 % of the force, by both methods: a tenth of it, for under a
-    penalty the surface gives way by t/epsilon_t.
+    """A penalty adds the same force by friction as a multiplier, to a tenth of it.
+
+    The surface yields by t/epsilon_t. Friction adds 1 to 6 % of the force.
     """
     body = {"shape": "cylinder", "radius": 2.0, "height": 2.0, "base": "fixed", "sides": "roller"}
     added = []
@@ -721,8 +724,9 @@ def test_penalty_has_the_same_friction(friction: float | str) -> None:
     ("friction", "most"), [(0.1, 60), (0.3, 60), (0.5, 110), (1.0, 110), ("stick", 110)]
 )
 def test_iterations_of_ten_steps(friction: float | str, most: int) -> None:
-    """Both passes of the anchor counted, on the finest of the meshes of docs/friction.md, and no
-    step cut back.
+    """Ten increments take at most so many iterations, and none is cut.
+
+    The mesh is the finest one of docs/friction.md; both passes of the slip reference count.
     """
     states = rough(friction, 0.3, {"delta": A**2, "steps": 10}, mesh={"h_contact": A / 40})
     assert sum(state.newton_iterations for state in states) <= most
@@ -730,9 +734,7 @@ def test_iterations_of_ten_steps(friction: float | str, most: int) -> None:
 
 
 def test_the_same_in_other_units() -> None:
-    """Lengths in thousandths and pressures in millionths: every number of a rough row, to Newton's
-    tolerance.
-    """
+    """Every number of a row with friction is the same in other units, to Newton's tolerance."""
     path, L, P = [0.004, 0.01, 0.006], 1e3, 1e6
     small = rough(0.5, 0.3, {"deltas": path}, mesh={"h_contact": A / 6})
     body = THICK | {name: THICK[name] * L for name in ("radius", "height")}
@@ -751,16 +753,14 @@ def test_the_same_in_other_units() -> None:
 
 
 def test_the_same_depth_again_slides_nowhere() -> None:
-    """But for what the elements leave of the shear: 1e-4 of the force with five of them in the
-    contact.
-    """
+    """The same depth again slips nowhere and keeps the force to 1e-4, with five elements."""
     once, again = rough(0.3, 0.3, {"deltas": [A**2, A**2]}, mesh={"h_contact": A / 5})
     assert again.force == pytest.approx(once.force, rel=1e-4)
     assert again.dissipation < 0.02 * once.dissipation
 
 
 def test_a_step_that_fails_names_the_stiffness_it_was_given() -> None:
-    """So stiff that Newton goes round in circles; left alone, the same step is found."""
+    """A failed increment names a given epsilon_t that is too stiff; the automatic one works."""
     stiff = scene(
         THICK,
         contact={"method": "auto", "friction": 1.0, "epsilon_t": 1e7},

@@ -1,6 +1,4 @@
-"""Random scenes with friction or adhesion: a row depends on the steps of its path by no more than
-error bars say.
-"""
+"""Random scenes with friction or adhesion: numbers of increments agree within error bars."""
 
 from __future__ import annotations
 
@@ -25,8 +23,9 @@ READ = ("force", "a", "p_max", "stick_radius")  # off the row itself; heat is th
 
 
 class Drawn:
-    """A random scene, the depths that its tip turns at, and the sections that all its numbers of
-    steps share.
+    """A random scene with the depths at which its tip turns.
+
+    The sections are those that all its numbers of increments share.
     """
 
     def __init__(self, number: int):
@@ -49,7 +48,7 @@ class Drawn:
         )  # share of the depth it comes back to
 
     def _tip(self, a: float) -> tuple[dict[str, Any], float, float]:
-        """A tip, its contact radius and about the depth of that."""
+        """A tip, its contact radius, and about the depth of that radius."""
         cone, round_tip = self.draw.uniform(75, 87), a**2
         sharp: dict[str, Any] = {"shape": "flat_punch", "radius": a}
         return self.draw.choice(
@@ -92,8 +91,9 @@ class Drawn:
         return {"method": method, "friction": friction}
 
     def adhesive(self) -> Drawn | None:
-        """The same tip and body with an attraction in place of friction, over 0.3 to 1 of JKR's way
-        to the pull-off; None where that is not known or elements do not resolve it.
+        """The scene with adhesion in place of friction, over 0.3 to 1 of JKR's pull-off depth.
+
+        None where JKR does not cover it or elements do not resolve the adhesion.
         """
         tip, material = (
             self.sections["indenter"],
@@ -115,7 +115,7 @@ class Drawn:
         return self
 
     def scene(self, steps: int) -> Scene:
-        """The scene with so many steps to each of its turning points."""
+        """The scene with so many increments to each of its turning points."""
         part = np.linspace(0, 1, steps + 1)[1:]
         back = 1 - (1 - self.back) * part if self.back else []
         return scene(
@@ -124,7 +124,7 @@ class Drawn:
 
 
 def judged(base: Scene) -> list[State]:
-    """The rows of a scene with their error bars."""
+    """Rows of a scene with their error bars."""
     ratio, other = coarser_scene(base)
     companion = CoarserRun(ratio, solve(other), other)
     bars = ErrorBars(base, companion, None, step_refinement(companion, solve))
@@ -132,16 +132,15 @@ def judged(base: Scene) -> list[State]:
 
 
 def sticky(number: int) -> Drawn:
-    """The scene of this number among those that adhere."""
+    """The adhesive scene of this number."""
     there = (one for k in count(SCENES) if (one := Drawn(k).adhesive()))
     return next(islice(there, number, None))
 
 
 def found(base: Scene) -> dict[str, tuple[float, float]]:
-    """The numbers of the last row, and the heat since rest, each with its error.
+    """Numbers of the last row and the dissipation since rest, each with its error.
 
-    Under a tip with an edge or an apex the largest pressure may have none: coarser meshes may not
-    know it.
+    p_max under an edge or an apex may have no error, because coarser meshes may not know it.
     """
     rows = judged(base)
     last, is_round = rows[-1], not base.physics.indenter.slope_discontinuities()
@@ -158,14 +157,17 @@ def found(base: Scene) -> dict[str, tuple[float, float]]:
 @pytest.mark.verify
 @pytest.mark.parametrize("number", range(SCENES))
 def test_a_row_does_not_depend_on_its_steps(number: int) -> None:
-    """In, or in and out again, in 1, 4 and 16 steps each way: within the sum of the two error bars."""
+    """Results with 1, 4 and 16 increments per branch agree within the sum of their error bars."""
     agree([found(Drawn(number).scene(steps)) for steps in (1, 4, 16)])
 
 
 @pytest.mark.verify
 @pytest.mark.parametrize("number", range(STICKY))
 def test_a_row_of_a_tip_that_adheres_does_not_either(number: int) -> None:
-    """Whether it snaps in on the way, and holds on further out: force and contact radius."""
+    """Force and radius of an adhesive tip agree for 1, 4 and 16 increments.
+
+    The tip may snap in on the way, and hold on farther out.
+    """
     drawn = sticky(number)
     lasts = [judged(drawn.scene(steps))[-1] for steps in (1, 4, 16)]
     agree([{"force": (row.force, row.force_error), "a": (row.a, row.a_error)} for row in lasts])

@@ -1,6 +1,4 @@
-"""Gels in scene files: swelling against closed forms, a resting tip, weights, and what is left when
-nothing flows.
-"""
+"""Gels in scene files: swelling in closed form, a resting tip, weights, and the drained state."""
 
 from __future__ import annotations
 
@@ -55,9 +53,7 @@ def rows(base: Scene) -> list[State]:
 def at(
     times: Sequence[float], *, key: str = "history", value: float = 0.0, **sections: Any
 ) -> list[State]:
-    """Rows at times in units of DIFFUSION of a tip that stands, or is pressed, from the beginning
-    on.
-    """
+    """Rows at times in units of DIFFUSION, of a tip that rests or is pressed from the beginning."""
     end = DIFFUSION * times[-1]
     loading = {
         key: [[0, value], [end, value]],
@@ -68,10 +64,11 @@ def at(
 
 
 def test_a_gel_swells_against_a_resting_sphere() -> None:
-    """Forces over G height^2 of this design at h = 0.06 to 0.03: what they differ by, and the time
-    steps, beside it.
+    """Forces of a gel that swells against a resting sphere are those of finer meshes.
 
-    The bath comes within a sixtieth of the first row's time, which costs that row less than 1 %.
+    References are forces over G height^2 at h = 0.06 to 0.03; tolerances are their differences and
+    the increments in time. The bath rises in a sixtieth of the first row's time, which costs less
+    than 1 %.
     """
     found = at([0.1, 1.0, 10.0, 1000.0], drainage={"bath": 0.0, "bath_ramp": 0.05})
     assert [row.force for row in found[:2]] == pytest.approx([0.0780, 0.587], rel=3e-2)
@@ -92,7 +89,10 @@ def test_a_tip_that_drains_lets_it_swell_sooner() -> None:
 
 @pytest.mark.parametrize("body", [LAYER, FREE], ids=["held", "free"])
 def test_a_resting_tip_is_lifted_by_all_that_a_gel_swells(body: dict[str, Any]) -> None:
-    """At rest in the pure solvent: by mu(l) = 0, or between walls by P_z = 0."""
+    """A resting tip is lifted by the whole swelling of a gel, free or confined.
+
+    References are mu(l) = 0 for a free gel and P_z = 0 between walls.
+    """
     law = Gel(G=1.0, n_omega=1e-3, chi=0.6, stretch=STRETCH)
     free = law.free_swelling_stretch(0.0) / STRETCH
     swollen = free if body is FREE else law.confined_swelling(law.bath_pressure(0.0)).stretch
@@ -106,7 +106,11 @@ def test_a_resting_tip_is_lifted_by_all_that_a_gel_swells(body: dict[str, Any]) 
 
 
 def test_a_weight_sinks_in_and_is_lifted() -> None:
-    """At once as deep as in an incompressible body of the same shear modulus, held up; then lifted."""
+    """A constant force sinks in at once as into an incompressible body, and is then lifted.
+
+    The gel is stretched below its swelling equilibrium, so that it takes up solvent and rises. The
+    incompressible body has the shear modulus of the gel at that stretch.
+    """
     coarse = {"h_contact": 0.1}
     found = at([0.0, 0.02, 0.1], key="force_history", value=0.3, mesh=coarse)
     assert [row.force for row in found] == pytest.approx([0.3] * 3, rel=1e-8)
@@ -119,9 +123,9 @@ def test_a_weight_sinks_in_and_is_lifted() -> None:
 
 
 def test_a_weight_on_a_swollen_gel_is_put_on_and_taken_off_at_once() -> None:
-    """A gel touches wherever it has swollen to, there the tip sinks in by steps of no time, and is
-    let go of by such; at once nothing has flowed, so only the dent of one time unit is left:
-    less than 1 % of the height.
+    """A weight on a swollen gel acts and is removed at once; less than 1 % of height remains.
+
+    What remains is the dent of one time unit of flow.
     """
     path = {
         "force_history": [[0, 0], [50, 0], [50, 0.1], [51, 0.1], [51, 0], [52, 0]],
@@ -136,11 +140,11 @@ def test_a_weight_on_a_swollen_gel_is_put_on_and_taken_off_at_once() -> None:
 
 
 def test_the_audit_is_relative_to_what_the_supports_of_a_gel_hold(tmp_path: Path) -> None:
-    """A tip at rest on a free gel bonded to its base: the nodal support reactions, which hold the
-    swelling, have 15 times the norm of the contact force.
+    """The force balance of a free gel is judged relative to the reactions of its supports.
 
-    The run raises where the audit fails. Newton stops at 1e-9 of that norm; the sum of the nodal
-    residuals was 6 times theirs, 4e-8 of the contact force where 1e-8 is allowed of what is held.
+    The nodal reactions, which hold the swelling, have 15 times the norm of the contact force.
+    Newton stops at 1e-9 of that norm; the residual was 4e-8 of the contact force where 1e-8 of the
+    reactions is allowed.
     """
     body = {
         "shape": "cylinder",
@@ -177,7 +181,7 @@ def test_the_audit_is_relative_to_what_the_supports_of_a_gel_hold(tmp_path: Path
 
 
 def test_without_flow_it_is_at_rest_in_its_bath() -> None:
-    """What a gel with flow comes to; of free swelling in the bath where no stretch is given."""
+    """A gel without flow is in its drained state, and swells freely where no stretch is given."""
     bath = Gel(G=1.0, n_omega=1e-3, chi=0.6).free_swelling_potential(STRETCH)
     coarse: dict[str, Any] = {"mesh": {"h_contact": 0.1}}  # of all
     (dry,) = rows(gel(material=GEL, drainage=None, loading={"deltas": [0.1]}, **coarse))
@@ -189,7 +193,6 @@ def test_without_flow_it_is_at_rest_in_its_bath() -> None:
 
 
 # ---- as Biot's body at small strain, and in time
-# --------------------------------------------------------------------
 
 SOLID = {
     "model": "linear_elastic",
@@ -199,21 +202,28 @@ SOLID = {
 
 
 def at_once_and_at_last(delta: float, material: dict[str, Any]) -> tuple[float, float]:
-    """Forces of a tip pressed in at once, and when nothing flows any more."""
+    """Forces of a tip pressed in at once, and after all flow."""
     loading = {"history": [[0, delta], [1e5, delta]], "times": [0.0, 1e5], "per_doubling": 2}
     paraboloid = {"shape": "paraboloid", "R": 1.0}
     base = scene(
-        LAYER, material=material, indenter=paraboloid, mesh={"h_contact": 0.1 * delta**0.5}, loading=loading,
-        drainage={"bath": Gel(G=1.0, n_omega=1e-3, chi=0.6).free_swelling_potential(STRETCH)} if "G" in material else {},
-    )  # fmt: skip
+        LAYER,
+        material=material,
+        indenter=paraboloid,
+        mesh={"h_contact": 0.1 * delta**0.5},
+        loading=loading,
+        drainage={"bath": Gel(G=1.0, n_omega=1e-3, chi=0.6).free_swelling_potential(STRETCH)}
+        if "G" in material
+        else {},
+    )
     first, last = rows(base)
     return first.force, last.force
 
 
 @pytest.mark.verify
 def test_a_gel_under_a_shallow_tip_is_a_linear_porous_body() -> None:
-    """Its differences to Biot's body fall with the depth, both limits: extrapolated to none less
-    than 1.5e-3.
+    """The limits of a gel under a shallow tip are those of Biot's body.
+
+    The differences fall with the depth; extrapolated to zero depth they are below 1.5e-3.
     """
     biot = SOLID | {"flow": {"diffusivity": 1.0}}
     depths = (0.0012, 0.005)
@@ -234,7 +244,7 @@ def test_a_gel_under_a_shallow_tip_is_a_linear_porous_body() -> None:
 
 @pytest.mark.verify
 def test_a_deep_hold_of_a_gel_is_of_second_order_in_time() -> None:
-    """0.3 R deep in one bath: four steps of each length against sixteen, and two."""
+    """A deep hold of a gel converges with second order in time."""
     bath = Gel(G=1.0, n_omega=1e-3, chi=0.6).free_swelling_potential(STRETCH)
     found = {}
     for per_doubling in (2, 4, 16):
@@ -251,9 +261,10 @@ def test_a_deep_hold_of_a_gel_is_of_second_order_in_time() -> None:
 
 @pytest.mark.verify
 def test_what_is_said_of_a_small_contact_that_a_gel_closes() -> None:
-    """Coarse elements against ones six times as small at the axis: what differs is within what a
-    user is told, but for 0.01 of the force. p_max is that of the element that closed last: two
-    meshes that agree on it agree by accident, so it has no bar.
+    """The stated error of a small growing contact covers the difference to a finer mesh.
+
+    Elements at the axis are six times as small; 0.01 of the force is allowed. p_max is that of the
+    element that closed last and has no error bar.
     """
     shares = [0.01, 0.02, 0.03, 0.06, 0.12, 1.0]
     coarse, fine = (
@@ -275,9 +286,9 @@ def test_what_is_said_of_a_small_contact_that_a_gel_closes() -> None:
 
 
 def test_a_vertex_that_the_tip_closes_has_no_spike_of_pore_pressure() -> None:
-    """A gel that takes up fluid has less pressure inside than its bath: what is left above is that
-    of open vertices, 1e-8 of the modulus. It was 0.2 to 0.5 of it in every row in which a vertex
-    was closed between the two stages.
+    """A swelling gel has no positive pore pressure above 1e-5, where open vertices leave 1e-8.
+
+    It was 0.2 to 0.5 of the modulus where a vertex was sealed between two stages.
     """
     rows = at([0.02, 0.05, 0.1, 0.2])
     assert max(row.pore_pressure_max or 0.0 for row in rows) < 1e-5
@@ -285,10 +296,9 @@ def test_a_vertex_that_the_tip_closes_has_no_spike_of_pore_pressure() -> None:
 
 @pytest.mark.verify
 def test_the_error_of_a_bath_that_takes_some_time_is_inside_its_part(tmp_path: Path) -> None:
-    """Beside a bath that comes in a tenth of the time, from 1.5 ramps on.
+    """The part `bath` of the error budget holds the difference to a ramp of a tenth of the time.
 
-    The part `bath` holds what the rows differ by, and from three ramps on is at most five times
-    that: it is SAFETY = 3 times the error at late times.
+    From three ramps on it is at most five times that, since it is 3 times the error at late times.
     """
     base: dict[str, Any] = {
         "body": LAYER,

@@ -1,6 +1,4 @@
-"""`body.shape: half_space` against Hertz and Sneddon, and the stated truncation error against the
-true one.
-"""
+"""`body.shape: half_space` against Hertz and Sneddon, and its truncation error."""
 
 from __future__ import annotations
 
@@ -24,7 +22,7 @@ TIPS: dict[str, tuple[dict[str, Any], float, float]] = {  # tip, depth, what the
 
 
 def over(tip: dict[str, Any], delta: float, nu: float = 0.3, **sections: Any) -> Scene:
-    """A tip on a half-space, which a finite body stands for."""
+    """A tip on a half-space, represented by a finite body."""
     material = {"model": "linear_elastic", "E": 2.0, "nu": nu}
     return scene(
         HALF_SPACE,
@@ -52,7 +50,7 @@ def test_any_compressibility(nu: float) -> None:
     "nu", [-0.9, -0.4, 0.0, 0.3, 0.44, pytest.param(0.5, marks=pytest.mark.verify)]
 )
 def test_stated_error_covers_the_true_one(nu: float) -> None:
-    """On a mesh whose own error is a few 1e-5: size and its growth halved."""
+    """The stated truncation error covers the true one, on a mesh whose own error is a few 1e-5."""
     base = over(*TIPS["paraboloid"][:2], nu=nu)
     sizes = dataclasses.replace(
         base.sizes, h_contact=base.sizes.h_contact / 2, grading=base.sizes.grading / 2
@@ -66,7 +64,10 @@ def test_stated_error_covers_the_true_one(nu: float) -> None:
 
 
 def test_its_theory_is_the_half_space() -> None:
-    """The layer that stands for it in theory is 1e7 bodies deep: Hertz to 1e-6 in force and radius."""
+    """The reference theory of the half-space gives Hertz's force and contact radius to 1e-6.
+
+    Theory represents the half-space by a layer that is 1e7 bodies deep.
+    """
     base = over(*TIPS["paraboloid"][:2])
     solution = (
         base.plan.theory.solution_at_depth(base.physics.deltas[-1]) if base.plan.theory else None
@@ -80,23 +81,19 @@ def test_its_theory_is_the_half_space() -> None:
 
 @pytest.mark.parametrize("scale", [1e-9, 1e3])
 def test_any_unit_of_length(scale: float) -> None:
-    """The solver sees the same numbers: the same force to round-off of the twelve digits that sizes
-    have.
-    """
+    """The force is the same in any unit of length, to the twelve digits of the sizes."""
     forces = [force(over({"shape": "sphere", "R": R}, 0.01 * R)) / R**2 for R in (1.0, scale)]
     assert forces[0] == pytest.approx(forces[1], rel=1e-8)
 
 
 def test_no_depth_at_all() -> None:
-    """Out of contact there is no force, and still a body."""
+    """Out of contact there is a body, and no force."""
     base = scene(HALF_SPACE, "solver.method=condensed", loading={"deltas": [-0.01]})
     assert force(base) == 0
 
 
 def test_a_tip_in_contact_to_its_end() -> None:
-    """A profile pressed in deeper than it is high touches everywhere: its end stands for the
-    contact radius.
-    """
+    """A profile in contact to its end takes that end as contact radius."""
     base = over({"shape": "profile", "points": [[0, 0], [0.1, 0.01]]}, 0.05)
     assert base.physics.body.height * base.physics.scales.length > 100 * 0.1
     assert any("reaches the end of the tip's profile" in warning for warning in base.plan.warnings)
@@ -110,15 +107,13 @@ def test_three_dimensions_on_request() -> None:
 
 
 def test_a_place_on_it_is_refused() -> None:
-    with pytest.raises(ConfigError, match="same everywhere"):
+    with pytest.raises(ConfigError, match="are equivalent"):
         over({"shape": "paraboloid", "R": 1.0, "center": [0.1, 0.0]}, 0.01)
 
 
 @pytest.mark.parametrize("loading", [{"delta": 100.0, "steps": 1}, {"force": 1e5, "steps": 1}])
 def test_a_contact_of_many_units_of_length(loading: dict[str, float]) -> None:
-    """In nanometres a contact radius is a number above 100: the same body, thousands of times as
-    large.
-    """
+    """A contact radius above 100 units, as in nanometres, gives the same body."""
     found, small = (
         scene(
             {"shape": "half_space"},
@@ -133,6 +128,6 @@ def test_a_contact_of_many_units_of_length(loading: dict[str, float]) -> None:
 
 
 def scaled_down(loading: dict[str, float]) -> dict[str, float]:
-    """The same path with lengths in larger units; forces go as their square."""
+    """The same path in a larger unit of length; forces scale with its square."""
     by = {"delta": SMALL, "force": SMALL**2}
     return {key: value * by.get(key, 1) for key, value in loading.items()}

@@ -1,10 +1,8 @@
-"""Error bars on scenes that chose none of their constants: caps and balls, and meshes from files,
-drawn at random.
+"""Error bars of random scenes that chose no constant: caps, balls, and meshes from files.
 
-Truth of a cap or ball is the same scene with 36 elements in the contact radius, whose force is
-extrapolated from that with 24 by the rate 2.5; where independent values are known
-(test_round_bodies.py) it is good to 1e-5. Truth of a mesh file is theory where it solves the very
-body, or else the same body meshed here, with far more elements.
+The truth of a cap or ball is the force with 36 elements in the contact radius, extrapolated from 24
+with the order 2.5; where independent values are known (test_round_bodies.py) it is good to 1e-5.
+The truth of a mesh file is exact theory, or the same body meshed here with far more elements.
 """
 
 from __future__ import annotations
@@ -29,7 +27,7 @@ COARSE, FINE, RATE = 24.0, 36.0, 2.5
 
 
 class Tally:
-    """Rows inside their bars, and bar over error, number by number."""
+    """Rows inside their bars, and bar over error, for each number."""
 
     def __init__(self) -> None:
         self.over: dict[str, list[float]] = {name: [] for name in NUMBERS}
@@ -39,11 +37,11 @@ class Tally:
             self.over[name].append(bar / max(abs(found - right), 1e-15 * right))
 
     def inside(self, name: str) -> float:
-        """The share of rows inside their bars."""
+        """Share of rows inside their bars."""
         return float(np.mean(np.array(self.over[name]) >= 1))
 
     def median(self, name: str) -> float:
-        """The median of bar over error."""
+        """Median of bar over error."""
         return float(np.median(self.over[name]))
 
     def __str__(self) -> str:
@@ -104,7 +102,7 @@ def round_scenes(count: int, seed: int = 3) -> list[dict[str, Any]]:
 
 
 def truth(mapping: dict[str, Any]) -> list[dict[str, float]]:
-    """Force, peak pressure and radius of every row."""
+    """Force, peak pressure and radius of every row, extrapolated."""
     config = config_from_mapping(mapping | {"accuracy": 0.001})
     walks = [list(states(resolve(config, n), with_surface=False)) for n in (COARSE, FINE)]
     share = 1 / ((FINE / COARSE) ** RATE - 1)
@@ -126,8 +124,9 @@ def tallied(rows: list[State], right: list[dict[str, float]], tally: Tally) -> N
 
 @pytest.mark.verify
 def test_caps_and_balls_drawn_at_random(tmp_path: Path) -> None:
-    """12 scenes of some 36 rows, asked for 1 % and 0.1 %, or judged on automatic sizes: the target
-    holds without exception, and the bars as is promised of a class of scenes.
+    """Random caps and balls meet their target, and their bars have the promised coverage.
+
+    12 scenes of some 36 rows are run with 1 %, with 0.1 % and on automatic sizes.
     """
     scenes = round_scenes(12)
     right = [truth(mapping) for mapping in scenes]
@@ -148,9 +147,7 @@ def test_caps_and_balls_drawn_at_random(tmp_path: Path) -> None:
 
 
 def file_scenes(plane: int, solid: int, seed: int = 13) -> list[dict[str, Any]]:
-    """Sections and blocks of height 1 with element sizes of their own, and what is pressed into
-    them.
-    """
+    """Sections and blocks of height 1 with random element sizes, and their tips."""
     draw = np.random.default_rng(seed)
 
     def spread(low: float, high: float) -> float:
@@ -192,9 +189,7 @@ def file_scenes(plane: int, solid: int, seed: int = 13) -> list[dict[str, Any]]:
 def write_part(
     path: Path, kinematics: str, width: float, sizes: tuple[float, float, float]
 ) -> None:
-    """The section or block, meshed by gmsh with sizes that grow from the first to the second by the
-    third.
-    """
+    """Mesh a section or block by gmsh, with sizes growing from the first to the second."""
     import gmsh  # which takes a second to load, for tests that seldom run
 
     dim, (near, far, growth) = 3 if kinematics == "3d" else 2, sizes
@@ -246,7 +241,7 @@ def drawn_here(scene: dict[str, Any]) -> dict[str, Any]:
 
 
 def forces_of(scene: dict[str, Any]) -> list[float]:
-    """By theory, or meshed here with elements that leave 1e-4 (5e-4 in three dimensions)."""
+    """Forces by theory, or on meshes that leave 1e-4 (5e-4 in three dimensions)."""
     config = config_from_mapping(drawn_here(scene) | {"accuracy": 0.001})
     found = resolve(config, 8.0 if scene["kinematics"] == "3d" else 30.0)
     if (theory := found.exact_theory) is not None:
@@ -259,7 +254,7 @@ def forces_of(scene: dict[str, Any]) -> list[float]:
 
 @pytest.mark.verify
 def test_mesh_files_drawn_at_random(tmp_path: Path) -> None:
-    """Sections and blocks: as many rows inside their bars as is promised of a class of scenes."""
+    """Error bars of random mesh files have the promised coverage."""
     tally = Tally()
     for k, scene in enumerate(file_scenes(5, 1)):
         folder = tmp_path / str(k)

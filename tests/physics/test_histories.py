@@ -1,6 +1,4 @@
-"""Histories followed row by row on the whole body: time passes, and changes nothing where nothing
-takes time.
-"""
+"""Histories on the whole body: time changes nothing in a body that does not depend on time."""
 
 from __future__ import annotations
 
@@ -26,7 +24,7 @@ SCENES: dict[str, dict[str, Any]] = {
 
 
 def found(state: State) -> tuple[float | None, ...]:
-    """What a row has beside its time."""
+    """Columns of a row without its time."""
     return (
         state.delta,
         state.force,
@@ -42,7 +40,10 @@ def found(state: State) -> tuple[float | None, ...]:
     "name", ["friction", "rubber", pytest.param("adhesion", marks=pytest.mark.verify)]
 )
 def test_rows_are_those_of_the_same_depths(name: str) -> None:
-    """To the last digit: twenty rows of each piece that moves, one of the hold, one at rest."""
+    """Rows of a history are those of the same depths without time, to the last digit.
+
+    There are twenty rows in each moving segment, one for the hold and one at rest.
+    """
     timed = scene(WALLED, mesh=COARSE, loading={"history": BACK}, **SCENES[name])
     depths = [0.0, *np.linspace(0.001, 0.02, 20), 0.02, *np.linspace(0.02, 0.005, 21)[1:]]
     assert timed.physics.path.values == pytest.approx(depths, rel=1e-12, abs=1e-15)
@@ -55,7 +56,7 @@ def test_rows_are_those_of_the_same_depths(name: str) -> None:
 
 
 def test_rows_at_some_times_are_among_all_of_them() -> None:
-    """The steps of the path stay: friction and what it loses are those of the whole path."""
+    """Rows at some times have friction and dissipation of the whole path."""
     every = solve(scene(WALLED, mesh=COARSE, loading={"history": BACK}, **SCENES["friction"]))
     loading = {"history": BACK, "times": [0.5, 4.0, 4.5]}
     some = list(states(scene(WALLED, mesh=COARSE, loading=loading, **SCENES["friction"])))
@@ -67,7 +68,7 @@ def test_rows_at_some_times_are_among_all_of_them() -> None:
 
 
 def test_forces_in_time() -> None:
-    """Those of a force_history are met, and are forces without time."""
+    """Forces of a force_history are met, and are those of forces without time."""
     history = [[0, 0], [1, 2e-3], [2, 1e-3]]
     timed = scene(WALLED, mesh=COARSE, loading={"force_history": history}, material=RUBBER)
     rows = list(states(timed))
@@ -78,7 +79,7 @@ def test_forces_in_time() -> None:
 
 
 def test_half_steps_pass_the_same_turns() -> None:
-    """Every second row of the halved path is one of the path, and the way to it is as long."""
+    """The path of halved increments contains the rows and turns of the path."""
     history = Loading(history=((0, 0), (1, 0.02), (2, 0.01)), times=(0.5, 1.5)).prescribed_history  # type: ignore[arg-type]
     assert history is not None
     path = history.path
@@ -96,7 +97,7 @@ def test_half_steps_pass_the_same_turns() -> None:
 
 
 def test_a_jump_is_walked_as_a_depth() -> None:
-    """From rest a row after it alone; the load after a hold is that of a step to the same depth."""
+    """A jump from rest is the increment to that depth, and has only the row after it."""
     jump = scene(WALLED, mesh=COARSE, loading={"history": [[0, 0.01], [1, 0.01]]}, material=RUBBER)
     rows = list(states(jump))
     assert [(row.t, row.branch) for row in rows] == [(0, "approach"), (1, "hold")]

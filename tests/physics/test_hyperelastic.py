@@ -1,6 +1,4 @@
-"""Finite strain: forces and radii of an independent program, the linear limit, and paths that
-arrive.
-"""
+"""Finite strain: forces and radii of an independent program, linear limits, deep paths."""
 
 from __future__ import annotations
 
@@ -19,7 +17,7 @@ SPHERE = {"shape": "sphere", "R": 1.0}
 
 
 def each_nu(coarse: float, fine: float) -> Any:
-    """The two ends on a coarse mesh; what lies between them, and a fine one, in `make verify`."""
+    """nu = 0.3 and 0.5 on a coarse mesh; further values on a fine one in `make verify`."""
     full = [pytest.param(nu, fine, marks=pytest.mark.verify) for nu in (0.3, 0.4999)]
     return pytest.mark.parametrize(("nu", "h"), [(0.3, coarse), (0.5, coarse), *full])
 
@@ -27,7 +25,7 @@ def each_nu(coarse: float, fine: float) -> Any:
 def ball(
     nu: float = 0.3, h_contact: float = 0.04, body: dict[str, Any] = WALLED, **sections: Any
 ) -> Scene:
-    """A sphere R = 1 on a neo-Hookean layer h = 1 with roller walls at W = 2 (or on another body)."""
+    """Scene of a sphere R = 1 on a neo-Hookean layer h = 1 with roller walls, or another body."""
     given = {
         "material": NEO_HOOKEAN | {"nu": nu},
         "indenter": SPHERE,
@@ -37,11 +35,11 @@ def ball(
 
 
 def iterations(states: list[Any]) -> int:
-    """Linear solves of all steps."""
+    """Linear solves of all increments."""
     return sum(state.newton_iterations for state in states)
 
 
-# ---- another program's numbers ------------------------------------------------------------
+# ---- another program's numbers
 
 # Q6/Q4 mixed elements with the contact edge on a mesh line: forces good to 1e-6, radii to 1e-4
 DEPTHS = (0.05, 0.1, 0.2, 0.3, 0.5)
@@ -59,8 +57,9 @@ REFERENCE = {
 
 @pytest.mark.parametrize("nu", REFERENCE)
 def test_forces_and_radii(nu: float) -> None:
-    """0.05 % and 0.5 %: what the method is wanted for; 12 elements in the smallest radius leave
-    0.02 % of the force.
+    """Forces and radii are those of an independent program, to 0.05 % and 0.5 %.
+
+    12 elements in the smallest contact radius leave 0.02 % of the force.
     """
     states = solve(ball(nu, 0.02, loading={"deltas": list(DEPTHS)}))
     force, a = REFERENCE[nu]
@@ -69,8 +68,9 @@ def test_forces_and_radii(nu: float) -> None:
 
 
 def test_nearly_a_half_space() -> None:
-    """A block of 10 R to a depth of R. 0.2 %: the reference's force at 0.1 has five digits, and at
-    R the mesh is coarse beside the contact.
+    """A block of 10 R has an independent program's forces up to the depth R, to 0.2 %.
+
+    Its force at 0.1 has five digits, and at R the mesh next to the contact is coarse.
     """
     block = WALLED | {"radius": 10.0, "height": 10.0}
     states = solve(ball(0.49, 0.04, block, loading={"deltas": [0.1, 0.3, 0.5, 1.0]}))
@@ -80,9 +80,10 @@ def test_nearly_a_half_space() -> None:
 
 
 def test_another_volumetric_law_is_another_material() -> None:
-    """At nu = 0.3 and 0.3 R, kappa/2 (ln J)^2 with isochoric I1 is not the law with lame_lambda: 5
-    to 15 %, as kappa/2 (J - 1)^2 is 4.9 % away; a tenth of that at a tenth of the contact
-    radius.
+    """An isochoric law with kappa/2 (ln J)^2 differs by 5 to 15 % from that with lame_lambda.
+
+    This is at nu = 0.3 and 0.3 R, where kappa/2 (J - 1)^2 differs by 4.9 %; at a tenth of the
+    contact radius it is a tenth of that.
     """
     mu = 1 / 2.6
     isochoric = {"model": "mooney_rivlin", "C10": mu / 2, "nu": 0.3}
@@ -104,7 +105,10 @@ def test_another_volumetric_law_is_another_material() -> None:
 def test_four_points_a_cell_are_enough_for_a_solid(
     nu: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Against 24 points: a thirtieth of what the mesh does to the force, at a contact of 0.7 R."""
+    """Four points per tetrahedron give the force of 24, to a thirtieth of the mesh error.
+
+    The contact radius is 0.7 R.
+    """
     from indent_sim.fe import discrete_body
 
     def force(h: float, degree: int) -> float:
@@ -118,7 +122,7 @@ def test_four_points_a_cell_are_enough_for_a_solid(
     assert abs(few - many) < abs(finer - few) / 10
 
 
-# ---- the linear limit ------------------------------------------------------------
+# ---- the linear limit
 
 LAWS = {
     "neo_hookean": NEO_HOOKEAN,
@@ -129,11 +133,10 @@ LAWS = {
 
 @pytest.mark.parametrize("law", LAWS)
 def test_small_depth_is_linear(law: str) -> None:
-    """At delta = 1e-4 R the linear body under the same gap and on the same mesh.
+    """At delta = 1e-4 R hyperelastic laws give the linear body with the same gap and mesh.
 
-    What is left is of the order of a/R (1 % here), less than a tenth of it: block forces are 3 %
-    below linear theory at a/R = 0.3. The radius is known to a tenth of an element, 0.5 % with ten
-    elements and two formulations.
+    The difference is less than a tenth of a/R = 1 %; the radius is known to a tenth of an element,
+    0.5 %, with ten elements and two formulations.
     """
     shallow = {"loading": {"delta": 1e-4, "steps": 1}, "mesh": {"h_contact": 0.001}}
     hooke = {
@@ -147,9 +150,10 @@ def test_small_depth_is_linear(law: str) -> None:
 
 
 def test_the_difference_to_linear_falls_with_the_radius() -> None:
-    """It is of first order in a/R: a tenth of the depth, and of the mesh, leaves a third. 0.25 to
-    0.42: the layer's a grows a little faster than the root of the depth, and each force has 0.01
-    % from its mesh.
+    """The difference to the linear body is of first order in a/R.
+
+    A tenth of the depth and of the mesh leaves a third, 0.25 to 0.42: the layer's a grows faster
+    than the root of the depth, and each force has 0.01 % from its mesh.
     """
     linear = {
         "material": NEO_HOOKEAN | {"model": "linear_elastic"},
@@ -165,9 +169,9 @@ def test_the_difference_to_linear_falls_with_the_radius() -> None:
 @pytest.mark.parametrize("delta", [1e-8, 1e-6])
 @pytest.mark.parametrize("nu", [0.3, 0.5])
 def test_the_shallowest_is_hertz(nu: float, delta: float) -> None:
-    """On a body R wide and thick a depth of 1e-8 R has a radius of 1e-4: 0.1 % of it is layer and
-    finite strain at 1e-6, less at 1e-8. The force balance keeps its digits, though 1 + H has
-    lost half of those of H.
+    """At depths of 1e-6 and 1e-8 R the force is Hertz's, and the force balance keeps its digits.
+
+    0.1 % is the layer and finite strain at 1e-6. 1 + H loses half of the digits of H.
     """
     state = solve(ball(nu, delta**0.5 / 10, CYLINDER, loading={"delta": delta, "steps": 1}))[-1]
     assert state.force == pytest.approx(4 / 3 / (1 - nu**2) * delta**1.5, rel=2e-3)
@@ -195,9 +199,10 @@ each_other_law = pytest.mark.parametrize(
 
 @each_other_law
 def test_every_law_is_at_rest_until_touched(law: str, nu: float) -> None:
-    """A body that is not touched, or let go of, has no force that a reaction could be compared with
-    (`solve` audits); a half-space is so large that any stress at rest would show. 1 %: finite
-    strain at a/R = 0.03, and the mesh.
+    """A body that is not touched, or released, has no force, for every law.
+
+    A half-space is so large that any stress at rest would show. 1 % is finite strain at a/R = 0.03
+    and the mesh.
     """
     base = scene(
         {"shape": "half_space"},
@@ -216,7 +221,7 @@ def test_every_law_is_at_rest_until_touched(law: str, nu: float) -> None:
     ["yeoh", *(pytest.param(law, marks=pytest.mark.verify) for law in OTHERS if law != "yeoh")],
 )
 def test_a_force_of_zero_is_one(law: str) -> None:
-    """Before and after others, of 2 % of mu R^2."""
+    """A prescribed force of zero is met before and after others."""
     base = ball(
         material={"model": law, "nu": 0.3} | OTHERS[law], loading={"forces": [0.0, 0.02, 0.0]}
     )
@@ -225,14 +230,14 @@ def test_a_force_of_zero_is_one(law: str) -> None:
     )
 
 
-# ---- paths that arrive ------------------------------------------------------------
+# ---- paths that arrive
 
 
 @each_nu(0.04, 0.02)
 def test_one_step_or_ten(nu: float, h: float) -> None:
-    """To 0.3 R: the same equilibrium to 1e-6, since Newton's tolerance is 1e-10.
+    """One increment or ten to 0.3 R give the same equilibrium to 1e-6.
 
-    At most 25 linear solves in one step, 55 in ten (50 to 52 found), failed attempts included.
+    They take at most 25 and 55 linear solves, failed attempts included.
     """
     once = solve(ball(nu, h, loading={"delta": 0.3, "steps": 1}))
     ten = solve(ball(nu, h, loading={"delta": 0.3, "steps": 10}))
@@ -244,7 +249,7 @@ def test_one_step_or_ten(nu: float, h: float) -> None:
 
 @each_nu(0.08, 0.04)
 def test_deep(nu: float, h: float) -> None:
-    """To 0.9 R in 20 steps, at most six linear solves for each accepted one."""
+    """A path to 0.9 R in 20 increments takes at most six linear solves for each accepted one."""
     states = solve(ball(nu, h, loading={"delta": 0.9, "steps": 20}))
     assert iterations(states) <= 6 * sum(state.substeps for state in states)
     assert np.all(np.diff([state.force for state in states]) > 0)
@@ -262,8 +267,9 @@ METHODS = {"uzawa": 2e-4, "active_set": 1e-3, "penalty": 2e-2}
     [(0.2, 0.3), *(pytest.param(0.7, nu, marks=pytest.mark.verify) for nu in (0.3, 0.4999))],
 )
 def test_every_method_arrives(delta: float, nu: float) -> None:
-    """At 0.7 R, in four steps; at 0.2 R in one, where 12 elements in the contact radius leave twice
-    as much as 17.
+    """Every contact method reaches 0.7 R and agrees with the default one.
+
+    At 0.2 R in one increment 12 elements in the contact radius leave twice as much as 17.
     """
     deep = {"loading": {"delta": delta, "steps": round(delta / 0.175)}}
     expected = solve(ball(nu, **deep))[-1].force
@@ -294,8 +300,9 @@ def test_effort_of_the_other_methods(nu: float, method: str, h: float) -> None:
 
 @pytest.mark.parametrize("nu", [0.3, 0.49])
 def test_the_true_pressure_falls_from_the_axis_outwards(nu: float) -> None:
-    """To 1 % of its peak, the axis included, where u_r/r is 0/0 and the ring's stretch is the
-    radial one.
+    """The pressure falls monotonically from the axis outwards, to 1 % of its peak.
+
+    On the axis u_r/r is 0/0 and the hoop stretch is the radial one.
     """
     state = solve(ball(nu, 0.02, loading={"deltas": [0.1, 0.3]}))[-1]
     pressure = state.surface.pressure[np.argsort(state.surface.x)]
@@ -305,8 +312,9 @@ def test_the_true_pressure_falls_from_the_axis_outwards(nu: float) -> None:
 
 @pytest.mark.verify
 def test_a_hopeless_depth_is_given_up() -> None:
-    """A sharp punch whose edge no mesh resolves: eleven tries of four iterations each, and what is
-    known is said.
+    """A depth that cannot be reached is given up after eleven attempts, with what is known.
+
+    It is that of a sharp punch whose edge no mesh resolves.
     """
     punch = {"shape": "flat_punch", "radius": 0.5, "edge_radius": 1e-4}
     base = ball(
@@ -328,7 +336,7 @@ def test_a_hopeless_depth_is_given_up() -> None:
 
 
 def test_unloading_returns_along_the_path() -> None:
-    """Elastic, frictionless: the same states on the way back, and nothing after lift-off."""
+    """Elastic, frictionless unloading returns through the same states to no force."""
     states = solve(ball(0.49, loading={"deltas": [0.1, 0.3, 0.1, -0.1]}))
     assert states[2].force == pytest.approx(states[0].force, rel=1e-8)
     assert states[3].force == pytest.approx(0, abs=1e-12)
@@ -341,7 +349,7 @@ def test_nothing_in_contact_is_no_negative_zero() -> None:
     assert str(state.force) == "0.0"
 
 
-# ---- energy ------------------------------------------------------------
+# ---- energy
 
 BODIES = {"axisymmetric": WALLED, "plane_strain": STRIP}
 
@@ -355,8 +363,9 @@ BODIES = {"axisymmetric": WALLED, "plane_strain": STRIP}
     ],
 )
 def test_work_is_energy(body: str, nu: float) -> None:
-    """W(0.26) - W(0.2) = int F ddelta by Simpson's rule. The rule leaves 1e-6; the rest of 1e-4 is
-    the kinks of F where the contact edge passes a quadrature point.
+    """The change of the energy is the work of the force by Simpson's rule, to 1e-4.
+
+    The rule leaves 1e-6; the rest are kinks of F where the edge passes a quadrature point.
     """
     states = solve(
         ball(
@@ -370,13 +379,14 @@ def test_work_is_energy(body: str, nu: float) -> None:
     assert states[-1].energy - states[0].energy == pytest.approx(work, rel=1e-4)
 
 
-# ---- three dimensions, other tips ------------------------------------------------------------
+# ---- three dimensions, other tips
 
 
 def test_quarter_is_the_cylinder() -> None:
-    """A box of the cylinder's height and area has the same response but for its far corners, 0.1 %
-    at nu = 0.3; three elements in the contact radius leave 0.5 % of the force and a tenth of an
-    element of the radius.
+    """A box with the cylinder's height and area has its force, to 0.5 %.
+
+    Its far corners change 0.1 %; three elements in the contact radius leave 0.5 % of the force and
+    a tenth of an element of the radius.
     """
     side = 2 * np.pi**0.5
     box = {"shape": "box", "size": [side, side, 1.0], "base": "fixed", "sides": "roller"}
@@ -388,7 +398,7 @@ def test_quarter_is_the_cylinder() -> None:
 
 
 def test_half_a_strip_is_a_strip() -> None:
-    """Another mesh: 0.1 %, several times the error of each."""
+    """The half model of a strip has the numbers of the full model, to the 0.1 % of another mesh."""
     one, two = (
         solve(
             ball(
@@ -417,7 +427,7 @@ PUNCH = {"shape": "flat_punch", "radius": 0.5, "edge_radius": 0.01}
     ids=lambda value: value["shape"] if isinstance(value, dict) else None,
 )
 def test_other_tips_shallow(tip: dict[str, Any], delta: float, rel: float) -> None:
-    """Against layer theory for the sharp tip at small strain."""
+    """Shallow forces of other tips are those of layer theory at small strain."""
     h = 0.004 if tip == PARABOLOID else 0.01
     base = ball(indenter=tip, loading={"delta": delta, "steps": 1}, mesh={"h_contact": h})
     assert base.plan.theory is not None
@@ -444,8 +454,9 @@ def test_other_tips_shallow(tip: dict[str, Any], delta: float, rel: float) -> No
     ids=lambda value: "-".join(map(str, value.values())) if isinstance(value, dict) else None,
 )
 def test_other_tips_deep(tip: dict[str, Any], delta: float, h: float) -> None:
-    """They arrive, and two methods say the same: 0.3 %, the contact edge by hats or by P2 on 17
-    elements or more.
+    """Deep paths of other tips end, and two contact methods agree to 0.3 %.
+
+    The contact edge is resolved by hats or by quadratics on at least 17 elements.
     """
     loading = {"loading": {"delta": delta, "steps": 5}, "indenter": tip, "h_contact": h}
     one = solve(ball(0.4, **loading))[-1]
@@ -455,20 +466,21 @@ def test_other_tips_deep(tip: dict[str, Any], delta: float, h: float) -> None:
 
 @pytest.mark.parametrize("nu", [0.3, 0.5])
 def test_a_body_inside_out_is_no_equilibrium(nu: float) -> None:
-    """u_z = -2 z makes J = -1; its residual is a number."""
+    """An inverted body, u_z = -2 z with J = -1, is inadmissible, though its residual is finite."""
     base = ball(nu, 0.2)
     problem = solver.create_equilibrium(base, meshed(base)).problem
     assert problem.is_admissible()
     z = problem.unknowns.collapsed_space("u").tabulate_dof_coordinates()[:, 1]
     x = problem.x.copy()
-    x.array[problem.unknowns.places("u")] = np.column_stack([0 * z, -2 * z]).ravel()
+    x.array[problem.unknowns.dofs("u")] = np.column_stack([0 * z, -2 * z]).ravel()
     problem.body.set_solution(x)
     assert not problem.is_admissible()
 
 
 def test_gent_names_its_limit() -> None:
-    """Jm = 0.02 is a stretch of 1.08: far too little for this depth, and the run says so after what
-    it reached.
+    """A path beyond the limiting stretch of a Gent law ends with that reason.
+
+    Jm = 0.02 is a stretch of 1.08.
     """
     base = ball(
         material={"model": "gent", "mu": 1.0, "Jm": 0.02, "nu": 0.5},
@@ -484,8 +496,9 @@ def test_gent_names_its_limit() -> None:
 
 @pytest.mark.verify
 def test_laws_of_the_same_modulus_stay_together() -> None:
-    """Incompressible, 0.3 R: laws that differ only in how they stiffen differ by a few percent, and
-    by their order: Gent (Jm = 30) stiffens, neo-Hookean does not.
+    """Incompressible laws of one modulus differ by a few per cent, in the order of stiffening.
+
+    At 0.3 R, Gent with Jm = 30 is stiffer than neo-Hookean.
     """
     loading = {"loading": {"delta": 0.3, "steps": 3}, "body": CYLINDER | {"sides": "fixed"}}
     soft = solve(ball(material={"model": "mooney_rivlin", "C10": 0.5, "nu": 0.5}, **loading))[

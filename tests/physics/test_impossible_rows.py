@@ -1,4 +1,4 @@
-"""A row that cannot be true is not written: exit code 6, and the rows before it stay."""
+"""An impossible row is not written: exit code 6, and the rows before it stay."""
 
 from __future__ import annotations
 
@@ -48,8 +48,9 @@ def test_the_rows_before_stay(scene, tmp_path, monkeypatch):
 
 
 def test_a_surface_moved_up_into_the_tip_overlaps_it() -> None:
-    """A body moved up by 0.05 below a tip at rest: so deep is it inside the tip at its apex, and
-    the first facet beside that, whose far end counts, by the height of the tip there less.
+    """A body moved up into the tip by 0.05 is penetrated by that, less the tip's height nearby.
+
+    The first facet next to the apex counts with its far end.
     """
     contact, mesh = {"method": "auto", "gap": "current"}, {"h_contact": 0.02}
     base = made(CYLINDER, contact=contact, mesh=mesh, solver={"method": "newton"})
@@ -62,7 +63,7 @@ def test_a_surface_moved_up_into_the_tip_overlaps_it() -> None:
 
 @pytest.mark.parametrize("method", ["augmented_lagrangian", "penalty", "nitsche", "active_set"])
 def test_a_contact_between_two_points_of_the_mesh(scene, tmp_path, method):
-    with pytest.raises(VerificationError, match="finds no force"):
+    with pytest.raises(VerificationError, match="there is no force"):
         overrides = (
             "loading={delta: 1.0e-6, steps: 1}",
             f"contact={{method: {method}, gap: reference}}",

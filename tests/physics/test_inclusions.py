@@ -1,4 +1,4 @@
-"""Inclusions: an independent force, what must change nothing, symmetries, and error bars that hold."""
+"""Inclusions: an independent force, unchanged cases, symmetries, and error bars that hold."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from promised_bars import ROWS_OF_A_CLASS
-from scenes import CYLINDER, ELASTIC, PARABOLOID, STRIP, WALLED, force, grid_of, scene
-from test_layers import state_on
+from scenes import CYLINDER, ELASTIC, PARABOLOID, STRIP, WALLED, force, grid_of, scene, state_on
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.run import pipeline
@@ -57,7 +56,7 @@ def egg(place: tuple[float, ...] = (0.0, 0.0, -0.35), material: Any = STIFF) -> 
 
 
 def given(body: dict[str, Any], *inclusions: dict[str, Any], **sections: Any) -> dict[str, Any]:
-    """A scene with inclusions under a paraboloid pushed in by 0.05."""
+    """Mapping of a scene with inclusions under a paraboloid pushed in by 0.05."""
     return {
         "body": body | {"inclusions": list(inclusions)},
         "material": ELASTIC,
@@ -67,25 +66,25 @@ def given(body: dict[str, Any], *inclusions: dict[str, Any], **sections: Any) ->
 
 
 def included(body: dict[str, Any], *inclusions: dict[str, Any], **sections: Any) -> Scene:
-    """The same, resolved."""
+    """The resolved scene of that mapping."""
     return resolve(config_from_mapping(given(body, *inclusions, **sections)))
 
 
 def without(base: Scene) -> Scene:
-    """The scene of the first region's matter alone."""
+    """The scene with the material of its first region alone."""
     part = base.physics.domain
     return base.replace_physics(domain=dataclasses.replace(part, regions=part.regions[:1]))
 
 
 def test_a_ball_inclusion_at_automatic_sizes() -> None:
-    """0.3 % of the force, as everywhere."""
+    """Automatic sizes keep the promised 0.3 % of the force with a ball inclusion."""
     found = force(included(WALLED, ball()))
     print(f"automatic sizes: {found / EXACT - 1:+.4%}")
     assert found == pytest.approx(EXACT, rel=3e-3)
 
 
 def test_a_ball_inclusion_to_a_given_accuracy(tmp_path: Path) -> None:
-    """0.1 % asked for: the error is less, and so are the bars of all steps, which cover it."""
+    """An accuracy of 0.1 % is met, and the error bars of all rows hold the error."""
     config = config_from_mapping(
         given(
             WALLED,
@@ -115,7 +114,7 @@ def test_a_ball_inclusion_to_a_given_accuracy(tmp_path: Path) -> None:
     ],
 )
 def test_an_inclusion_of_the_bodys_own_matter_changes_nothing(body: str, kind: Any) -> None:
-    """On one mesh, 1e-9: the faces' lines stay, the regions become one."""
+    """An inclusion of the body's own material changes nothing on the same mesh, to 1e-9."""
     bodies = {
         "axisymmetric": WALLED,
         "strip": STRIP,
@@ -141,8 +140,9 @@ def test_an_inclusion_of_the_bodys_own_matter_changes_nothing(body: str, kind: A
     "parts", [["quarter"], pytest.param(["half", "full"], marks=pytest.mark.verify)]
 )
 def test_section_quarter_half_and_whole_agree(parts: list[str]) -> None:
-    """Coarse in three dimensions: 0.5 % of the section's force, the error of the facets of the wall
-    and the ball.
+    """Section, quarter, half and full models of an inclusion agree to 0.5 %.
+
+    This is the error of coarse facets of wall and ball.
     """
     body = CYLINDER | {"radius": 1.2, "sides": "roller"}
     mesh = {"h_contact": 0.08, "h_far": 0.4, "grading": 0.5, "h_inclusions": [0.05]}
@@ -169,8 +169,10 @@ def test_section_quarter_half_and_whole_agree(parts: list[str]) -> None:
     ],
 )
 def test_the_part_has_the_symmetry_of_its_inclusions(inclusions: list[Any], symmetry: str) -> None:
-    """Mirror images count only with the same matter; every inclusion in the part is meshed, at its
-    volume but for 10 %, the facets' loss at two elements in a radius.
+    """The model domain has the symmetry of its inclusions, and meshes each of them.
+
+    Mirror images count only with equal material. Facets lose 10 % of the volume at two elements in
+    a radius.
     """
     mesh = {"h_contact": 0.1, "h_far": 0.4, "h_inclusions": [0.05] * len(inclusions)}
     base = included(WALLED, *inclusions, mesh=mesh)
@@ -188,8 +190,9 @@ def test_the_part_has_the_symmetry_of_its_inclusions(inclusions: list[Any], symm
     "body", ["axisymmetric", "strip", "cap", pytest.param("quarter", marks=pytest.mark.verify)]
 )
 def test_an_ellipsoid_of_equal_semi_axes_is_a_ball(body: str) -> None:
-    """On meshes of their own: 0.1 %, twice the error of either at automatic sizes; 0.5 % in three
-    dimensions.
+    """An ellipsoid of equal semi-axes gives the force of a ball, on a mesh of its own.
+
+    0.1 % is twice the error at automatic sizes; 0.5 % holds in three dimensions.
     """
     bodies, x = {"strip": STRIP, "cap": CAP}, 2.0 if body == "strip" else 0.0
     round_ = egg((x, 0.0, -0.35)) | {"semi_axes": [0.2, 0.2, 0.2]}
@@ -217,8 +220,9 @@ FEW = (2, 3, 7, 11)
     "case", [pytest.param(n, marks=[] if n in FEW else [VERIFY]) for n in range(len(ELLIPSOIDS))]
 )
 def test_an_ellipsoid_at_automatic_sizes(case: int) -> None:
-    """Three times as long as thick, upright or not, 0.05 below the surface: 0.3 % of what sizes 0.4
-    times as large give.
+    """Automatic sizes keep 0.3 % of the force with an ellipsoid 0.05 below the surface.
+
+    It is three times as long as thick. The reference has sizes 0.4 times as large.
     """
     body, semi_axes, E = ELLIPSOIDS[case]
     x, z = 2.0 if body == "strip" else 0.0, -0.05 - semi_axes[2]
@@ -233,7 +237,7 @@ def test_an_ellipsoid_at_automatic_sizes(case: int) -> None:
 
 
 def test_a_section_and_a_quarter_of_an_ellipsoid_agree() -> None:
-    """Coarse in three dimensions: 0.5 % of the section's force, as of a ball."""
+    """Section and quarter model of an ellipsoid agree to 0.5 %."""
     body = CYLINDER | {"radius": 1.2, "sides": "roller"}
     mesh = {
         "h_contact": 0.08,
@@ -247,9 +251,7 @@ def test_a_section_and_a_quarter_of_an_ellipsoid_agree() -> None:
 
 
 def test_an_ellipsoid_turned_by_a_right_angle() -> None:
-    """Its semi-axes along x and y exchanged, in a body that is the same in both: on meshes of their
-    own, 0.3 %.
-    """
+    """Exchanging the semi-axes along x and y in a symmetric body changes 0.3 % at most."""
     body = {"shape": "box", "size": [2.0, 2.0, 1.0]}
     mesh = {"h_contact": 0.08, "h_far": 0.4, "h_inclusions": [0.06]}
     found = [
@@ -260,7 +262,7 @@ def test_an_ellipsoid_turned_by_a_right_angle() -> None:
 
 
 def test_two_inclusions_beside_the_tip_of_a_strip() -> None:
-    """The half of a strip with a mirrored pair is the whole: 0.2 %, the error of both meshes."""
+    """The half model of a strip with a mirrored pair has the full model's force, to 0.2 %."""
     pair = [ball((1.7, 0.0, -0.3)), ball((2.3, 0.0, -0.3))]
     half, whole = (
         included(STRIP, *pair, mesh={"symmetry": symmetry}) for symmetry in ("auto", "full")
@@ -270,8 +272,9 @@ def test_two_inclusions_beside_the_tip_of_a_strip() -> None:
 
 
 def test_a_half_space_far_larger_than_its_inclusion() -> None:
-    """As the layer with a wall far away, a hundred times as thick: 0.5 %, what the base takes away
-    there.
+    """A half-space with an inclusion has the force on a very large body, to 0.5 %.
+
+    This is what the base of the large body takes away.
     """
     endless = included({"shape": "half_space"}, ball())
     assert endless.physics.body.height * endless.physics.scales.length > 20
@@ -280,7 +283,7 @@ def test_a_half_space_far_larger_than_its_inclusion() -> None:
 
 
 def test_matter_of_other_kinds() -> None:
-    """Hyperelastic and incompressible inclusions at a depth of 1e-4 are linear elastic ones, 1e-3."""
+    """At small depth, hyperelastic and incompressible inclusions act as linear elastic ones."""
     loading = {
         "loading": {"delta": 1e-4, "steps": 1},
         "contact": {"method": "auto", "gap": "reference"},
@@ -299,7 +302,7 @@ def test_matter_of_other_kinds() -> None:
 
 
 def test_a_scene_in_other_units_is_the_same_scene() -> None:
-    """Lengths in um, moduli in kPa: the mesh is the same to the last digit, the force to 1e-9."""
+    """The scene in other units has the same mesh, and the same force to 1e-9."""
     micro = {
         "shape": "ball",
         "center": [0.0, 0.0, -0.35e-6],
@@ -323,7 +326,7 @@ def test_a_scene_in_other_units_is_the_same_scene() -> None:
     "body", [WALLED, WALLED | {"layers": [{"thickness": 0.1}, {"thickness": 0.9}]}]
 )
 def test_a_resolved_scene_is_meshed_the_same(body: dict[str, Any]) -> None:
-    """Whatever chose the sizes: they stand in the resolved scene, one for each inclusion."""
+    """The resolved scene contains the sizes of all inclusions and gives the same mesh."""
     config = config_from_mapping(given(body, ball(), upright((0.0, 0.0, -0.75)), accuracy=0.01))
     first = resolve(config)
     again = resolve(explicit_config(config, first))
@@ -338,9 +341,7 @@ def test_theory_stands_beside_but_is_of_another_body() -> None:
 
 
 def drawn(count: int, seed: int) -> list[dict[str, Any]]:
-    """Scenes of one inclusion each: any depth and size, moduli 1e-3 to 1e3 times the body's, nu 0
-    to 0.5 in both.
-    """
+    """Random scenes of one inclusion of any depth, size, modulus and Poisson's ratio."""
     draw, found = random.Random(seed), []
     for number in range(count):
         body = STRIP if number % 4 == 3 else WALLED
@@ -372,8 +373,10 @@ def drawn(count: int, seed: int) -> list[dict[str, Any]]:
 
 @pytest.mark.verify
 def test_error_bars_of_inclusions_drawn_at_random(tmp_path: Path) -> None:
-    """`accuracy: 0.005` against 0.0005, whose error is allowed for: met at every step, and as
-    many rows in their bars as is promised of a class of scenes."""
+    """Random inclusions meet an accuracy of 0.005, and bars have the promised coverage.
+
+    The reference has an accuracy of 0.0005, whose error is allowed for.
+    """
     inside, rows, worst = 0, 0, 0.0
     for number, document in enumerate(drawn(4, seed=3)):
         configs = [

@@ -1,6 +1,4 @@
-"""What must not change the answer: units, the modulus, the number of steps, a rigid motion; and
-energy is work.
-"""
+"""Invariance under units, modulus, increments and rigid motions; energy is work."""
 
 from __future__ import annotations
 
@@ -34,12 +32,11 @@ COARSE_BOX = {"mesh": {"h_contact": 0.1}, "loading": {"delta": 0.04, "steps": 2}
 
 
 def numbers(state: State) -> list[float]:
-    """All that a state says in numbers."""
+    """All numbers of a state."""
     return [getattr(state, name) for name in NUMBERS]
 
 
 # ---- units
-# ----------------------------------------------------------------------------------------------------
 
 SHAPES = {
     "axisymmetric": (CYLINDER, COARSE | {"loading": {"delta": 0.01, "steps": 3}}),
@@ -58,7 +55,7 @@ UNITS = {
 
 
 def in_other_units(section: dict[str, Any], length: float) -> dict[str, Any]:
-    """The section of a config with its lengths in other units."""
+    """Section of a config with its lengths in other units."""
 
     def converted(value: Any) -> Any:
         return [part * length for part in value] if isinstance(value, list) else value * length
@@ -79,7 +76,7 @@ def reference(
 
 @pytest.mark.parametrize("units", UNITS)
 def test_units_do_not_matter(reference: Any, units: str) -> None:
-    """The same mesh to the bit, as many iterations, and the same numbers once converted back."""
+    """Other units give the same mesh, the same iterations, and the same converted numbers."""
     body, sections, expected, mesh = reference
     length, pressure = UNITS[units]
     converted = {name: in_other_units(part, length) for name, part in sections.items()}
@@ -97,7 +94,7 @@ def test_units_do_not_matter(reference: Any, units: str) -> None:
 
 @pytest.mark.parametrize("factor", [1e-6, 1e12])
 def test_forces_are_proportional_to_the_modulus(reference: Any, factor: float) -> None:
-    """From 5 uPa to 5 TPa: linear elasticity knows no other pressure."""
+    """Forces are proportional to the modulus from 5 uPa to 5 TPa."""
     body, sections, expected, _ = reference
     states = solve(scene(body, **sections | {"material": ELASTIC | {"E": 5.0 * factor}}))
     scales = [1.0, factor, 1.0, factor, 1.0, factor, factor]
@@ -107,13 +104,13 @@ def test_forces_are_proportional_to_the_modulus(reference: Any, factor: float) -
 
 
 # ---- the path
-# -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_one_step_or_ten(shape: str) -> None:
-    """Without friction the answer depends on the depth alone; 1e-8 is a hundred times Newton's
-    tolerance.
+    """One increment or ten give the same numbers without friction, to 1e-8.
+
+    This is a hundred times Newton's tolerance.
     """
     body, sections = SHAPES[shape]
     depth = sections.get("loading", {"delta": 0.01})["delta"]
@@ -127,9 +124,10 @@ def test_one_step_or_ten(shape: str) -> None:
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_force_is_the_derivative_of_the_energy(shape: str) -> None:
-    """Central difference at delta (1 +- 1e-3): its own error is (1e-3)^2 times delta^2 F''/(6 F),
-    1e-7; the discrete energy's second derivative jumps where a quadrature point comes into
-    contact, which leaves 1e-5.
+    """The force is the central difference of the energy, to 1e-5.
+
+    The difference over delta (1 +- 1e-3) has an error of 1e-7; the second derivative of the
+    discrete energy jumps where a quadrature point comes into contact.
     """
     body, sections = SHAPES[shape]
     depth = sections.get("loading", {"delta": 0.01})["delta"]
@@ -141,9 +139,7 @@ def test_force_is_the_derivative_of_the_energy(shape: str) -> None:
 
 
 def test_flat_punch_is_linear() -> None:
-    """A sharp punch keeps its contact, so force and depth are proportional to the accuracy of
-    Newton's tolerance.
-    """
+    """The force of a flat punch is proportional to the depth, to Newton's tolerance."""
     base = scene(
         WALLED,
         indenter={"shape": "flat_punch", "radius": 0.5},
@@ -155,8 +151,9 @@ def test_flat_punch_is_linear() -> None:
 
 
 def test_gap_and_depth_scale_together() -> None:
-    """Small strain with the reference gap is homogeneous: a tip a hundred times blunter and less
-    deep touches the same places with a hundredth of the force.
+    """A tip a hundred times blunter and shallower has the same contact and 1 % of the force.
+
+    Small strain with the reference gap is homogeneous.
     """
     mesh = {"mesh": {"h_contact": 0.02}}
     sharp = with_penalty(scene(CYLINDER, **mesh), 1e4 * E_STAR)
@@ -170,13 +167,10 @@ def test_gap_and_depth_scale_together() -> None:
 
 
 # ---- rigid motions
-# --------------------------------------------------------------------------------------------
 
 
 def rigid_motions(dim: int, axisymmetric: bool, X: np.ndarray) -> list[np.ndarray]:
-    """All infinitesimal rigid motions (n, dim) of a body with points X; along the axis only when
-    axisymmetric.
-    """
+    """All infinitesimal rigid motions (n, dim); those along the axis if axisymmetric."""
     shifts = [np.tile(direction, (len(X), 1)) for direction in np.eye(dim)]
     if axisymmetric:
         return shifts[1:]
@@ -195,9 +189,7 @@ def rigid_motions(dim: int, axisymmetric: bool, X: np.ndarray) -> list[np.ndarra
     ids=["axisymmetric", "plane_strain", "box"],
 )
 def test_rigid_motions_strain_nothing(body: dict[str, Any], symmetry: str) -> None:
-    """No force at any dof, supports included, and no energy, while the tip is away: 1e-12 of E h is
-    round-off.
-    """
+    """Rigid motions cause no force at any dof and no energy, to round-off."""
     from indent_sim.fe import solver
 
     mesh = {"h_contact": 0.25, "h_far": 0.5, "symmetry": symmetry}
@@ -217,8 +209,9 @@ def test_rigid_motions_strain_nothing(body: dict[str, Any], symmetry: str) -> No
 
 @pytest.mark.parametrize("x", [3.3, 4.9])
 def test_place_on_a_long_strip_does_not_matter(x: float) -> None:
-    """On a bonded layer eight thicknesses long the ends are felt by less than 1e-3; the other mesh
-    makes as much.
+    """The position on a long strip does not matter, to 2e-3.
+
+    The ends of a bonded layer eight thicknesses long change less than 1e-3, and the mesh as much.
     """
     long = STRIP | {"width": 8.0}
     at_x, middle = (

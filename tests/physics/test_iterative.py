@@ -1,6 +1,4 @@
-"""The iterative linear solver: the forces of the factored systems, in as many iterations on a finer
-mesh.
-"""
+"""The iterative linear solver: the forces of factorizations, and few iterations on fine meshes."""
 
 from __future__ import annotations
 
@@ -79,7 +77,7 @@ SCENES: dict[str, dict[str, Any]] = {
 
 
 def on(linear: str, sections: dict[str, Any]) -> Scene:
-    """A scene on a small mesh by Newton's method, its linear systems solved in this way."""
+    """A scene on a small mesh by Newton's method with this linear solver."""
     given = {"body": BOX, "mesh": MESH, "loading": PRESSED} | sections
     return scene(given.pop("body"), solver={"method": "newton", "linear": linear}, **given)
 
@@ -145,8 +143,10 @@ STIFF: dict[str, dict[str, Any]] = {
     "name", [pytest.param(name, marks=[pytest.mark.verify] * (name != "penalty")) for name in STIFF]
 )
 def test_force_and_stiffness_of_a_stiff_contact_are_those_of_a_factorisation(name: str) -> None:
-    """The stiffness is solved for until the energy of what is left is 1e-9 of it; judged in the
-    norm of forces, which such a contact rules, it was wrong by 1 to 10 per cent.
+    """Force and stiffness of a stiff contact are those of a factorization.
+
+    The stiffness is solved until the energy of the residual is 1e-9. Judged by a norm of forces,
+    which such a contact dominates, it was 1 to 10 per cent wrong.
     """
     sections = {
         "mesh": {"h_contact": 0.1, "h_far": 0.6},
@@ -158,7 +158,10 @@ def test_force_and_stiffness_of_a_stiff_contact_are_those_of_a_factorisation(nam
 
 
 def test_error_bars_are_those_of_factorisations() -> None:
-    """Differences of forces that agree to 1e-8, of about a hundredth of them."""
+    """Error bars are those of factorizations.
+
+    They are differences of forces of about a hundredth, and the forces agree to 1e-8.
+    """
     bars = []
     for linear in ("direct", "iterative"):
         base = on(
@@ -175,7 +178,10 @@ def test_error_bars_are_those_of_factorisations() -> None:
 
 
 def test_what_no_slip_would_change_is_solved_by_a_factorisation(monkeypatch: Any) -> None:
-    """An iterative solver knows no friction; where there is no room for factors nothing is said."""
+    """The no-slip effect is solved by a factorization, and not stated where memory is too small.
+
+    The iterative solver does not support friction.
+    """
     sections = {"mesh": {"h_contact": 0.2, "h_far": 0.8}, "loading": {"delta": 0.06, "steps": 1}}
     ways = ({"linear": "iterative"}, {"method": "condensed"})
     direct, iterative = (scene(BOX, **sections, solver=way) for way in reversed(ways))
@@ -208,8 +214,9 @@ LARGE: dict[str, dict[str, Any]] = {
     ("name", "shrink"), [*((name, 1.0) for name in LARGE), ("nearly incompressible", 2.1)]
 )
 def test_the_force_is_that_of_a_factorisation_on_large_meshes(name: str, shrink: float) -> None:
-    """Of 20 000 and of 80 000 unknowns; the linear bodies condensed, by another formulation of the
-    contact.
+    """The force is that of a factorization on meshes of 20 000 and 80 000 unknowns.
+
+    Linear bodies are compared condensed, with another formulation of the contact.
     """
     h = (0.02 if name == "neo-Hookean" else 0.0185) / shrink
     mesh = {"h_contact": h, "h_far": 8 * h}
@@ -222,14 +229,17 @@ def test_the_force_is_that_of_a_factorisation_on_large_meshes(name: str, shrink:
 
 
 def krylov_per_newton(states: list[State]) -> float:
-    """Iterations of a linear system, in the mean of a path."""
+    """Mean number of Krylov iterations per linear system of a path."""
     return sum(state.krylov_iterations or 0 for state in states) / sum(
         state.newton_iterations for state in states
     )
 
 
 def test_a_finer_mesh_takes_no_more_iterations() -> None:
-    """Eight times the unknowns; multigrid keeps the count to what the contact's edge makes of it."""
+    """Krylov iterations per Newton iteration grow by at most 30 % with eight times the unknowns.
+
+    Multigrid bounds the count; the rest of the growth comes from the edge of the contact.
+    """
     coarse, fine = (
         solve(on("iterative", {"mesh": {"h_contact": h, "h_far": 5 * h}})) for h in (0.1, 0.05)
     )
@@ -237,9 +247,9 @@ def test_a_finer_mesh_takes_no_more_iterations() -> None:
 
 
 def test_a_stiff_base_takes_no_more_iterations() -> None:
-    """What is held moves nothing beside it: the cycle knows no contrast between layers.
+    """A contrast of layers does not raise the number of iterations.
 
-    It did, and took ten times as many.
+    It once took ten times as many.
     """
     layers = [{"thickness": 0.5}, {"thickness": 0.5, "material": ELASTIC | {"E": 1e4}}]
     one, two = (solve(on("iterative", {"body": BOX | body})) for body in ({}, {"layers": layers}))
@@ -247,7 +257,7 @@ def test_a_stiff_base_takes_no_more_iterations() -> None:
 
 
 def test_every_iteration_is_counted() -> None:
-    """Those of the stiffness in the row that has it."""
+    """All Krylov iterations are counted, those of the stiffness in its row."""
     base = on("iterative", {})
     walk = backend().create_load_stepper(base, meshed(base))
     readings = DerivedQuantities(base, walk.equilibrium)
@@ -261,9 +271,7 @@ def test_every_iteration_is_counted() -> None:
 
 
 def test_a_worn_preconditioner_is_built_anew_before_a_step_fails(monkeypatch: Any) -> None:
-    """One that gives nothing any more from the second step on: the system is solved again, and no
-    step is cut.
-    """
+    """An outdated preconditioner is rebuilt before an increment fails."""
     from indent_sim.fe.solve.multigrid import Multigrid
 
     base = on("iterative", {})
@@ -288,7 +296,10 @@ def test_a_worn_preconditioner_is_built_anew_before_a_step_fails(monkeypatch: An
 
 
 def test_multigrid_on_the_linear_elements(monkeypatch: Any) -> None:
-    """Where they are too many for a factorisation: a few more iterations, the same force."""
+    """Where linear elements are too many for a factorization, multigrid gives the same force.
+
+    It takes at most 1.5 times the iterations.
+    """
     from indent_sim.fe.solve import multigrid
 
     factored = solve(on("iterative", {}))
@@ -299,8 +310,10 @@ def test_multigrid_on_the_linear_elements(monkeypatch: Any) -> None:
 
 
 def test_multigrid_renewed_is_multigrid_built_anew() -> None:
-    """On all of its levels, after contact has spread; within what the bounds of the smoother's
-    spectrum are estimated to. Of the old levels a cycle differs by a half.
+    """An updated multigrid cycle is one built anew, on all levels, after the contact has spread.
+
+    The difference is that of the estimated spectrum of the smoother; a cycle of old levels differs
+    by a half.
     """
     from indent_sim.fe import solver
     from indent_sim.fe.solve.blocks import DisplacementStiffness
@@ -328,7 +341,7 @@ def test_multigrid_renewed_is_multigrid_built_anew() -> None:
 
 
 def test_a_system_that_is_not_solved_is_no_step(monkeypatch: Any) -> None:
-    """The path then ends with the reason, and nothing that is not converged is a row."""
+    """A path whose linear system is not solved ends with that reason, and has no such row."""
     from indent_sim.fe.solve import iterative
 
     monkeypatch.setattr(iterative, "MOST_KRYLOV_ITERATIONS", 1)
@@ -346,8 +359,9 @@ def test_the_discretisation_does_not_know_the_linear_solver() -> None:
 
 @pytest.mark.parametrize("linear", ["direct", "iterative"])
 def test_nothing_of_a_solution_stays(linear: str) -> None:
-    """Python sees no circle of references that goes through PETSc, and a process may run a thousand
-    scenes.
+    """No problem and no solver outlives a solution.
+
+    Python does not see circular references through PETSc, and a process may run a thousand scenes.
     """
     solve(on(linear, {}))
     gc.collect()

@@ -1,10 +1,9 @@
-"""Layer in a frictionless wall: the body is the theory's own, so every difference is the program's
-error.
+"""A layer in a frictionless wall is the theory's own body: each difference is a numerical error.
 
 Reference: the dual integral equations of Lebedev & Ufliand (1958) and Hayes et al. (1972) with the
 Dini sum of a roller wall at W = 2 (plane strain: the cosine sum), solved by Gauss-Legendre Nystrom
 to the digits shown. E = 1, h = 1, R = 1, nu = 0.3, base bonded unless said; frictionless, small
-strain, gap at the reference radius.
+strain, reference gap.
 """
 
 from __future__ import annotations
@@ -89,7 +88,7 @@ CASES = {
     scope="module",
 )
 def solved(request: pytest.FixtureRequest) -> tuple[Case, State]:
-    """Every line of the table on the mesh that the program chooses by itself."""
+    """Every line of the table on the automatic mesh."""
     name, method = request.param
     return CASES[name], solve(CASES[name].scene(f"contact.method={method}"))[-1]
 
@@ -100,16 +99,18 @@ def test_force_of_the_automatic_mesh(solved: tuple[Case, State]) -> None:
 
 
 def test_contact_radius_of_the_automatic_mesh(solved: tuple[Case, State]) -> None:
-    """The edge of contact is known to a fraction of an element, of which `auto` puts ten in a
-    radius: a fifth, 2 %.
+    """The contact radius of the automatic mesh is right to 2 %.
+
+    This is a fifth of an element, of which there are ten in the radius.
     """
     case, state = solved
     assert state.a == pytest.approx(case.a, rel=0.02)
 
 
 def test_peak_pressure_of_the_automatic_mesh(solved: tuple[Case, State]) -> None:
-    """0.5 %: a pressure is a derivative, known to h^2 where the force is known to h^3; a stiff
-    penalty adds ripples.
+    """The peak pressure of the automatic mesh is right to 0.5 %.
+
+    A pressure is known to h^2 where the force is known to h^3; a stiff penalty adds oscillations.
     """
     case, state = solved
     if case.p0 is not None:
@@ -117,7 +118,6 @@ def test_peak_pressure_of_the_automatic_mesh(solved: tuple[Case, State]) -> None
 
 
 # ---- convergence
-# ----------------------------------------------------------------------------------------------
 #
 # Near field, far field and grading shrink together: a mesh that keeps its grading keeps the error
 # of its rings, however small the elements near the tip are. Which elements touch changes with the
@@ -134,9 +134,7 @@ FAR, GRADING = 25.0, 1.5  # far over near size, and grading times elements in th
 
 @dataclass(frozen=True)
 class Convergence:
-    """Least-squares slope of log(force error) over log(h), and the errors of the finest mesh, of
-    force and radius.
-    """
+    """Order of convergence of the force, and errors of force and radius on the finest mesh."""
 
     force_rate: float
     force_error: float
@@ -145,7 +143,7 @@ class Convergence:
 
 @cache
 def convergence(name: str, method: str) -> Convergence:
-    """How the relative errors fall with the mesh."""
+    """Order of convergence and errors of a case and a method."""
     case = CASES[name]
     pairs = [[_errors(case, method, n, jitter) for jitter in JITTER] for n in DIVISIONS]
     errors = np.sqrt(np.mean(np.square(pairs), axis=1))
@@ -170,7 +168,7 @@ def _errors(case: Case, method: str, per_radius: int, jitter: float) -> tuple[fl
 
 
 def cases_of(*default: tuple[str, str]) -> pytest.MarkDecorator:
-    """These pairs of scene and method in every run, all others with `verify`."""
+    """These pairs of scene and method in every run, and all others with `verify`."""
     every = [
         (name, method)
         for name in ("paraboloid", "sphere", "roller_base", "plane_strain")
@@ -184,9 +182,10 @@ def cases_of(*default: tuple[str, str]) -> pytest.MarkDecorator:
 
 @cases_of(("paraboloid", "augmented_lagrangian"), ("plane_strain", "augmented_lagrangian"))
 def test_force_converges_faster_than_h2(name: str, method: str) -> None:
-    """The force is a derivative of the energy, whose error for a smooth solution is h^4 with P2;
-    the square-root edge of the pressure leaves h^2 to h^3, and the rest of the jitter moves the
-    slope by up to 0.5. The finest mesh must be ten times better than 0.1 %.
+    """The force converges with an order of 2 to 4.2, and to 1e-4 on the finest mesh.
+
+    The energy of a smooth solution has an error of h^4 with quadratic elements; the square root of
+    the pressure at the edge leaves h^2 to h^3, and the scatter changes the slope by up to 0.5.
     """
     found = convergence(name, method)
     assert 2.0 <= found.force_rate <= 4.2
@@ -195,9 +194,10 @@ def test_force_converges_faster_than_h2(name: str, method: str) -> None:
 
 @cases_of(("paraboloid", "augmented_lagrangian"), ("plane_strain", "augmented_lagrangian"))
 def test_contact_radius_is_known_to_a_fraction_of_an_element(name: str, method: str) -> None:
-    """At the edge the pressure leaves zero like a root, so its zero is known to a fixed fraction of
-    an element: a tenth, where gap and multiplier are weighed as in `observe`; a stiff penalty
-    has ripples that hide it.
+    """The contact radius is right to a tenth of an element.
+
+    The pressure leaves zero like a root, so that its zero is known to a fixed fraction of an
+    element. Oscillations of a stiff penalty hide it.
     """
     if method == "penalty":
         pytest.skip("ripples of the pressure")
@@ -206,9 +206,10 @@ def test_contact_radius_is_known_to_a_fraction_of_an_element(name: str, method: 
 
 
 def test_force_of_the_flat_punch_converges_as_h() -> None:
-    """The pressure is singular like 1/sqrt(distance) at the edge, so the energy's error is O(h) of
-    the elements there, here no smaller than the others. The contact is known, so the penalty may
-    be as stiff as one likes.
+    """The force of a flat punch converges with the first order.
+
+    The pressure is singular like 1/sqrt(distance) at the edge. The contact is known, so that the
+    penalty may be as stiff as necessary.
     """
     case, errors = CASES["flat_punch"], []
     divisions = (10, 20, 40)

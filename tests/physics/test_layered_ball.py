@@ -1,6 +1,4 @@
-"""Skins of balls and nuclei in their middle beside a series in Legendre polynomials, ellipsoids
-beside Eshelby's.
-"""
+"""Coatings and nuclei of balls against a Legendre series, ellipsoids against Eshelby's solution."""
 
 from __future__ import annotations
 
@@ -48,7 +46,7 @@ def paraboloid(r: np.ndarray) -> np.ndarray:
 
 
 def series(layers: list[Layer], tip: str = "plate") -> float:
-    """The force by the series, whose pressure nowhere pulls."""
+    """Force by the series, whose pressure is nowhere tensile."""
     found = layered_ball.contact(DELTA, layers, {"plate": plate, "paraboloid": paraboloid}[tip])
     assert found.pressure.min() > 0
     return found.force
@@ -64,8 +62,9 @@ def skinned(t: float, E: float, tip: str = "plate", **sections: Any) -> dict[str
     "nu", [0.3, *(pytest.param(nu, marks=pytest.mark.verify) for nu in (0.0, 0.49))]
 )
 def test_a_small_contact_of_the_series_is_hertz(nu: float) -> None:
-    """Of one matter: what a ball adds to Hertz' half-spaces fades with a/R, to 0.3 % at 1/400 (0.5
-    % and less at 1/100; for nu 0.3 and 0.49 in proportion, for nu 0 half as fast).
+    """A small contact of the series is Hertz's, to 0.3 % at a/R = 1/400.
+
+    The difference falls with a/R, from 0.5 % and less at 1/100; for nu = 0 half as fast.
     """
 
     def beside(c: float) -> float:
@@ -77,15 +76,19 @@ def test_a_small_contact_of_the_series_is_hertz(nu: float) -> None:
 
 
 def test_the_series_of_one_matter_is_known() -> None:
-    """The value of another solver, good to 1e-5, and cut into shells of one matter the same, 1e-10."""
+    """The series of a homogeneous ball has the value of another solver, to its 1e-5.
+
+    Cutting the ball into shells of one material changes the value by less than 1e-10.
+    """
     whole = series([(1.0, CORE)])
     assert whole == pytest.approx(1.548175e-3, rel=KNOWN)
     assert series([(1.0, CORE), (0.9, CORE), (0.4, CORE)]) == pytest.approx(whole, rel=1e-10)
 
 
 def test_a_swollen_shell_is_lames() -> None:
-    """Degree 0 of a shell around next to nothing, under a tension from outside: Lame (1852); 1e-6,
-    the core's share.
+    """The degree 0 of a shell under external tension is Lame's solution (1852), to 1e-6.
+
+    The core's share is 1e-6.
     """
     E, nu, b = 1.0, 0.3, 0.8
     found = layered_ball.compliances(np.array([0, 2]), [(1.0, (E, nu)), (b, (1e-7, nu))])[0, 0, 0]
@@ -93,9 +96,7 @@ def test_a_swollen_shell_is_lames() -> None:
 
 
 def test_the_series_converges() -> None:
-    """Twice as many degrees, half as many functions again: KNOWN, in a stiff skin narrower than the
-    contact too.
-    """
+    """Twice the degrees and more functions give the same value, also in a thin stiff skin."""
     for layers in ([(1.0, CORE)], [(1.0, (1000.0, 0.3)), (0.98, CORE)]):
         here = layered_ball.of_angle(0.06, layers, plate)
         finer = layered_ball.of_angle(0.06, layers, plate, terms=18, waves=400.0)
@@ -109,8 +110,10 @@ def test_the_series_converges() -> None:
 def test_skins_at_automatic_sizes_inside_error_bars(
     tip: str, t: float, E: float, tmp_path: Path
 ) -> None:
-    """0.3 % of the series asked for, 0.036 % found; moduli up to 1000 times apart, skins from 1/200
-    of the radius.
+    """Automatic sizes keep 0.3 % of the series for coated balls, inside the error bars.
+
+    0.036 % were found; moduli differ up to 1000 times, and coatings are from 1/200 of the radius
+    on.
     """
     expected = series([(1.0, (E, ELASTIC["nu"])), (1 - t, CORE)], tip)
     config = config_from_mapping(skinned(t, E, tip, output={"plot": False, "fields": "none"}))
@@ -127,7 +130,7 @@ def test_skins_at_automatic_sizes_inside_error_bars(
     [("plate", 0.1, 1000.0), *(pytest.param(*row, marks=pytest.mark.verify) for row in ACCURATE)],
 )
 def test_skins_to_a_given_accuracy(tip: str, t: float, E: float, tmp_path: Path) -> None:
-    """0.1 % asked for: the error is less, and inside the bar."""
+    """An accuracy of 0.1 % is met for coated balls, and the error bar holds the error."""
     expected = series([(1.0, (E, ELASTIC["nu"])), (1 - t, CORE)], tip)
     config = config_from_mapping(
         skinned(t, E, tip, accuracy=0.001, output={"plot": False, "fields": "none"})
@@ -164,8 +167,9 @@ NUCLEI = [(0.6, 100.0), (0.9, 10.0), (0.4, 0.001), (0.8, 0.01), (0.95, 0.01)]
     ],
 )
 def test_a_nucleus_in_the_middle_is_a_core(shape: str, radius: float, E: float) -> None:
-    """A ball, or an ellipsoid of equal semi-axes, about the center, the rind around a soft one as a
-    shell: 0.3 % asked for at automatic sizes, 0.16 % found.
+    """A nucleus in the middle of a ball gives the series of a core, to 0.3 %.
+
+    It is a ball or an ellipsoid of equal semi-axes; 0.16 % were found.
     """
     found = force(resolve(config_from_mapping(with_nucleus(shape, radius, E))))
     assert found == pytest.approx(series([(1.0, CORE), (radius, (E, ELASTIC["nu"]))]), rel=3e-3)
@@ -174,7 +178,7 @@ def test_a_nucleus_in_the_middle_is_a_core(shape: str, radius: float, E: float) 
 @pytest.mark.verify  # a skin to an accuracy, and nuclei at automatic sizes, are in `make test`
 @pytest.mark.parametrize(("radius", "E"), [(0.6, 100.0), (0.4, 0.001), (0.95, 0.01)])
 def test_a_nucleus_to_a_given_accuracy(radius: float, E: float, tmp_path: Path) -> None:
-    """0.1 % asked for: the error is less, and inside the bar."""
+    """An accuracy of 0.1 % is met with a nucleus, and the error bar holds the error."""
     expected = series([(1.0, CORE), (radius, (E, ELASTIC["nu"]))])
     quiet = {"plot": False, "fields": "none"}
     config = config_from_mapping(with_nucleus("ellipsoid", radius, E, accuracy=0.001, output=quiet))
@@ -184,14 +188,15 @@ def test_a_nucleus_to_a_given_accuracy(radius: float, E: float, tmp_path: Path) 
 
 
 def stiffness(E: float, nu: float) -> np.ndarray:
-    """Normal stresses of normal strains."""
+    """Matrix of normal stresses for normal strains."""
     shear = E / (2 * (1 + nu))
     return 2 * shear * (nu / (1 - 2 * nu) + np.eye(3))
 
 
 def eshelby(semi_axes: list[float], nu: float) -> np.ndarray:
-    """Normal strains in an ellipsoid that would expand by normal strains on its own, in a body
-    without end. Eshelby (1957), Proc. R. Soc. A 241, 376, eq. 3.7.
+    """Normal strains of an ellipsoid with normal eigenstrains in an infinite body.
+
+    Eshelby (1957), Proc. R. Soc. A 241, 376, eq. 3.7.
     """
     a = np.array(semi_axes)
 
@@ -224,9 +229,10 @@ def eshelby(semi_axes: list[float], nu: float) -> np.ndarray:
 def test_stress_inside_an_ellipsoid_is_eshelbys(
     semi_axes: list[float], h: float, E: float, tmp_path: Path
 ) -> None:
-    """Uniform, far below a plate: the mean along the axis to 0.3 % (0.08 and 0.13 % found; 1/6000
-    of the body, and the facets of its surface), each cell's to 2 % of it in the mean square,
-    across it to 0.3 % of that along it.
+    """The stress in an ellipsoid far below a plate is Eshelby's and uniform.
+
+    The mean along the axis agrees to 0.3 % (0.08 and 0.13 % were found, from the finite body and
+    the facets of its surface), each cell to 2 % in the mean square, and that across it to 0.3 %.
     """
     matter = {"model": "linear_elastic", "E": E, "nu": 0.2}
     nucleus = {

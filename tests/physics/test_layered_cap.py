@@ -1,4 +1,4 @@
-"""Caps and glued balls with skins beside finite elements of high degree (tests/layered_cap.py)."""
+"""Coated caps and bonded balls against finite elements of high degree (layered_cap.py)."""
 
 from __future__ import annotations
 
@@ -22,8 +22,9 @@ AUTOMATIC = 0.001  # of the force at automatic sizes; 0.06 % was found
 
 @dataclass(frozen=True)
 class Round:
-    """A cap, or a ball of twice its radius' height, with a core of E = 1 and the reference's
-    contact radius a.
+    """A cap, or a ball, with a core of E = 1 and the reference's contact radius a.
+
+    The height of a ball is twice its radius.
     """
 
     R: float
@@ -40,7 +41,7 @@ class Round:
         )
 
     def row(self, delta: float, folder: Path, **sections: Any) -> State:
-        """The program's row at a depth, with its error bars."""
+        """Row of the program at a depth, with error bars."""
         layers: list[dict[str, Any]] = [
             {"thickness": t, "material": elastic(*m)} for t, m in self.layers[:-1]
         ]
@@ -69,9 +70,10 @@ def elastic(E: float, nu: float) -> dict[str, Any]:
 
 
 def drawn(count: int, seed: int) -> list[Round]:
-    """Bodies at random: flat and overhanging caps, glued and on rollers, and glued balls; one skin
-    or two, of 1/100 to 1/8 of the height or the radius, five times softer to fifty times stiffer
-    than the core.
+    """Random caps and balls with one or two coatings.
+
+    Flat and overhanging caps are bonded or on rollers. Coatings have 1/100 to 1/8 of the height or
+    radius and are five times softer to fifty times stiffer than the core.
     """
     draw, bodies = np.random.default_rng(seed), []
     for k in range(count):
@@ -101,8 +103,9 @@ BODIES = [
 
 @pytest.mark.parametrize("skin", [None, (0.1, (10.0, 0.3)), (0.01, (0.2, 0.45))])
 def test_half_a_ball_on_rollers_is_the_series(skin: layered_cap.Layer | None) -> None:
-    """A cap as high as its base is wide, under a plate: half of a ball between two. 3e-5, what the
-    series knows.
+    """A hemisphere on rollers under a plate is half of a ball between plates, to 3e-5.
+
+    This is the accuracy of the series.
     """
     core = (0.0, (1.0, 0.3))
     found = layered_cap.contact(
@@ -116,8 +119,9 @@ def test_half_a_ball_on_rollers_is_the_series(skin: layered_cap.Layer | None) ->
 
 @pytest.mark.parametrize("k", [0, pytest.param(2, marks=pytest.mark.verify)])
 def test_degrees_of_the_elements_agree(k: int) -> None:
-    """Of a glued cap and a glued ball, which the series does not know: both are on one curve. Its
-    slope is Hertz' to some per cent, and the depths differ by 2e-4 at most: 3e-5.
+    """Elements of two degrees give points on one curve for a bonded cap and ball, to 3e-5.
+
+    The depths differ by 2e-4 at most, and the slope of the curve is Hertz's to some per cent.
     """
     body = drawn(3, 5)[k]
     low, high = body.reference(), body.reference(degree=layered_cap.DEGREE + 2)
@@ -127,7 +131,7 @@ def test_degrees_of_the_elements_agree(k: int) -> None:
 
 @pytest.mark.parametrize("body", BODIES)
 def test_force_and_contact_radius_of_automatic_sizes(body: Round, tmp_path: Path) -> None:
-    """0.1 % of the force, which lies inside its bar, as the contact radius does in its own."""
+    """Automatic sizes keep 0.1 % of the force; force and radius lie inside their bars."""
     exact = body.reference()
     row = body.row(exact.delta, tmp_path)
     assert row.force_error and row.a_error
@@ -148,7 +152,10 @@ NUCLEI = [
 def test_a_ball_with_an_ellipsoid_in_its_middle(
     semi_axes: tuple[float, float], E: float, base: str, tmp_path: Path
 ) -> None:
-    """Flat and tall, stiff and soft, glued and between tips; 0.1 % of the force, inside its bar."""
+    """Automatic sizes keep 0.1 % of the force on a ball with a nucleus, inside the error bar.
+
+    Nuclei are flat and tall, stiff and soft; balls are bonded or between two tips.
+    """
     core, (across, along) = (1.0, 0.4), semi_axes
     nucleus = (semi_axes, (E, 0.3))
 

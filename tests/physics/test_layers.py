@@ -1,6 +1,4 @@
-"""Layered bodies by finite elements against the exact theory of the same stack, and against
-themselves.
-"""
+"""Layered bodies by finite elements: exact theory of the same stack, and consistency."""
 
 from __future__ import annotations
 
@@ -12,11 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 from promised_bars import ROWS_OF_A_CLASS
-from scenes import ELASTIC, force, grid_of, scene, solve
+from scenes import ELASTIC, force, grid_of, scene, solve, state_on
 
 from indent_sim.config.scene_file import config_from_mapping
-from indent_sim.run import pipeline, single_run
-from indent_sim.run.error_estimation.error_bars import ErrorBars
+from indent_sim.run import pipeline
 from indent_sim.scene.scene import Scene, resolve
 
 Layers = list[tuple[float, float, float]]  # thickness, E, nu
@@ -34,7 +31,7 @@ EXACT = {
 
 
 def layered(layers: Layers, body: dict[str, Any] | None = None, **sections: Any) -> Scene:
-    """A scene whose layers all have materials of their own."""
+    """A scene whose layers all have their own materials."""
     own = [
         {"material": ELASTIC | {"E": E, "nu": nu}} | ({"thickness": h} if h else {})
         for h, E, nu in layers
@@ -50,7 +47,10 @@ def layered(layers: Layers, body: dict[str, Any] | None = None, **sections: Any)
 @pytest.mark.parametrize("solver", ["condensed", "newton"])
 @pytest.mark.parametrize("case", EXACT)
 def test_two_layers_between_frictionless_walls(case: str, solver: str) -> None:
-    """0.3 % of the force at automatic sizes, as asked of every body; a to a fraction of an element."""
+    """Automatic sizes reproduce the exact force to 0.3 % and the contact radius to 0.2 elements.
+
+    0.3 % is what automatic sizes promise for every body.
+    """
     layers, F, a = EXACT[case]
     base = layered(layers, solver={"method": solver})
     assert base.exact_theory is not None
@@ -61,7 +61,10 @@ def test_two_layers_between_frictionless_walls(case: str, solver: str) -> None:
 
 @pytest.mark.parametrize("nus", [(0.5, 0.5), (0.5, 0.3), (0.3, 0.5), (0.49, 0.0)])
 def test_incompressible_layers_beside_others(nus: tuple[float, float]) -> None:
-    """Each mixed layer has a pressure of its own, which jumps at the interface; 0.3 % as above."""
+    """Incompressible layers next to others keep 0.3 % of the exact force.
+
+    Each mixed layer has a pressure of its own, which jumps at the interface.
+    """
     base = layered([(0.2, 1.0, nus[0]), (0.8, 5.0, nus[1])])
     theory = base.exact_theory
     assert theory is not None
@@ -75,9 +78,10 @@ def test_incompressible_layers_beside_others(nus: tuple[float, float]) -> None:
 @pytest.mark.parametrize("body", ["axisymmetric", "strip", "quarter", "box"])
 @pytest.mark.parametrize("nu", [0.3, 0.5])
 def test_layers_of_one_material_are_one_body(body: str, nu: float) -> None:
-    """On one mesh: the interface's lines stay, the regions become one. 1e-9; mixed layers have two
-    pressures where one body has a continuous one, so that only the answer agrees, to the mesh's
-    0.1 %.
+    """Layers of one material have the force of one body on the same mesh, to 1e-9.
+
+    Mixed layers have two pressures where one body has a continuous one; they agree to the 0.1 % of
+    the mesh.
     """
     bodies = {
         "axisymmetric": WALLED,
@@ -100,27 +104,13 @@ def test_layers_of_one_material_are_one_body(body: str, nu: float) -> None:
     assert found[0] == pytest.approx(found[1], rel=1e-9 if nu < 0.45 else 1e-3)
 
 
-def state_on(base: Scene, grid: Any) -> Any:
-    """The last state of a scene on a grid, whose cells all belong to the first region where the
-    scene has only one.
-    """
-    from mpi4py import MPI
-
-    from indent_sim.fe import solver
-
-    part = base.physics.domain
-    regions = np.minimum(grid.regions, len(part.regions) - 1)
-    mesh = solver.distribute(dataclasses.replace(grid, regions=regions), part, MPI.COMM_SELF)
-    *_, last = solver.create_load_stepper(base, mesh).states(base.physics.path, lambda step: False)
-    return last.to_user_units(base.physics.scales)
-
-
 @pytest.mark.parametrize(
     "parts", [["quarter", "half"], pytest.param(["quarter", "full"], marks=pytest.mark.verify)]
 )
 def test_quarter_half_and_whole_of_a_layered_box(parts: list[str]) -> None:
-    """Meshes of their own, with four elements in the contact radius: 0.5 %, several times the error
-    of each.
+    """Quarter, half and full models of a layered box agree to 0.5 %.
+
+    They have meshes of their own with four elements in the contact radius.
     """
     box, tip = {"shape": "box", "size": [2.0, 2.0, 1.0]}, {"shape": "paraboloid", "R": 5.0}
     forces = [
@@ -139,7 +129,7 @@ def test_quarter_half_and_whole_of_a_layered_box(parts: list[str]) -> None:
 
 
 def test_a_coating_on_a_half_space() -> None:
-    """0.1 % of the half-space's exact force and the truncation that is stated."""
+    """An accuracy of 0.1 % is met on a coated half-space, beside the stated truncation."""
     base = layered(
         [(0.05, 10.0, 0.3), (0.0, 1.0, 0.4)],
         {"shape": "half_space"},
@@ -155,8 +145,9 @@ def test_a_coating_on_a_half_space() -> None:
 
 
 def test_a_hyperelastic_layer_on_a_linear_one_at_small_strain() -> None:
-    """At a depth of 1e-4 of the thickness both are linear: 1e-3, of the order of the strain at the
-    contact.
+    """At small strain a hyperelastic layer on a linear one is a linear layer, to 1e-3.
+
+    1e-3 is of the order of the strain at the contact; the depth is 1e-4 of the thickness.
     """
     elastic = ELASTIC | {"E": 1.0, "nu": 0.3}
     layers = [
@@ -185,10 +176,10 @@ WIDE_PUNCH = {"shape": "flat_punch", "radius": 1.0}
 
 
 def test_a_stiff_coating_leaves_the_middle_of_a_punch(tmp_path: Any) -> None:
-    """Theory's contact is whole, and would need tension: a mesh is chosen, and has a ring for a
-    contact.
+    """A wide punch on a stiff coating has a contact ring, for which a mesh is chosen.
 
-    What pushes alone is softer than what pulls too, by less than the share that would pull.
+    The full contact of theory would need tension. Without it the force is lower, by less than the
+    tensile share.
     """
     loading = {"delta": 0.05, "steps": 1}
     ring = scene(STIFF_ON_SOFT, "material=null", indenter=WIDE_PUNCH, loading=loading)
@@ -206,7 +197,7 @@ def test_a_stiff_coating_leaves_the_middle_of_a_punch(tmp_path: Any) -> None:
 
 
 def test_theory_asked_for_says_that_it_pulls(tmp_path: Any) -> None:
-    """Its bars hold what a mesh finds: a contact radius that theory cannot know, and a force."""
+    """Theory, if requested, states its tension, and its bars hold the mesh's force and radius."""
     given = {
         "body": STIFF_ON_SOFT,
         "indenter": WIDE_PUNCH,
@@ -230,8 +221,9 @@ def test_theory_asked_for_says_that_it_pulls(tmp_path: Any) -> None:
 
 
 def drawn(count: int, seed: int) -> list[tuple[Layers, dict[str, Any]]]:
-    """Stacks of two or three layers, of 0.02 to 1.6 contact radii, moduli up to 1e3 apart, nu 0 to
-    0.5, and tips.
+    """Random stacks of two or three layers under random tips.
+
+    Layers have 0.02 to 1.6 contact radii, moduli up to 1e3 apart, and nu from 0 to 0.5.
     """
     draw, found = random.Random(seed), []
     for _ in range(count):
@@ -255,7 +247,10 @@ def drawn(count: int, seed: int) -> list[tuple[Layers, dict[str, Any]]]:
 
 @pytest.mark.parametrize("number", [6, pytest.param(20, marks=pytest.mark.verify)])
 def test_automatic_sizes_of_stacks_drawn_at_random(number: int) -> None:
-    """0.3 % at the last step (1 % under a sharp punch), though no size follows a layer's thickness."""
+    """Automatic sizes keep 0.3 % of the force on random stacks, 1 % under a flat punch.
+
+    No element size follows a layer's thickness; reference is the semi-analytic theory of the stack.
+    """
     worst = 0.0
     for layers, tip in drawn(number, seed=4):
         base = layered(layers, indenter=tip)
@@ -276,11 +271,7 @@ def test_automatic_sizes_of_stacks_drawn_at_random(number: int) -> None:
 
 @pytest.mark.verify
 def test_accuracy_of_stacks_drawn_at_random(tmp_path: Any) -> None:
-    """Every step within the target, and the rows of both targets inside their bars as is promised
-    of a class of scenes.
-
-    Theory is kept from knowing about the bars.
-    """
+    """Random stacks meet their targets, and bars from companion runs have the promised coverage."""
     inside, rows, worst = 0, 0, 0.0
     for number, (target, (layers, tip)) in enumerate(product((0.01, 0.001), drawn(10, seed=9))):
         base = layered(layers, indenter=tip, loading={"delta": 0.02, "steps": 10}, accuracy=target)
@@ -301,21 +292,18 @@ def test_accuracy_of_stacks_drawn_at_random(tmp_path: Any) -> None:
 def judged(
     layers: Layers, tip: dict[str, Any], target: float, place: Any
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Forces of a run with `accuracy`, and their bars relative to them, without what theory adds to
-    them.
-    """
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ErrorBars, "_theory_distance", lambda self, state: 0.0)
-        patch.setattr(single_run, "violated_bound", lambda *_: None)  # it asks theory too
-        own = [{"thickness": h, "material": ELASTIC | {"E": E, "nu": nu}} for h, E, nu in layers]
-        config = config_from_mapping(
-            {
-                "body": WALLED | {"layers": own},
-                "indenter": tip,
-                "accuracy": target,
-                "loading": {"delta": 0.02, "steps": 10},
-                "output": {"plot": False, "fields": "none", "surface": "none"},
-            }
-        )
-        states = pipeline.simulate(config, directory=place).states
-    return np.array([s.force for s in states]), np.array([s.force_error / s.force for s in states])  # type: ignore[operator]
+    """Forces of a run with `accuracy` and their relative error bars from companion runs alone."""
+    own = [{"thickness": h, "material": ELASTIC | {"E": E, "nu": nu}} for h, E, nu in layers]
+    config = config_from_mapping(
+        {
+            "body": WALLED | {"layers": own},
+            "indenter": tip,
+            "accuracy": target,
+            "loading": {"delta": 0.02, "steps": 10},
+            "output": {"plot": False, "fields": "none", "surface": "none"},
+        }
+    )
+    outcome = pipeline.simulate(config, directory=place)
+    forces = np.array([state.force for state in outcome.states])
+    bars = np.array([budget.estimated for budget in outcome.report["error_budget"]])
+    return forces, bars / forces

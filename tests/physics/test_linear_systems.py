@@ -1,6 +1,4 @@
-"""PETSc's solvers of a run: what the program chooses, what PETSC_OPTIONS may change of it, what a
-failure is called.
-"""
+"""PETSc's solvers of a run: their choice, the options of PETSC_OPTIONS, and reported failures."""
 
 from __future__ import annotations
 
@@ -14,15 +12,16 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
-from scenes import CYLINDER, scene
+from scenes import CYLINDER, meshed, scene
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.fe.condensed.compliance import Condenser
 from indent_sim.fe.condensed.contact import CondensedContact
 from indent_sim.fe.path import step_size_control
 from indent_sim.fe.problem import Problem
-from indent_sim.fe.solve import uzawa
+from indent_sim.fe.solve import newton, uzawa
 from indent_sim.fe.solve.newton import Newton
+from indent_sim.fe.solver import create_equilibrium
 from indent_sim.process.errors import NotConverged
 from indent_sim.run.pipeline import Outcome, simulate
 
@@ -46,7 +45,7 @@ SAME = 1e-8  # of the force, whoever solves the systems: Newton's residual is 1e
 
 
 def solved(folder: Path, **sections: Any) -> Outcome:
-    """A run of the scene with other sections."""
+    """Outcome of the scene with other sections."""
     return simulate(
         config_from_mapping(SCENE | sections),
         MPI.COMM_SELF,
@@ -57,7 +56,7 @@ def solved(folder: Path, **sections: Any) -> Outcome:
 
 @contextmanager
 def tuned(**options: Any) -> Iterator[None]:
-    """PETSc as it is after reading these PETSC_OPTIONS, which it does once a process."""
+    """PETSc as after reading these PETSC_OPTIONS, which it does once per process."""
     database = PETSc.Options()
     for name, value in options.items():
         database.setValue(name, value)
@@ -80,12 +79,13 @@ def tuned(**options: Any) -> Iterator[None]:
 )
 def test_the_environment_stands_over_the_programs_choice(tmp_path, options, monkeypatch):
     found = []
-    solve = Newton._run_snes
-    monkeypatch.setattr(
-        Newton,
-        "_run_snes",
-        lambda self, x: found.append(self.snes.ksp.pc.getType()) or solve(self, x),
-    )
+    solve = Newton.solve
+
+    def recorded(self, *given, **named):
+        found.append(self.snes.ksp.pc.getType())
+        return solve(self, *given, **named)
+
+    monkeypatch.setattr(Newton, "solve", recorded)
     usual = solved(tmp_path).states[-1].force
     with tuned(**options):
         assert solved(tmp_path).states[-1].force == pytest.approx(usual, rel=SAME)
@@ -96,7 +96,10 @@ def test_the_environment_stands_over_the_programs_choice(tmp_path, options, monk
 
 
 def test_what_the_scene_says_and_when_it_has_converged_is_not_the_environments(tmp_path):
-    """`-snes_convergence_test skip` would take any residual for an equilibrium."""
+    """PETSC_OPTIONS do not change the convergence test and the limits of the scene.
+
+    `-snes_convergence_test skip` would accept any residual.
+    """
     usual = solved(tmp_path).states[-1]
     with tuned(snes_convergence_test="skip", snes_rtol=0.99, snes_max_it=1):
         assert solved(tmp_path).states[-1].force == usual.force
@@ -128,6 +131,19 @@ def test_the_levels_of_the_multigrid_have_a_prefix_of_their_own(tmp_path):
     ]
 
 
+def newtons_of(monkeypatch: pytest.MonkeyPatch) -> list[Newton]:
+    """Newton solvers of all runs from now on."""
+    made: list[Newton] = []
+    begin = Newton.__init__
+
+    def recorded(self: Newton, problem: Problem) -> None:
+        begin(self, problem)
+        made.append(self)
+
+    monkeypatch.setattr(Newton, "__init__", recorded)
+    return made
+
+
 @pytest.mark.parametrize(
     ("method", "factors"),
     [
@@ -139,7 +155,7 @@ def test_the_levels_of_the_multigrid_have_a_prefix_of_their_own(tmp_path):
     ],
 )
 def test_a_symmetric_tangent_is_factored_as_such(tmp_path, monkeypatch, method, factors):
-    """L D L^T exactly where the tangent is its own transpose."""
+    """The tangent is factorized by LDL^T exactly where it is symmetric."""
     found = []
     assemble = Problem.assemble_tangent
 
@@ -147,12 +163,8 @@ def test_a_symmetric_tangent_is_factored_as_such(tmp_path, monkeypatch, method, 
         assemble(problem, A)
         found.append((problem.has_symmetric_tangent, A.isSymmetric(1e-14 * A.norm())))
 
-    made: list[Newton] = []
-    create = Newton._create_snes
     monkeypatch.setattr(Problem, "assemble_tangent", watched)
-    monkeypatch.setattr(
-        Newton, "_create_snes", lambda self, **said: made.append(self) or create(self, **said)
-    )
+    made = newtons_of(monkeypatch)
     coarse = {"h_contact": 0.1, "h_far": 0.5}  # symmetric or not on any mesh
     solved(
         tmp_path,
@@ -165,37 +177,42 @@ def test_a_symmetric_tangent_is_factored_as_such(tmp_path, monkeypatch, method, 
 
 
 def test_where_symmetric_factors_fail_others_take_their_place(tmp_path, monkeypatch):
-    """Here because MUMPS is given a hundredth of the memory that it wants."""
-    create, tried = Newton._create_snes, []
+    """Where a symmetric factorization fails, LU is used.
 
-    def starved(self, *, symmetric):
-        tried.append(symmetric)
-        PETSc.Options().setValue("mat_mumps_icntl_14", -99 if symmetric else 60)
-        return create(self, symmetric=symmetric)
+    MUMPS is given a hundredth of the memory that it requests.
+    """
+    choose, tried = newton.use_direct_solver, []
 
-    monkeypatch.setattr(Newton, "_create_snes", starved)
+    def starved(ksp, factors):
+        tried.append(factors)
+        PETSc.Options().setValue("mat_mumps_icntl_14", -99 if factors == "cholesky" else 60)
+        choose(ksp, factors)
+
+    monkeypatch.setattr(newton, "use_direct_solver", starved)
     with tuned(mat_mumps_icntl_14=60):
         assert solved(tmp_path).states[-1].force == pytest.approx(FORCE, rel=0.02)
-    assert tried == [True, False]
+    assert tried == ["cholesky", "lu"]
 
 
 def test_only_what_mumps_could_not_do_is_a_failed_step():
-    """PETSc's error 76 is that of a library; another one, as of memory, is not lost in shorter
-    steps.
-    """
+    """Only PETSc's error 76, of a library, is a failed increment; other errors are raised."""
 
-    def newton(code):
+    base = scene(CYLINDER, "mesh.h_contact=0.1", solver={"method": "newton"})
+    solver = create_equilibrium(base, meshed(base)).newton
+
+    def failing(code):
         def solve(*_):
             raise PETSc.Error(code)
 
-        return SimpleNamespace(
-            snes=SimpleNamespace(solve=solve), _create_snes=lambda symmetric: "anew"
-        )
+        return SimpleNamespace(solve=solve, setTolerances=lambda **_: None)
 
-    failed = newton(76)
-    assert not Newton._run_snes(failed, None) and failed.snes == "anew"
+    solver.problem.delta.value = 0.01
+    solver.snes = failing(76)
+    assert not solver.solve() and solver.failure == newton.LINEAR_SOLVER_FAILED
+    assert isinstance(solver.snes, PETSc.SNES) and solver.solve()
+    solver.snes = failing(55)
     with pytest.raises(PETSc.Error):
-        Newton._run_snes(newton(55), None)
+        solver.solve()
 
 
 @pytest.mark.parametrize("method", ["newton", "condensed"])
@@ -229,7 +246,7 @@ FRICTION = {"method": "penalty", "friction": 0.3}  # whose line search shortens 
 
 
 def named(contact: dict[str, Any]) -> str:
-    """A contact law by its values."""
+    """Name of a contact law by its values."""
     return "-".join(map(str, contact.values()))
 
 
@@ -246,8 +263,9 @@ def named(contact: dict[str, Any]) -> str:
 def test_a_residual_that_is_no_number_is_no_equilibrium(
     tmp_path, monkeypatch, contact, linear, after
 ):
-    """Methods of the whole body with each line search, from the first residual of every solve on,
-    or the second.
+    """A residual that is not a number ends the path with that reason, for every line search.
+
+    The residual is NaN from the first or the second evaluation of every solve on.
     """
     assemble, begin = Problem.assemble_residual, Problem.begin_solve
     left = [after]
@@ -276,38 +294,36 @@ def test_a_residual_that_is_no_number_is_no_equilibrium(
 
 
 def test_only_the_reason_of_the_own_convergence_test_is_accepted(tmp_path, monkeypatch):
-    """PETSc 3.25 may say of a residual that is no number that the step was short: a reason above 0,
-    as the others that its own tests give. Each of them ends the run; so it is told apart from a
-    step that has converged.
+    """Only the program's own convergence test is accepted; other reasons end the run.
+
+    PETSc 3.25 may report a short step for a residual that is not a number.
     """
-    made, create, runs = [], Newton._create_snes, Newton._run_snes
     reasons = PETSc.SNES.ConvergedReason
 
     def says(reason):
-        def run(self, guess):
-            ended = runs(self, guess)
-            self.snes.setConvergedReason(reason)
-            return ended
+        class Claiming(PETSc.SNES):
+            """A SNES that gives a reason of its own."""
 
-        return run
+            def getConvergedReason(self):
+                return reason
+
+        return Claiming
 
     monkeypatch.setattr(step_size_control, "SMALLEST_STEP_FRACTION", 0.5)
-    monkeypatch.setattr(
-        Newton, "_create_snes", lambda self, **said: made.append(create(self, **said)) or made[-1]
-    )
+    made = newtons_of(monkeypatch)
     for reason in (
         reasons.CONVERGED_SNORM_RELATIVE,
         reasons.CONVERGED_FNORM_ABS,
         reasons.CONVERGED_ITS,
     ):
         with monkeypatch.context() as patch:
-            patch.setattr(Newton, "_run_snes", says(reason))
+            patch.setattr(newton.PETSc, "SNES", says(reason))
             with pytest.raises(NotConverged, match=f"SNES stopped with reason {reason}"):
                 solved(tmp_path)
     assert solved(tmp_path).states[-1].force == pytest.approx(FORCE, rel=0.1)
     with tuned(snes_stol=1.0):  # nor does a short step end a solve, whatever the environment says
         solved(tmp_path / "tuned")
-    assert {snes.getTolerances()[2] for snes in made} == {0.0}
+    assert {one.snes.getTolerances()[2] for one in made} == {0.0}
 
 
 @pytest.mark.parametrize(
@@ -322,8 +338,9 @@ def test_only_the_reason_of_the_own_convergence_test_is_accepted(tmp_path, monke
     ids=named,
 )
 def test_a_condensed_body_takes_no_number_that_is_none(tmp_path, monkeypatch, contact):
-    """A compliance that is no number; and a step that is none, which has no point in contact and so
-    looked like the equilibrium of a tip that does not touch.
+    """A compliance or an increment that is not a number fails on a condensed body.
+
+    An increment of NaN has no point in contact and looked like a tip that does not touch.
     """
     sections = {"contact": contact, "solver": {"method": "condensed"}}
     column, step = Condenser._solve_block, CondensedContact.newton_step

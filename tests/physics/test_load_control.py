@@ -1,6 +1,4 @@
-"""Load control: a path of forces is the inverse of a path of depths, and theory's, whatever finds
-it.
-"""
+"""Load control: a path of forces is the inverse of a path of depths, and agrees with theory."""
 
 from __future__ import annotations
 
@@ -44,7 +42,7 @@ def column(states: list[State], name: str) -> np.ndarray:
 
 
 def to_forces(base: Scene, forces: Any, expected: Any = None) -> list[State]:
-    """The same scene on the same mesh, its depths found for forces in the user's units."""
+    """The scene on the same mesh with depths found for forces in the user's units."""
     forces = tuple(float(force) / base.physics.scales.force for force in forces)
     expected = base.physics.deltas if expected is None else tuple(expected)
     return solve(base.replace_physics(path=LoadPath("force", forces), deltas=expected))
@@ -66,9 +64,10 @@ USUAL = {
     [pytest.param(name, marks=[] if name in USUAL else [pytest.mark.verify]) for name in SCENES],
 )
 def test_forces_lead_back_to_the_depths(name: str) -> None:
-    """What a path of depths pushes back with, asked for as forces, gives the depths again: force
-    and derivative are one curve, so 1e-10 of the force is about that of the depth; Uzawa's loop
-    stops within 1e-7 of its own limit.
+    """The forces of a path of depths lead back to these depths.
+
+    Force and derivative belong to one curve, so that 1e-10 of the force is about that of the depth;
+    Uzawa's iteration stops within 1e-7 of its limit.
     """
     given = SCENES[name]
     base = scene(**given | {"loading": {"deltas": UP_AND_DOWN}})
@@ -98,10 +97,10 @@ TIPS: dict[str, tuple[dict[str, Any], float]] = {
 @pytest.mark.parametrize("body", [WALLED, STRIP], ids=["layer", "strip"])
 @pytest.mark.parametrize("tip", TIPS)
 def test_depth_is_theorys(tip: str, body: dict[str, Any]) -> None:
-    """A layer between roller walls is theory's own body.
+    """The depth of a force on a layer between roller walls is exact theory's.
 
-    What `h_contact: auto` promises is 0.3 % of the force, 1 % under a sharp edge; of the depth it
-    is less. Sizes follow from the contact to expect at the force.
+    `h_contact: auto` promises 0.3 % of the force, 1 % under a sharp edge; of the depth it is less.
+    The sizes follow from the expected contact.
     """
     shape, force = TIPS[tip]
     base = scene(body, indenter=shape, loading={"force": force, "steps": 2})
@@ -122,9 +121,7 @@ def test_depth_is_theorys(tip: str, body: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("material", [None, NEO_HOOKEAN], ids=["linear", "hyperelastic"])
 def test_up_and_down_is_one_curve(material: dict[str, Any] | None) -> None:
-    """The states of equal forces are equal: nothing but the force decides. 0 is the first touch,
-    without a force.
-    """
+    """States of equal forces are equal, whatever came before; a force of 0 is first contact."""
     given = {"material": material} if material else {}
     path = [0.001, 0.003, 0.0, 0.003, 0.002, 0.001, 0.0]
     states = list(
@@ -158,8 +155,9 @@ def test_up_and_down_is_one_curve(material: dict[str, Any] | None) -> None:
     ],
 )
 def test_force_is_of_the_whole_body(body: dict[str, Any], symmetries: tuple[str, ...]) -> None:
-    """However much of it is modelled: the depths differ by the meshes alone, 1 % where 4 elements
-    are in contact.
+    """A prescribed force is that of the whole body, for every symmetry of the model.
+
+    The depths differ by the meshes, 1 % with 4 elements in contact.
     """
 
     def depth(symmetry: str) -> float:
@@ -174,9 +172,7 @@ def test_force_is_of_the_whole_body(body: dict[str, Any], symmetries: tuple[str,
 
 @pytest.mark.parametrize("solver", ["condensed", "newton"])
 def test_units_do_not_matter(solver: str) -> None:
-    """nN and um, or N and m: the same mesh and depths to rounding, which a search within 1e-10 may
-    double.
-    """
+    """Units do not change mesh and depths, to twice the 1e-10 of the search."""
 
     def depths(length: float, force: float) -> np.ndarray:
         body = CYLINDER | {"radius": 10 * length, "height": 10 * length}
@@ -195,9 +191,7 @@ def test_units_do_not_matter(solver: str) -> None:
 
 
 def test_too_large_a_force() -> None:
-    """Theory refuses it for a linear body; a hyperelastic one that is pressed until it fails says
-    where it stood.
-    """
+    """A too large force is refused by theory, and ends a hyperelastic path with its last depth."""
     with pytest.raises(ConfigError, match="thickness") as caught:
         scene(WALLED, loading={"force": 1e3, "steps": 2})
     assert caught.value.key == "loading" and caught.value.exit_code == 3
@@ -211,9 +205,7 @@ def test_too_large_a_force() -> None:
 
 
 def test_beyond_the_end_of_a_profile() -> None:
-    """Theory ends with the tip; the body pushes back on as under the punch that is left, and the
-    depth is found.
-    """
+    """A force beyond a profile's end finds the depth of the punch that is left."""
     profile = {"shape": "profile", "points": [[0, 0], [0.05, 0.01], [0.1, 0.03]]}
     base = scene(
         CYLINDER, indenter=profile, loading={"force": 0.1, "steps": 1}, mesh={"h_contact": 0.02}
@@ -229,7 +221,7 @@ def test_beyond_the_end_of_a_profile() -> None:
 
 @pytest.mark.parametrize("force", [1e-12, 1e-7])
 def test_tiny_forces(force: float) -> None:
-    """As small as one likes: the mesh follows the contact to expect."""
+    """Tiny forces are found; the mesh follows the expected contact."""
     base = scene(WALLED, loading={"force": force, "steps": 1})
     (state,) = solve(base)
     assert state.force == pytest.approx(force, rel=1e-10)
@@ -238,7 +230,10 @@ def test_tiny_forces(force: float) -> None:
 
 
 def test_half_space_is_sized_for_the_force() -> None:
-    """Hertz within the truncation that the plan states and the mesh: 0.3 % of the force."""
+    """The depth of a force on a half-space is Hertz's, to 0.3 % of the force.
+
+    The plan's truncation and the mesh contribute.
+    """
     base = scene(
         {"shape": "half_space"}, "solver.method=condensed", loading={"force": 1e-3, "steps": 1}
     )

@@ -1,6 +1,4 @@
-"""Hyperelastic laws as numbers: energy, stress and curvature of the compiled expressions at given
-deformations.
-"""
+"""Hyperelastic laws: energy, stress and curvature of the compiled expressions."""
 
 from __future__ import annotations
 
@@ -10,13 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-import ufl
-from dolfinx import fem, mesh
-from mpi4py import MPI
+from compiled_laws import I, Numbers
 from scipy.optimize import brentq
 
-from indent_sim.fe import compat
-from indent_sim.fe.symbolic_constants import symbolic_copy
 from indent_sim.model.hyperelasticity import (
     ArrudaBoyce,
     Fung,
@@ -28,8 +22,6 @@ from indent_sim.model.hyperelasticity import (
 )
 from indent_sim.model.linear_elasticity import LinearElastic
 
-I = np.eye(3)
-GRID = mesh.create_unit_square(MPI.COMM_SELF, 1, 1)
 LAWS: dict[str, Any] = {
     "neo_hookean": NeoHookean(mu=1.0, lame_lambda=1.5).canonical(),
     "mooney_rivlin": MooneyRivlin(C10=0.3, C01=0.2, nu=0.3),
@@ -46,78 +38,39 @@ EXACT = {name: 1e-12 for name in LAWS} | {"ogden": 1e-9}
 each_law = pytest.mark.parametrize("name", LAWS)
 
 
-class Numbers:
-    """A law's energy, and its first and second derivative along a direction, as compiled by the
-    solver's tools.
-    """
-
-    def __init__(self, law: Any, mixed: bool):
-        self._H, self._G = (fem.Constant(GRID, np.zeros((3, 3))) for _ in range(2))
-        self._q, self._dq = (fem.Constant(GRID, 0.0) for _ in range(2))
-        t = ufl.variable(fem.Constant(GRID, 0.0))
-        H, q, law = self._H + t * self._G, self._q + t * self._dq, symbolic_copy(law, GRID)
-        psi = law.mixed_energy(H, q) if mixed else law.energy(H)
-        slope = ufl.diff(psi, t)
-        values = ufl.as_vector([psi, slope, ufl.diff(slope, t)])
-        self._expression = fem.Expression(values, np.array([[0.3, 0.3]]))
-
-    def along(self, F: np.ndarray, G: np.ndarray, q: float = 0.0, dq: float = 0.0) -> np.ndarray:
-        """psi, dpsi and d2psi at F (and q) along G (and dq)."""
-        return self._along(F - I, G, q, dq)
-
-    def _along(self, H: np.ndarray, G: np.ndarray, q: float, dq: float) -> np.ndarray:
-        self._H.value[:], self._G.value[:], self._q.value, self._dq.value = H, G, q, dq
-        return compat.evaluate_expression(
-            self._expression, GRID, np.array([0], dtype=np.int32)
-        ).ravel()
-
-    def energy(self, F: np.ndarray, q: float = 0.0) -> float:
-        """psi."""
-        return float(self.along(F, I, q)[0])
-
-    def stress(self, F: np.ndarray, q: float = 0.0) -> np.ndarray:
-        """First Piola-Kirchhoff stress, one direction after the other."""
-        return self.stress_of_gradient(F - I, q)
-
-    def stress_of_gradient(self, H: np.ndarray, q: float = 0.0) -> np.ndarray:
-        """The same at F = I + H, with all digits of a small H."""
-        unit = [np.outer(I[i], I[j]) for i in range(3) for j in range(3)]
-        return np.array([self._along(H, G, q, 0.0)[1] for G in unit]).reshape(3, 3)
-
-
 @cache
 def numbers(name: str, mixed: bool = False) -> Numbers:
-    """The numbers of one of LAWS."""
+    """Compiled numbers of one of LAWS."""
     return Numbers(LAWS[name], mixed)
 
 
 def some_F(seed: int, size: float = 0.25) -> np.ndarray:
-    """A deformation gradient without any symmetry."""
+    """Deformation gradient without any symmetry."""
     return I + size * np.random.default_rng(seed).uniform(-1, 1, (3, 3))
 
 
 def stationary_pressure(law: Any, F: np.ndarray) -> float:
-    """lambda ln J (neo-Hookean) or kappa ln J - k (I1 - 3), at which the mixed energy is stationary
-    in q.
+    """q at which the mixed energy is stationary.
+
+    It is lambda ln J for neo-Hookean laws and kappa ln J - k (I1 - 3) for others.
     """
     k = 0.0 if isinstance(law, NeoHookean) else law.poynting_coefficient
     return float(np.log(np.linalg.det(F)) / law.volumetric_compliance - k * (np.sum(F * F) - 3))
 
 
 def rotation(seed: int) -> np.ndarray:
-    """A random proper rotation."""
+    """Random proper rotation."""
     Q, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
     return Q * np.sign(np.linalg.det(Q))
 
 
 # ---- the law of the notes' original code, exactly
-# ------------------------------------------------------------
 
 HOMOGENEOUS = 1e-9  # the printed digits of the reference
 
 
 def free_stretch(held: Any) -> float:
-    """The stretch s for which the last normal stress of the deformation held(s) vanishes."""
+    """Stretch s at which the last normal stress of the deformation held(s) vanishes."""
     return float(
         brentq(lambda s: numbers("neo_hookean").stress(held(s))[2, 2], 0.3, 3.0, xtol=1e-15)
     )
@@ -159,12 +112,12 @@ def test_simple_shear() -> None:
 
 
 # ---- the other laws, against the textbook stress of an incompressible bar
-# -----------------------------------------
 
 
 def incompressible_uniaxial(name: str, stretch: float) -> float:
-    """Nominal stress of a bar, written out for each law (Treloar 1975, Ogden 1972, Gent 1996, Fung
-    1967, Arruda & Boyce 1993).
+    """Nominal stress of an incompressible bar, written out for each law.
+
+    Treloar 1975, Ogden 1972, Gent 1996, Fung 1967, Arruda & Boyce 1993.
     """
     law, I1 = LAWS[name], stretch**2 + 2 / stretch
     strain = stretch - stretch**-2
@@ -191,8 +144,9 @@ def incompressible_uniaxial(name: str, stretch: float) -> float:
 @each_law
 @pytest.mark.parametrize("stretch", [0.5, 0.8, 1.3, 2.0])
 def test_incompressible_bar(name: str, stretch: float) -> None:
-    """At J = 1 the pressure that frees the bar's sides is eliminated by hand: P11 - P22
-    stretch^(-3/2).
+    """At J = 1 every law has the textbook stress of an incompressible bar.
+
+    The pressure that frees the sides is eliminated by hand: P11 - P22 stretch^(-3/2).
     """
     s = stretch**-0.5
     F = np.diag([stretch, s, s])
@@ -201,13 +155,13 @@ def test_incompressible_bar(name: str, stretch: float) -> None:
     assert found == pytest.approx(incompressible_uniaxial(name, stretch), rel=EXACT[name])
 
 
-# ---- what every law must be ------------------------------------------------------------
+# ---- what every law must be
 
 
 @each_law
 @pytest.mark.parametrize("mixed", [False, True])
 def test_no_energy_and_no_stress_at_rest(name: str, mixed: bool) -> None:
-    """Turned or not. 1e-11: round-off of sums near 3^5."""
+    """A body at rest, rotated or not, has no energy and no stress, to round-off near 3^5."""
     for Q in (I, rotation(1)):
         assert abs(numbers(name, mixed).energy(Q)) < 1e-11
         assert np.abs(numbers(name, mixed).stress(Q)).max() < 1e-11
@@ -216,14 +170,18 @@ def test_no_energy_and_no_stress_at_rest(name: str, mixed: bool) -> None:
 @each_law
 @pytest.mark.parametrize("mixed", [False, True])
 def test_no_stress_at_all_in_the_untouched_body(name: str, mixed: bool) -> None:
-    """Not round-off either: a body that is not touched has no force to compare it with."""
+    """The stress at H = 0 is exactly zero.
+
+    A body that is not touched has no force with which round-off could be compared.
+    """
     assert not numbers(name, mixed).stress_of_gradient(np.zeros((3, 3))).any()
 
 
 @each_law
 def test_stress_of_a_small_strain_keeps_its_digits(name: str) -> None:
-    """At H of 1e-9 Hooke's stress, to the next order (1e-9, some tens of it in these laws) rather
-    than to the 1e-7 that 1 + H knows of it.
+    """At H of 1e-9 the stress is Hooke's, to the next order in H.
+
+    1 + H would leave 1e-7.
     """
     G, (E, nu) = np.random.default_rng(9).uniform(-1, 1, (3, 3)) * 1e-9, LAWS[name].constants
     eps = (G + G.T) / 2
@@ -236,8 +194,9 @@ def test_stress_of_a_small_strain_keeps_its_digits(name: str) -> None:
 @each_law
 @pytest.mark.parametrize("size", [1e-7, 1e-5, 1e-4])
 def test_stress_has_no_noise(name: str, size: float) -> None:
-    """In the strain's size it is a parabola to 1e-14 at 1e-4: third differences over steps of 1 %
-    show its round-off alone, four times. 2e-11: far below what Newton is asked for.
+    """Third differences of the stress in a small strain are round-off, below 2e-11.
+
+    The stress is a parabola in the strain to 1e-14 at 1e-4.
     """
     G = np.random.default_rng(9).uniform(-1, 1, (3, 3))
     stresses = [numbers(name).stress_of_gradient(size * (1 + 0.01 * k) * G) for k in range(4)]
@@ -246,8 +205,9 @@ def test_stress_has_no_noise(name: str, size: float) -> None:
 
 @each_law
 def test_objective_and_isotropic(name: str) -> None:
-    """psi(Q F R) = psi(F), P(Q F R) = Q P(F) R. 1e-10: round-off; for Ogden's law the roots are
-    near a singular point and magnify it, by at most the inverse of the 1e-6 that keeps them off.
+    """psi(Q F R) = psi(F) and P(Q F R) = Q P(F) R, to 1e-10.
+
+    The roots of Ogden's law lie near a singular point and magnify round-off by up to 1e6.
     """
     F, Q, R = some_F(2), rotation(3), rotation(4)
     law = numbers(name)
@@ -266,8 +226,9 @@ def slope_of(remainders: np.ndarray) -> float:
 @each_law
 @pytest.mark.parametrize("mixed", [False, True])
 def test_taylor(name: str, mixed: bool) -> None:
-    """psi less its first-order part falls with the square, less its second-order part with the cube
-    of the step; 0.1: the next term at a step of 0.1.
+    """The remainders of the energy's expansion fall with the square and the cube of the step.
+
+    0.1 is the next term at a step of 0.1.
     """
     F, G, q, dq = some_F(5), some_F(6, 0.5) - I, 0.3, 0.7
     psi, first, second = numbers(name, mixed).along(F, G, q, dq)
@@ -280,8 +241,9 @@ def test_taylor(name: str, mixed: bool) -> None:
 
 @each_law
 def test_small_strain_is_hooke(name: str) -> None:
-    """d2psi at rest = 2 mu eps:eps + lame_lambda (tr eps)^2 with the law's own E and nu, in every
-    direction.
+    """The second derivative at rest is 2 mu eps:eps + lame_lambda (tr eps)^2 in all directions.
+
+    E and nu are the law's own constants.
     """
     law = LAWS[name]
     E, nu = law.constants
@@ -306,10 +268,10 @@ def test_linear_elasticity_is_hooke() -> None:
 @each_law
 @pytest.mark.parametrize("gamma", [0.02, 1e-4, 1e-7])
 def test_q_is_the_normal_stress_in_simple_shear(name: str, gamma: float) -> None:
-    """At q = 0 no normal stress acts on the surface that is sheared along, but for the next order,
-    4 mu gamma^4 at most in these laws; were q the mean stress, it would be 0.3 to 0.8 mu
-    gamma^2. 1e-14 of the shear stress: round-off of I1 - 3, which must not be 1e-16 of 3;
-    Ogden's law as `EXACT`.
+    """At q = 0 no normal stress acts on a sheared surface, up to 4 mu gamma^4.
+
+    If q were the mean stress, it would be 0.3 to 0.8 mu gamma^2. 1e-14 of the shear stress is the
+    round-off of I1 - 3.
     """
     law = replace(LAWS[name], nu=0.5)
     mu = law.constants.E / 3
@@ -321,7 +283,7 @@ def test_q_is_the_normal_stress_in_simple_shear(name: str, gamma: float) -> None
 
 @each_law
 def test_mixed_is_the_displacement_law_at_its_pressure(name: str) -> None:
-    """Where it is stationary in q, both are one."""
+    """Where it is stationary in q, the mixed law has the energy and stress of the other."""
     law, F = LAWS[name], some_F(7)
     q = stationary_pressure(law, F)
     assert numbers(name, True).along(F, 0 * I, q, 1.0)[1] == pytest.approx(0, abs=1e-13)
@@ -330,7 +292,6 @@ def test_mixed_is_the_displacement_law_at_its_pressure(name: str) -> None:
 
 
 # ---- special cases of one law are another
-# ------------------------------------------------------------
 
 NEO = MooneyRivlin(C10=0.5, nu=0.3)  # the isochoric neo-Hookean law, mu = 1
 SAME = {
@@ -359,8 +320,9 @@ def test_special_case(case: str) -> None:
 
 
 def test_gent_has_a_limit() -> None:
-    """The energy grows without bound towards I1 - 3 = Jm (stretch 3.27 at Jm = 9) and is not a
-    number beyond it.
+    """Gent's energy grows without bound towards I1 - 3 = Jm and is not a number beyond it.
+
+    For Jm = 9 the limiting stretch is 3.27.
     """
 
     def bar(stretch: float) -> np.ndarray:

@@ -1,9 +1,9 @@
-"""What a body remembers knows neither guesses, nor steps that failed, nor that a run was stopped.
+"""Internal variables depend neither on guesses, nor on failed increments, nor on interruptions.
 
-For every scene with a memory the rows are the same with and without prediction, after a step that
-was tried and given up, and resumed from a checkpoint or from rest. A step that is cut is another
-path wherever there is friction: its rows are held to those of a path on which the places of the cut
-were asked for.
+For every path-dependent scene the rows are the same with and without extrapolation, after an
+increment that was tried and dropped, and resumed from a checkpoint or from rest. With friction a
+divided increment is another path: its rows are compared with those of a path that contains the
+points of division.
 """
 
 from __future__ import annotations
@@ -56,9 +56,7 @@ SCENES: dict[str, tuple[tuple[float, ...], dict[str, Any]]] = {
 
 
 class Hindered:
-    """An equilibrium whose steps set out unguessed, or fail at one depth until the walk tries
-    another.
-    """
+    """An equilibrium without extrapolation, or one that fails at a depth until another is tried."""
 
     def __init__(self, equilibrium: Any, is_guessed: bool = True, refused: float | None = None):
         self._equilibrium, self._is_guessed, self._refused = equilibrium, is_guessed, refused
@@ -69,22 +67,22 @@ class Hindered:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._equilibrium, name)
 
-    def predict(self, depth: float, earlier: Sequence[Any]) -> None:
+    def extrapolate(self, depth: float, earlier: Sequence[Any]) -> None:
         self.guessed.append((depth, *(state.depth for state in earlier)))
         if self._is_guessed:
-            self._equilibrium.predict(depth, earlier)
+            self._equilibrium.extrapolate(depth, earlier)
 
     def solve(self, depth: float, dt: float = 0.0) -> bool:
-        """What is refused is solved first: its state is the one that must leave no trace."""
+        """Solve, and refuse one depth after it was solved: its state must leave no trace."""
         if self._tries and depth != self._refused:
             self._refused = None
         self._depth, is_found = depth, self._equilibrium.solve(depth, dt)
         self._tries += depth == self._refused
         return is_found and depth != self._refused
 
-    def settle(self, depth: float, dt: float = 0.0) -> bool:
+    def relax_to_stable_state(self, depth: float, dt: float = 0.0) -> bool:
         self._depth = depth
-        return depth != self._refused and self._equilibrium.settle(depth, dt)
+        return depth != self._refused and self._equilibrium.relax_to_stable_state(depth, dt)
 
     def accept(self) -> float:
         self.accepted.append(self._depth)
@@ -93,7 +91,7 @@ class Hindered:
 
 @cache
 def the_scene(name: str) -> tuple[Scene, Any]:
-    """A scene with a memory, and its mesh."""
+    """A path-dependent scene and its mesh."""
     path, sections = SCENES[name]
     base = scene(LAYER, mesh=COARSE, **sections, loading={"deltas": list(path)})
     assert base.physics.contact.is_path_dependent
@@ -107,7 +105,7 @@ def fresh(name: str, **hindered: Any) -> Hindered:
 def walked(
     walk: solver.LoadStepper, depths: Sequence[float], done: int = 0, until: int | None = None
 ) -> list[Any]:
-    """The rows of depths after the first `done`, until that one."""
+    """Rows of depths after the first `done`, up to `until`."""
     path = LoadPath("depth", tuple(depths[:until]))
     rows = list(walk.states(path, lambda step: False, done))
     assert all(row.converged for row in rows)
@@ -116,9 +114,7 @@ def walked(
 
 @cache
 def undisturbed(name: str) -> list[Any]:
-    """The rows of a walk that nothing hinders; and what is remembered shows: where the tip is on
-    its way out it feels another force than on its way in.
-    """
+    """Rows of an unhindered walk, in which the path dependence of the unloading is visible."""
     rows, turn = walked(solver.LoadStepper(fresh(name)), SCENES[name][0]), turned(name)
     (on_the_way_in,) = walked(solver.LoadStepper(fresh(name)), [rows[turn].delta])
     assert abs(on_the_way_in.force / rows[turn].force - 1) > 1e-4
@@ -126,13 +122,13 @@ def undisturbed(name: str) -> list[Any]:
 
 
 def turned(name: str) -> int:
-    """The index of the first row on the way out."""
+    """Index of the first row of the unloading."""
     path = SCENES[name][0]
     return next(k for k, (before, depth) in enumerate(pairwise(path), start=1) if depth < before)
 
 
 def assert_same(found: Sequence[Any], expected: Sequence[Any]) -> None:
-    """Depth by depth, to what Newton leaves: force, contact radius, and what was lost."""
+    """Assert equal force, radius and dissipation, depth by depth, to Newton's tolerance."""
     size = max(abs(row.force) for row in expected)
     for one, other in zip(found, expected, strict=True):
         assert one.delta == other.delta
@@ -157,9 +153,7 @@ def test_a_guess_is_not_remembered(name: str) -> None:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_a_step_that_failed_is_not_remembered(name: str) -> None:
-    """The rows of a path whose step was cut are those of the path on which the places of the cut
-    are rows.
-    """
+    """A path with a divided increment has the rows of a path with those points as rows."""
     path, turn = SCENES[name][0], turned(name)
     hindered = fresh(name, refused=path[turn])
     cut = walked(solver.LoadStepper(hindered), path)
@@ -195,7 +189,11 @@ def test_a_resumed_run_remembers_the_same(name: str, origin: str) -> None:
 @pytest.mark.parametrize("name", [name for name in SCENES if name != "adhesion"])
 @pytest.mark.parametrize("origin", ["checkpoint", "rest"])
 def test_a_resumed_run_guesses_as_an_undisturbed_one(name: str, origin: str) -> None:
-    """From another guess Newton may fail, the step is cut, and a path with friction is another one."""
+    """A resumed run makes the same initial guesses as an undisturbed one.
+
+    From another guess Newton's method may fail, the increment is cut, and the result of a
+    path-dependent contact changes.
+    """
     whole, first, second = fresh(name), fresh(name), fresh(name)
     walked(solver.LoadStepper(whole), IN_AND_ON)
     stopped, goes_on = solver.LoadStepper(first), solver.LoadStepper(second)
@@ -208,28 +206,28 @@ def test_a_resumed_run_guesses_as_an_undisturbed_one(name: str, origin: str) -> 
 
 
 # ---- time
-# ----------------------------------------------------------------------------------------------------------
 
 
 class Maxwell(Term):
-    """A foundation of springs, each in a row with a dashpot, that drags on the base: the traction
-    -k (u - q) [pressure] with c dq/dt = k (u - q), backward Euler. The way q of the dashpots is
-    remembered beside the unknowns.
+    """A foundation of springs in series with dashpots, under the base.
+
+    The traction is -k (u - q) [pressure] with c dq/dt = k (u - q), by backward Euler. The internal
+    variable q is the displacement of the dashpots.
     """
 
     has_memory = True
 
     def __init__(self, body: Body, k: float, c: float):
-        """k [pressure/length], c [pressure time/length]."""
+        """Set k [pressure/length] and c [pressure time/length]."""
         self._body, self._k, self._c = body, fem.Constant(body.mesh, k), fem.Constant(body.mesh, c)
         self._q = fem.Function(body.unknowns.collapsed_space("u"))
         self.history = (self._q,)
 
     def _gone(self, q: Any, u: Any, share: Any) -> Any:
-        """The way of the dashpots at the end of a step; share: k dt/c."""
+        """Displacement of the dashpots at the end of an increment; share: k dt/c."""
         return (q + share * u) / (1 + share)
 
-    def work(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> Any:
+    def virtual_work(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> Any:
         u, way = now.fields["u"], self._body.unknowns.split_fields(now.test)["u"]
         stretch = u - self._gone(self._q, u, self._k * dt / self._c)
         return self._body.surface_integral(
@@ -253,7 +251,7 @@ HISTORY = [
 
 
 class Relaxing:
-    """A body on rollers and on Maxwell's foundation under the tip, step by step."""
+    """A body on rollers and a Maxwell foundation under the tip, increment by increment."""
 
     def __init__(self) -> None:
         base = scene(
@@ -273,9 +271,7 @@ class Relaxing:
         self.before = [self.problem.snapshot()]
 
     def step(self, depth: float, dt: float, is_guessed: bool = True) -> None:
-        """Solve, from the line through the last two states or from the last one; what is found is
-        not accepted.
-        """
+        """Solve an increment, extrapolated or from the last state, without accepting it."""
         (stage,) = self.problem.stages(dt)
         self.problem.begin_stage(stage)
         self.problem.delta.value = depth
@@ -289,7 +285,7 @@ class Relaxing:
     def rows(
         self, history: Sequence[tuple[float, float]], is_guessed: bool = True
     ) -> Iterator[float]:
-        """Forces after every step."""
+        """Forces after every increment."""
         for depth, dt in history:
             self.step(depth, dt, is_guessed)
             yield self.problem.force()
@@ -303,7 +299,7 @@ class Relaxing:
 
 @cache
 def relaxed() -> tuple[float, ...]:
-    """The forces of HISTORY; in the hold they fall, by what is remembered."""
+    """Forces of HISTORY, which fall during the hold."""
     forces = tuple(Relaxing().rows(HISTORY))
     in_hold = forces[1:4]
     assert all(after < before - 1e-4 * before for before, after in pairwise(in_hold))
@@ -315,7 +311,10 @@ def test_a_relaxing_body_does_not_remember_a_guess() -> None:
 
 
 def test_a_relaxing_body_does_not_remember_a_step_that_failed() -> None:
-    """In a ramp, in a hold and on the way out: back to the state before, and then in two halves."""
+    """A failed increment leaves no trace in a ramp, a hold and an unloading.
+
+    The state before is restored, and two halves follow.
+    """
     for failing in (1, 3, 4):
         (was, _), (depth, dt) = HISTORY[failing - 1], HISTORY[failing]
         halves = [((was + depth) / 2, dt / 2), (depth, dt / 2)]

@@ -1,6 +1,4 @@
-"""Bodies from mesh files against the same bodies meshed here, against theory, and against
-themselves.
-"""
+"""Bodies from mesh files: the same bodies meshed here, theory, and consistency."""
 
 from __future__ import annotations
 
@@ -23,7 +21,7 @@ CYLINDER = {"shape": "cylinder", "radius": 2.0, "height": 1.0, "sides": "roller"
 
 
 def scene(body: dict[str, Any], **others: Any) -> dict[str, Any]:
-    """A paraboloid on a body."""
+    """Mapping of a paraboloid on a body."""
     tip = {"shape": "paraboloid", "R": 1.0}
     return {
         "body": body,
@@ -35,7 +33,7 @@ def scene(body: dict[str, Any], **others: Any) -> dict[str, Any]:
 
 
 def in_folder(folder: Path, body: dict[str, Any], **others: Any) -> Any:
-    """The config of a scene whose mesh lies in a folder."""
+    """Config of a scene whose mesh lies in a folder."""
     from indent_sim.config.strict_yaml import dump
 
     (folder / "scene.yaml").write_text(dump(scene(body, **others)), encoding="utf-8")
@@ -43,13 +41,14 @@ def in_folder(folder: Path, body: dict[str, Any], **others: Any) -> Any:
 
 
 def forces(config: Any) -> np.ndarray:
-    """The force of every row."""
+    """Force of every row."""
     return np.array([state.force for state in states(resolve(config), with_surface=False)])
 
 
 def test_a_cylinder_read_back_gives_the_same_force(tmp_path: Path) -> None:
-    """The mesh of a shipped body, written by gmsh with physical groups and 16 digits, at another
-    height: 1e-9, the tolerance of a step, is what renumbered unknowns may change.
+    """A gmsh file of a mesh gives the force of that mesh, to the 1e-9 of an increment.
+
+    It has physical groups, 16 digits and another height.
     """
     config = config_from_mapping(scene(CYLINDER))
     drawn = resolve(config)
@@ -92,9 +91,9 @@ def test_a_cylinder_read_back_gives_the_same_force(tmp_path: Path) -> None:
 
 
 def test_a_section_and_a_block_feel_their_theory(tmp_path: Path) -> None:
-    """Refined until 10 elements are in the contact, the section of a layer between rollers is
-    theory's own body. What is left at that many elements is 0.3 %, measured on cylinders meshed
-    here.
+    """A refined section of a layer between rollers has exact theory's force, to 0.3 %.
+
+    This is the error of ten elements in the contact, as measured on automatic meshes.
     """
     write(tmp_path / "part.msh", section(2.0, 1.0, 20, 10))
     body = {
@@ -113,9 +112,9 @@ def test_a_section_and_a_block_feel_their_theory(tmp_path: Path) -> None:
 
 
 def test_a_block_is_a_box(tmp_path: Path) -> None:
-    """The same body from a file and meshed here, whose meshes know nothing of one another: each is
-    good to 1 % at its sizes. The box has its tip in the middle of 0 ... 2, the file at x = y =
-    0.
+    """A block from a file has the force of the box, to the 1 % of each mesh.
+
+    The tip is in the middle of 0 ... 2 on the box, and at x = y = 0 on the file.
     """
     write(tmp_path / "part.msh", block(2.0, 1.0, 12, 6))
     body = {"shape": "mesh", "file": "part.msh", "kinematics": "3d", "surfaces": NAMES}
@@ -128,8 +127,9 @@ def test_a_block_is_a_box(tmp_path: Path) -> None:
 
 
 def test_regions_of_a_file_are_layers(tmp_path: Path) -> None:
-    """Two regions on the mesh of one body, with one material: 1e-9; with a stiff lower one: the
-    layered cylinder within what both meshes are good for.
+    """Two regions of one material have the force of one body, and others that of layers.
+
+    The first holds to 1e-9, the second to the error of both meshes.
     """
     body = section(2.0, 1.0, 40, 20)
     upper = body["points"][body["cells"]][:, :, 1].mean(axis=1) > -0.5
@@ -161,9 +161,10 @@ def test_regions_of_a_file_are_layers(tmp_path: Path) -> None:
 def test_a_body_on_rollers_is_held_by_its_pins_alone_where_nothing_else_does(
     tmp_path: Path, sides: str
 ) -> None:
-    """The audit of every run demands that reactions of pins are zero: a wrong pin, or none, ends
-    it. A block on rollers between two walls has one horizontal motion left, a free one all
-    three.
+    """Pins remove the rigid motions of a body on rollers and have no reaction.
+
+    The audit of every run demands this. A block between two walls has one horizontal motion, a free
+    one three.
     """
     write(tmp_path / "part.msh", block(2.0, 1.0, 4, 3))
     body = {
@@ -181,7 +182,7 @@ def test_a_body_on_rollers_is_held_by_its_pins_alone_where_nothing_else_does(
 
 
 def test_a_result_reproduces_itself_from_its_own_folder(tmp_path: Path) -> None:
-    """config.yaml beside body.msh gives the same rows to the last digit, and the same files."""
+    """config.yaml and body.msh of a result give the same rows and files, to the last digit."""
     write(tmp_path / "part.vtu", section())
     body = {
         "shape": "mesh",
@@ -200,8 +201,9 @@ def test_a_result_reproduces_itself_from_its_own_folder(tmp_path: Path) -> None:
 
 
 def test_error_bars_of_a_given_mesh_hold_its_error(tmp_path: Path) -> None:
-    """The bar, by the mesh refined once, holds theory's force, exact for this body; so does that of
-    `accuracy`, whose coarser meshes are those before.
+    """The error bar of a given mesh, from a refined one, holds the exact force.
+
+    So does that of `accuracy`, whose coarser meshes are those before.
     """
     write(tmp_path / "part.msh", section(2.0, 1.0, 20, 10))
     body = {
@@ -235,9 +237,10 @@ def test_error_bars_of_a_given_mesh_hold_its_error(tmp_path: Path) -> None:
 def test_error_bars_of_flat_facets_hold_the_curved_surface(
     h: float, refinements: int, tmp_path: Path
 ) -> None:
-    """A cap's mesh as a file of order 1 has chords alone: refined, its force and peak pressure are
-    off by what no refinement tells, but the angles of its facets. The peak grows with every
-    refinement, as a cone's does.
+    """The error bars of a mesh with flat facets hold the force on the curved surface.
+
+    A file of order 1 has only chords of a cap, so that no refinement shows their error, but the
+    angles of the facets do. The peak pressure grows with every refinement, as under a cone.
     """
     cap = {"shape": "cap", "base_radius": 1.0, "height": 0.5}
     sections = {"indenter": {"shape": "sphere", "R": 1.0}, "loading": {"delta": 0.03, "steps": 2}}

@@ -1,9 +1,8 @@
-"""Every contact method beside the others: one answer, for any stiffness, from one solver or the
-other.
+"""Contact methods compared: one answer, for any stiffness, from either solver.
 
-HERTZ is the benchmark of test_hertz, W = 2 the layer in a frictionless wall of test_layer_wall.
-References are layer theory and the benchmark's converged forces; what the methods owe each other
-needs none.
+HERTZ is the benchmark of test_hertz.py, W = 2 the layer in a frictionless wall of
+test_layer_wall.py. References are layer theory and the converged forces of the benchmark; the
+agreement of the methods needs none.
 """
 
 from __future__ import annotations
@@ -14,11 +13,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmark_forces import CUBE
+from benchmark_forces import CUBE, CYLINDER_RADII
 from benchmark_forces import CYLINDER_STEPS as FORCES
 from click.testing import CliRunner
 from scenes import BOX, CYLINDER, E_STAR, PARABOLOID, WALLED, scene, solve
-from test_hertz import RADII
 
 from indent_sim.cli import commands
 from indent_sim.fe.solve import uzawa
@@ -31,30 +29,28 @@ TEN_STEPS = {"delta": 0.01, "steps": 10}
 
 
 def method(name: str, multiple: float | None = None, h: float = 0.01) -> dict[str, Any]:
-    """The section `contact` with a stiffness of so many E*/h."""
+    """Section `contact` with a stiffness of so many E*/h."""
     if multiple is None:
         return {"method": name}
     return {"method": name, "gamma" if name == "nitsche" else "epsilon_n": multiple * E_STAR / h}
 
 
 def extrapolated(soft: list[State], stiff: list[State]) -> np.ndarray:
-    """Forces for an infinite stiffness, from one and from twice that: the error falls as
-    1/epsilon_n.
-    """
+    """Forces for an infinite stiffness, from one and twice that; the error falls as 1/epsilon_n."""
     return np.array([2 * there.force - here.force for here, there in zip(soft, stiff, strict=True)])
 
 
 # ---- one answer
-# -----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("h", "tolerance"), [(0.004, 1.5e-3), pytest.param(0.002, 5e-4, marks=pytest.mark.verify)]
 )
 def test_methods_agree_on_the_cylinder(h: float, tolerance: float) -> None:
-    """0.05 % between the extremes of all five, and from the converged forces, at every step (0.012
-    and 0.021 % found). With h_contact = 0.002 sixteen elements are in the first contact radius;
-    with thirteen it is 0.046 % there; with eight 0.15 %, as in `test_hertz_at_every_step`.
+    """All five methods agree with one another and with the converged forces to 0.05 %.
+
+    0.012 and 0.021 % were found. With h_contact = 0.002 sixteen elements are in the first contact
+    radius; with thirteen it is 0.046 % there, and with eight 0.15 %.
     """
     assert scene(CYLINDER, mesh={"h_contact": h}).plan.prediction["dofs"] < 6000
     curves = [np.array([state.force for state in hertz(name, h)]) for name in METHODS]
@@ -66,7 +62,7 @@ def test_methods_agree_on_the_cylinder(h: float, tolerance: float) -> None:
 
 @cache
 def hertz(name: str, h: float, multiple: float | None = None, steps: int = 10) -> list[State]:
-    """HERTZ on the cylinder."""
+    """States of HERTZ on the cylinder."""
     loading = TEN_STEPS | {"steps": steps}
     return solve(
         scene(CYLINDER, contact=method(name, multiple, h), loading=loading, mesh={"h_contact": h})
@@ -81,8 +77,9 @@ def hertz(name: str, h: float, multiple: float | None = None, steps: int = 10) -
     ],
 )
 def test_methods_agree_on_the_cube(h: float, names: tuple[str, ...]) -> None:
-    """0.3 % between the extremes on one mesh, of three and a half elements in the contact radius;
-    and that mesh is itself within 0.3 % of the converged force.
+    """All methods agree on one mesh of the cube, and with the converged force, to 0.3 %.
+
+    There are three and a half elements in the contact radius.
     """
 
     def last(contact: dict[str, Any]) -> list[State]:
@@ -97,7 +94,6 @@ def test_methods_agree_on_the_cube(h: float, names: tuple[str, ...]) -> None:
 
 
 # ---- against theory
-# -------------------------------------------------------------------------------------------
 
 TIPS = {
     "paraboloid": (PARABOLOID, 0.01, 0.004),
@@ -107,9 +103,7 @@ TIPS = {
 
 
 def beside_theory(tip: str, name: str) -> tuple[np.ndarray, float, float]:
-    """Relative errors of the force at ten steps, and of a and p(0) (cone: p(a/2)) at the last, at W
-    = 2.
-    """
+    """Relative errors of ten forces, and of a and p(0) (cone: p(a/2)) at the last, at W = 2."""
     indenter, delta, h = TIPS[tip]
     base = scene(
         WALLED,
@@ -133,10 +127,10 @@ def beside_theory(tip: str, name: str) -> tuple[np.ndarray, float, float]:
 
 @pytest.mark.parametrize("tip", TIPS)
 def test_augmented_lagrangian_against_theory_at_every_step(tip: str) -> None:
-    """0.03 % of the force (the cone, whose pressure is infinite at the apex, 0.1 %) on less than 6
-    000 dofs: h_contact is an eighth of the first radius, of the cone's a sixth, and P2 leaves
-    0.01 % (cone 0.03 %) of the force there. p(0) 0.5 % and a 1 %: derivatives of what is known
-    to 0.01 %, and a fraction of an element.
+    """The augmented Lagrangian has exact theory's force at every row, to 0.03 % (cone 0.1 %).
+
+    h_contact is an eighth of the first radius (cone: a sixth), which leaves 0.01 % (0.03 %) there.
+    p(0) to 0.5 % and a to 1 % are derivatives and a fraction of an element.
     """
     forces, radius, pressure = beside_theory(tip, "augmented_lagrangian")
     assert np.abs(forces).max() < (1e-3 if tip == "cone" else 3e-4)
@@ -161,8 +155,10 @@ def test_augmented_lagrangian_against_theory_at_every_step(tip: str) -> None:
     ],
 )
 def test_active_set_and_nitsche_against_theory(tip: str, name: str) -> None:
-    """0.15 % at every step: the set of nodal pressures ends at a node, which shows at the first,
-    where eight elements are in contact, and six of the cone's (0.08 and 0.06 % found).
+    """Active set and Nitsche's method have exact theory's force at every row, to 0.15 %.
+
+    The set of nodal pressures ends at a node, which shows in the first row with eight elements in
+    contact, six of the cone's; 0.08 and 0.06 % were found.
     """
     forces, radius, pressure = beside_theory(tip, name)
     assert np.abs(forces).max() < 1.5e-3
@@ -172,24 +168,24 @@ def test_active_set_and_nitsche_against_theory(tip: str, name: str) -> None:
 
 @pytest.mark.parametrize("name", METHODS)
 def test_hertz_at_every_step(name: str) -> None:
-    """Free sides: 0.03 % of the converged forces for the augmented Lagrangian, 0.15 % for the
-    others (0.05 % found); the radii have four digits, of which the last is 0.3 % of the first.
+    """With free sides the augmented Lagrangian is right to 0.03 % and the others to 0.15 %.
+
+    0.05 % were found; the radii have four digits, 0.3 % of the first.
     """
     states = hertz(name, 0.004)
     errors = np.array([state.force for state in states]) / FORCES - 1
     assert np.abs(errors).max() < (3e-4 if name == "augmented_lagrangian" else 1.5e-3)
-    assert [state.a for state in states] == pytest.approx(RADII, rel=0.01)
+    assert [state.a for state in states] == pytest.approx(CYLINDER_RADII, rel=0.01)
 
 
 # ---- the parameter
-# --------------------------------------------------------------------------------------------
 
 DECADES = {"augmented_lagrangian": (-3, 0, 3), "uzawa": (0, 1, 3)}
 FAR_DECADES = {"augmented_lagrangian": (-6, 6), "uzawa": (5,), "nitsche": (6,), "penalty": (6,)}
 
 
 def three_steps(name: str, decade: int, solver: str) -> State:
-    """The last state of HERTZ with a stiffness of 10^decade E*/h."""
+    """Last state of HERTZ with a stiffness of 10^decade E*/h."""
     base = scene(
         CYLINDER,
         contact=method(name, 10.0**decade),
@@ -211,9 +207,10 @@ def three_steps(name: str, decade: int, solver: str) -> State:
     ],
 )
 def test_stiffness_does_not_change_the_answer(name: str, solver: str) -> None:
-    """Force within 0.1 %: how the bracket's kink is seen by the quadrature depends on the
-    stiffness. The penetration is what the mesh leaves, not p/epsilon_n: over d decades it would
-    fall by 10^d, and falls by less than 10^(d/3).
+    """The stiffness of a multiplier method changes the force by at most 0.1 %.
+
+    The quadrature sees the kink of the bracket depending on the stiffness. The penetration is that
+    of the mesh: over d decades p/epsilon_n would fall by 10^d, and it falls by less than 10^(d/3).
     """
     states = [three_steps(name, decade, solver) for decade in DECADES[name]]
     forces = np.array([state.force for state in states])
@@ -234,14 +231,16 @@ def test_stiffness_does_not_change_the_answer(name: str, solver: str) -> None:
     ],
 )
 def test_stiffness_far_beyond_what_is_sensible(name: str, decade: int, solver: str) -> None:
-    """Newton alone finds none of these at 10^6 E*/h; through softer contact all are found. 0.1 % as
-    above: as many constraints as quadrature points make the surface a little too stiff.
+    """Extreme stiffnesses still give the force to 0.1 %, through softer contacts.
+
+    Newton's method alone fails at 1e6 E*/h. As many constraints as quadrature points make the
+    surface a little too stiff.
     """
     assert three_steps(name, decade, solver).force == pytest.approx(FORCES[-1], rel=1e-3)
 
 
 def test_a_multiplier_that_does_not_settle_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Uzawa far below E*/h creeps; where its loops end, there is no number, but a reason."""
+    """Uzawa's iteration far below E*/h ends with a reason and without a number."""
     monkeypatch.setattr(uzawa, "MOST_ITERATIONS", 15)
     (state,) = pipeline.states(
         scene(CYLINDER, contact=method("uzawa", 1e-5), mesh={"h_contact": 0.05})
@@ -257,7 +256,7 @@ def test_a_multiplier_that_does_not_settle_says_so(monkeypatch: pytest.MonkeyPat
         ("nitsche", 1e4, "oscillate"),
         ("penalty", 1e4, "oscillate"),
         ("penalty", 1.0, "too low"),
-        ("penalty", 1e-3, "sinks"),
+        ("penalty", 1e-3, "penetrates"),
     ],
 )
 def test_plan_warns_of_a_stiffness_that_spoils_the_answer(
@@ -272,7 +271,7 @@ def test_plan_warns_of_a_stiffness_that_spoils_the_answer(
 
 
 def test_active_set_has_no_parameter(tmp_path: Path) -> None:
-    """Exit 3, naming the key."""
+    """A parameter of the active set is refused with exit code 3 and its key."""
     config = tmp_path / "scene.yaml"
     config.write_text(
         "body: {shape: cylinder, radius: 1.0, height: 1.0}\nmaterial: {model: "
@@ -286,14 +285,14 @@ def test_active_set_has_no_parameter(tmp_path: Path) -> None:
 
 
 # ---- work
-# -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("name", ["augmented_lagrangian", "active_set"])
 def test_ten_steps_in_fifty_iterations(name: str, solver: str) -> None:
-    """At h_contact = 0.005, twenty elements in the last radius; and one step ends where ten do:
-    1e-8.
+    """Ten increments take at most 50 iterations and end where one increment does, to 1e-8.
+
+    At h_contact = 0.005 there are twenty elements in the last radius.
     """
     base = {"contact": method(name), "solver": {"method": solver}, "mesh": {"h_contact": 0.005}}
     states = solve(scene(CYLINDER, loading=TEN_STEPS, **base))
@@ -310,8 +309,9 @@ def test_ten_steps_in_fifty_iterations(name: str, solver: str) -> None:
     ],
 )
 def test_a_step_takes_no_more_iterations_on_a_finer_mesh(solver: str, finest: float) -> None:
-    """Beyond the second step, from ten elements in the last radius to forty, or twenty: two each,
-    where an edge two thirds of its way off took a step one more iteration with each halving.
+    """From the third increment on, two or three iterations suffice on coarse and fine meshes.
+
+    With an extrapolated edge two thirds of its motion off, each halving took one more iteration.
     """
     for h in (0.01, finest):
         states = solve(
@@ -322,17 +322,19 @@ def test_a_step_takes_no_more_iterations_on_a_finer_mesh(solver: str, finest: fl
 
 @pytest.mark.parametrize("name", ["uzawa", "nitsche", "penalty"])
 def test_one_step_or_ten_by_the_other_methods(name: str) -> None:
-    """1e-8; Uzawa, which stops at 1e-8 of its multiplier, ten times that."""
+    """One increment or ten give the same force to 1e-8, and to 1e-7 by Uzawa's iteration.
+
+    It stops at 1e-8 of its multiplier.
+    """
     one, ten = (hertz(name, 0.01, None, steps)[-1].force for steps in (1, 10))
     assert one == pytest.approx(ten, rel=1e-7 if name == "uzawa" else 1e-8)
 
 
 # ---- smooth results
-# -------------------------------------------------------------------------------------------
 
 
 def rise(r: np.ndarray, pressure: np.ndarray) -> float:
-    """By how much the pressure rises again outward, relative to the largest."""
+    """Largest rise of the pressure outwards, relative to its peak."""
     p = pressure[np.argsort(r)]
     return float(np.maximum(p - np.minimum.accumulate(p), 0.0).max() / p.max())
 
@@ -340,7 +342,7 @@ def rise(r: np.ndarray, pressure: np.ndarray) -> float:
 @pytest.mark.parametrize("h", [0.01, 0.005])
 @pytest.mark.parametrize("name", METHODS)
 def test_pressures_on_the_cylinder_do_not_oscillate(name: str, h: float) -> None:
-    """They fall outward, up to 1 % of the peak."""
+    """Pressures on the cylinder fall outwards, up to 1 % of the peak."""
     surface = hertz(name, h)[-1].surface
     assert rise(surface.x, surface.pressure) < 0.01
 
@@ -356,8 +358,9 @@ def test_pressures_on_the_cylinder_do_not_oscillate(name: str, h: float) -> None
     ],
 )
 def test_pressures_along_the_axes_of_the_cube_do_not_oscillate(name: str, h: float) -> None:
-    """They fall outward, up to 1 % of the peak, with the five elements in the radius that `auto`
-    takes.
+    """Pressures along the axes of the cube fall outwards, up to 1 % of the peak.
+
+    There are five elements in the radius, as `auto` takes.
     """
     surface = solve(scene(BOX, contact=method(name), mesh={"h_contact": h}))[-1].surface
     x, y = surface.x - 1.0, surface.y - 1.0
@@ -373,10 +376,11 @@ def test_pressures_along_the_axes_of_the_cube_do_not_oscillate(name: str, h: flo
     ],
 )
 def test_contact_radius_grows_without_stairs(name: str) -> None:
-    """In eighty small steps the edge crosses two elements, a thirty-fourth of one at a time. A
-    radius read off at nodes would stand still for a dozen steps and then jump by half an
-    element; this one is never off by more than a twelfth of an element, nor are two neighbours
-    off by amounts that differ by a tenth.
+    """The contact radius grows smoothly while the edge passes through elements.
+
+    In eighty small increments the edge crosses two elements. A radius read off at nodes would stay
+    for a dozen increments and then jump by half an element; this one is never off by more than a
+    twelfth of an element, nor do neighbours differ by more than a tenth.
     """
     h = 0.01
     base = scene(

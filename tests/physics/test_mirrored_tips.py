@@ -1,6 +1,4 @@
-"""Tips over a corner or an edge of rollers, which are mirrors: what stands beside them is a part of
-the whole.
-"""
+"""Tips over a corner or an edge of rollers, which are mirrors of the scene."""
 
 from __future__ import annotations
 
@@ -29,7 +27,7 @@ PIECES = {
 
 
 def scene(seen: int, **sections: Any) -> Scene:
-    """A paraboloid on a box of which it sees so many."""
+    """A paraboloid on a box of which the mirrors make so many."""
     size, center = PIECES[seen]
     given: dict[str, Any] = {
         "body": {"shape": "box", "size": size, "sides": "roller"},
@@ -46,7 +44,7 @@ def scene(seen: int, **sections: Any) -> Scene:
 def test_what_is_expected_is_a_part_of_the_mirrored_scene(
     seen: int, loading: dict[str, Any]
 ) -> None:
-    """The contact radius, and so the mesh, are those of the whole; its force is shared."""
+    """Predicted contact radius and mesh are those of the whole; its force is shared."""
     part = {name: value / seen if name == "force" else value for name, value in loading.items()}
     whole, found = scene(1, loading=loading, mesh={}), scene(seen, loading=part, mesh={})
     for name, value in whole.plan.prediction.items():
@@ -60,10 +58,10 @@ def test_what_is_expected_is_a_part_of_the_mirrored_scene(
 
 
 def test_a_solved_corner_stands_beside_theory_as_the_whole_does() -> None:
-    """Both deviate alike from theory and from Hertz: a quarter of a contact was compared with the
-    whole of it, -74.9 %.
+    """A corner deviates from theory and from Hertz as the whole does, to 5 %.
 
-    The meshes differ, of two elements in the contact radius: 5 % between them.
+    A quarter of a contact was once compared with the whole, -74.9 %. The meshes differ, with two
+    elements in the contact radius.
     """
     deviations = []
     for seen in (1, 4):
@@ -87,7 +85,7 @@ def test_a_solved_corner_stands_beside_theory_as_the_whole_does() -> None:
 
 
 def from_file(folder: Path, sides: str | None, shift: tuple[float, float]) -> Scene:
-    """The same paraboloid on a block from a mesh file that stands beside the axis."""
+    """The paraboloid on a block from a mesh file next to the axis."""
     body = block(size=1.0, height=1.0, n=4)
     body["points"] = body["points"] + [*shift, 0.0]
     wall = np.concatenate([body["facets"].pop("wall"), body["facets"].pop("far_wall")])
@@ -108,7 +106,10 @@ def from_file(folder: Path, sides: str | None, shift: tuple[float, float]) -> Sc
 def test_a_face_of_a_file_through_the_axis_is_asked_about(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A mirror face that was forgotten cost a third of the force without a word."""
+    """A face of a mesh file through the tip's axis must be declared free or roller.
+
+    A forgotten mirror plane would cost a third of the force.
+    """
     monkeypatch.chdir(tmp_path)
     with pytest.raises(
         ConfigError, match=r"body.sides: 24 facets lie in the plane x = 0 through the tip's axis"
@@ -126,7 +127,7 @@ def test_a_face_of_a_file_through_the_axis_is_asked_about(
 def test_rollers_of_a_file_under_the_axis_are_mirrors(
     shift: tuple[float, float], seen: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """And no edge of the contact surface: the nearest one is that on the far side."""
+    """Roller faces through the axis of a mesh file are mirrors and not edges of the surface."""
     monkeypatch.chdir(tmp_path)
     found = from_file(Path(), "roller", shift)
     assert found.physics.mirror_multiplicity == seen

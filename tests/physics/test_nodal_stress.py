@@ -1,4 +1,4 @@
-"""Stress at the nodes: exact where it is constant, right up to faces of layers and the surface."""
+"""Nodal stresses: exact where constant, and right up to interfaces and the surface."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ GIVEN: dict[str, Any] = {
 
 
 def written(given: dict[str, Any], folder: Path) -> dict[str, np.ndarray]:
-    """The fields of the last row of a run."""
+    """Fields of the last row of a run."""
     outcome = simulate(config_from_mapping(given), directory=folder)
     return read_fields(folder, outcome.states[-1].step)
 
@@ -42,24 +42,61 @@ def written(given: dict[str, Any], folder: Path) -> dict[str, np.ndarray]:
 def test_layers_in_a_confined_column_have_one_stress_each(
     body: dict[str, Any], tmp_path: Path
 ) -> None:
-    """Uniaxial strain: sigma_z is one, sigma_x = nu/(1-nu) sigma_z that of each layer, up to the
-    face between the two, whose nodes have that of the upper one. Linear displacements are exact;
-    1e-8 is what Newton's method leaves.
+    """Uniaxial strain: sigma_z is one, sigma_x = nu/(1-nu) sigma_z that of each layer, in all cells
+    up to the face between the two. Linear displacements are exact; 1e-8 is what Newton's method
+    leaves.
     """
     fields = written(GIVEN | {"body": body | LAYERS}, tmp_path / "run")
-    stress, z = fields["nodal_stress"].reshape(-1, 3, 3), fields["points"][:, 2]
+    cells = fields["cells"]
+    stress = fields["nodal_stress"].reshape(-1, 3, 3)[cells]  # (cells, corners, 3, 3)
     stiff, soft = (E * (1 - nu) / (1 + nu) / (1 - 2 * nu) for E, nu in ((2.0, 0.2), (1.0, 0.3)))
     sigma = -0.01 / (0.4 / stiff + 0.6 / soft)
-    side = np.where(z > -0.4 - 1e-9, 0.2 / 0.8, 0.3 / 0.7) * sigma
+    is_upper = fields["points"][cells][..., 2].mean(axis=1) > -0.4
+    side = np.where(is_upper, 0.2 / 0.8, 0.3 / 0.7)[:, None] * sigma
     for axis, expected in ((0, side), (1, side), (2, sigma)):
-        assert stress[:, axis, axis] == pytest.approx(np.broadcast_to(expected, len(z)), rel=1e-7)
-    assert np.abs(stress[:, 0, 2]).max() < 1e-8 * abs(sigma)
-    assert fields["nodal_von_mises"] == pytest.approx(np.abs(sigma - side), rel=1e-6)
+        everywhere = np.broadcast_to(expected, cells.shape)
+        assert stress[..., axis, axis] == pytest.approx(everywhere, rel=1e-7)
+    assert np.abs(stress[..., 0, 2]).max() < 1e-8 * abs(sigma)
+    von_mises = np.broadcast_to(np.abs(sigma - side), cells.shape)
+    assert fields["nodal_von_mises"][cells] == pytest.approx(von_mises, rel=1e-6)
+
+
+def test_regions_have_points_of_their_own(tmp_path: Path) -> None:
+    """ParaView interpolates in each cell between the values of its points: where regions meet there
+    are two points at one place, with one displacement and the region's own stress. Without stress
+    at the nodes there is one.
+    """
+    elastic = {"model": "linear_elastic", "E": 0.1, "nu": 0.3}
+    ball = {"shape": "ball", "center": [0, 0, -0.5], "radius": 0.2, "material": elastic}
+    given = GIVEN | {"body": COLUMN | {"inclusions": [ball]}}
+    apart = written(given, tmp_path / "apart")
+    joined = written(given | {"output": {"fields": "last", "plot": False}}, tmp_path / "joined")
+    points = joined["points"]
+    inside, outside = (np.unique(joined["cells"][joined["region"] == k]) for k in (1, 0))
+    shared = np.intersect1d(inside, outside)
+    # Points of the surface of the ball, which gmsh places to twelve digits
+    assert np.hypot(points[shared, 0], points[shared, 2] + 0.5) == pytest.approx(0.2, abs=1e-9)
+    assert (apart["points"][: len(points)] == points).all()
+    assert (apart["points"][len(points) :] == points[shared]).all()
+    assert (apart["points"][apart["cells"]] == points[joined["cells"]]).all()
+    for name in ("displacement", "pressure"):
+        assert (apart[name][apart["cells"]] == joined[name][joined["cells"]]).all()
+    # The hoop strain of either side, by Hooke's law of its own, is that of the displacement. The
+    # stresses of elements of a third of the ball's radius are good to a tenth of the largest.
+    radius = apart["points"][:, 0]
+    is_off_axis = radius[shared] > 0.05
+    hoop_strain = apart["displacement"][shared, 0] / np.where(is_off_axis, radius[shared], 1.0)
+    stress = apart["nodal_stress"].reshape(-1, 3, 3)
+    for vertices, E in ((shared, 1.0), (np.arange(len(points), len(radius)), 0.1)):
+        r, hoop, z = (stress[vertices, axis, axis] for axis in range(3))
+        error = ((hoop - 0.3 * (r + z)) / E - hoop_strain)[is_off_axis]
+        assert np.abs(error).max() < 0.1 * np.abs(hoop_strain[is_off_axis]).max()
 
 
 def test_under_a_ball_the_nodes_have_the_pressure_of_the_surface(tmp_path: Path) -> None:
-    """sigma_z = -p, 2.5 % of the largest p in the inner contact; the cells beneath are half an
-    element away.
+    """Under a ball sigma_z = -p at the nodes, to 2.5 % of the peak in the inner contact.
+
+    The cells below are half an element away.
     """
     given = GIVEN | {
         "body": {"shape": "cylinder", "radius": 1.0, "height": 1.0},

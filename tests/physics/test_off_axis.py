@@ -1,4 +1,4 @@
-"""Cylinders in three dimensions: against the axisymmetric model, and with tips beside their axis."""
+"""Cylinders in three dimensions: against the axisymmetric model, and with tips off the axis."""
 
 from __future__ import annotations
 
@@ -20,8 +20,10 @@ COARSE = 0.1  # h_contact: three elements in the contact radius of 0.33
 @pytest.mark.parametrize("sides", ["free", "roller", "fixed"])
 @pytest.mark.parametrize("base", ["fixed", "roller"])
 def test_quarter_against_axisymmetric(base: str, sides: str) -> None:
-    """0.5 % is the error of three elements in the radius; the polygon of the wall encloses 0.7 %
-    less than the circle, which this force feels by 0.1 % at most.
+    """A quarter of a cylinder has the axisymmetric force, to 0.5 %.
+
+    This is the error of three elements in the radius; the polygonal wall encloses 0.7 % less than
+    the circle, which changes the force by at most 0.1 %.
     """
     body = (WALLED if sides == "roller" else CYLINDER) | {"base": base, "sides": sides}
     flat = scene(body, **DEEP)
@@ -33,7 +35,7 @@ def test_quarter_against_axisymmetric(base: str, sides: str) -> None:
 
 @pytest.mark.parametrize("symmetry", ["half", pytest.param("full", marks=pytest.mark.verify)])
 def test_parts_of_a_cylinder_on_rollers(symmetry: str) -> None:
-    """Held by pins alone; their reactions are audited to be zero. Meshes of their own: 0.5 %."""
+    """Half and full models on rollers are held by pins without reaction and agree to 0.5 %."""
     body = CYLINDER | {"base": "roller"}
     part, quarter = (
         scene(body, mesh={"h_contact": 0.15, "symmetry": s}, **DEEP) for s in (symmetry, "quarter")
@@ -43,7 +45,7 @@ def test_parts_of_a_cylinder_on_rollers(symmetry: str) -> None:
 
 
 def test_full_cylinder_between_rollers_may_turn() -> None:
-    """u . n = 0 on a round wall leaves the turn about z: one pin, without reaction."""
+    """A full cylinder between rollers has one pin, against rotation about z, without reaction."""
     base = scene(
         WALLED | {"radius": 1.0, "base": "roller"},
         mesh={"h_contact": 0.2, "symmetry": "full"},
@@ -54,8 +56,9 @@ def test_full_cylinder_between_rollers_may_turn() -> None:
 
 
 def test_off_axis_is_on_axis_in_a_wide_cylinder() -> None:
-    """Four thicknesses from the rim the layer is infinite: what the rim changes is below 1e-4, the
-    mesh 0.5 %.
+    """A tip off the axis of a wide cylinder has the force of one on it, to 0.5 %.
+
+    Four thicknesses from the rim the layer is infinite to 1e-4; the rest is the mesh.
     """
     wide = CYLINDER | {"radius": 6.0}
     beside = scene(
@@ -67,7 +70,7 @@ def test_off_axis_is_on_axis_in_a_wide_cylinder() -> None:
 
 @pytest.mark.verify
 def test_off_axis_without_a_mirror_plane() -> None:
-    """Off both axes of coordinates the whole cylinder is modelled; its force is that of the half."""
+    """A tip off both coordinate axes takes the whole cylinder, with the force of the half model."""
     body = CYLINDER | {"radius": 1.5, "sides": "roller"}
     whole, half = (
         scene(body, indenter=PARABOLOID | {"center": center}, mesh={"h_contact": COARSE}, **DEEP)
@@ -78,9 +81,7 @@ def test_off_axis_without_a_mirror_plane() -> None:
 
 
 def test_the_rim_is_softer_than_the_middle() -> None:
-    """Free sides give way: at the middle of the radius already by more than the mesh's error of 0.5
-    %.
-    """
+    """The force at half of the radius of a free cylinder is more than 1 % lower."""
     thick = CYLINDER | {"radius": 1.0, "height": 1.0}
     beside = scene(
         thick, indenter=PARABOLOID | {"center": [0.5, 0.0]}, mesh={"h_contact": COARSE}, **DEEP
@@ -90,9 +91,9 @@ def test_the_rim_is_softer_than_the_middle() -> None:
 
 @pytest.mark.parametrize("h", [0.15, pytest.param(COARSE, marks=pytest.mark.verify)])
 def test_a_curved_roller_wall_is_stiff_enough_and_not_too_stiff(h: float) -> None:
-    """u . n = 0 is weak; ten times its stiffness changes the force of a tip near it by less than
-    2e-4: neither does the wall give way, nor does the normal that turns inside a facet stop the
-    surface from sliding.
+    """Ten times the stiffness of a weak roller wall changes a near tip's force by < 2e-4.
+
+    Neither does the wall yield, nor does the normal that turns inside a facet lock the surface.
     """
     body = WALLED | {"radius": 1.0}
     base = scene(body, indenter=PARABOLOID | {"center": [0.5, 0.0]}, mesh={"h_contact": h}, **DEEP)
@@ -102,8 +103,10 @@ def test_a_curved_roller_wall_is_stiff_enough_and_not_too_stiff(h: float) -> Non
 
 
 def test_a_curved_wall_at_finite_strain_feels_how_far_it_moves_out() -> None:
-    """w = |X + u| - |X|: nothing of a turn by 0.5 about the axis, 0.1 |X| of a stretch by that, as
-    at small strain.
+    """A curved wall at finite strain resists |X + u| - |X| and no rotation.
+
+    Rotation by 0.5 about the axis costs nothing, and a stretch by 0.1 what it costs at small
+    strain.
     """
     energies = []
     for model in ("linear_elastic", "neo_hookean"):
@@ -129,7 +132,7 @@ def test_a_curved_wall_at_finite_strain_feels_how_far_it_moves_out() -> None:
 
 
 def test_condensed_and_newton_agree_beside_the_axis() -> None:
-    """The weak wall is part of the body's stiffness in both: the solver's 1e-9."""
+    """The condensed and the full body agree with a weak wall and a tip off the axis, to 1e-9."""
     body = WALLED | {"radius": 1.0}
     tip = PARABOLOID | {"center": [0.4, 0.0]}
     forces = [

@@ -1,75 +1,49 @@
-"""Patch test: under a flat punch that covers it, a body in a frictionless mould is strained
-uniformly.
+"""Patch test: under a flat punch that covers it, a confined body is strained uniformly.
 
-With M the modulus of the layer, h its thickness and the penalty's own give 1/epsilon_n in series,
+With M the modulus of the layer, h its thickness and the penalty's compliance 1/epsilon_n in series,
 
-    p = delta / (h/M + 1/epsilon_n),   force = p A,   energy = force delta / 2,   penetration = p /
-    epsilon_n
+    p = delta / (h/M + 1/epsilon_n),   force = p A,   energy = force delta / 2,
+    penetration = p / epsilon_n
 
-and the other methods give nothing of their own, 1/epsilon_n -> 0. M = E (1-nu)/((1+nu)(1-2 nu))
-between rollers, E with free sides, E/(1-nu^2) with free sides in plane strain. Exact, and inside
-every Lagrange space, so that 1e-9 is the solver's tolerance (1e-10) times ten.
+and the other methods have no compliance of their own, 1/epsilon_n -> 0. M = E (1-nu)/((1+nu)(1-2
+nu)) between rollers, E with free sides, E/(1-nu^2) with free sides in plane strain. The solution is
+exact and inside every Lagrange space, so that 1e-9 is ten times the solver's tolerance.
 """
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
-from math import hypot, pi, sqrt
+from math import pi, sqrt
 from typing import Any
 
 import numpy as np
 import pytest
-from scenes import PENALTY, scene, solve
+from patch_scenes import (
+    AREA,
+    BOX,
+    CYLINDER,
+    DELTA,
+    EPSILON_N,
+    EXACT,
+    NU,
+    STRIP,
+    E,
+    H,
+    covered,
+)
+from scenes import solve
 from scipy.optimize import brentq
 
-from indent_sim.model.tips import FlatPunch
 from indent_sim.scene.scene import Scene
 
-E, NU, H, DELTA, EPSILON_N = 3.0, 0.3, 2.0, 0.05, 7.0
 CONFINED = E * (1 - NU) / ((1 + NU) * (1 - 2 * NU))
-EXACT = 1e-9
 
-CYLINDER = {"shape": "cylinder", "radius": 1.5, "height": H}
-STRIP = {"shape": "strip", "width": 3.0, "height": H}
-BOX = {"shape": "box", "size": [3.0, 2.0, H]}
-AREA = {"cylinder": pi * 1.5**2, "strip": 3.0, "box": 6.0}
 RADIUS = {"cylinder": 1.5, "strip": 1.5, "box": sqrt(6.0 / pi)}
 FREE_MODULUS = {"cylinder": E, "strip": E / (1 - NU**2), "box": E}
 
 
-MATERIAL = {"model": "linear_elastic", "E": E, "nu": NU}
-
-
-def covered(
-    body: dict[str, Any],
-    symmetry: str = "auto",
-    method: str = "penalty",
-    material: Any = MATERIAL,
-    loading: Any = None,
-    **contact: Any,
-) -> Scene:
-    """A body under a punch that reaches beyond its rim, which no config may ask for.
-
-    No element is smaller at the rim: nothing is singular there.
-    """
-    width = {"cylinder": 3.0, "strip": 3.0, "box": 2.0}[body["shape"]]
-    base = scene(
-        body,
-        material=material,
-        indenter={"shape": "flat_punch", "radius": width / 2},
-        contact=(PENALTY | {"epsilon_n": EPSILON_N} if method == "penalty" else {"method": method})
-        | contact,
-        loading=loading or {"delta": DELTA, "steps": 1},
-        mesh={"h_contact": 0.5, "symmetry": symmetry},
-    )
-    beyond = FlatPunch(radius=1.1 * hypot(3.0, 2.0) / 2 / base.physics.scales.length)
-    sizes = dataclasses.replace(base.sizes, punch_edge=None, h_edge=None)
-    return dataclasses.replace(base.replace_physics(indenter=beyond), sizes=sizes)
-
-
 def assert_uniform(base: Scene, body: dict[str, Any], modulus: float) -> None:
-    """Everything that is measured, against the formulas above."""
+    """Assert all measured numbers against these formulas."""
     state = solve(base)[-1]
     compliance = 1 / EPSILON_N if base.physics.contact.method == "penalty" else 0.0
     p = DELTA / (H / modulus + compliance)
@@ -91,7 +65,7 @@ def assert_uniform(base: Scene, body: dict[str, Any], modulus: float) -> None:
 @pytest.mark.parametrize("method", ["penalty", "augmented_lagrangian", "nitsche", "active_set"])
 @pytest.mark.parametrize("body", [CYLINDER, STRIP, BOX], ids=lambda body: body["shape"])
 def test_confined_body(body: dict[str, Any], method: str, base: str) -> None:
-    """Rollers all around: a fixed base holds nothing more, since nothing moves sideways."""
+    """A confined body is strained uniformly, by every method, on a fixed or roller base."""
     held = body | {"base": base, "sides": "roller"}
     assert_uniform(covered(held, method=method), held, CONFINED)
 
@@ -109,9 +83,7 @@ def test_confined_body(body: dict[str, Any], method: str, base: str) -> None:
     ids=lambda value: value if isinstance(value, str) else value["shape"],
 )
 def test_body_that_bulges_freely(body: dict[str, Any], symmetry: str) -> None:
-    """Roller base, free sides: in full models only the pins stand against the rigid modes, and they
-    carry nothing.
-    """
+    """A body with free sides on rollers is strained uniformly, and its pins have no reaction."""
     held = body | {"base": "roller", "sides": "free"}
     base = covered(held, symmetry)
     if symmetry == "full":
@@ -120,7 +92,7 @@ def test_body_that_bulges_freely(body: dict[str, Any], symmetry: str) -> None:
 
 
 def test_body_between_two_of_its_walls() -> None:
-    """A box held by rollers in x and free in y is in plane strain: E/(1-nu^2)."""
+    """A box between rollers in x and free in y is in plane strain, with E/(1-nu^2)."""
     held = BOX | {
         "base": "roller",
         "sides": {"x_min": "roller", "x_max": "roller", "y_min": "free", "y_max": "free"},
@@ -129,14 +101,14 @@ def test_body_between_two_of_its_walls() -> None:
 
 
 # ---- Fung's law, uniform at finite strain
-# ------------------------------------------------------------
 
 FUNG = {"model": "fung", "mu": 1.0, "b": 0.8, "nu": 0.3}
 
 
 def fung_stresses(*stretches: float) -> np.ndarray:
-    """Nominal principal stresses: P_i l_i = mu exp(b (I1bar - 3)) J^(-2/3) (l_i^2 - I1/3) + kappa
-    ln J, by hand.
+    """Nominal principal stresses of Fung's law, by hand.
+
+    P_i l_i = mu exp(b (I1bar - 3)) J^(-2/3) (l_i^2 - I1/3) + kappa ln J.
     """
     squares, J = np.square(stretches), np.prod(stretches)
     kappa = 2 * FUNG["mu"] * (1 + FUNG["nu"]) / (3 * (1 - 2 * FUNG["nu"]))
@@ -146,15 +118,16 @@ def fung_stresses(*stretches: float) -> np.ndarray:
 
 
 def free(held: Callable[[float], tuple[float, ...]]) -> float:
-    """The stretch of the free sides, the first of three, at which they bear nothing."""
+    """Stretch of the free sides, the first of three, at which they carry no stress."""
     return float(brentq(lambda s: fung_stresses(*held(s))[0], 0.5, 3.0, xtol=1e-15, rtol=1e-15))
 
 
 @pytest.mark.parametrize("formulation", ["displacement", "mixed"])
 @pytest.mark.parametrize("kind", ["uniaxial", "plane", "confined"])
 def test_a_pillar_of_fungs_law(kind: str, formulation: str) -> None:
-    """Pressed to 0.4 of its height in steps: nominal stress times area. 1e-8: Newton's tolerance of
-    1e-9 of the reaction, which the law's steep tangent does not spoil.
+    """A pillar of Fung's law pressed to 0.4 of its height has stress times area, to 1e-8.
+
+    Newton's tolerance of 1e-9 of the reaction is kept in spite of the steep tangent.
     """
     body = {"uniaxial": CYLINDER, "plane": STRIP, "confined": CYLINDER}[kind]
     held = body | {"base": "roller", "sides": "roller" if kind == "confined" else "free"}

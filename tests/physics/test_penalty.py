@@ -1,9 +1,8 @@
-"""Penalty: it penetrates by p/epsilon_n and is too soft by an amount that perturbation theory
-predicts.
+"""Penalty: the penetration is p/epsilon_n, and the softening that of perturbation theory.
 
-The potential with penalty is, to first order in 1/epsilon_n, the exact one minus 1/(2 epsilon_n)
-int p^2 dA. The force is its derivative by the depth; with Hertz' pressure int p^2 dA / 2 = E*^2
-delta^2 / pi, hence
+To first order in 1/epsilon_n the potential with penalty is the exact one minus 1/(2 epsilon_n) int
+p^2 dA. The force is its derivative by the depth; with Hertz' pressure int p^2 dA / 2 = E*^2 delta^2
+/ pi, hence
 
     dF = -2 E*^2 delta / (pi epsilon_n),   dF/F = -3/(2 pi) E*/(a epsilon_n).
 """
@@ -24,7 +23,7 @@ STIFFNESSES = np.array([25.0, 50.0, 100.0, 200.0, 400.0])  # E*/a
 
 @pytest.fixture(scope="module")
 def states() -> list[Any]:
-    """The last state for each of the stiffnesses, all on one mesh."""
+    """Last state for each of the stiffnesses, all on one mesh."""
     base = scene(WALLED, mesh={"h_contact": 0.005})
     return [solve(with_penalty(base, m * E_STAR / A_HERTZ))[-1] for m in STIFFNESSES]
 
@@ -35,8 +34,10 @@ def slope(values: list[float]) -> float:
 
 
 def test_force_error_falls_as_one_over_the_stiffness(states: list[Any]) -> None:
-    """On one mesh F(2 eps) - F(eps) is half of what eps lacks. 0.05 in the slope: the next term in
-    1/eps is a few percent of the first at 25 E*/a, and which quadrature points touch changes.
+    """The force error falls as 1/epsilon_n, to 0.05 in the exponent.
+
+    On one mesh F(2 eps) - F(eps) is half of what eps lacks. The next term is a few per cent at 25
+    E*/a, and the quadrature points in contact change.
     """
     forces = np.array([state.force for state in states])
     assert np.all(np.diff(forces) > 0)
@@ -44,8 +45,10 @@ def test_force_error_falls_as_one_over_the_stiffness(states: list[Any]) -> None:
 
 
 def test_force_error_is_the_one_of_perturbation_theory(states: list[Any]) -> None:
-    """10 %: the layer's pressure grows faster with depth than Hertz', which makes 5 % at this
-    thickness, and the next order in 1/eps is as much.
+    """The force error is that of perturbation theory, to 10 %.
+
+    The layer's pressure grows faster than Hertz's, which makes 5 % at this thickness, and the next
+    order in 1/eps is as much.
     """
     forces = [state.force for state in states]
     lacking = 2 * (forces[1] - forces[0])  # what a stiffness of 25 E*/a lacks
@@ -53,21 +56,28 @@ def test_force_error_is_the_one_of_perturbation_theory(states: list[Any]) -> Non
 
 
 def test_penetration_falls_as_one_over_the_stiffness(states: list[Any]) -> None:
-    """0.05 in the slope: the peak pressure itself grows by 5 % from the softest to the stiffest."""
+    """The penetration falls as 1/epsilon_n, to 0.05 in the exponent.
+
+    The peak pressure grows by 5 % from the softest to the stiffest.
+    """
     assert slope([state.penetration for state in states]) == pytest.approx(-1, abs=0.05)
 
 
 def test_penetration_is_pressure_over_stiffness(states: list[Any]) -> None:
-    """The definition, at the points where both are taken: the quadrature points, and p_max at the
-    nodes too, so p_max may be larger by what the pressure oscillates, 1 %.
+    """The penetration is p_max/epsilon_n, to 1 %.
+
+    The penetration is taken at quadrature points and p_max at nodes, too, where the pressure
+    oscillates by 1 %.
     """
     for state, m in zip(states, STIFFNESSES, strict=True):
         assert state.penetration * m * E_STAR / A_HERTZ == pytest.approx(state.p_max, rel=0.01)
 
 
 def test_automatic_stiffness_is_a_multiple_of_modulus_over_element() -> None:
-    """100 E*/h_contact: 0.05 % of the force with ten elements in the radius, by the formula above;
-    E = 1 there. More only where a penalty would cost more: see test_extremes.py.
+    """The automatic stiffness is 100 E*/h_contact.
+
+    It costs 0.05 % of the force with ten elements in the radius, by the formula above.
+    test_extremes.py has the bodies that take more.
     """
     for E, h in ((1.0, 0.02), (5.0, 0.01)):
         base = scene(CYLINDER, material=ELASTIC | {"E": E}, mesh={"h_contact": h}, contact=PENALTY)
@@ -75,15 +85,16 @@ def test_automatic_stiffness_is_a_multiple_of_modulus_over_element() -> None:
 
 
 def test_stated_stiffness_is_taken_in_the_users_units() -> None:
-    """The scene is measured in its height and its modulus."""
+    """A given epsilon_n has the user's units; the scene is scaled by its height and modulus."""
     body = CYLINDER | {"radius": 2.0, "height": 2.0}
     stated = scene(body, material=ELASTIC | {"E": 4.0}, contact=PENALTY | {"epsilon_n": 300.0})
     assert stated.physics.contact.epsilon_n == pytest.approx(300.0 * 2.0 / 4.0, rel=1e-12)
 
 
 def test_energy_error_is_the_one_of_perturbation_theory(states: list[Any]) -> None:
-    """Pi lacks int p^2 dA / (2 eps) = pi a^2 p0^2 / (4 eps), with a and p0 of this layer
-    (semi-analytic). 6 %: the layer's pressure is not quite an ellipse, and the next order in
+    """The energy error is int p^2 dA / (2 eps) = pi a^2 p0^2 / (4 eps), to 6 %.
+
+    a and p0 are those of the layer. Its pressure is not quite an ellipse, and the next order in
     1/eps is 5 %.
     """
     lacking = 2 * (states[1].energy - states[0].energy)

@@ -1,6 +1,4 @@
-"""The largest pull between rows: wherever the rows lie, on meshes, on the way out alone, and in
-time.
-"""
+"""The largest pull between rows: on meshes, during unloading only, and in time."""
 
 from __future__ import annotations
 
@@ -24,12 +22,12 @@ THICK = {"shape": "cylinder", "radius": 200.0, "height": 200.0, "base": "fixed",
 
 
 def out(deep: float, end: float, rows: int) -> dict[str, list[float]]:
-    """In to a depth, and out to another one in so many rows."""
+    """Loading to a depth, and unloading to another one in so many rows."""
     return {"deltas": [float(delta) for delta in np.linspace(deep, end, rows + 1)]}
 
 
 def searched(**sections: Any) -> tuple[list[State], PullOff | None]:
-    """The rows of a scene, and what the search after them finds, which leaves the walk as it was."""
+    """Rows of a scene and the pull-off found after them; the load stepper is left as it was."""
     base = scene(sections.pop("body", WALLED), **sections)
     walk = solver.create_load_stepper(base, meshed(base))
     rows = list(walk.states(base.physics.path, lambda step: False))
@@ -50,7 +48,7 @@ def searched(**sections: Any) -> tuple[list[State], PullOff | None]:
 
 
 def assert_agree(found: PullOff, other: PullOff) -> None:
-    """Two pull-offs of one scene, inside both of their errors."""
+    """Assert that two pull-offs of one scene agree within both errors."""
     assert abs(found.state.force - other.state.force) <= found.error + other.error
 
 
@@ -65,8 +63,11 @@ def assert_agree(found: PullOff, other: PullOff) -> None:
 def test_it_does_not_depend_on_the_number_of_rows(
     contact: dict[str, Any], h: float, end: float, indenter: dict[str, Any], few: int, missed: float
 ) -> None:
-    """A few rows and twelve: a row misses up to a few per cent, the search what it says: three
-    amplitudes of the waves that the force has on this mesh, at most."""
+    """The pull-off from few rows and from twelve agrees within the stated errors.
+
+    A row may miss it by a few per cent. The stated error is at most three amplitudes of the force's
+    waves on this mesh.
+    """
     deep = 0.01 if indenter else 0.05
     given = {"contact": contact, "mesh": {"h_contact": h}} | (
         {"indenter": indenter} if indenter else {}
@@ -85,9 +86,7 @@ def test_it_does_not_depend_on_the_number_of_rows(
 
 @pytest.mark.verify
 def test_it_is_the_lowest_of_many_rows_around_it() -> None:
-    """Two hundred rows on the same mesh, over a fifth of the way out: none is lower by more than
-    the error.
-    """
+    """None of two hundred rows around the pull-off is lower by more than the error."""
     given = {"contact": LOOSE, "mesh": {"h_contact": 0.04}}
     _, found = searched(**given, loading=out(0.05, -0.15, 6))
     assert found
@@ -100,9 +99,11 @@ def test_it_is_the_lowest_of_many_rows_around_it() -> None:
 
 @pytest.mark.verify
 def test_waves_of_the_force_are_as_high_as_it_is_told() -> None:
-    """The deviation of sixty rows around pull-off from a polynomial, of the largest pull, on 0.7 to
-    5.6 elements in the cohesive zone: below what is told of it, and two thirds of that
-    somewhere."""
+    """The waves of the force around pull-off are below the stated height, and two thirds somewhere.
+
+    They are deviations of sixty rows from a polynomial, on 0.7 to 5.6 elements in the cohesive
+    zone.
+    """
     heights = []
     for contact, sizes in ((LOOSE, (0.077, 0.0385)), (TIGHT, (0.05,))):
         for h in sizes:
@@ -127,9 +128,10 @@ def test_waves_of_the_force_are_as_high_as_it_is_told() -> None:
 
 @pytest.mark.verify
 def test_the_pull_off_of_rings_from_few_rows() -> None:
-    """Maugis' lambda 2 from five rows: -1.5872 pi work R, which `on_rings` in test_adhesion.py
-    finds on a half-space, inside the error of the search and 0.1 % of the finite body. It is within
-    6 % of JKR's, -1.5."""
+    """Five rows give the pull-off of rings, -1.5872 pi work R at Maugis' lambda 2.
+
+    The tolerance is the search's error and 0.1 % of the finite body. JKR's value is within 6 %.
+    """
     work, pull = 1e-4, -1.5872
     depth = (pi * work / E_STAR) ** (2 / 3)
     reach = (work**2 / (E_STAR**2 * (2.0 / LAMBDA_PER_TABOR) ** 3)) ** (1 / 3)
@@ -146,8 +148,9 @@ def test_the_pull_off_of_rings_from_few_rows() -> None:
 
 
 def test_a_path_in_time_is_searched_between_all_the_places_that_it_passes() -> None:
-    """Rows at a few times, between which the tip is followed in smaller steps: as of the same path
-    in depth.
+    """The pull-off of a path in time with few rows is that of the same path in depth.
+
+    Between the rows the tip is followed in smaller increments.
     """
     given = {"contact": LOOSE, "mesh": {"h_contact": 0.08}}
     history = [[0, 0], [1, 0.05], [3, -0.2]]

@@ -1,6 +1,4 @@
-"""Reactions of the supports: they balance the tip, know no mirror planes, and are those of exact
-solutions.
-"""
+"""Reactions of the supports: balance with the tip, symmetry planes, exact solutions."""
 
 from __future__ import annotations
 
@@ -32,7 +30,7 @@ RAMP: dict[str, Any] = {"history": [[0, 0], [0.1, 0.02]], "times": [0.01, 0.1]}
 
 
 def along(state: State, axis: str) -> float:
-    """The sum of all supports' forces on the body along an axis."""
+    """Sum of all supports' forces on the body along an axis."""
     assert state.reactions is not None
     supports = {
         name: force for name, force in state.reactions.items() if not name.startswith("mirror")
@@ -73,8 +71,9 @@ BALANCED = {
 
 @pytest.mark.parametrize("name", BALANCED)
 def test_the_supports_push_the_body_as_the_body_pushes_the_tip(name: str) -> None:
-    """Along z with the force of the row; sideways with that of friction, and not at all where the
-    gap is vertical.
+    """The reactions balance the force of the row along z and that of friction sideways.
+
+    Sideways they vanish where the gap is vertical.
     """
     base = BALANCED[name]
     is_vertical = base.physics.gap == "reference"
@@ -90,8 +89,9 @@ def test_the_supports_push_the_body_as_the_body_pushes_the_tip(name: str) -> Non
 
 @pytest.mark.parametrize("sides", ["roller", "fixed"])
 def test_what_is_mirrored_bears_what_the_whole_does(sides: str) -> None:
-    """The half and the whole strip have meshes of their own, each right to 0.1 %: 0.2 % apart at
-    most.
+    """The reactions of a half strip are those of the whole, to 0.2 %.
+
+    Each of the two meshes is right to 0.1 %.
     """
     body = STRIP | {"sides": sides}
     (half,), (whole,) = solve(scene(body)), solve(scene(body, "mesh.symmetry=full"))
@@ -104,8 +104,9 @@ def test_what_is_mirrored_bears_what_the_whole_does(sides: str) -> None:
 
 
 def test_a_quarter_bears_what_the_whole_box_does() -> None:
-    """Two meshes with n = 2.5 elements in the contact radius, each right to 0.07/n^2 = 1.1 %: 3 %
-    apart at most.
+    """The reactions of a quarter of a box are those of the whole, to 3 %.
+
+    Each of the two meshes with 2.5 elements in the contact radius is right to 1.1 %.
     """
     (part,), (whole,) = (
         solve(scene(HELD_BOX, *COARSE, *more)) for more in ((), ("mesh.symmetry=full",))
@@ -117,7 +118,7 @@ def test_a_quarter_bears_what_the_whole_box_does() -> None:
 
 
 def test_a_mirror_plane_bears_what_the_side_does_on_rollers() -> None:
-    """Half of a body on a roller is pushed along x by the side and by the other half alone."""
+    """On a roller base, the reaction of a mirror plane is that of the opposite side."""
     (state,) = solve(scene(BOX | {"base": "roller", "sides": "roller"}, *COARSE))
     assert state.reactions
     for axis in "xy":
@@ -128,7 +129,7 @@ def test_a_mirror_plane_bears_what_the_side_does_on_rollers() -> None:
 
 @pytest.mark.parametrize("method", ["newton", "condensed"])
 def test_the_wall_of_a_confined_column_bears_its_lateral_pressure(method: str) -> None:
-    """Uniaxial strain: sigma_r = nu/(1-nu) sigma_z, on a wall of the area 2 pi R h.
+    """The wall of a confined column carries sigma_r = nu/(1-nu) sigma_z on its area.
 
     Linear fields are exact.
     """
@@ -158,9 +159,7 @@ def with_newton(base: Scene) -> Scene:
 
 
 def test_a_node_on_two_fixed_supports_is_shared() -> None:
-    """Where a fixed base meets fixed sides each has half: the part of it in either vanishes with
-    the elements.
-    """
+    """The reaction of nodes on base and sides is shared; its share vanishes with the elements."""
     body = CYLINDER | {"sides": "fixed"}
     parts = [solve(scene(body, f"mesh.h_far={h}"))[-1] for h in (0.2, 0.1)]
     shares = [state.reactions["sides_z"] / state.force for state in parts if state.reactions]
@@ -200,7 +199,7 @@ def test_columns_on_request_and_the_last_row_in_run_json(tmp_path: Path) -> None
 
 
 def test_reactions_are_forces_in_the_units_of_the_scene() -> None:
-    """The same body in thousandths of the length and of the force."""
+    """Reactions are forces in the units of the scene."""
     small = {"shape": "cylinder", "radius": 1e3, "height": 1e3, "base": "fixed", "sides": "fixed"}
     material, tip = ELASTIC | {"E": 1e-3}, {"shape": "paraboloid", "R": 1e3}
     (one,) = solve(scene(CYLINDER | {"sides": "fixed"}))
@@ -233,7 +232,7 @@ def test_a_run_with_reactions_goes_on_with_them(tmp_path: Path) -> None:
         ({"body": {"shape": "half_space"}}, "without a mesh"),
         (
             {"body": {"shape": "layer", "height": 1.0}, "solver": {"method": "condensed"}},
-            "without end",
+            "unbounded body",
         ),
         (
             {

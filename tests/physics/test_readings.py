@@ -1,4 +1,4 @@
-"""Stiffness, area and E_hertz of rows, against theory, differences of the force, and closed forms."""
+"""Stiffness, area and E_hertz of rows against theory, force differences and closed forms."""
 
 from __future__ import annotations
 
@@ -21,7 +21,10 @@ SHALLOW = {"delta": 0.01, "steps": 3}
 
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.49])
 def test_stiffness_of_a_condensed_layer_is_the_flat_punchs(nu: float) -> None:
-    """Theory is exact here: 0.1 % from six elements in the contact radius on, 0.03 % in the median."""
+    """The stiffness dF/d(delta) of a condensed layer is that of exact theory to 0.1 %.
+
+    Measured from six elements in the contact radius on, the median error is 0.03 %.
+    """
     base = scene(WALLED, material=ELASTIC | {"nu": nu}, loading=SHALLOW)
     assert base.solver.method == "condensed" and base.plan.theory
     for state in solve(base):
@@ -32,10 +35,11 @@ def test_stiffness_of_a_condensed_layer_is_the_flat_punchs(nu: float) -> None:
 @pytest.mark.parametrize("method", ["augmented_lagrangian", "penalty", "active_set", "nitsche"])
 @pytest.mark.parametrize("solver", ["newton", "condensed"])
 def test_stiffness_by_the_tangent_is_the_slope_of_the_meshs_force(method: str, solver: str) -> None:
-    """In plane strain, where no punch stands in for it.
+    """The stiffness by the tangent is the difference quotient of the force to 0.1 %.
 
-    Over 2e-5 of the depth the points that touch are the same, and what the solver's tolerance of
-    1e-10 leaves of the difference is 1e-5.
+    In plane strain no flat punches replace the tangent. Over 2e-5 of the depth the points in
+    contact are the same, so the quotient itself is good to 1e-5 with the solver's tolerance of
+    1e-10.
     """
     if (method, solver) == ("nitsche", "condensed"):
         return
@@ -60,9 +64,7 @@ def test_a_multiplier_that_moves_outside_of_newton_has_no_tangent() -> None:
 
 
 def test_a_half_space_reads_its_own_modulus() -> None:
-    """The mesh's force is within 0.3 % of Hertz, so E_hertz is within 0.3 % of E; theory's to
-    rounding.
-    """
+    """E_hertz of a half-space is its modulus, by theory to rounding and by a mesh to 0.3 %."""
     body = {"shape": "half_space"}
     assert list(pipeline.states(scene(body)))[-1].E_hertz == pytest.approx(1.0, rel=1e-12)
     meshed = solve(scene(body, "solver.method=condensed"))[-1]
@@ -72,7 +74,10 @@ def test_a_half_space_reads_its_own_modulus() -> None:
 
 @pytest.mark.parametrize("nu", [0.3, 0.5])
 def test_the_modulus_of_a_half_space_is_within_its_error_bar(nu: float, tmp_path: Path) -> None:
-    """E_hertz is the force over an exact one: its relative error is the force's."""
+    """E_hertz of a meshed half-space differs from E = 1 by no more than the force's bar.
+
+    E_hertz is the force divided by an exact one, so its relative error is that of the force.
+    """
     config = config_from_mapping(
         {
             "body": {"shape": "half_space"},
@@ -90,8 +95,10 @@ def test_the_modulus_of_a_half_space_is_within_its_error_bar(nu: float, tmp_path
 
 @pytest.mark.parametrize("rounding", [-1e-14, 2e-16])
 def test_a_force_of_zero_reads_no_modulus(rounding: float) -> None:
-    """Where an attraction balances it, at a depth > 0: the force that is found there is rounding of
-    either sign.
+    """E_hertz is nan where an attraction balances the contact force at a positive depth.
+
+    The force found there is rounding of either sign; a force of 1e-3 at the same depth has a
+    modulus.
     """
     base = scene(
         WALLED, contact={"adhesion": {"work": 1e-4, "range": 1e-2}}, loading={"forces": [0.0, 1e-3]}
@@ -102,7 +109,7 @@ def test_a_force_of_zero_reads_no_modulus(rounding: float) -> None:
 
 
 def test_a_fit_to_an_exact_curve_is_off_by_nothing() -> None:
-    """Not by rounding: theory's half-space is the formula that is fitted."""
+    """A Hertz fit to theory's half-space is off by exactly 0 %: theory is the fitted formula."""
     whole = scene({"shape": "half_space"}, "loading.steps=3")
     fit = hertz_fit(whole, list(pipeline.states(whole)))
     assert fit and fit["percent"] == 0.0 and fit["E"] == pytest.approx(1.0, rel=1e-12)
@@ -130,10 +137,12 @@ def test_a_fit_to_an_exact_curve_is_off_by_nothing() -> None:
 def test_the_stiffness_where_no_punch_moves_the_last_nodes(
     body: dict[str, Any], tip: dict[str, Any], nu: float, delta: float, within: float
 ) -> None:
-    """A rim that is held, a sealed incompressible body: against the force's difference over 1 % of
-    the depth, whose own error is 1e-4 of the stiffness; 2 % is the element at the edge, which
-    comes into contact or not, and beside the wall of a sealed body, where the stiffness grows
-    without bound, four times as much.
+    """The stiffness is the difference quotient of forces over 1 % of the depth.
+
+    The bodies have a rim that is held, or are sealed and incompressible. The quotient is good to
+    1e-4 of the stiffness. The element at the edge of contact, which is in contact or not, is worth
+    2 %, and four times as much beside the wall of a sealed body, where the stiffness grows without
+    bound.
     """
     depths = {"deltas": [0.995 * delta, delta, 1.005 * delta]}
     base = scene(body, material=ELASTIC | {"nu": nu}, indenter=tip, loading=depths)

@@ -1,5 +1,6 @@
-"""`run` with `accuracy` and with `--error-bars`: the column, the budget, refinement, its limits,
-and `--resume`.
+"""Runs with `accuracy` and with error bars: the columns, the budget, refinement and its limits.
+
+A run that is resumed has the same bars as one that was not stopped.
 """
 
 from __future__ import annotations
@@ -64,7 +65,11 @@ def test_without_being_asked_nothing_is_estimated(tmp_path: Path) -> None:
 
 
 def test_the_written_config_gives_the_same_run_without_accuracy(tmp_path: Path) -> None:
-    """Of a punch, whose edge has a size of its own, and of a path whose first contact is small."""
+    """The resolved config.yaml of a run with `accuracy` repeats its forces without `accuracy`.
+
+    This holds for a punch, whose edge has an element size of its own, and for a path whose first
+    contact is small.
+    """
     for tip in ({"shape": "flat_punch", "radius": 0.3}, {"shape": "paraboloid", "R": 1.0}):
         first = simulate(tmp_path / tip["shape"], indenter=tip, accuracy=0.01)
         written = load(tmp_path / tip["shape"] / "config.yaml")
@@ -76,7 +81,10 @@ def test_the_written_config_gives_the_same_run_without_accuracy(tmp_path: Path) 
 def test_the_mesh_is_refined_until_the_bars_are_narrow_enough(
     tmp_path: Path, monkeypatch: Any, caplog: Any
 ) -> None:
-    """With a trade that promises too much the first mesh is too coarse; the estimate notices."""
+    """A first mesh that is too coarse is noticed by the estimate, and refined until the bars fit.
+
+    The error constant is patched to promise too much, so that the first mesh is too coarse.
+    """
     monkeypatch.setitem(resolution.ERROR_CONSTANT, 2, 0.02)
     caplog.set_level("INFO", logger="indent_sim")
     outcome = simulate(tmp_path / "run", accuracy=0.001)
@@ -88,7 +96,10 @@ def test_the_mesh_is_refined_until_the_bars_are_narrow_enough(
 
 
 def test_what_no_mesh_can_mend_ends_with_exit_code_6_and_the_rows(tmp_path: Path) -> None:
-    """A penalty as soft as this is 1 % low whatever the mesh."""
+    """A penalty too soft for the accuracy on any mesh ends with exit code 6, and the rows are kept.
+
+    Its forces are 1 % low whatever the mesh; the message names epsilon_n as the cause.
+    """
     with pytest.raises(VerificationError, match="epsilon_n alone causes") as caught:
         simulate(
             tmp_path / "run", accuracy=0.001, contact={"method": "penalty", "epsilon_n": 1000.0}
@@ -108,7 +119,7 @@ def test_a_machine_that_is_too_small_ends_the_refinement(tmp_path: Path, monkeyp
 
 
 class Stop(Exception):
-    """Somebody pulls the plug."""
+    """Raised by a progress function to stop a run."""
 
 
 @pytest.mark.parametrize("sections", [{"accuracy": 0.01}, {}], ids=["accuracy", "error bars"])
@@ -142,10 +153,11 @@ def test_a_resumed_run_has_the_same_rows_and_bars(tmp_path: Path, sections: dict
 def test_a_later_attempt_that_is_resumed_has_the_same_bars(
     tmp_path: Path, monkeypatch: Any, contact: dict[str, Any], rows: int
 ) -> None:
-    """Its companions are the attempts before, whatever the process that computed them.
+    """A run resumed in a later attempt of refinement has the bars of the run that was not stopped.
 
-    Five rows an attempt, three attempts or more; forces agree to 1e-12 or so, hence their
-    differences to 1e-6.
+    A bar compares an attempt with those before it, which another process computed. Every attempt
+    has five rows, and there are at least two before the last. Forces agree to about 1e-12, hence
+    their differences to 1e-6.
     """
     monkeypatch.setitem(resolution.ERROR_CONSTANT, 2, 0.02)
     monkeypatch.setattr(
@@ -193,9 +205,11 @@ def test_a_finished_run_of_another_accuracy_is_not_resumed(tmp_path: Path) -> No
 
 
 def test_accuracy_of_a_hyperelastic_body(tmp_path: Path) -> None:
-    """Reference: a sphere R = 1 on the neo-Hookean layer nu = 0.3, W = 2, gap at the deformed
-    point, computed with mixed elements of order 6 whose edges follow the contact; good to 1e-6.
-    One row may be outside its bar.
+    """With `accuracy: 0.01` the forces of a neo-Hookean layer are within 1 % of a reference.
+
+    The reference is a sphere of R = 1 on a layer with nu = 0.3 and W = 2, with the gap at the
+    deformed point, computed with mixed elements of order 6 whose edges follow the contact; it is
+    good to 1e-6. One row may lie outside its bar.
     """
     exact = {0.05: 0.0208384, 0.1: 0.0659038, 0.2: 0.219368}
     outcome = simulate(
@@ -213,7 +227,7 @@ def test_accuracy_of_a_hyperelastic_body(tmp_path: Path) -> None:
 
 
 def test_accuracy_under_prescribed_forces(tmp_path: Path) -> None:
-    """The bar is that of the force at the row's depth, and layer theory knows it."""
+    """Under prescribed forces the bar holds the force of exact layer theory at the row's depth."""
     outcome = simulate(tmp_path / "run", accuracy=0.01, loading={"force": 1.6e-3, "steps": 4})
     theory = resolve(config_from_mapping(SCENE)).plan.theory
     assert theory is not None
@@ -230,8 +244,9 @@ def test_a_lifted_tip_has_no_error(tmp_path: Path) -> None:
 
 
 def test_a_step_without_force_to_speak_of_is_said_not_to_be_judged(tmp_path: Path) -> None:
-    """2e-5 of the depth is 1e-7 of the force. Its contact has a fifth of the elements of the
-    others: a wide bar.
+    """A step whose force is negligible may have a wide bar, and a warning names it.
+
+    The step at 2e-5 of the depth has 1e-7 of the force, and a fifth of the elements in its contact.
     """
     loading = {"deltas": [2e-7, 1e-3, 0.01]}
     outcome = simulate(tmp_path / "run", accuracy=0.01, loading=loading)
@@ -241,7 +256,7 @@ def test_a_step_without_force_to_speak_of_is_said_not_to_be_judged(tmp_path: Pat
         and shallow.force_error > 0.01 * shallow.force
     )
     (said,) = [text for text in outcome.report["warnings"] if "accuracy" in text]
-    assert said.endswith("largest force: of 1") and "1e-06" in said
+    assert said.endswith("largest force: 1") and "1e-06" in said
     assert not [
         text
         for text in simulate(tmp_path / "other", accuracy=0.01).report["warnings"]

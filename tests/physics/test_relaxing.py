@@ -1,5 +1,7 @@
-"""Bodies whose shear stress relaxes, step by step: bars in closed form and point by point, other
-theories, and symmetry of what is remembered.
+"""Bodies whose shear stress relaxes, step by step in time.
+
+References are bars in closed form and integrated point by point, other theories, and the symmetry
+of what the material remembers.
 """
 
 from __future__ import annotations
@@ -47,10 +49,10 @@ COARSE = {"h_contact": 0.05, "h_far": 0.4}
 
 
 def relaxing(base: Scene, law: PronySeries) -> Scene:
-    """The same scene of a material whose shear stress relaxes."""
+    """The same scene, of a material whose shear stress relaxes by a Prony series."""
     part = base.physics.domain
     return base.replace_physics(
-        part=replace(
+        domain=replace(
             part, regions=tuple(replace(one, relaxation_series=law) for one in part.regions)
         )
     )
@@ -58,13 +60,18 @@ def relaxing(base: Scene, law: PronySeries) -> Scene:
 
 @cache
 def in_time(name: str, law: PronySeries) -> tuple[Scene, Any]:
-    """One of SCENES that relaxes, and its mesh."""
+    """The scene of SCENES of a name with a relaxing material, and its mesh."""
     body, material, tip, mesh = SCENES[name]
     contact = {"gap": "reference"} if body is BAR else {}
     base = scene(
-        body, material=material, indenter=tip, mesh=mesh, contact=contact, solver={"method": "newton"},
+        body,
+        material=material,
+        indenter=tip,
+        mesh=mesh,
+        contact=contact,
+        solver={"method": "newton"},
         loading={"delta": 0.01},
-    )  # fmt: skip
+    )
     return relaxing(base, law), meshed(base)
 
 
@@ -77,16 +84,23 @@ SCENES: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any], dict[str
     "layer": (LAYER, HOOKE, PARABOLOID, COARSE),
     "incompressible layer": (LAYER, HOOKE | {"nu": 0.5}, PARABOLOID, COARSE),
     "rubber": (LAYER, MOONEY | {"nu": 0.5}, PARABOLOID, COARSE),
-    "ogden": (LAYER, {"model": "ogden", "mu": [0.6, -0.2], "alpha": [1.7, -2.3], "nu": 0.5}, PARABOLOID, COARSE),
+    "ogden": (
+        LAYER,
+        {"model": "ogden", "mu": [0.6, -0.2], "alpha": [1.7, -2.3], "nu": 0.5},
+        PARABOLOID,
+        COARSE,
+    ),
     "box": (
-        {"shape": "box", "size": [2.0, 2.0, 1.0], "base": "fixed", "sides": "free"}, HOOKE | {"nu": 0.5}, PARABOLOID,
+        {"shape": "box", "size": [2.0, 2.0, 1.0], "base": "fixed", "sides": "free"},
+        HOOKE | {"nu": 0.5},
+        PARABOLOID,
         {"h_contact": 0.05, "h_far": 0.4},
     ),
-}  # fmt: skip
+}
 
 
 def ladder(first: float, end: float, per_doubling: int) -> list[float]:
-    """Lengths of steps to a time, so many of each before they double."""
+    """Lengths of steps up to a time: so many of each length before the length doubles."""
     steps, now, dt = [], 0.0, first
     while now < end * (1 - 1e-12):
         for _ in range(per_doubling):
@@ -99,7 +113,7 @@ def ladder(first: float, end: float, per_doubling: int) -> list[float]:
 
 
 def along(body: Any, history: Sequence[tuple[float, float]]) -> Iterator[float]:
-    """Forces after every (depth, dt)."""
+    """The force after every (depth, length of step) of a history."""
     for depth, dt in history:
         assert body.solve(depth, dt), body.failure
         yield body.force
@@ -109,7 +123,10 @@ def along(body: Any, history: Sequence[tuple[float, float]]) -> Iterator[float]:
 def held(
     name: str, law: PronySeries, delta: float, end: float, per_doubling: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Times, from 0 on, and forces of a tip pressed in at once, in parts of 0.05, and held."""
+    """Times from 0 on and forces of a tip that is pressed in at once and then held.
+
+    The jump to the depth is made in parts of 0.05.
+    """
     steps, parts = ladder(min(law.times) / 20, end, per_doubling), round(delta / 0.05) or 1
     jump = [(delta * k / parts, 0.0) for k in range(1, parts + 1)]
     forces = list(
@@ -121,21 +138,22 @@ def held(
 
 
 # ---- bars
-# ----------------------------------------------------------------------------------------------------------
 
 
 def bar_error(
     name: str, law: PronySeries, E: float, nu: float, end: float, per_doubling: int
 ) -> float:
-    """Largest error of E(t)/E in a hold; E is the scene's unit of pressure."""
+    """Largest error of E(t)/E of a bar in a hold; E is the scene's unit of pressure."""
     t, force = held(name, law, 0.01, end, per_doubling)
     exact = [relaxing_bar(E, nu, law.fractions, law.times, s) / E for s in t]
     return float(np.max(np.abs(force / (pi * 0.01) - exact)))
 
 
 def test_bar_of_a_bulk_modulus_that_stays() -> None:
-    """Measured 1.4e-4, 4.4e-5, 1.3e-5 with 2, 4, 8 steps before they double: between first and
-    second order.
+    """A bar whose shear alone relaxes has the closed form's E(t) in a hold, and converges in time.
+
+    Measured errors are 1.4e-4, 4.4e-5 and 1.3e-5 with 2, 4 and 8 steps of each length: between
+    first and second order.
     """
     errors = [bar_error("bar", TWO_TIMES, 1.0, 0.3, 2.0, n) for n in (2, 4, 8)]
     assert errors[1] < 1.5e-4
@@ -152,11 +170,12 @@ def test_other_bars(name: str, law: PronySeries, E: float, nu: float) -> None:
 
 @pytest.mark.parametrize("exponent", [0.1, 0.4])
 def test_a_bar_of_a_power_law_in_a_ramp(exponent: float) -> None:
-    """At nu = 0.5 and a constant rate the stress is rate E time^b t^(1-b)/(1-b).
+    """At a constant rate a power-law bar at nu = 0.5 has the closed form's stress for any steps.
 
-    S is straight in time, so a step of any length is exact: what is left are the exponentials,
-    5e-6, and what they lack of the modulus before a hundredth of their shortest time,
-    (1e-9/0.1)^0.6 = 2e-5 of the force at 0.1.
+    The stress is rate E time^b t^(1-b)/(1-b). The internal variable's source is straight in time,
+    so a step of any length is exact. What is left is the fit by exponentials, 5e-6, and what they
+    lack of the modulus before a hundredth of their shortest time, (1e-9/0.1)^0.6 = 2e-5 of the
+    force at 0.1.
     """
     law = prony_series(Relaxation(power_law=PowerLaw(exponent, 2.0)), 1e-7, 1.0)
     steps = [0.1, 0.2, 0.7]
@@ -168,16 +187,19 @@ def test_a_bar_of_a_power_law_in_a_ramp(exponent: float) -> None:
 
 
 class Trickle(Term):
-    """Something flows, and every step has two stages."""
+    """A term that makes every step have two stages, as if fluid flowed."""
 
     flows = True
 
-    def work(self, now: TimeLevel, before: TimeLevel, dt: Any) -> Any:
+    def virtual_work(self, now: TimeLevel, before: TimeLevel, dt: Any) -> Any:
         return None
 
 
 def test_bar_in_stages_of_a_body_in_which_fluid_flows() -> None:
-    """SDIRK2, measured 2.8e-4; twice the steps, a quarter of the error."""
+    """Stepped by the two stages of SDIRK2 a relaxing bar converges to the closed form.
+
+    Measured 2.8e-4 with four steps of each length; twice the steps leave a quarter of the error.
+    """
     base, grid = in_time("bar", TWO_TIMES)
     errors = []
     for per_doubling in (4, 8):
@@ -204,9 +226,10 @@ def test_bar_in_stages_of_a_body_in_which_fluid_flows() -> None:
 
 
 def rubber_bar(strain: Callable[[float], float], law: PronySeries, end: float, steps: int) -> float:
-    """Nominal stress over E of a MOONEY bar after strain(t), point by point: Simo's law in
-    principal stretches, its internal stresses by the trapezoidal rule, the lateral stretch from
-    a lateral stress of 0.
+    """Nominal stress over E of a Mooney-Rivlin bar after strain(t), integrated point by point.
+
+    Simo's law in principal stretches, its internal stresses by the trapezoidal rule, the lateral
+    stretch from a lateral stress of 0.
     """
     E, nu = 4 * (C10 + C01) * (1 + NU), NU
     kappa, rest = E / (3 * (1 - 2 * nu)), law.long_term
@@ -242,8 +265,10 @@ def rubber_bar(strain: Callable[[float], float], law: PronySeries, end: float, s
 
 
 def test_bar_at_finite_strain() -> None:
-    """Shortened by 0.3 within 0.5, and held to 1: 20 and 40 steps against 2000 of the other rule;
-    the error falls with the square of the step.
+    """A relaxing Mooney-Rivlin bar at finite strain converges to the point-by-point integration.
+
+    It is shortened by 0.3 within a time of 0.5 and held to 1. The error of 20 and 40 steps beside
+    2000 steps of the other rule falls with the square of the step.
     """
 
     def strain(t: float) -> float:
@@ -260,13 +285,13 @@ def test_bar_at_finite_strain() -> None:
 
 
 # ---- indentation
-# ---------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["rubber", pytest.param("ogden", marks=pytest.mark.verify)])
 def test_a_sudden_deep_step_into_rubber_is_held(name: str) -> None:
-    """At nu = 0.5 nothing moves in the hold, whatever the law: F(t)/F(0) is that of one stress.
+    """At nu = 0.5 the force of a hold after a sudden deep step falls as one stress does.
 
+    Nothing moves in the hold, whatever the law, so F(t)/F(0) is the closed form of one stress.
     Measured 3e-5: elements at the edge of contact open a little.
     """
     t, force = held(name, TWO_TIMES, 0.3, 2.0, 4)
@@ -275,8 +300,10 @@ def test_a_sudden_deep_step_into_rubber_is_held(name: str) -> None:
 
 
 def test_incompressible_layers_relax_as_one_modulus() -> None:
-    """At nu = 0.5 shear is all there is: the ramp, the hold and the way out are those of Ting's
-    theory on the same mesh's elastic curve; twice the steps bring them nearer.
+    """At nu = 0.5 ramp, hold and way out are those of Ting's theory on the elastic curve.
+
+    The curve is that of the same mesh. All that deforms is shear. Twice the steps bring the forces
+    nearer.
     """
     base, grid = in_time("incompressible layer", TWO_TIMES)
     plain = relaxing(base, PronySeries(1.0, (), ()))
@@ -303,8 +330,10 @@ def test_incompressible_layers_relax_as_one_modulus() -> None:
 
 
 def test_layers_that_are_alike_are_one_body() -> None:
-    """Each with stresses of its own; meshed with a face between them, which is worth 1e-3 of the
-    force at most.
+    """Two relaxing layers of one material have the forces of one body.
+
+    Each layer has internal stresses of its own. The mesh has a face between them, which is worth at
+    most 1e-3 of the force.
     """
     base = scene(HALVES, mesh=COARSE, solver={"method": "newton"}, loading={"delta": 0.02})
     assert len(base.physics.domain.regions) == 2
@@ -316,20 +345,24 @@ def test_layers_that_are_alike_are_one_body() -> None:
 
 
 def test_a_layer_relaxes_alone() -> None:
-    """Over one that does not: at last the force is that of an elastic layer of the relaxed shear
-    modulus on it.
+    """A relaxing layer over an elastic one ends at the force of the relaxed shear modulus.
+
+    The reference is the elastic scene whose upper layer has the long-term shear modulus and the
+    same bulk modulus.
     """
     kappa, G = 1 / (3 * 0.4), TWO_TIMES.long_term / 2.6
     soft = {"model": "linear_elastic", "mu": G, "kappa": kappa}
     base = scene(HALVES, mesh=COARSE, solver={"method": "newton"}, loading={"delta": 0.02})
     rested = scene(
-        HALVES | {"layers": [{"thickness": 0.5, "material": soft}, {"thickness": 0.5}]}, mesh=COARSE,
-        solver={"method": "newton"}, loading={"delta": 0.02},
-    )  # fmt: skip
+        HALVES | {"layers": [{"thickness": 0.5, "material": soft}, {"thickness": 0.5}]},
+        mesh=COARSE,
+        solver={"method": "newton"},
+        loading={"delta": 0.02},
+    )
     part, grid = base.physics.domain, meshed(base)
     upper, lower = part.regions
     alone = base.replace_physics(
-        part=replace(part, regions=(replace(upper, relaxation_series=TWO_TIMES), lower))
+        domain=replace(part, regions=(replace(upper, relaxation_series=TWO_TIMES), lower))
     )
     *_, force = along(
         solver.create_equilibrium(alone, grid), [(0.02, 0.0), (0.02, 1.0), (0.02, 1e3), (0.02, 1e5)]
@@ -341,8 +374,9 @@ def test_a_layer_relaxes_alone() -> None:
 
 @pytest.mark.verify
 def test_a_box_in_three_dimensions_relaxes_as_one_modulus() -> None:
-    """At nu = 0.5 in a hold, measured 5.6e-5; 1.9e-4 with elements twice as large, which open at
-    the contact's edge.
+    """At nu = 0.5 the force on a box in three dimensions falls in a hold as one stress does.
+
+    Measured 5.6e-5, and 1.9e-4 with elements twice as large, which open at the contact's edge.
     """
     t, force = held("box", TWO_TIMES, 0.05, 2.0, 4)
     exact = [held_incompressible(TWO_TIMES.fractions, TWO_TIMES.times, s) for s in t]
@@ -350,7 +384,6 @@ def test_a_box_in_three_dimensions_relaxes_as_one_modulus() -> None:
 
 
 # ---- what is remembered
-# --------------------------------------------------------------------------------------------
 
 IN_AND_OUT = [(0.01, 0.05), (0.02, 0.05), (0.02, 0.1), (0.02, 0.4), (0.01, 0.2), (0.012, 0.3)]
 STOPPED = 3
@@ -358,8 +391,10 @@ STOPPED = 3
 
 @pytest.mark.parametrize("name", ["layer", "rubber"])
 def test_a_body_put_back_in_mid_hold_goes_on_as_before(name: str) -> None:
-    """From the arrays of a checkpoint in a body of its own: Newton begins at the same numbers, so
-    rows are equal to round-off; and from the snapshot after a step that is given up.
+    """Forces after a return to mid-hold are those of the uninterrupted history.
+
+    The state comes from the arrays of a checkpoint, in another body, or from the snapshot after a
+    step that is given up. Newton begins at the same numbers, so the forces agree to round-off.
     """
     first = solver.create_equilibrium(*in_time(name, TWO_TIMES))
     forces = list(along(first, IN_AND_OUT[:STOPPED]))
@@ -387,8 +422,10 @@ def test_arrays_of_another_body_are_refused() -> None:
 
 @pytest.mark.parametrize("name", ["bar", "mixed bar", "rubber bar"])
 def test_stress_fields_are_those_of_the_force_also_after_a_restore(name: str) -> None:
-    """A bar's axial stress is the force over its area (of the deformed one at finite strain), all
-    others are 0.
+    """A bar's axial stress is its force over its area, and all other stresses are 0.
+
+    This holds before and after a step is accepted and after a restore. At finite strain the area is
+    that of the deformed bar.
     """
     body = solver.create_equilibrium(*in_time(name, TWO_TIMES))
     body.solve(0.05, 0.0)
@@ -426,8 +463,9 @@ def test_supports_take_what_the_tip_gives_after_a_restore() -> None:
 
 
 def test_finite_strain_is_small_strain_where_it_is_small() -> None:
-    """Of the same moduli; forces over those at once differ by the order of the strain, 1e-3, times
-    a tenth.
+    """At a strain of 1e-3 a rubber bar relaxes as the small-strain bar of the same moduli.
+
+    Forces over the one at once differ by a tenth of the order of the strain.
     """
     E, nu, delta = 4 * (C10 + C01) * (1 + NU), NU, 1e-3
     t, force = held("rubber bar", TWO_TIMES, delta, 1.0, 2)
@@ -438,8 +476,10 @@ def test_finite_strain_is_small_strain_where_it_is_small() -> None:
 
 
 def test_a_hold_lets_go_of_shear_alone() -> None:
-    """In a layer that is hardly compressible between fixed faces the force falls less than the
-    shear modulus, and never rises.
+    """In a hold the force of a layer never rises, and falls less than the shear modulus.
+
+    The layer lies between fixed faces, so part of the force is borne by the bulk modulus, which
+    stays.
     """
     _, force = held("layer", TWO_TIMES, 0.02, 5.0, 4)
     assert np.all(np.diff(force) < 1e-9 * force[0])
@@ -447,7 +487,6 @@ def test_a_hold_lets_go_of_shear_alone() -> None:
 
 
 # ---- scenes
-# --------------------------------------------------------------------------------------------------------
 
 PRONY = {"prony": [[0.4, 0.1], [0.3, 1.0]]}
 POWER = {"power_law": {"exponent": 0.2, "time": 1.0}}
@@ -458,7 +497,7 @@ CYCLE = {
 
 
 def of_scene(law: dict[str, Any], of: str, **sections: Any) -> list[State]:
-    """The rows of an incompressible layer."""
+    """The rows of an incompressible layer whose moduli or whose shear alone relax."""
     material = HOOKE | {"nu": 0.5, "relaxation": law | {"of": of}}
     given = {
         "material": material,
@@ -477,10 +516,10 @@ def of_scene(law: dict[str, Any], of: str, **sections: Any) -> list[State]:
     ],
 )
 def test_an_incompressible_scene_is_that_of_its_elastic_curve(law: dict[str, Any]) -> None:
-    """There is no bulk modulus that could stay: Lee & Radok, and Ting on the way back.
+    """At nu = 0.5 steps in time give the forces of the elastic curve, by Lee & Radok and Ting.
 
-    The curve is smooth where the mesh's contact grows by elements, ten of them: measured 7e-4 of
-    the largest force.
+    There is no bulk modulus that could stay. The mesh's contact grows by elements, ten of them,
+    where the curve is smooth: measured 7e-4 of the largest force.
     """
     by_steps, by_curve = of_scene(law, "shear"), of_scene(law, "all")
     assert [row.t for row in by_steps] == [row.t for row in by_curve] == CYCLE["times"]
@@ -491,11 +530,14 @@ def test_an_incompressible_scene_is_that_of_its_elastic_curve(law: dict[str, Any
 
 
 def test_a_body_that_shrinks_in_bulk_keeps_more_of_its_force() -> None:
-    """At nu = 0.2 the bulk modulus bears what the shear lets go: between the hold of all moduli and
-    none.
+    """At nu = 0.2 relaxation of shear alone leaves more force than relaxation of all moduli.
+
+    The bulk modulus bears what the shear lets go, but the force is less than before the hold.
     """
-    rows = {of: of_scene(PRONY, of, material=HOOKE | {"nu": 0.2, "relaxation": PRONY | {"of": of}})
-            for of in ("all", "shear")}  # fmt: skip
+    rows = {
+        of: of_scene(PRONY, of, material=HOOKE | {"nu": 0.2, "relaxation": PRONY | {"of": of}})
+        for of in ("all", "shear")
+    }
     last = {of: found[4].force for of, found in rows.items()}
     first = rows["shear"][1].force
     assert 1.1 * last["all"] < last["shear"] < first
@@ -505,9 +547,7 @@ def test_a_body_that_shrinks_in_bulk_keeps_more_of_its_force() -> None:
     "control", ["history", pytest.param("force_history", marks=pytest.mark.verify)]
 )
 def test_a_stopped_history_of_rubber_goes_on(control: str) -> None:
-    """From its checkpoint in mid-hold, friction and layers with it: the rows are those of the whole
-    walk.
-    """
+    """A history of layered rubber with friction, resumed in mid-hold, repeats its rows."""
     rubber = {
         "model": "mooney_rivlin",
         "C10": 0.15,
@@ -520,10 +560,18 @@ def test_a_stopped_history_of_rubber_goes_on(control: str) -> None:
         "force_history": [[0, 0], [0.5, 0.01], [2, 0.01]],
     }
     base = scene(
-        LAYER | {"layers": [{"thickness": 0.4, "material": MOONEY}, {"thickness": 0.6, "material": rubber}]},
-        indenter=PARABOLOID, mesh=COARSE, loading={control: points[control], "per_doubling": 2, "times": "auto"},
+        LAYER
+        | {
+            "layers": [
+                {"thickness": 0.4, "material": MOONEY},
+                {"thickness": 0.6, "material": rubber},
+            ]
+        },
+        indenter=PARABOLOID,
+        mesh=COARSE,
+        loading={control: points[control], "per_doubling": 2, "times": "auto"},
         contact={"friction": 0.3},
-    )  # fmt: skip
+    )
     mesh = meshed(base)
     whole = solver.create_load_stepper(base, mesh)
     rows, points_then, done = [], None, len(base.physics.deltas) - 6

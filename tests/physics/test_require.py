@@ -1,5 +1,6 @@
-"""What a scene requires, row by row beside closed forms, and its cheapest model beside what it
-leaves out.
+"""What `require` says of a scene's effects, row by row, beside closed forms.
+
+Its cheapest model is compared with the scene with all that the model leaves out.
 """
 
 from __future__ import annotations
@@ -7,10 +8,12 @@ from __future__ import annotations
 import json
 import math
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import pytest
 from click.testing import CliRunner
+from mesh_files import section, write
 from scenes import count_solutions, placed
 from scipy.optimize import brentq
 
@@ -74,7 +77,7 @@ def _kept(text: str, within: float) -> Requirements:
 
 
 def row(scene: dict[str, Any], name: str) -> Effect:
-    """One effect alone."""
+    """The row of one effect of a scene."""
     return _row(json.dumps(scene), name)
 
 
@@ -96,7 +99,7 @@ def force(scene: dict[str, Any]) -> float:
 
 
 def test_a_sphere_for_a_paraboloid() -> None:
-    """Hertz and Sneddon; to the digits of theory."""
+    """A paraboloid in place of a sphere changes the force as Hertz and Sneddon say."""
     exact = (
         half_space.sphere_force(DEPTH, 1.0, E_STAR)
         / half_space.paraboloid_force(DEPTH, 1.0, E_STAR)
@@ -138,7 +141,7 @@ def test_a_profile_on_a_sphere_has_the_rows_of_the_sphere(depth: float) -> None:
 
 
 def test_nearly_incompressible() -> None:
-    """E* at nu = 0.5 over E* at 0.3."""
+    """The row of incompressibility compares E* at nu = 0.5 with E* at nu = 0.3."""
     assert row(HALF_SPACE, "incompressible").percent == pytest.approx(
         100 * (0.91 / 0.75 - 1), rel=1e-6
     )
@@ -147,12 +150,16 @@ def test_nearly_incompressible() -> None:
 
 
 def test_no_slip() -> None:
-    """1.016213 for a paraboloid at nu = 0.3."""
+    """No slip under a paraboloid raises the force by the known factor 1.016213 at nu = 0.3."""
     assert row(HALF_SPACE, "stick").percent == pytest.approx(1.6213, abs=1e-4)
 
 
 def test_thickness_against_dimitriadis() -> None:
-    """His series in a/h is good to some per cent of the effect at a/h = 0.2."""
+    """The effect of thickness is that of Dimitriadis' series within 5 %.
+
+    The series in a/h is good to some per cent of the effect at a/h = 0.2. A layer of the
+    threshold's thickness changes the force by 1 %.
+    """
     layer = HALF_SPACE | {
         "body": {"shape": "layer", "height": 1.0},
         "material": ELASTIC | {"nu": 0.5},
@@ -169,7 +176,10 @@ def test_thickness_against_dimitriadis() -> None:
     ("contrast", "delta", "exact"), [(0.1, 0.06934611, 0.17866338), (10, 0.23028302, 0.08706777)]
 )
 def test_a_film_on_a_substrate(contrast: float, delta: float, exact: float) -> None:
-    """Exact forces F/(E_f t^2) at a/t = 1 under R/t = 10, nu = 0.3 in both."""
+    """The effect of a substrate is that of exact forces of a film ten times softer or stiffer.
+
+    The exact values are F/(E_f t^2) at a/t = 1 under R/t = 10 with nu = 0.3 in both materials.
+    """
     layers = [
         {"thickness": 1.0, "material": ELASTIC | {"E": 1.0}},
         {"material": ELASTIC | {"E": 1 / contrast}},
@@ -195,8 +205,9 @@ def test_a_substrate_that_gives_way() -> None:
 
 
 def test_walls_and_strain_on_finer_meshes() -> None:
-    """On half the automatic element sizes; forces of either are good to 0.05 %, 0.1 % of the
-    difference of two.
+    """Effects of side walls and of finite strain are those of meshes half as fine within 0.1 %.
+
+    Either force is good to 0.05 % there, the difference of two to 0.1 %.
     """
     mesh = {"mesh": {"h_contact": 0.01}}
     linear, layer = (
@@ -211,8 +222,10 @@ def test_walls_and_strain_on_finer_meshes() -> None:
 
 
 def test_walls_beside_a_punch_change_sign() -> None:
-    """Near enough they add to the force, nearer they take from it; between is a stretch where they
-    are small.
+    """Walls beside a punch raise the force when they are near and lower it when they are nearer.
+
+    In between is a stretch where they are small. The row names both thresholds and the stretch, and
+    runs at three radii have the three signs.
     """
     punch = HALF_SPACE | {
         "body": {"shape": "layer", "height": 1.0},
@@ -235,7 +248,10 @@ def test_walls_beside_a_punch_change_sign() -> None:
 
 
 def test_an_inclusion() -> None:
-    """Over the body without it on another, finer mesh: 0.1 % of each."""
+    """The effect of an inclusion is that of runs with and without it on another, finer mesh.
+
+    Each force is good to 0.1 %.
+    """
     ball = {
         "shape": "ball",
         "center": [0, 0, -0.35],
@@ -249,8 +265,10 @@ def test_an_inclusion() -> None:
 
 
 def test_anisotropy_on_a_half_space() -> None:
-    """M over E*, with M of Delafargue & Ulm (2004) from the stiffnesses of E = 1, E_z = 2, nu =
-    nu_z = 0, G_z = 0.8: C11 = 1, C33 = 2, C13 = 0, M = 2 sqrt(C33/(1/G_z + 2/sqrt(C11 C33))).
+    """The effect of anisotropy on a half-space is Delafargue & Ulm's modulus over E*.
+
+    Of E = 1, E_z = 2, nu = nu_z = 0 and G_z = 0.8 the stiffnesses are C11 = 1, C33 = 2, C13 = 0,
+    and the indentation modulus is M = 2 sqrt(C33/(1/G_z + 2/sqrt(C11 C33))) (2004).
     """
     material = {
         "model": "transversely_isotropic",
@@ -266,16 +284,17 @@ def test_anisotropy_on_a_half_space() -> None:
 
 
 def test_layers_over_the_first_of_them() -> None:
-    """On a half-space what the row of the substrate says; in a cylinder it keeps its sides and its
-    base.
-    """
+    """On a half-space the row of layers is that of the substrate."""
     layers = [{"thickness": 0.2, "material": ELASTIC}, {"material": ELASTIC | {"E": 1.0}}]
     film = HALF_SPACE | {"body": {"shape": "half_space", "layers": layers}}
     assert row(film, "layers").percent == pytest.approx(row(film, "substrate").percent, rel=1e-9)
 
 
 def test_layers_that_relax_are_those_that_do_not() -> None:
-    """For all that is no matter of time: of one stiff layer on a soft one, to the last digit."""
+    """Rows that do not concern time are the same whether the layers relax or not.
+
+    They agree to the last digit, for a stiff layer on a soft one.
+    """
     stiff, soft = ELASTIC | {"E": 6.0}, ELASTIC
     matter = [{"thickness": 0.4, "material": stiff}, {"thickness": 0.6, "material": soft}]
     film = CYLINDER | {"body": CYLINDER["body"] | {"layers": matter}}
@@ -288,7 +307,10 @@ def test_layers_that_relax_are_those_that_do_not() -> None:
 
 
 def test_what_was_not_solved_says_so() -> None:
-    """No sentence about physics comes of a theory that does not know a body, nu < 0."""
+    """A row whose theory does not know the body says so and has no numbers and no sentence.
+
+    The body has nu < 0.
+    """
     layer = HALF_SPACE | {
         "body": {"shape": "layer", "height": 0.5},
         "material": ELASTIC | {"nu": -0.3},
@@ -299,8 +321,9 @@ def test_what_was_not_solved_says_so() -> None:
 
 
 def test_strain_under_a_sharp_punch_by_a_rounded_one() -> None:
-    """On a layer at delta/a = 1/6, beside an edge less than half as round: within a sixth, as
-    measured.
+    """The effect of finite strain under a sharp punch is found with a rounded edge, within a sixth.
+
+    The reference is an edge less than half as round, on a layer at delta/a = 1/6.
     """
     punch = {"shape": "flat_punch", "radius": 0.3}
     sharp = {
@@ -323,10 +346,42 @@ def test_strain_under_a_sharp_punch_by_a_rounded_one() -> None:
 
 
 def test_a_surface_tension() -> None:
-    """The threshold changes the force by 1 %, and a scene that has it says so."""
+    """A surface tension at the threshold changes the force by 1 %."""
     found = row(HALF_SPACE, "surface_tension")
     tensed = HALF_SPACE | {"body": HALF_SPACE["body"] | {"surface_tension": threshold(found)}}
     assert row(tensed, "surface_tension").percent == pytest.approx(1.0, rel=0.05)
+
+
+def test_a_surface_tension_in_plane_strain() -> None:
+    """A strip with a tension, beside the same forces on elements half as large: each is right to
+    0.5 %, the effect of +30 % to 3 % of itself. Without a tension the effect of one is unknown,
+    and not zero.
+    """
+    strip = HALF_SPACE | {
+        "body": {"shape": "strip", "width": 4.0, "height": 1.0},
+        "loading": {"delta": 0.02, "steps": 1},
+    }
+    tensed = strip | {"body": strip["body"] | {"surface_tension": 0.1}}
+    fine = {"mesh": {"h_contact": 0.01}}
+    change = 100 * (force(tensed | fine) / force(strip | fine) - 1)
+    found = row(tensed, "surface_tension")
+    assert change > 10
+    assert found.percent == pytest.approx(change, rel=0.03)
+    unknown = row(strip, "surface_tension")
+    assert unknown.percent is unknown.low is unknown.high is None
+    assert unknown.max_change == math.inf and "not estimated" in unknown.source
+
+
+def test_a_mesh_from_a_file_cannot_tell_of_a_surface_tension(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its effect is unknown, and not zero."""
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "body.msh", section())
+    body = {"shape": "mesh", "file": "body.msh", "kinematics": "axisymmetric"}
+    unknown = row(HALF_SPACE | {"body": body}, "surface_tension")
+    assert unknown.percent is unknown.low is unknown.high is None
+    assert "not estimated" in unknown.source
 
 
 def test_a_blunt_tip() -> None:
@@ -340,7 +395,7 @@ def test_a_blunt_tip() -> None:
 
 
 def jkr(work: float) -> float:
-    """Force at the depth, by the closed form of a half-space."""
+    """JKR force at the depth on a half-space, by the closed form."""
     a = brentq(
         lambda a: a**2 - math.sqrt(2 * math.pi * work * a / E_STAR) - DEPTH, math.sqrt(DEPTH), 1.0
     )
@@ -360,8 +415,10 @@ def test_adhesion() -> None:
 
 
 def test_rate() -> None:
-    """F(1) = 1.692881 of the relaxed elastic force, half the instantaneous one: E = 2, g = 0.5, tau
-    = 1, nu = 0.5.
+    """The effect of rate in a ramp is the closed form's: F(1) = 1.692881 relaxed elastic forces.
+
+    The scene has E = 2, g = 0.5, tau = 1 and nu = 0.5, so the elastic force is twice the relaxed
+    one.
     """
     experiment = {"relaxation": {"prony": [[0.5, 1.0]]}, "history": [[0, 0], [1, DEPTH], [2, 0]]}
     scene = HALF_SPACE | {"material": ELASTIC | {"nu": 0.5}, "experiment": experiment}
@@ -374,7 +431,7 @@ def test_rate() -> None:
 
 
 def test_rates_begin_with_the_history() -> None:
-    """Wherever its times begin, the Deborah number is that of the way in."""
+    """The Deborah number is that of the way in, at whatever time the history begins."""
     found = []
     for begin in (0, 9, -5):
         history = [[begin, 0], [begin + 1, DEPTH], [begin + 2, 0]]
@@ -385,9 +442,11 @@ def test_rates_begin_with_the_history() -> None:
 
 
 def test_a_power_law_under_forces() -> None:
-    """Under F = c t on a half-space delta^(3/2) is that of the elastic body times J(t)/(1 + alpha),
-    with the creep J = (t/tau)^alpha/(Gamma(1 - alpha) Gamma(1 + alpha)): at that depth the
-    elastic force is F J(t)/(1 + alpha).
+    """A power-law material under a growing force has the depth of the closed form.
+
+    Under F = c t on a half-space delta^(3/2) is that of the elastic body times J(t)/(1 + alpha)
+    with the creep J = (t/tau)^alpha/(Gamma(1 - alpha) Gamma(1 + alpha)), so the elastic force at
+    that depth is F J(t)/(1 + alpha).
     """
     experiment = {
         "relaxation": {"power_law": {"exponent": 0.2, "time": 10.0}},
@@ -400,14 +459,14 @@ def test_a_power_law_under_forces() -> None:
 
 @pytest.mark.parametrize("loading", [{"deltas": [DEPTH, 0.0]}, {"forces": [1e-3, 0.0]}])
 def test_a_way_that_ends_at_nothing(loading: dict[str, Any]) -> None:
-    """Effects are those at the deepest row, wherever the way ends."""
+    """Effects are those at the deepest row, also where the path ends at depth or force 0."""
     back = HALF_SPACE | {"loading": loading}
     there = HALF_SPACE | {"loading": {key: values[:1] for key, values in loading.items()}}
     assert threshold(row(back, "thickness")) == threshold(row(there, "thickness"))
 
 
 def test_the_instrument() -> None:
-    """Hertz: F = C delta^(3/2) R^(1/2)."""
+    """Cantilever, contact point and calibration have the effects of F = C delta^(3/2) R^(1/2)."""
     C = half_space.paraboloid_force(1.0, 1.0, E_STAR)
     at = brentq(lambda d: d + C * d**1.5 / 1.0 - DEPTH, 0, DEPTH)
     experiment = HALF_SPACE | {"experiment": EXPERIMENT}
@@ -470,8 +529,10 @@ def test_the_instrument() -> None:
     ],
 )
 def test_the_cheapest_model(scene: dict[str, Any], shape: str, model: str, tip: str) -> None:
-    """It runs as it is, and its force is that of the scene with all that a model can have, within
-    the tolerance.
+    """The recommended model runs as it is, and its force is that of the full model within 1 %.
+
+    The full model has all effects that the scene can have, and the difference is what `require`
+    says of it.
     """
     found = of(scene)
     config = json.loads(json.dumps(found.config))
@@ -512,8 +573,9 @@ def test_friction_stays_where_it_tells() -> None:
 
 @pytest.mark.verify
 def test_adhesion_of_the_contact_law_stays_where_it_tells() -> None:
-    """A row of its own, no threshold; the model that is recommended runs with it, as no endless
-    body does.
+    """Adhesion has a row without a threshold and stays in the model where it matters.
+
+    An infinite body does not run with adhesion, so the model keeps its cylinder.
     """
     sticky = CYLINDER | {"contact": {"adhesion": {"work": 2e-3, "range": 0.05}}}
     found = of(sticky)
@@ -524,7 +586,7 @@ def test_adhesion_of_the_contact_law_stays_where_it_tells() -> None:
 
 
 def test_friction_of_a_scene_without() -> None:
-    """No slip has a number, and its range holds any friction: that of 0.2 lies in it."""
+    """The range of the row of no slip holds the effect of a friction of 0.2."""
     stick = row(CYLINDER, "stick")
     given = row(CYLINDER | {"contact": {"friction": 0.2}}, "friction").percent
     assert stick.percent and stick.low is not None and stick.high is not None and given is not None
@@ -602,8 +664,10 @@ def test_no_scene(tmp_path):
 
 @pytest.mark.verify
 def test_a_material_that_nothing_has_is_left_out_of_account() -> None:
-    """A film on a softer half-space, each with its own; one of finite strain that neither has
-    changes nothing.
+    """A material at the top that no layer uses does not change what `require` says.
+
+    The film and the half-space have materials of their own; the unused material is one of finite
+    strain.
     """
     layers = [{"thickness": 0.5, "material": ELASTIC}, {"material": ELASTIC | {"E": 1.0}}]
     film = HALF_SPACE | {"body": {"shape": "half_space", "layers": layers}}
@@ -613,8 +677,10 @@ def test_a_material_that_nothing_has_is_left_out_of_account() -> None:
 
 
 def test_a_gel_without_a_stretch_is_that_of_its_free_swelling() -> None:
-    """Its rows are those of the gel with the stretch at which the solvent's potential is that of
-    the pure solvent.
+    """A gel without `stretch` has the rows of the gel with its free-swelling stretch.
+
+    The stretch is where the solvent's potential is that of the pure solvent, found here by another
+    search.
     """
     law = {"model": "gel", "G": 5.0, "n_omega": 5e-3, "chi": 0.45}
     stretch = brentq(
@@ -638,8 +704,6 @@ def test_a_gel_without_a_stretch_is_that_of_its_free_swelling() -> None:
 
 
 def _potential(stretch: float, n_omega: float, chi: float) -> float:
-    """Flory & Rehner's: mixing and the network's pull, of a gel that has swollen freely by a
-    stretch [kT].
-    """
+    """Flory-Rehner potential of the solvent in a gel that has swollen freely by a stretch [kT]."""
     J = stretch**3
     return math.log(1 - 1 / J) + 1 / J + chi / J**2 + n_omega * (1 / stretch - 1 / J)

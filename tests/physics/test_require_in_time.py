@@ -1,5 +1,6 @@
-"""What `require` says of bodies that drain, or relax in shear: against theory, runs of both models,
-other methods.
+"""What `require` says of bodies that drain or relax in shear.
+
+References are theory, runs of both models, and other methods.
 """
 
 from __future__ import annotations
@@ -42,8 +43,9 @@ COARSE = {
 
 
 def scene(material: dict[str, Any] = POROUS, way_in: float = CONTACT, **sections: Any) -> Config:
-    """The walled layer under a paraboloid, two steps of each length; the way in is a jump where it
-    takes no time.
+    """The walled layer under a paraboloid, with two steps of each length.
+
+    The way in is a jump where it takes no time.
     """
     history = [[0, 0], [way_in, DEPTH]] if way_in else [[0, DEPTH], [CONTACT, DEPTH]]
     base = {"body": WALLED, "material": material, "indenter": {"shape": "paraboloid", "R": 1.0}}
@@ -53,7 +55,7 @@ def scene(material: dict[str, Any] = POROUS, way_in: float = CONTACT, **sections
 
 
 def rows(config: Config) -> dict[str, Effect]:
-    """Its rows of time alone."""
+    """The rows of time-dependent effects of a scene, by name."""
     return TransientVariants(config, resolve(config)).time_effects
 
 
@@ -76,8 +78,9 @@ def drainage(tip: str, share: float) -> Effect:
 def test_a_ramp_between_both_limits(
     tip: str, share: float, over_first: float | None, over_last: float | None
 ) -> None:
-    """Forces over those of both limits, of finite elements half as large in steps half as long: 1 %
-    of the force.
+    """A ramp's force over the drained and the undrained force is that of finer runs to 1 %.
+
+    The references have finite elements half as large and steps half as long.
     """
     found = drainage(tip, share)
     assert found.percent is not None and found.high is not None
@@ -89,7 +92,10 @@ def test_a_ramp_between_both_limits(
 
 
 def test_the_range_is_that_of_theory() -> None:
-    """Each force is good to 5e-4 of it on ten elements in the contact."""
+    """The range of the row of drainage reaches from 0 to the undrained force of exact layer theory.
+
+    Each force is good to 5e-4 with ten elements in the contact.
+    """
     found = drainage("sealed", 1.0)
     assert found.low == 0 and found.high == pytest.approx(100 * (AT_ONCE / AT_LAST - 1), abs=0.2)
 
@@ -115,8 +121,10 @@ def test_the_range_is_that_of_theory() -> None:
     ids=["linear", "neo-Hookean", "with storage", "gel"],
 )
 def test_a_jump_is_undrained(law: dict[str, Any], agreement: float) -> None:
-    """The fluid's pressure in a step without time beside the elastic law of no change of volume:
-    two discretisations, of which each was within 3e-4 of theory.
+    """The force after a jump is that of the elastic law without change of volume.
+
+    The fluid's pressure in a step without time and the incompressible law are two discretisations,
+    each within 3e-4 of theory.
     """
     bath = (
         {"drainage": {"bath": Gel(**{**law, "flow": None}).free_swelling_potential(1.3)}}
@@ -129,10 +137,9 @@ def test_a_jump_is_undrained(law: dict[str, Any], agreement: float) -> None:
 
 
 def test_a_jump_is_one_however_it_is_written() -> None:
-    """From the first point on, after it at the same time, or later: before it the body is at rest.
+    """A jump at the first point, after a point at rest, or at a later time has the same rows.
 
-    To the solver's tolerance; of a body that also relaxes, whose limits are walked on the way
-    there.
+    The body is at rest before the jump, and also relaxes; its limits are found on the way there.
     """
     law = POROUS | {"relaxation": {"prony": [[0.5, CONTACT]], "of": "shear"}}
     before = {"plain": [], "at rest": [[0, 0]], "later": [[-CONTACT, 0], [0, 0]]}
@@ -151,7 +158,7 @@ def test_a_jump_is_one_however_it_is_written() -> None:
 
 
 def force(config: Config, t: float) -> float:
-    """Of a run of its own at a time."""
+    """The force at a time in a run of its own."""
     found = list(states(resolve(config), with_surface=False))
     assert found[-1].converged
     return next(row.force for row in found if row.t is not None and abs(row.t - t) <= 1e-9 * t)
@@ -163,9 +170,11 @@ def force(config: Config, t: float) -> float:
 def test_the_elastic_body_within_the_tolerance_is_recommended(
     share: float, nu: float, E: float
 ) -> None:
-    """Its laws on the scene's own body, beside a run of the scene, are off by what is said: two
-    meshes of five elements in the contact, 0.4 %, where the other limit is off by 30 %. The
-    model itself runs as it is, and drops no more than the tolerance.
+    """A drained or undrained elastic body is recommended where it is within the tolerance.
+
+    A run of the elastic law on the scene's own body is off by what the row says: two meshes of five
+    elements in the contact leave 0.4 %, where the other limit is off by 30 %. The recommended model
+    runs as it is.
     """
     way_in = share * CONTACT
     config = scene(way_in=way_in, mesh=COARSE)
@@ -223,9 +232,9 @@ def relaxes(of: str, **sections: Any) -> Config:
 
 
 def test_shear_that_relaxes_is_all_that_does_in_what_does_not_change_its_volume() -> None:
-    """Beside the elastic curve (Lee & Radok): the steps, 2e-4.
+    """The effect of rate on an incompressible body is that of its elastic curve (Lee & Radok).
 
-    At last half of the force is left, exactly.
+    The steps leave 2e-4. After a long time exactly half of the force is left.
     """
     found, other = rows(relaxes("shear"))["rate"], relaxes("all")
     curve = find_effect("rate", EFFECTS["rate"], SceneVariants(other, resolve(other)))
@@ -235,8 +244,10 @@ def test_shear_that_relaxes_is_all_that_does_in_what_does_not_change_its_volume(
 
 @pytest.mark.verify
 def test_a_body_that_drains_and_relaxes() -> None:
-    """Both rows, and their product is what a run of the scene has over its drained, unrelaxed body:
-    each is made of forces on one mesh; 0.3 %, as of the way there in other steps.
+    """The product of the rows of drainage and rate is the effect of both in one run.
+
+    The reference is a run of the scene over its drained, unrelaxed body: 0.3 %, as the way there
+    has other steps.
     """
     law = POROUS | {"relaxation": {"prony": [[0.4, CONTACT]], "of": "shear"}}
     config = scene(law)
@@ -248,8 +259,10 @@ def test_a_body_that_drains_and_relaxes() -> None:
 
 
 def test_prescribed_forces_are_judged_at_their_depth() -> None:
-    """A force that is held lets the tip in: the row of the largest force is the first that has it,
-    and there the scene bears more than its drained body, less than the undrained one.
+    """Under a held force the drainage is judged at the first row of the largest force.
+
+    The tip sinks in during the hold. At that row the scene bears more than its drained body and
+    less than the undrained one.
     """
     history = {
         "force_history": [[0, 0], [CONTACT, 0.006], [10 * CONTACT, 0.006]],
@@ -262,7 +275,7 @@ def test_prescribed_forces_are_judged_at_their_depth() -> None:
 
 @pytest.mark.verify
 def test_a_second_way_in_may_push_harder() -> None:
-    """Slowly in and out, then fast: the row of the largest force is that of the second way."""
+    """The drainage is judged at the row of the largest force, that of a fast second way in."""
     slow, fast = 1e3 * CONTACT, 1e-2 * CONTACT
     history = [[0, 0], [slow, DEPTH], [2 * slow, 0], [2 * slow + fast, DEPTH], [4 * slow, DEPTH]]
     found = rows(scene(loading={"history": history, "per_doubling": 2}, mesh=COARSE))["drainage"]
@@ -271,7 +284,11 @@ def test_a_second_way_in_may_push_harder() -> None:
 
 
 def test_a_gel_that_swells_is_judged_by_its_end() -> None:
-    """0.587 of 1.5055 at H^2/D, a regression value of the scene at finer sizes and steps: 2 %."""
+    """A gel that swells against a tip at rest is judged at its last row.
+
+    The reference is 0.587 of 1.5055 at H^2/D, a regression value of the scene at finer sizes and
+    steps, good to 2 %.
+    """
     law = {
         "model": "gel",
         "G": 1.0,
@@ -308,8 +325,9 @@ def test_a_tip_that_never_presses_is_refused() -> None:
 
 
 def test_a_run_counts_what_its_plan_counted(tmp_path: Path) -> None:
-    """Equilibria of a path on which no step is cut; the contact grows, so what the tip seals
-    changes.
+    """A run without cut steps has as many equilibria as its plan says.
+
+    The contact grows, so what the tip seals changes.
     """
     config = scene(mesh=COARSE)
     planned = resolve(config).plan.time

@@ -1,5 +1,6 @@
-"""Random scenes: what `require` says of them beside both models of every effect, solved here on
-other meshes.
+"""Random scenes: what `require` says of their effects beside runs with and without each effect.
+
+The runs are made here, on other meshes.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ Pairs = dict[str, tuple[Document, Document]]
 
 
 class Drawn:
-    """A random scene, and the two scenes of each of its effects."""
+    """A random scene, and for each of its effects the two scenes with and without it."""
 
     def __init__(self, seed: int):
         self.draw, self.seed = Random(seed), seed
@@ -109,7 +110,7 @@ class Drawn:
         return self.draw.choice(tips)
 
     def _beside(self) -> None:
-        """Friction, adhesion or an experiment of a linear body."""
+        """Draw friction, adhesion or an experiment of a linear body."""
         kind, is_round = self.draw.random(), self.tip["shape"] in ("paraboloid", "sphere")
         if kind < 0.3:
             self.contact = {"friction": self.draw.choice([0.1, 0.4, "stick"])}
@@ -141,11 +142,11 @@ class Drawn:
 
     @property
     def is_isotropic(self) -> bool:
-        """Whether its matter is."""
+        """Whether the material is isotropic."""
         return self.matter["model"] != "transversely_isotropic"
 
     def document(self) -> Document:
-        """The scene."""
+        """The scene as a mapping."""
         matter = {} if "layers" in self.body else {"material": self.matter}
         found = {
             "body": self.body,
@@ -158,11 +159,11 @@ class Drawn:
         }
 
     # ---- both models of an effect
-    # --------------------------------------------------------------------------------
 
     def plain(self, **changes: Any) -> Document:
-        """The scene at small strain without friction, adhesion and experiment, some sections
-        replaced.
+        """The scene at small strain, with some sections replaced.
+
+        It has no friction, adhesion or experiment.
         """
         linear = self.matter | {"model": "linear_elastic"} if self._is_finite else self.matter
         found = {
@@ -177,7 +178,7 @@ class Drawn:
         return found
 
     def pairs(self) -> Pairs:
-        """The scenes with and without, by the name of the effect."""
+        """The scenes with and without an effect, by its name."""
         body, own, found = self.body, self.plain(), {}
         whole = {key: part for key, part in body.items() if key != "inclusions"}
         even = self.plain(body=whole)
@@ -232,7 +233,7 @@ class Drawn:
         return {"small_strain": (finite, own), "incompressible": (incompressible, own)}
 
     def known(self) -> dict[str, float]:
-        """The effects in per cent."""
+        """The effects in per cent, from runs."""
         found = {
             name: 100 * (force(one, FINER) / force(other, FINER) - 1)
             for name, (one, other) in self.pairs().items()
@@ -248,13 +249,15 @@ class Drawn:
 
     @cached_property
     def _exponent(self) -> float:
-        """Of the power law through the forces at nine tenths of the depth and at the whole."""
+        """Exponent of the power law through the forces at 0.9 and at all of the depth."""
         return log(self._curve(0.9 * self.delta) / self._curve(self.delta)) / log(0.9)
 
     def _relaxed(self) -> float:
-        """F(1) = integral of E(1 - s) dF(delta(s)) over the way in, F a power law through two
-        forces, which a plane strain or a thin body is near its deepest point, where most of the
-        force comes from.
+        """Effect of relaxation on the force at the end of the way in, in per cent.
+
+        F(1) = integral of E(1 - s) dF(delta(s)), where F is a power law through two forces. A thin
+        body or one in plane strain is close to it near its deepest point, where most of the force
+        comes from.
         """
         power = self._exponent
         times = [(k / MOMENTS) for k in range(MOMENTS + 1)]
@@ -267,13 +270,17 @@ class Drawn:
         return 100 * (total - 1)
 
     def _held(self) -> float:
-        """The force at the depth that is reached over that at the way of the base."""
+        """Effect of the cantilever in per cent.
+
+        The force at the depth that is reached is compared with that at the way of the base.
+        """
         return 100 * ((self.reached / self.delta) ** self._exponent - 1)
 
     @cached_property
     def reached(self) -> float:
-        """The depth of the row: with a spring d at which d + F(d)/k is the way of the base, by the
-        same power law.
+        """The depth of the row.
+
+        With a spring it is the d at which d + F(d)/k is the way of the base, by the same power law.
         """
         if "cantilever" not in self.experiment:
             return self.delta
@@ -286,9 +293,10 @@ class Drawn:
 @pytest.mark.verify
 @pytest.mark.parametrize("seed", range(10))
 def test_every_effect_has_a_row(seed: int) -> None:
-    """Every effect above 0.5 % is said, right in sign and within a factor of 1.5; a range holds
-    what is; a threshold changes the force by the tolerance, within that factor; nothing else is
-    said to be unknown.
+    """Every effect above 0.5 % has a row of the right sign, and of its size within a factor of 1.5.
+
+    A range holds the effect, a threshold changes the force by the tolerance within that factor, and
+    no other row is said to be unsolved.
     """
     drawn = Drawn(seed)
     found = require(config_from_mapping(placed(drawn.document())), WITHIN)
@@ -306,8 +314,9 @@ def test_every_effect_has_a_row(seed: int) -> None:
 
 
 def thresholds(drawn: Drawn, found: Any) -> list[Row]:
-    """What is said of walls, substrate and thickness that the scene has not, beside what they do
-    there.
+    """Thresholds of walls, substrate and thickness that the scene lacks.
+
+    Each is given beside the effect that such a wall, substrate or thickness has.
     """
     keys = [
         effect for effect in found.effects if any(f" {key}" in effect.needs for key in THRESHOLDS)

@@ -1,6 +1,4 @@
-"""Twenty scenes whose effects are known: what `require` says of them, and the model that it
-recommends.
-"""
+"""Twenty scenes whose effects are known: what `require` says, and the model it recommends."""
 
 from __future__ import annotations
 
@@ -27,9 +25,11 @@ KINDS = (
 @pytest.mark.verify
 @pytest.mark.parametrize("name", KINDS)
 def test_signs_sizes_and_the_recommended_model(name: str) -> None:
-    """Signs are right, sizes within 1.5 where an effect is above 0.5 %, a range holds what is, and
-    a threshold is one; the recommended model is within the tolerance, and off by what is said:
-    0.3 % are two meshes and what is no product.
+    """Rows have the right sign and, above 0.5 %, the right size within a factor of 1.5.
+
+    Ranges hold the effect, and a threshold changes the force by the tolerance. The recommended
+    model is within the tolerance, and off by what is said of it to 0.3 %, which two meshes and
+    effects that do not multiply leave.
     """
     found = known_effects.required(name)
     rows = list(known_effects.rows(name))

@@ -1,4 +1,4 @@
-"""config.yaml of a result is the resolved config: nothing is left open, and it reproduces the run."""
+"""The resolved config.yaml of a result leaves nothing open and reproduces the run."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ SCENES: dict[str, dict[str, Any]] = {
 
 
 def words(value: Any) -> set[Any]:
-    """All words in a config."""
+    """All strings in a config."""
     if isinstance(value, dict):
         return set().union(*map(words, value.values()))
     return {value} if isinstance(value, str) else set()

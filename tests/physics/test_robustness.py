@@ -1,8 +1,8 @@
-"""Paths on which contact begins, ends, jumps or slides to where no mesh line is: every method, both
-solvers.
+"""Paths on which contact begins, ends, jumps, or slides to where no mesh line is.
 
-What a path leads to must not depend on the path: the reference is the same depth reached in one
-step, or the other solver. Errors against theory are tested elsewhere.
+Every method and both solvers are tried. The end of a path must not depend on the path: the
+reference is the same depth reached in one step, or the other solver. Errors against theory are
+tested elsewhere.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def walk(
     h: float = 0.02,
     **sections: Any,
 ) -> list[State]:
-    """The states of a path."""
+    """The states of a path of depths with a contact method and a solver."""
     return solve(
         scene(
             body,
@@ -51,8 +51,10 @@ def walk(
 
 @every_method
 def test_first_touch_at_a_node(name: str, solver: str) -> None:
-    """Depth 0 touches the node on the axis and nothing else; then tiny steps, then the whole depth
-    at once, which is what one step gives. No force at 0, a force that is not negative after.
+    """Depth 0, tiny steps and then the whole depth at once end at the force of one step.
+
+    At depth 0 the tip touches the node on the axis and nothing else: there is no force there, and
+    none is negative afterwards.
     """
     states = walk(name, solver, [0.0, 1e-10, 1e-6, 0.01])
     (direct,) = walk(name, solver, [0.01])
@@ -63,7 +65,10 @@ def test_first_touch_at_a_node(name: str, solver: str) -> None:
 
 @every_method
 def test_from_no_contact_to_deep_at_once(name: str, solver: str) -> None:
-    """Out of contact, then a twentieth of the thickness: as one step from rest."""
+    """From out of contact to a great depth at once has the force of one step from rest.
+
+    The depth is a twentieth of the thickness.
+    """
     outside, deep = walk(name, solver, [-0.01, 0.05])
     (direct,) = walk(name, solver, [0.05])
     assert (outside.force, outside.a, outside.p_max) == (0.0, 0.0, 0.0)
@@ -73,8 +78,9 @@ def test_from_no_contact_to_deep_at_once(name: str, solver: str) -> None:
 
 @every_method
 def test_release_and_contact_again(name: str, solver: str) -> None:
-    """Nothing is remembered: equal depths, equal forces; and released is released, to 1e-20 of a
-    force of 1e-3.
+    """Equal depths have equal forces after a release, and a released tip has no force.
+
+    The force out of contact and at depth 0 is below 1e-20, where that in contact is 1e-3.
     """
     down, out, half, at_zero, again = walk(name, solver, [0.01, -0.01, 0.005, 0.0, 0.01])
     direct, _ = walk(name, solver, [0.005, 0.01])
@@ -84,8 +90,9 @@ def test_release_and_contact_again(name: str, solver: str) -> None:
 
 
 def test_back_and_forth_in_small_steps() -> None:
-    """To a depth, a little back, there again, and between: the two equal depths do not predict a
-    third.
+    """A small step back and forth does not spoil the force at a depth between.
+
+    The two equal depths before it must not be extrapolated.
     """
     down, _, again, between = walk(
         "augmented_lagrangian", "newton", [0.01, 0.0098, 0.01, 0.0099], h=0.03
@@ -99,9 +106,10 @@ def test_back_and_forth_in_small_steps() -> None:
     [pytest.param(*pair, marks=[pytest.mark.verify] * (pair in LONG)) for pair in PAIRS],
 )
 def test_a_punch_back_where_it_began(name: str, solver: str) -> None:
-    """Where every point of the surface is at the kink of the bracket: no force, to 1e-17 of the one
-    before, found in less than 100 solves (Uzawa; the others ten); and then any depth, in
-    proportion.
+    """A punch back at depth 0 has no force, is found in few solves, and goes on in proportion.
+
+    There every point of the surface is at the kink of the contact law. The force is below 1e-17 of
+    the one before. Uzawa needs less than 100 solves, the other methods ten.
     """
     punch = {"shape": "flat_punch", "radius": 0.3, "center": [1.0]}
     down, back, deeper = walk(name, solver, [0.01, 0.0, 0.02], STRIP, 0.05, indenter=punch)
@@ -112,7 +120,10 @@ def test_a_punch_back_where_it_began(name: str, solver: str) -> None:
 
 @every_method
 def test_two_elements_in_the_contact(name: str, solver: str) -> None:
-    """Two, and one and a half at half the depth: 3 %, a sixteenth of (h/a)^2, 2 % found."""
+    """With two elements in the contact, or one and a half, the force is that of theory within 3 %.
+
+    A sixteenth of (h/a)^2 is expected; 2 % is found.
+    """
     for state, expected in zip(
         walk(name, solver, [0.005, 0.01], h=0.05), (FORCES[4], FORCES[9]), strict=True
     ):
@@ -135,9 +146,7 @@ LONGER = ("uzawa", "penalty", "active_set")  # in three dimensions in `make veri
     ],
 )
 def test_tip_off_the_middle(where: str, name: str) -> None:
-    """Where no mesh line marks the axis and nothing is symmetric: condensed and full Newton are one
-    problem, 1e-9.
-    """
+    """A tip where no mesh line marks its axis has the same force with either solver, to 1e-9."""
     body, center, h, deltas = SIDEWAYS[where]
     tip = PARABOLOID | {"center": center}
     paths = (
@@ -148,7 +157,10 @@ def test_tip_off_the_middle(where: str, name: str) -> None:
 
 
 def test_nitsche_off_the_middle_is_the_augmented_lagrangian() -> None:
-    """On one mesh the two differ by a tenth of the mesh error of 1 %."""
+    """Nitsche's method and the augmented Lagrangian agree to 0.1 % on one mesh.
+
+    That is a tenth of the mesh error of 1 %.
+    """
     tip = PARABOLOID | {"center": [1.2345]}
     one, other = (
         walk(name, "newton", [0.01], STRIP, 0.02, indenter=tip)[-1].force

@@ -1,6 +1,4 @@
-"""Random scenes with friction at finite strain: no pressure alternates from node to node without a
-word.
-"""
+"""Random scenes with friction at finite strain: alternating pressures are warned of."""
 
 from __future__ import annotations
 
@@ -13,6 +11,9 @@ from indent_sim.run.row_warnings import MAX_ROUGHNESS
 @pytest.mark.verify
 @pytest.mark.parametrize("number", range(5))
 def test_rough_pressures_are_warned_of(number: int) -> None:
-    """By a measure that knows nothing of the facets of which the run's own measure is made."""
+    """Pressures that alternate from node to node do not pass without a warning.
+
+    The measure here knows nothing of the facets on which the run's own measure is defined.
+    """
     found = judged(drawn(1, number))
     assert found.warnings or found.alternation <= MAX_ROUGHNESS

@@ -1,5 +1,6 @@
-"""Caps and balls: independent values, the flat limit, the mirror plane, the plate, every method
-beside the others.
+"""Caps and balls beside independent values, the limit of a flat cap, and the mirror plane.
+
+Every contact method is compared with the others, and a plate with other tips.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ def known(name: str, **sections: Any) -> dict[str, Any]:
 @pytest.mark.parametrize("solver", ["condensed", "newton"])
 @pytest.mark.parametrize("name", KNOWN)
 def test_independent_values_at_automatic_sizes(name: str, solver: str) -> None:
-    """0.3 % as asked of every body."""
+    """At automatic element sizes forces are within 0.3 % of independent values."""
     assert force(scene(**known(name, solver={"method": solver}))) == pytest.approx(
         KNOWN[name][3], rel=3e-3
     )
@@ -59,7 +60,7 @@ def test_independent_values_at_automatic_sizes(name: str, solver: str) -> None:
 
 @pytest.mark.parametrize("name", KNOWN)
 def test_independent_values_within_the_accuracy_asked_for(name: str, tmp_path: Path) -> None:
-    """`accuracy: 0.001` is met, and the error bar holds the value."""
+    """`accuracy: 0.001` is met, and the error bar holds the independent value."""
     config = config_from_mapping(known(name, accuracy=0.001, output=QUIET))
     (state,) = simulate(config, MPI.COMM_SELF, directory=tmp_path / "result").states
     assert state.force_error is not None and state.force_error <= 1e-3 * state.force
@@ -71,8 +72,9 @@ def test_independent_values_within_the_accuracy_asked_for(name: str, tmp_path: P
 @pytest.mark.parametrize("nu", [0.3, 0.5])
 @pytest.mark.parametrize("base_radius", [6.0, 10.0])
 def test_a_flat_cap_is_a_layer(base_radius: float, nu: float) -> None:
-    """0.5 % from six heights on, the tip of one curvature relative to either: measured 0.15 and
-    0.05 %.
+    """A cap of six heights' radius or more has the force of a layer within 0.5 %.
+
+    The curvature of the tip relative to the surface is the same in both. Measured 0.15 and 0.05 %.
     """
     dome = (base_radius**2 + 1) / 2
     cap = {"shape": "cap", "base_radius": base_radius, "height": 1.0}
@@ -92,7 +94,10 @@ def test_a_flat_cap_is_a_layer(base_radius: float, nu: float) -> None:
 
 
 def test_half_of_the_ball_takes_half_of_the_approach() -> None:
-    """On one mesh the same contact: all of the ball's depth and energy, one force. To rounding."""
+    """A ball between plates and half of it have one force; the ball has twice the depth and energy.
+
+    Both are the same contact on one mesh and agree to rounding.
+    """
     ball, cap = (
         scene(body, indenter=PLATE, loading={"delta": delta, "steps": 1})
         for body, delta in ((BALL, 0.02), (HALF, 0.01))
@@ -121,8 +126,9 @@ def test_half_of_the_ball_takes_half_of_the_approach() -> None:
 def test_force_is_the_derivative_of_the_energy(
     material: dict[str, Any], body: dict[str, Any]
 ) -> None:
-    """By a central difference at 0.1 (1 +- 0.01), whose own error is 1e-5, and what the contact
-    edge scatters.
+    """The force is the central difference of the energy at a depth of 0.1 (1 +- 0.01) to 0.1 %.
+
+    The quotient's own error is 1e-5; the rest is the scatter of the contact edge.
     """
     path = {"deltas": [0.099, 0.1, 0.101]}
     below, here, above = solve(scene(body, indenter=PLATE, material=material, loading=path))
@@ -130,8 +136,9 @@ def test_force_is_the_derivative_of_the_energy(
 
 
 def test_a_plate_has_one_gap() -> None:
-    """Its distance to the deformed point is z, wherever that point has gone sideways; contact is
-    what is pressed.
+    """Under a plate the gaps at the reference and at the deformed point give one force.
+
+    The distance to the plate is z, however far the point has moved sideways.
     """
     reference, current = (
         force(scene(BALL, indenter=PLATE, loading=DEEP, contact={"gap": gap}))
@@ -156,7 +163,10 @@ METHODS = [
     ("method", "gap"), METHODS
 )  # that methods agree at all is shown in test_methods
 def test_every_method_gives_the_same_force(method: str, gap: str) -> None:
-    """On one mesh to 0.1 %; a penalty's sinking, stated and chosen to be below 0.5 %, on top."""
+    """Every contact method has the force of the augmented Lagrangian on one mesh to 0.1 %.
+
+    A penalty lets the tip sink in, by less than 0.5 % of the force as chosen and stated.
+    """
     sphere = {"shape": "sphere", "R": 1.0}
     forces = [
         force(scene(CAP, indenter=sphere, loading=DEEP, contact={"method": name, "gap": gap}))
@@ -169,7 +179,7 @@ def test_every_method_gives_the_same_force(method: str, gap: str) -> None:
     "tip", [{"shape": "flat_punch", "radius": 0.3}, {"shape": "flat_punch", "radius": 0.05}]
 )
 def test_a_punch_is_a_plate_up_to_its_edge(tip: dict[str, Any]) -> None:
-    """Where the contact, here 0.24, ends before; a narrower one pushes less.
+    """A punch wider than the contact, 0.24, has the force of a plate; a narrower one pushes less.
 
     Only the meshes differ: 0.3 %.
     """
@@ -181,8 +191,9 @@ def test_a_punch_is_a_plate_up_to_its_edge(tip: dict[str, Any]) -> None:
 
 
 def test_the_gap_is_that_of_the_sphere_not_of_its_chords() -> None:
-    """Before it is touched, at vertices and midpoints alike: delta below the plate and R - sqrt(R^2
-    - r^2) more.
+    """The gap of an untouched ball is that of the sphere at vertices and midpoints.
+
+    It is the distance to the plate plus R - sqrt(R^2 - r^2).
     """
     (state,) = solve(
         scene(BALL, indenter=PLATE, loading={"deltas": [-0.02]}, mesh={"h_contact": 0.1})
@@ -196,8 +207,9 @@ def test_the_gap_is_that_of_the_sphere_not_of_its_chords() -> None:
 
 @pytest.mark.parametrize("base", ["fixed", "roller"])
 def test_the_mesh_fills_the_ball(base: str) -> None:
-    """2 pi int r dA is the volume of the ball, or of its half: to 1e-4 with facets of 7 degrees at
-    most, whose straight chords leave out 0.3 %.
+    """The mesh's volume is that of the ball, or of its half, to 1e-4.
+
+    Facets span at most 7 degrees; their straight chords would leave out 0.3 %.
     """
     ball = scene(BALL | {"base": base}, mesh={"h_contact": 0.1, "h_far": 0.125})
     body = Body(ball, meshed(ball))
@@ -207,9 +219,10 @@ def test_the_mesh_fills_the_ball(base: str) -> None:
 
 
 def test_pressures_of_vertices_and_midpoints_are_one_curve() -> None:
-    """Hertz' shape, p0 sqrt(1 - r^2/a^2), inside 0.4 a at eight elements in the radius: to 1 %, the
-    ripple of a flat body. With straight facets vertices had 2 % less than the midpoints beside
-    them.
+    """Pressures of vertices and midpoints follow Hertz' p0 sqrt(1 - r^2/a^2) to 1 %.
+
+    This holds inside 0.4 a with eight elements in the radius, as on a flat body. With straight
+    facets vertices had 2 % less than the midpoints beside them.
     """
     (state,) = solve(
         scene(
@@ -227,8 +240,9 @@ def test_pressures_of_vertices_and_midpoints_are_one_curve() -> None:
 
 
 def test_a_cap_by_its_contact_angle() -> None:
-    """tan(theta/2) = height/base_radius; the same to rounding, also beyond a right angle, where the
-    cap overhangs.
+    """A cap given by its contact angle has the force of the cap given by its height.
+
+    tan(theta/2) = height/base_radius, also beyond a right angle, where the cap overhangs.
     """
     for height in (1.0, 3.0):
         angle = float(np.degrees(2 * np.arctan(height / 2.0)))
@@ -241,8 +255,9 @@ def test_a_cap_by_its_contact_angle() -> None:
 
 @pytest.mark.parametrize("nu", [0.3, 0.5])
 def test_a_soft_ball_squeezed_to_two_thirds(nu: float) -> None:
-    """Hyperelastic, over many steps: converged, audited, and stiffer than Hertz by more and more,
-    as it spreads.
+    """A hyperelastic ball squeezed to two thirds converges and stiffens beyond Hertz.
+
+    The ratio to Hertz' force grows with depth, as the ball spreads.
     """
     material = NEO_HOOKEAN | {"nu": nu}
     states = solve(
@@ -254,7 +269,10 @@ def test_a_soft_ball_squeezed_to_two_thirds(nu: float) -> None:
 
 
 def test_depths_at_prescribed_forces_are_the_whole_approach() -> None:
-    """That of the known value: its force is off by 0.3 % at most, the depth by two thirds of it."""
+    """The depth at a prescribed force is the ball's whole approach at the independent value.
+
+    The force of a depth is off by at most 0.3 %, the depth of a force by two thirds of it.
+    """
     (state,) = solve(
         scene(BALL, indenter=PLATE, loading={"force": KNOWN["ball between plates"][3], "steps": 1})
     )
@@ -262,7 +280,7 @@ def test_depths_at_prescribed_forces_are_the_whole_approach() -> None:
 
 
 def test_units_change_nothing() -> None:
-    """A bead of 5 um and 1 kPa in SI: the same mesh, the same numbers to rounding."""
+    """A bead of 5 um and 1 kPa in SI units has the numbers of the unit ball to rounding."""
     small = scene(
         {"shape": "ball", "radius": 5e-6},
         indenter=PLATE,
@@ -280,9 +298,7 @@ def test_units_change_nothing() -> None:
     ("angle", "base"), [(15, "roller"), (60, "fixed"), (90, "roller"), (150, "fixed")]
 )
 def test_error_bars_hold(angle: float, base: str, tmp_path: Path) -> None:
-    """At every step of a plate and of a ball on caps of any angle, against twenty times the
-    accuracy.
-    """
+    """Error bars of caps of any angle hold runs at twenty times the accuracy, at every step."""
     body = {"shape": "cap", "base_radius": 1.0, "contact_angle": angle, "base": base}
     depth = 0.05 * np.tan(np.radians(angle / 2))
     for tip, nu in ((PLATE, 0.3), ({"shape": "sphere", "R": 2.0}, 0.5)):

@@ -1,8 +1,7 @@
-"""Scenes in time drawn at random: every one ends, no force rises in a hold without cause, bars hold
-the finer answer.
+"""Random scenes in time: all end, and their error bars hold the truth.
 
-Truth is the same scene on a mesh of half the sizes in steps a quarter as long (half, with
-friction).
+No force rises in a hold without cause. The truth is the same scene on a mesh of half the element
+sizes, in steps a quarter as long (half as long with friction).
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ def truth(base: Scene) -> list[State]:
 
 
 def over(mapping: dict[str, Any], folder: Path) -> dict[str, list[float]]:
-    """Bar over error of every row, number by number; forces that are prescribed have none."""
+    """Bar divided by error of every row, by column; a force that is prescribed has none."""
     config = config_from_mapping(mapping)
     found = simulate(config, directory=folder, error_bars=True).states
     base = resolve(config)
@@ -56,7 +55,10 @@ def over(mapping: dict[str, Any], folder: Path) -> dict[str, list[float]]:
 
 
 def test_rows_of_one_scene_are_inside_their_bars(tmp_path: Path) -> None:
-    """A draining layer in two steps of each length, whose bars are those of its steps in time."""
+    """Rows of a draining layer in two steps of each length are inside their bars.
+
+    The bars are mostly those of the steps in time.
+    """
     (mapping,) = time_scenes(1, 5, ("draining",))
     mapping["loading"] |= {"times": mapping["loading"]["times"][2::3], "per_doubling": 2}
     found = over(mapping, tmp_path)
@@ -64,8 +66,9 @@ def test_rows_of_one_scene_are_inside_their_bars(tmp_path: Path) -> None:
 
 
 def test_steps_have_a_part_of_the_error(tmp_path: Path) -> None:
-    """Of half as many steps the largest is more; where the tip seals nothing, whose edge moves by
-    elements.
+    """The part of the error budget due to steps in time is larger with half as many steps.
+
+    The tip seals nothing here, as the edge of what it seals moves by elements.
     """
     (mapping,) = time_scenes(1, 5, ("draining",))
     mapping["drainage"] = {"tip": "drained"}
@@ -83,7 +86,7 @@ def test_steps_have_a_part_of_the_error(tmp_path: Path) -> None:
 
 
 def sealed_rubber() -> dict[str, Any]:
-    """A porous rubber that nothing can leave, with a cone that has come to rest."""
+    """A porous rubber out of which nothing can flow, under a cone that has come to rest."""
     mooney = {"model": "mooney_rivlin", "C10": 0.167, "C01": 0.042, "nu": 0.2}
     return {
         "body": {
@@ -107,8 +110,9 @@ def sealed_rubber() -> dict[str, Any]:
 
 
 def test_fluid_of_a_sealed_body_is_audited_beside_what_moves_in_it(tmp_path: Path) -> None:
-    """Nothing leaves; what the rows of p sum up to is round-off beside what has moved from place to
-    place.
+    """Nothing flows out of a sealed body, and its balance of fluid is zero to round-off.
+
+    The round-off is compared with the fluid that has moved inside the body.
     """
     rows = simulate(config_from_mapping(sealed_rubber()), directory=tmp_path).states
     assert all(row.outflow == 0 for row in rows)
@@ -119,7 +123,7 @@ def test_fluid_of_a_sealed_body_is_audited_beside_what_moves_in_it(tmp_path: Pat
 def test_fluid_that_comes_from_nowhere_ends_the_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A millionth of what has moved."""
+    """A fluid content raised by a millionth ends the run, and the message says why."""
     content = Flow.vertex_content_values
     monkeypatch.setattr(
         Flow, "vertex_content_values", lambda flow: content(flow) + 1e-6 * np.abs(content(flow))
@@ -130,17 +134,21 @@ def test_fluid_that_comes_from_nowhere_ends_the_run(
 
 @pytest.mark.verify
 def test_rows_drawn_at_random_are_inside_their_bars(tmp_path: Path) -> None:
-    """A scene of every second kind, some 25 rows, of which one or two may miss; test_early_times has the others."""
+    """At least 92 % of the rows of random time-dependent scenes lie inside their error bars.
+
+    Every second kind of scene gives some 25 rows, of which one or two may miss; test_early_times
+    covers the other kinds.
+    """
     ratios: dict[str, list[float]] = {name: [] for name in NAMES}
     for k, mapping in enumerate(time_scenes(len(KINDS), 12)[::2]):
         if "times" not in mapping["loading"]:  # a tip that is lifted has no force to judge
             continue
         for name, found in over(mapping, tmp_path / str(k)).items():
             ratios[name] += found
-    for name, found in ((name, found) for name, found in ratios.items() if found):
-        print(
-            f"{name}: {np.mean(np.array(found) >= 1):.3f} of {len(found)} rows, {np.median(found):.2g}"
-        )
+    for name, found in ratios.items():
+        if found:
+            inside = np.mean(np.array(found) >= 1)
+            print(f"{name}: {inside:.3f} of {len(found)} rows, {np.median(found):.2g}")
     assert np.mean(np.array(ratios["force"] + ratios["delta"]) >= 1) >= 0.92
     assert np.mean(np.array(ratios["a"]) >= 1) >= 0.92
 
@@ -150,7 +158,7 @@ def test_rows_drawn_at_random_are_inside_their_bars(tmp_path: Path) -> None:
     "mapping", time_scenes(5, 31, KINDS[:5])[::2][:2], ids=["draining", "relaxing"]
 )
 def test_an_accuracy_is_met_in_time(mapping: dict[str, Any], tmp_path: Path) -> None:
-    """3 % asked for: of every row the force is right to that, or the depth where forces are given.
+    """With `accuracy: 0.03` the forces of random scenes, or their depths, are right to 3 %.
 
     1 % is asked of draining and relaxing bodies in test_early_times; that of rubber would cost five
     minutes of CPU.
@@ -167,7 +175,10 @@ def test_an_accuracy_is_met_in_time(mapping: dict[str, Any], tmp_path: Path) -> 
 
 @pytest.mark.verify
 def test_every_scene_drawn_at_random_ends(tmp_path: Path) -> None:
-    """All rows, or an end that says why; a force falls in a hold, to what the solver leaves."""
+    """Random scenes end with all rows, except one in a list that may not converge.
+
+    A force falls in a hold, up to what the solver leaves.
+    """
     lost = []
     for k, mapping in enumerate(time_scenes(10 * len(KINDS), 2)[::10]):
         config = config_from_mapping(mapping | {"output": mapping["output"] | {"plot": False}})
@@ -187,7 +198,10 @@ def test_every_scene_drawn_at_random_ends(tmp_path: Path) -> None:
 
 @pytest.mark.verify
 def test_scenes_drawn_at_random_go_on_from_any_row(tmp_path: Path) -> None:
-    """Every second kind stopped at a row drawn at random: the rest is that of one run, to what its iterations leave."""
+    """A random scene resumed from a random row repeats the undisturbed run to 1e-8.
+
+    1e-8 of a column's largest value is what the tolerances of the iterations leave.
+    """
     rng, worst = np.random.default_rng(41), 0.0
     for k, mapping in enumerate(time_scenes(len(KINDS), 41)[::2]):
         config = config_from_mapping(mapping | {"output": mapping["output"] | {"plot": False}})

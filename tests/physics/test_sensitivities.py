@@ -1,5 +1,6 @@
-"""Derivatives of the force with respect to keys of a scene: against theory, scaling laws and
-accurate runs.
+"""Derivatives of the force with respect to keys of a scene.
+
+References are theory, scaling laws and differences of accurate runs.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ RUBBER = {
 
 
 def changed(scene: dict[str, Any], key: str, factor: float, **more: Any) -> Any:
-    """The scene with a key times a factor, resolved."""
+    """The scene with a key multiplied by a factor, resolved."""
     found = copy.deepcopy(scene) | more
     section, name = key.split(".")
     found[section][name] *= factor
@@ -36,9 +37,7 @@ def changed(scene: dict[str, Any], key: str, factor: float, **more: Any) -> Any:
 
 
 def by_theory(key: str, row: int) -> float:
-    """The derivative of layer theory, exact for this body, by differences of its forces, which have
-    eight digits.
-    """
+    """The derivative of exact layer theory, by differences of forces with eight digits."""
 
     def force(factor: float) -> float:
         scene = changed(LAYER, key, factor)
@@ -62,15 +61,19 @@ def of_layer() -> dict[str, dict[str, list[float]]]:
 @pytest.mark.parametrize("key", ["material.E", "material.nu", "body.height", "indenter.R"])
 @pytest.mark.parametrize("row", [0, 1])
 def test_of_a_layer_against_theory(key: str, row: int, of_layer: Any) -> None:
-    """1e-3: twice what was measured at these automatic sizes; and within the error that is stated."""
+    """Sensitivities of a layer are those of exact theory to 1e-3 and within their stated error.
+
+    1e-3 is twice the error measured at these automatic sizes.
+    """
     value, error = (of_layer[key][name][row] for name in ("value", "error"))
     assert value == pytest.approx(by_theory(key, row), rel=1e-3)
     assert abs(value - by_theory(key, row)) <= error
 
 
 def test_of_what_theory_solves_has_no_mesh_error() -> None:
-    """F = 4/3 E/(1 - nu^2) sqrt(R) delta^1.5 on a half-space; theory and differences of fourth
-    order leave 1e-6.
+    """On a half-space the derivatives are those of F = 4/3 E/(1 - nu^2) sqrt(R) delta^1.5.
+
+    Theory and differences of fourth order leave 1e-6, and the stated error is small.
     """
     scene = LAYER | {
         "body": {"shape": "half_space"},
@@ -85,8 +88,9 @@ def test_of_what_theory_solves_has_no_mesh_error() -> None:
 
 
 def test_of_an_incompressible_body_goes_backward() -> None:
-    """nu = 0.5 has no scene beyond it: dF/dnu = F 2 nu/(1 - nu^2) of Hertz; 1e-3 for one-sided
-    differences.
+    """At nu = 0.5 the derivative by one-sided differences is Hertz' dF/dnu = F 2 nu/(1 - nu^2).
+
+    There is no scene beyond nu = 0.5. One-sided differences are good to 1e-3.
     """
     matter = {"material": {"model": "linear_elastic", "E": 1.0, "nu": 0.5}, "solver": {}}
     scene = (
@@ -100,8 +104,9 @@ def test_of_an_incompressible_body_goes_backward() -> None:
 
 
 def test_at_finite_strain_dimensions_bind_the_derivatives() -> None:
-    """F is E length^2 times a function of ratios of lengths: E dF/dE = F. 1e-4: the law's epsilon_n
-    stays as it is, which at the edge of the contact is felt by 5e-6.
+    """At finite strain E dF/dE = F, as F is E length^2 times a function of ratios of lengths.
+
+    The contact law's epsilon_n stays as it is, which changes the derivative by 5e-6.
     """
     found = indent_sim.sensitivities(RUBBER, "material.E")["material.E"]["value"]
     *_, last = indent_sim.states(indent_sim.resolve(indent_sim.load(RUBBER)))
@@ -111,7 +116,10 @@ def test_at_finite_strain_dimensions_bind_the_derivatives() -> None:
 @pytest.mark.verify
 @pytest.mark.parametrize("key", ["material.nu", "indenter.R", "body.height"])
 def test_at_finite_strain_against_accurate_runs(key: str) -> None:
-    """5e-3: runs accurate to 2e-4, 12 % apart, leave 2e-3 of these derivatives."""
+    """At finite strain derivatives are those of differences of accurate runs to 5e-3.
+
+    Runs accurate to 2e-4 whose keys are 12 % apart leave 2e-3 of these derivatives.
+    """
 
     def force(factor: float) -> float:
         *_, last = indent_sim.states(changed(RUBBER, key, factor, accuracy=2e-4))

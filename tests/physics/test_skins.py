@@ -1,5 +1,6 @@
-"""Skins of caps and balls: shell theory, the flat limit, what must change nothing, error bars that
-hold.
+"""Skins of caps and balls beside shell theory, flat stacks, and what must change nothing.
+
+Error bars are tried against finer meshes.
 """
 
 from __future__ import annotations
@@ -42,12 +43,12 @@ def with_skins(
 
 
 def skinned(*given: Any, **sections: Any) -> Scene:
-    """The same, resolved."""
+    """The scene of `with_skins`, resolved."""
     return resolve(config_from_mapping(with_skins(*given, **sections)))
 
 
 def volumes(base: Scene) -> np.ndarray:
-    """Of the layers in the mesh, its facets straight."""
+    """Volumes of the layers in the mesh, whose facets are straight."""
     grid = grid_of(base)
     corners = grid.points[grid.cells]
     areas = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / 2
@@ -58,9 +59,11 @@ def volumes(base: Scene) -> np.ndarray:
 @each_body
 @pytest.mark.parametrize("skins", [[0.1], [0.05, 0.02], [0.005]], ids=str)
 def test_skins_have_their_volumes(body: dict[str, Any], skins: list[float]) -> None:
-    """Of a ball cut by a plane, pi H^2 (R - H/3), less that of the ball inside, cut alike. Straight
-    facets no longer than a skin is thick leave out (t/R)/12 of it at each face, and the larger
-    ones of the core less than 1 %.
+    """The mesh's skins have the volumes of the spherical caps between which they lie, to 1 %.
+
+    The volume of a ball cut by a plane is pi H^2 (R - H/3); that of the ball inside, cut alike, is
+    taken off. Straight facets no longer than a skin is thick leave out (t/R)/12 of it at each face,
+    and the larger ones of the core less than 1 %.
     """
     base = skinned(body, *((t, 2.0) for t in skins))
     R = base.physics.domain.top_radius * base.physics.scales.length
@@ -77,10 +80,11 @@ def pi_cap(R: float, H: float) -> float:
 
 @pytest.mark.parametrize("t", [0.02, 0.01, pytest.param(0.005, marks=pytest.mark.verify)])
 def test_a_thin_stiff_skin_is_a_shell(t: float) -> None:
-    """Reissner's sphere under a point force, F = 4 E t^2 w/(R sqrt(3 (1 - nu^2))), with Hertz'
-    local indentation in series (3 to 7 %, which a skin of some contact radii has but for a
-    tenth): 1.5 %, of which thin-shell theory lacks t/R. The core is too soft to matter. Reissner
-    (1946), J. Math. Phys. 25, 279.
+    """The force on a thin stiff skin is that of Reissner's shell under a point force, to 1.5 %.
+
+    F = 4 E t^2 w/(R sqrt(3 (1 - nu^2))), with Hertz' local indentation in series. That is 3 to 7 %
+    of the depth, and a skin a few contact radii thick has all but a tenth of it. Thin-shell theory
+    is off by t/R. The core is too soft to matter. Reissner (1946), J. Math. Phys. 25, 279.
     """
     core = {"model": "linear_elastic", "E": 1e-7, "nu": 0.0}
     R = 0.05 if t == 0.02 else 0.02
@@ -97,7 +101,7 @@ def test_a_thin_stiff_skin_is_a_shell(t: float) -> None:
 def test_a_skin_of_the_cores_matter_changes_nothing(
     body: dict[str, Any], t: float, tmp_path: Path
 ) -> None:
-    """Beyond the sum of both error bars."""
+    """A skin of the core's material changes the force by less than the sum of both error bars."""
     scenes = [with_skins(body, (t, 1.0), output=QUIET)]
     scenes.append(scenes[0] | {"body": body})
     found = [
@@ -112,7 +116,10 @@ def test_a_skin_of_the_cores_matter_changes_nothing(
 
 
 def test_a_flat_cap_with_skins_is_a_stack() -> None:
-    """0.5 %, as of a cap of one matter: the tip of one curvature relative to either."""
+    """A cap of ten heights' radius with skins has the force of a stack of layers to 0.5 %.
+
+    The curvature of the tip relative to the surface is the same in both.
+    """
     dome = (10.0**2 + 1) / 2
     skins, flat = [(0.1, 10.0), (0.2, 0.3)], {"shape": "cylinder", "radius": 10.0, "height": 1.0}
     cap = with_skins(
@@ -127,7 +134,10 @@ def test_a_flat_cap_with_skins_is_a_stack() -> None:
 
 
 def test_half_of_a_skinned_ball_takes_half_of_the_approach() -> None:
-    """A cap as high as it is wide on rollers, on a mesh of its own: 0.1 %."""
+    """A skinned ball between plates has the force of its half on rollers, and twice the energy.
+
+    Each is on a mesh of its own: 0.1 %.
+    """
     half = {"shape": "cap", "base_radius": 1.0, "height": 1.0, "base": "roller"}
     (ball,) = solve(skinned(BALL, (0.05, 10.0)))
     (cap,) = solve(skinned(half, (0.05, 10.0), loading={"delta": 0.01, "steps": 1}))
@@ -155,8 +165,10 @@ FEW = (2, 3, 7, 9)
     [pytest.param(k, marks=[] if k in FEW else [pytest.mark.verify]) for k in range(len(CASES))],
 )
 def test_automatic_sizes(case: int) -> None:
-    """0.3 % of what sizes 0.4 times as large give, in skins too; 0.03 % found, 0.2 % with moduli
-    1000 times apart.
+    """At automatic element sizes forces are within 0.3 % of those of sizes 0.4 times as large.
+
+    That holds for the elements inside skins too. Found 0.03 %, and 0.2 % with moduli 1000 times
+    apart.
     """
     body, skins, nu = CASES[case]
     base = skinned(body, *skins, nu=nu)
@@ -171,8 +183,9 @@ def test_automatic_sizes(case: int) -> None:
 @pytest.mark.verify  # in `make test` of a ball beside the series (test_layered_ball.py)
 @pytest.mark.parametrize("case", FEW)
 def test_accuracy_is_met_inside_error_bars(case: int, tmp_path: Path) -> None:
-    """0.1 % asked for; the bar holds what the finest mesh gives, to that one's own error, an eighth
-    of it.
+    """`accuracy: 0.001` is met, and the bar holds the force of the finest mesh.
+
+    An eighth of the bar is allowed for the error of the finest mesh itself.
     """
     body, skins, nu = CASES[case]
     config = config_from_mapping(with_skins(body, *skins, nu=nu, accuracy=0.001, output=QUIET))
@@ -189,9 +202,12 @@ def test_accuracy_is_met_inside_error_bars(case: int, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("t", [0.2, pytest.param(0.1, marks=pytest.mark.verify)])
 def test_a_stiff_skin_is_felt_at_the_edge_of_its_bond(t: float, tmp_path: Path) -> None:
-    """1000 times as stiff as the core it hands the force on to where a ball is bonded: 0.3 % of
-    what elements 1e-5 long there give (0.04 % found, 0.38 % without elements of their own), and
-    0.1 % where that is asked for, inside the bar, to 0.02 %, what that reference knows.
+    """The force of a bonded ball with a stiff skin is that of very small elements at the bond.
+
+    A skin 1000 times as stiff as the core hands the force on to the edge of the bond. Automatic
+    sizes are good to 0.3 % of what elements 1e-5 long there give; 0.04 % was found, and 0.38 %
+    without elements of their own. `accuracy: 0.001` is met inside the bar, to 0.02 %, which the
+    reference is good to.
     """
     given = with_skins(BODIES["whole"], (t, 1000.0), output=QUIET)
     base = resolve(config_from_mapping(given))
@@ -221,8 +237,10 @@ def test_a_stiff_skin_is_felt_at_the_edge_of_its_bond(t: float, tmp_path: Path) 
     ],
 )
 def test_both_solvers_and_finite_strain(body: dict[str, Any]) -> None:
-    """One linear body: 1e-8 between condensed and whole. At a depth of 1e-4 neo-Hookean skins are
-    linear to the order of a/R, 1 %, of which the force keeps a tenth.
+    """Condensed and full Newton agree to 1e-8, and shallow finite strain is small strain.
+
+    At a depth of 1e-4 neo-Hookean skins differ from linear ones by the order of a/R, 1 %, of which
+    the force keeps a tenth.
     """
     condensed, whole = (
         force(skinned(body, (0.05, 10.0), solver={"method": way}))
@@ -244,7 +262,10 @@ def test_both_solvers_and_finite_strain(body: dict[str, Any]) -> None:
 
 
 def test_a_nucleus_inside_a_skin() -> None:
-    """Of the core's own matter it changes nothing but the mesh: 0.1 %; stiff, it stiffens."""
+    """A nucleus of the core's material changes the force by 0.1 %, and a stiff one stiffens.
+
+    The first changes nothing but the mesh.
+    """
     nucleus = {"shape": "ball", "center": [0, 0, -1.0], "radius": 0.5}
     plain = force(skinned(BODIES["whole"], (0.02, 10.0)))
     same, stiff = (
@@ -261,14 +282,17 @@ def test_a_nucleus_inside_a_skin() -> None:
 
 
 def test_the_resolved_config_has_the_same_mesh() -> None:
-    """The sizes inside skins are written as all others, and given back."""
+    """The resolved config of a skinned ball has the sizes inside skins, and makes the same mesh."""
     base = config_from_mapping(with_skins(BALL, (0.05, 10.0), (0.02, 1.0)))
     first, again = resolve(base), resolve(explicit_config(base, resolve(base)))
     assert grid_of(first).hash == grid_of(again).hash
 
 
 def test_cells_are_foretold() -> None:
-    """Within a fifth for thin skins, which have nearly all of them; within a half for a thick one."""
+    """The predicted number of cells is within 20 % for thin skins and 50 % for a thick one.
+
+    A thin skin holds nearly all cells of the mesh.
+    """
     for body in BODIES.values():
         for t, share in ((0.005, 0.2), (0.1, 0.5)):
             base = skinned(body, (t, 10.0))

@@ -10,11 +10,11 @@ LAYER = {"shape": "cylinder", "radius": 8.0, "height": 1.0, "base": "fixed", "si
 
 
 def test_shear_along_the_surface_leaves_no_saw_tooth() -> None:
-    """A rubber layer under a rounded punch, whose normal and mean stress differ most at C01 = C10.
+    """The pressure on a rubber layer under a rounded punch with friction is smooth.
 
-    Roughness: see `observe.roughness`; 0.016 is found, where a run warns from 0.03 on. On elements
-    that were small at the rim of the contact alone it was 0.1, and with the mean stress for the
-    field q several times that.
+    At C01 = C10 normal and mean stress differ most. The roughness is that of `observe.roughness`:
+    0.016 is found, and a run warns from 0.03 on. On elements that were small at the rim of the
+    contact alone it was 0.1, and with the mean stress for the field q several times that.
     """
     rubber = {"model": "mooney_rivlin", "C10": 3.5, "C01": 3.5, "nu": 0.49}
     (state,) = solve(

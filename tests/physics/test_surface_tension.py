@@ -1,6 +1,4 @@
-"""A surface under tension: theory and mesh beside one another, their limits, the energy of curved
-bodies, rest.
-"""
+"""A surface under tension: mesh beside theory, their limits, and what must be exact."""
 
 from __future__ import annotations
 
@@ -45,7 +43,7 @@ OWN = {
 
 
 def tensed(body: dict[str, Any], gamma: float, delta: float = 0.01, **sections: Any) -> Scene:
-    """A body under a surface tension, in units of its E."""
+    """A scene whose body has a surface tension, in units of its E."""
     return scene(
         body | {"surface_tension": gamma}, **{"loading": {"delta": delta, "steps": 1}} | sections
     )
@@ -62,8 +60,10 @@ def known(base: Scene) -> tuple[Solution, float]:
 @pytest.mark.parametrize("gamma", [1e-3, 0.02, pytest.param(1.0, marks=pytest.mark.verify)])
 @pytest.mark.parametrize("body", BODIES)
 def test_mesh_against_theory(body: str, gamma: float) -> None:
-    """From a hundredth of the contact radius to ten times of it: 0.1 %, 0.05 % was found at
-    automatic sizes.
+    """Forces of the mesh are those of exact theory to 0.1 %.
+
+    The elastocapillary length is a hundredth of the contact radius to ten times of it. 0.05 % was
+    found at automatic sizes.
     """
     _, force = known(tensed(BODIES[body], gamma))
     (state,) = solve(tensed(BODIES[body], gamma, solver={"method": "condensed"}))
@@ -72,9 +72,11 @@ def test_mesh_against_theory(body: str, gamma: float) -> None:
 
 @pytest.mark.parametrize("gamma", [0.02, pytest.param(0.4, marks=pytest.mark.verify), 7.0])
 def test_contact_radius_and_largest_pressure_beside_theory(gamma: float, tmp_path: Path) -> None:
-    """Where the pressure ends with a step, the radius inside its bar, 2 %, and the pressure to 1 %;
-    to 5 % where the plan warns of it, gamma/E* being 30 contact radii and more. Meshes smear the
-    step over an element, a tenth of a.
+    """The contact radius is that of theory inside its bar, and the largest pressure to 1 %.
+
+    The pressure ends with a step there, which meshes smear over an element, a tenth of the radius;
+    the bar is 2 %. Where the plan warns of the step, from gamma/E* of 30 contact radii on, the
+    pressure is good to 5 %.
     """
     exact = known(base := tensed(HALF_SPACE, gamma))[0]
     quiet = {"plot": False, "fields": "none"}
@@ -100,8 +102,10 @@ def test_contact_radius_and_largest_pressure_beside_theory(gamma: float, tmp_pat
 
 @pytest.mark.parametrize("gamma", [0.02, pytest.param(1.0, marks=pytest.mark.verify)])
 def test_the_contact_radius_under_a_cone(gamma: float) -> None:
-    """Whose pressure is infinite at the apex as well: 2.5 %, a quarter of an element; 4 % if read
-    off at 0.
+    """The contact radius under a cone is that of theory to 2.5 %, a quarter of an element.
+
+    The pressure is infinite at the apex as well. A radius read off where the pressure is 0 would be
+    off by 4 %.
     """
     base = tensed(HALF_SPACE, gamma, indenter=CONE)
     exact = base.plan.theory and base.plan.theory.solution_at_depth(base.physics.deltas[-1])
@@ -113,8 +117,10 @@ def test_the_contact_radius_under_a_cone(gamma: float) -> None:
 @pytest.mark.parametrize("nu", [0.0, 0.5])
 @pytest.mark.parametrize("gamma", [1e-3, 0.05, 2.0])
 def test_a_punch_touches_with_all_of_its_face(gamma: float, nu: float) -> None:
-    """Its edge bends the surface, whose tension pushes along a line, and the body pushes back
-    without end beside it: the contact radius is the punch's, to round-off.
+    """The contact radius of a punch is its own, to round-off.
+
+    Its edge bends the surface, whose tension pushes along a line there, while the pressure of the
+    body beside it is infinite.
     """
     punch = {"indenter": {"shape": "flat_punch", "radius": 0.3}, "material": ELASTIC | {"nu": nu}}
     (state,) = solve(tensed({"shape": "cylinder", "radius": 3.0, "height": 2.0}, gamma, **punch))
@@ -139,7 +145,10 @@ STATED: dict[str, dict[str, Any]] = {
     ],
 )
 def test_theory_is_as_good_as_it_says(tip: str, more: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Against two or three times as many functions, to the error that the scene states."""
+    """Forces of theory agree with those of two or three times as many functions.
+
+    They agree to the error that the scene states.
+    """
     force, error = [], 0.0
     for times in (1, more):
         for name in ("LEAST_FUNCTIONS", "FUNCTIONS_PER_ROOT", "MAX_FUNCTIONS"):
@@ -155,8 +164,9 @@ def test_theory_is_as_good_as_it_says(tip: str, more: int, monkeypatch: pytest.M
 
 
 def test_no_tension_is_hertz() -> None:
-    """gamma = 0 is the scene without the key; a small one differs by gamma/(E* a) and its
-    logarithm, 1e-6 (7 + 1).
+    """gamma = 0 is the scene without the key, and a small gamma hardly differs from it.
+
+    The difference is gamma/(E* a) and its logarithm: 1e-6 (7 + 1).
     """
     plain = known(scene(HALF_SPACE))[1]
     assert known(tensed(HALF_SPACE, 0.0))[1] == plain
@@ -165,8 +175,10 @@ def test_no_tension_is_hertz() -> None:
 
 @pytest.mark.parametrize("gamma", [30.0, 1000.0])
 def test_a_large_tension_is_a_membrane(gamma: float) -> None:
-    """p = 2 gamma/R, F = 2 pi gamma a^2/R, delta = a^2/R (ln(4 gamma/(E* a)) + 1/2 - Euler's
-    constant), to E* a/gamma (times its logarithm, 10).
+    """A large tension has the membrane's pressure, force and depth, to the order of E* a/gamma.
+
+    p = 2 gamma/R, F = 2 pi gamma a^2/R, and delta = a^2/R (ln(4 gamma/(E* a)) + 1/2 - Euler's
+    constant). The factor of the order is the logarithm, up to 10.
     """
     base = tensed(HALF_SPACE, gamma)
     found, force = known(base)
@@ -182,8 +194,10 @@ def test_a_large_tension_is_a_membrane(gamma: float) -> None:
 
 @pytest.mark.parametrize("body", BODIES)
 def test_theory_is_of_one_piece(body: str) -> None:
-    """F = dU/ddelta and dF/ddelta = stiffness (differences of 1 %: 1e-4), p is F over the contact,
-    and u_z goes on without a step or a kink where the contact ends.
+    """Theory's energy, force, stiffness, pressure and surface agree with each other.
+
+    F = dU/ddelta and dF/ddelta = stiffness by differences of 1 %, which are good to 1e-4; the
+    pressure's integral is F; and u_z has neither a step nor a kink at the edge of contact.
     """
     base = tensed(BODIES[body], 0.02)
     found, _ = known(base)
@@ -203,7 +217,10 @@ def test_theory_is_of_one_piece(body: str) -> None:
 
 
 def test_the_surface_of_theory_is_that_of_the_mesh() -> None:
-    """Out to five contact radii, to 0.3 % of the depth: sizes grow there."""
+    """Theory's surface is the mesh's to 0.3 % of the depth, out to five contact radii.
+
+    Element sizes grow there.
+    """
     base = tensed(HALF_SPACE, 0.02)
     found, _ = known(base)
     (state,) = solve(
@@ -219,9 +236,10 @@ def test_the_surface_of_theory_is_that_of_the_mesh() -> None:
 @pytest.mark.parametrize("small_strain", [True, False])
 @pytest.mark.parametrize("c", [1e-3, 0.2])
 def test_the_energy_of_a_ball_that_grows(c: float, small_strain: bool) -> None:
-    """u = c X from the center, of the half that is modelled: 2 pi gamma R^2 ((1 + c)^2 - 1 - 2 c) -
-    4/3 pi gamma R^2 ((1 + c)^3 - 1 - 3 c), to second order at small strain. 1e-3: the mesh's
-    volume and area.
+    """The surface energy of u = c X from the center is that of the closed form.
+
+    Of the half that is modelled it is 2 pi gamma R^2 ((1 + c)^2 - 1 - 2 c) - 4/3 pi gamma R^2 ((1 +
+    c)^3 - 1 - 3 c), to second order at small strain. The mesh's volume and area are good to 1e-3.
     """
     ball = tensed(
         BALL,
@@ -255,9 +273,10 @@ HELD: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "body", ["walled", "ball", "cap", "strip", pytest.param("whole", marks=pytest.mark.verify)]
 )
 def test_rest_is_exact_and_finite_strain_at_small_depth_is_the_same(body: str) -> None:
-    """No force before the tip touches, and none at depth 0, by `solve`'s audit; at 2e-4 neo-Hookean
-    bodies differ by terms of a/R = 0.01, a tenth of it in the force. Condensed and whole bodies
-    agree to 1e-9.
+    """A body under tension has no force before the tip touches and at depth 0.
+
+    At a depth of 2e-4 neo-Hookean bodies differ by terms of a/R = 0.01, a tenth of it in the force.
+    Condensed and full Newton agree to 1e-9.
     """
     given, tip = HELD[body]
     path = {
@@ -276,8 +295,9 @@ def test_rest_is_exact_and_finite_strain_at_small_depth_is_the_same(body: str) -
 
 @pytest.mark.parametrize("body", ["ball", "cap"])
 def test_force_is_the_derivative_of_the_energy(body: str) -> None:
-    """At finite strain on curved bodies, by a central difference at 0.05 (1 +- 0.02): 1e-3, the
-    contact edge's scatter.
+    """At finite strain on curved bodies the force is the central difference of the energy.
+
+    At a depth of 0.05 (1 +- 0.02) the contact edge's scatter leaves 1e-3.
     """
     given, tip = HELD[body]
     path = {"loading": {"deltas": [0.049, 0.05, 0.051]}, "indenter": tip, "material": NEO_HOOKEAN}
@@ -286,7 +306,7 @@ def test_force_is_the_derivative_of_the_energy(body: str) -> None:
 
 
 def test_three_dimensions() -> None:
-    """A quarter of a cylinder beside its section, coarse: 1 %."""
+    """A coarse quarter of a cylinder has the force of its axisymmetric section to 1 %."""
     body = {"shape": "cylinder", "radius": 1.2, "height": 1.0, "sides": "roller"}
     mesh = {"h_contact": 0.06, "h_far": 0.4, "grading": 0.5, "symmetry": "quarter"}
     (section,), (quarter,) = (
@@ -322,8 +342,9 @@ def test_what_is_not_known_together_is_refused_by_name(
 
 
 def drawn(count: int, seed: int) -> list[dict[str, Any]]:
-    """Scenes of half-spaces, layers, films and stacks under smooth tips, gamma from 3e-4 to 2 in
-    units of E h.
+    """Random scenes of half-spaces, layers, films and stacks under smooth tips.
+
+    gamma is between 3e-4 and 2 in units of E h.
     """
     draw = random.Random(seed)
     tips = [
@@ -345,8 +366,9 @@ def drawn(count: int, seed: int) -> list[dict[str, Any]]:
 
 @pytest.mark.verify
 def test_error_bars_hold_theory(tmp_path: Path) -> None:
-    """`accuracy: 0.003` is met in 24 rows, and as many forces, contact radii and largest pressures
-    are inside their bars as is promised of a class of scenes.
+    """`accuracy: 0.003` is met in 24 rows, and error bars hold theory as often as promised.
+
+    That share is promised for forces, contact radii and largest pressures of a class of scenes.
     """
     inside = {"force": 0, "a": 0, "p_max": 0}
     rows = 0

@@ -1,8 +1,7 @@
-"""The modelled part stands for the whole: the same force, radius and energy from a quarter, a half
-and all of it.
+"""The part of a body that is modelled has the force, radius and energy of the whole.
 
 The mesh of the part is mirrored to make the whole's, so that the two are the same discrete problem
-and agree to the solver's tolerance; what gmsh would make of the whole by itself differs by the mesh
+and agree to the solver's tolerance. What gmsh would make of the whole by itself differs by the mesh
 error and is tested apart.
 """
 
@@ -50,7 +49,7 @@ def on_grid(base: Scene, grid: Grid, monkeypatch: pytest.MonkeyPatch) -> list[St
 
 
 def assert_same(part: list[State], whole: list[State]) -> None:
-    """Every number of every step."""
+    """Assert that every number of every step is the same."""
     for one, other in zip(part, whole, strict=True):
         numbers = ([getattr(state, name) for name in NUMBERS] for state in (one, other))
         assert next(numbers) == pytest.approx(next(numbers), rel=SAME)
@@ -59,7 +58,7 @@ def assert_same(part: list[State], whole: list[State]) -> None:
 @pytest.mark.parametrize("sides", ["free", "roller", "fixed"])
 @pytest.mark.parametrize("gap", ["reference", "current"])
 def test_strip_by_its_half(gap: str, sides: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Plane strain, tip in the middle."""
+    """A strip in plane strain with the tip in the middle is the same by its half."""
     body, contact = STRIP | {"sides": sides}, {"method": "auto", "gap": gap}
     half, full = (
         scene(body, contact=contact, mesh={"h_contact": 0.03, "symmetry": symmetry}, **DEEP)
@@ -83,7 +82,10 @@ def test_strip_by_its_half(gap: str, sides: str, monkeypatch: pytest.MonkeyPatch
 def test_box_by_its_quarter_and_half(
     base: str, sides: str, gap: str, method: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Three dimensions, tip in the middle; on rollers the whole is held by its pins alone."""
+    """A box with the tip in the middle is the same by its quarter and its half.
+
+    On rollers the whole box is held by its pins alone.
+    """
     body, contact = BOX | {"base": base, "sides": sides}, {"method": method, "gap": gap}
     quarter, half, full = (
         scene(body, contact=contact, mesh={"h_contact": 0.2, "symmetry": symmetry}, **DEEP)
@@ -106,8 +108,9 @@ def test_box_by_its_quarter_and_half(
 
 
 def test_tip_beside_a_frictionless_wall_is_half_of_a_whole(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A wall that only holds sideways is a mirror: the strip with the tip at its roller wall is
-    half of one twice as wide with the tip in the middle.
+    """A strip with the tip at its roller wall is half of one twice as wide.
+
+    A wall that only holds sideways is a mirror; the wide strip has the tip in the middle.
     """
     wide = scene(
         STRIP | {"width": 4.0, "sides": "roller"}, mesh={"h_contact": 0.02, "symmetry": "full"}
@@ -127,8 +130,9 @@ def test_tip_beside_a_frictionless_wall_is_half_of_a_whole(monkeypatch: pytest.M
 
 @pytest.mark.parametrize("body", [STRIP, BOX], ids=["plane_strain", "box"])
 def test_reduced_and_whole_on_meshes_of_their_own(body: dict[str, Any]) -> None:
-    """The error that either mesh may have: 0.5 % with three elements in the radius, 0.1 % with a
-    dozen.
+    """Part and whole on meshes of their own differ by the mesh error.
+
+    It is 0.5 % with three elements in the contact radius and 0.1 % with a dozen.
     """
     h, tolerance = (0.02, 1e-3) if body is STRIP else (0.12, 5e-3)
     part, whole = (
@@ -145,7 +149,7 @@ def test_reduced_and_whole_on_meshes_of_their_own(body: dict[str, Any]) -> None:
 
 
 def test_choice_of_the_part() -> None:
-    """Automatic: all the symmetry there is, none that the sides or the tip's place break."""
+    """The automatic part uses all symmetry that the sides and the tip's place leave."""
     off = PARABOLOID | {"center": [0.9, 1.0]}
     uneven = {"x_min": "roller", "x_max": "free", "y_min": "free", "y_max": "free"}
     assert scene(BOX).physics.domain.symmetry == "quarter"
@@ -156,7 +160,6 @@ def test_choice_of_the_part() -> None:
 
 
 # ---- friction: a traction along the surface that the planes of symmetry mirror too
-# ------------------------------
 
 ROUGH = [(0.3, "reference"), ("stick", "reference"), (0.3, "current"), ("stick", "current")]
 
@@ -165,8 +168,9 @@ ROUGH = [(0.3, "reference"), ("stick", "reference"), (0.3, "current"), ("stick",
 def test_rough_strip_by_its_half(
     friction: float | str, gap: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The shear traction is odd across the plane on which the half holds it at zero; no force
-    pushes the tip aside.
+    """With friction a strip is the same by its half, and the whole has no side force.
+
+    The shear traction is odd across the mid-plane, where the half holds it at zero.
     """
     contact = {"method": "auto", "gap": gap, "friction": friction}
     half, full = (
@@ -181,7 +185,7 @@ def test_rough_strip_by_its_half(
 
 @pytest.mark.parametrize("friction", [0.3, pytest.param("stick", marks=pytest.mark.verify)])
 def test_rough_box_by_its_quarter(friction: float | str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same for both components in three dimensions."""
+    """With friction a box is the same by its quarter."""
     contact = {"method": "auto", "friction": friction}
     quarter, full = (
         scene(BOX, contact=contact, mesh={"h_contact": 0.2, "symmetry": symmetry}, **DEEP)
@@ -198,8 +202,9 @@ def test_rough_box_by_its_quarter(friction: float | str, monkeypatch: pytest.Mon
 def test_rough_strip_and_its_mirror_image(
     friction: float | str, gap: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A tip off the middle and its image on the image of its mesh: one force, and the side force
-    turned round.
+    """A rough tip off the middle and its mirror image have one force and opposite side forces.
+
+    The mesh is mirrored too.
     """
     contact = {"method": "auto", "gap": gap, "friction": friction}
     left, right = (
@@ -224,8 +229,9 @@ def test_rough_strip_and_its_mirror_image(
 def test_rough_box_and_its_mirror_image(
     friction: float | str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The same in three dimensions, off the middle both ways: one of the two side forces turned
-    round.
+    """A rough tip on a box and its mirror image in x have one force and opposite side forces in x.
+
+    The tip is off the middle both ways; the side force in y is the same.
     """
     left, right = (
         scene(
@@ -248,8 +254,9 @@ def test_rough_box_and_its_mirror_image(
 
 
 def test_rough_strip_under_a_tip_over_its_edge(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An edge is no mirror plane, the lower as little as the upper: one force, and the side force
-    turned round.
+    """A rough tip over a strip's lower or upper edge has one force and opposite side forces.
+
+    Neither edge is a mirror plane.
     """
     left, right = (
         scene(
@@ -270,7 +277,7 @@ def test_rough_strip_under_a_tip_over_its_edge(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_rough_box_under_a_tip_over_its_edge(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same in three dimensions, across the edge along x."""
+    """A rough tip over a box's lower or upper edge in y has one force and opposite side forces."""
     near, far = (
         scene(
             BOX,
@@ -291,7 +298,7 @@ def test_rough_box_under_a_tip_over_its_edge(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_a_roller_wall_under_the_tip_is_a_mirror_plane() -> None:
-    """Either wall: what pushes the half of a tip aside, its image pushes back."""
+    """A tip at either roller wall has no side force: its image pushes back."""
     for x in (0.0, 4.0):
         assert (
             scene(
@@ -301,9 +308,72 @@ def test_a_roller_wall_under_the_tip_is_a_mirror_plane() -> None:
         )
 
 
+def side_force_reasons(base: Scene) -> dict[str, str]:
+    """Why side forces have no column, by the column."""
+    return {
+        choice.key: choice.why
+        for choice in base.plan.choices
+        if choice.key.startswith("side_force_")
+    }
+
+
+def test_rough_box_cut_by_a_roller_wall(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A body on one side of a roller wall through the tip takes half of the force and of the side
+    force along the wall. Across it nothing pushes the whole tip, and the plan says so.
+    """
+    sections: dict[str, Any] = {
+        "contact": {"method": "auto", "friction": 0.3},
+        "mesh": {"h_contact": 0.2, "symmetry": "full"},
+    } | DEEP
+    cut_sides = {"x_min": "free", "x_max": "free", "y_min": "roller", "y_max": "free"}
+    cut, whole = (
+        scene(
+            BOX | {"size": [2.0, width, 1.0], "sides": sides},
+            indenter=PARABOLOID | {"center": [0.8, y]},
+            **sections,
+        )
+        for width, sides, y in ((1.0, cut_sides, 0.0), (2.0, "free", 1.0))
+    )
+    grid = grid_of(cut)
+    joined = mirrored(grid, axis=1, plane=0.0)
+    moved = Grid(joined.points + np.array([0.0, 1.0, 0.0]), joined.cells)
+    one = on_grid(cut, grid, monkeypatch)[-1]
+    both = on_grid(whole, moved, monkeypatch)[-1]
+    assert 2 * one.force == pytest.approx(both.force, rel=SAME)
+    assert 2 * one.side_force_x == pytest.approx(both.side_force_x, abs=SAME * both.force)
+    assert abs(both.side_force_x) > 1e-5 * both.force
+    assert one.side_force_y is None
+    assert abs(both.side_force_y) <= SAME * both.force
+    reasons = side_force_reasons(cut)
+    assert {*reasons} == {"side_force_y"} and "mirror image" in reasons["side_force_y"]
+    assert side_force_reasons(whole) == {}
+
+
+@pytest.mark.parametrize(
+    ("body", "symmetry", "friction", "missing"),
+    [
+        (BOX, "quarter", 0.3, {"side_force_x", "side_force_y"}),
+        (BOX, "full", 0.3, set()),
+        (BOX, "quarter", 0.0, set()),
+        (STRIP, "half", 0.3, {"side_force_x"}),
+    ],
+)
+def test_side_forces_that_are_left_out_have_a_reason(
+    body: dict[str, Any], symmetry: str, friction: float, missing: set[str]
+) -> None:
+    """Every side force is a column or is said to be zero."""
+    base = scene(
+        body,
+        contact={"friction": friction},
+        mesh={"h_contact": 0.2, "symmetry": symmetry},
+    )
+    assert {*side_force_reasons(base)} == missing
+    assert not missing & {*base.physics.columns}
+
+
 @pytest.mark.parametrize("method", ["newton", "condensed"])
 def test_no_side_force_has_no_sign(method: str) -> None:
-    """0, not -0, once the tip has left."""
+    """The side force is 0, not -0, once the tip has left."""
     strip = scene(
         STRIP | {"sides": "free"},
         contact={"friction": 0.3},

@@ -1,6 +1,4 @@
-"""A term with a memory, as CONTRIBUTING describes one, and values that are held at something other
-than zero.
-"""
+"""A term with a memory, as CONTRIBUTING describes one, and degrees of freedom held at a value."""
 
 from __future__ import annotations
 
@@ -26,14 +24,12 @@ ON_ROLLERS = {"shape": "cylinder", "radius": 1.0, "height": 1.0, "base": "roller
 
 
 class Dashpots(Term):
-    """A foundation of dashpots that drag on the base: the traction -c du/dt [pressure], backward
-    Euler.
-    """
+    """Dashpots that drag on the base: the traction -c du/dt [pressure], by backward Euler."""
 
     has_memory = True
 
     def __init__(self, body: Body, c: float):
-        """c [pressure time/length]."""
+        """Dashpots of the constant c [pressure time/length]."""
         self._body, self._c = body, fem.Constant(body.mesh, c)
         now, before = body.now.fields["u"], body.before.fields["u"]
         self._rate = (now - before) / body.dt
@@ -41,7 +37,7 @@ class Dashpots(Term):
             body.surface_integral("base", self._c * body.dt * ufl.dot(self._rate, self._rate))
         )
 
-    def work(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> Any:
+    def virtual_work(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> Any:
         """int c du/dt . v over the base."""
         way = self._body.unknowns.split_fields(now.test)["u"]
         return self._body.surface_integral("base", self._c * ufl.dot(self._rate, way))
@@ -53,7 +49,7 @@ class Dashpots(Term):
 
 @cache
 def on_dashpots(c: float, h: float = 0.05) -> tuple[Problem, Newton]:
-    """A body on rollers and dashpots under the tip, and what solves it."""
+    """The problem of a body on rollers and dashpots under the tip, and its Newton solver."""
     base = scene(
         ON_ROLLERS,
         mesh=COARSE | {"h_contact": h},
@@ -71,8 +67,9 @@ def on_dashpots(c: float, h: float = 0.05) -> tuple[Problem, Newton]:
 def press(
     steps: int, time: float, hold: float = 0.0, c: float = 1.0
 ) -> list[tuple[float, float, float, float]]:
-    """Press in within `time`, and hold: depth, force, energy and dissipation after every step, from
-    rest.
+    """Depth, force, energy and dissipation after every step of a press from rest and a hold.
+
+    The tip is pressed in within `time`.
     """
     problem, newton = on_dashpots(c)
     problem.x.set(0.0)
@@ -91,7 +88,7 @@ def press(
 
 
 def force_on(base: str) -> float:
-    """The force of the same mesh on rollers, or fixed."""
+    """The force of the same mesh on rollers or a fixed base."""
     problem, newton = on_dashpots(1e-12 if base == "roller" else 1e12)
     problem.x.set(0.0)
     problem.accept()
@@ -102,22 +99,27 @@ def force_on(base: str) -> float:
 
 
 def test_dashpots_hold_a_sudden_base_and_let_a_slow_one_slide() -> None:
-    """The limits are elastic bodies of the same mesh: 1e-5, as far as 1e-6 of a time is from none."""
+    """Dashpots under the base act as a fixed base in a fast press and as rollers in a slow one.
+
+    References are elastic bodies on the same mesh; 1e-5 allows for the finite times of 1e-6 and
+    1e6.
+    """
     assert press(1, 1e-6)[-1][1] == pytest.approx(force_on("fixed"), rel=1e-5)
     assert press(1, 1e6)[-1][1] == pytest.approx(force_on("roller"), rel=1e-5)
     assert force_on("fixed") > 1.005 * force_on("roller")
 
 
 def test_dashpots_converge_with_the_steps_of_time() -> None:
-    """Backward Euler is of first order: half the steps, twice the error of the force in mid-hold."""
+    """Backward Euler is of first order: half the time step halves the error of the force."""
     exact = press(80, 0.2, hold=0.2)[-1][1]
     errors = [abs(press(n, 0.2, hold=0.2)[-1][1] - exact) for n in (5, 10)]
     assert 1.6 < errors[0] / errors[1] < 2.6
 
 
 def test_what_the_tip_does_is_stored_or_lost() -> None:
-    """Work by the trapezoidal rule, 1/n^2; losses of backward Euler, 1/n: both vanish with the
-    steps.
+    """The tip's work is what the body stores and the dashpots lose, as steps go to zero.
+
+    The work by the trapezoidal rule is off by 1/n^2, the losses of backward Euler by 1/n.
     """
     off = []
     for n in (10, 20):
@@ -131,8 +133,9 @@ def test_what_the_tip_does_is_stored_or_lost() -> None:
 
 
 def test_a_base_held_at_another_place_stretches_the_body() -> None:
-    """A top held 0.01 higher, no contact, free sides: uniaxial stress, whose energy is E strain^2/2
-    per volume.
+    """A top held 0.01 higher without contact is in uniaxial stress.
+
+    Its sides are free, so its energy is E strain^2/2 per volume.
     """
     problem, newton = on_dashpots(1e-9)
     body = problem.body

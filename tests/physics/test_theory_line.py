@@ -1,6 +1,4 @@
-"""What a run says of theory: which depth it belongs to, why the two differ, and one percentage for
-the half-space.
-"""
+"""What a run says of theory: the depth it belongs to, and a force per length in plane strain."""
 
 from __future__ import annotations
 
@@ -83,13 +81,13 @@ def test_the_half_space_has_one_percentage(outcome):
 
 
 def test_the_axis_is_at_zero(outcome):
-    """And not at 1.5e-18, where a reader cannot find it."""
+    """The surface begins at x = 0 exactly, not at round-off such as 1.5e-18."""
     x = read(outcome().directory).surface["x"]
     assert x.min() == x[0] == 0.0 and not ((x > 0) & (x < 1e-12)).any()
 
 
 def test_the_force_of_a_strip_is_one_per_length(outcome):
-    """Beside theory, whose number has the unit of a force over a length."""
+    """The line about theory says force per length for a strip and force for a layer."""
     done = outcome(body={"shape": "strip", "width": 2.0, "height": 1.0, "sides": "roller"})
     assert "at delta 0.01: force per length " in line(done, "layer theory")
     assert "at delta 0.01: force 0." in line(outcome(), "layer theory")

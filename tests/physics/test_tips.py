@@ -1,8 +1,8 @@
-"""Tips beyond the ball and the sharp cone: blunted, rounded, given by points, pyramids; with both
-gaps.
+"""Tips beyond the ball and the sharp cone: blunted, rounded, given by points, and pyramids.
 
-Against layer theory in the body that is theory's own (frictionless wall at W = 2), and the square
-pyramid against the boundary-element constant of the half-space.
+With the reference gap forces are compared with layer theory, in the body that is theory's own
+(frictionless wall at W = 2), and the square pyramid with the boundary-element constant of the
+half-space. With the current gap they are near those.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ CURRENT = {"method": "auto", "gap": "current"}
 
 
 def theory(base: Scene) -> float:
-    """The force of layer theory at the last depth."""
+    """The force of exact layer theory at the last depth."""
     solution = (
         base.plan.theory.solution_at_depth(base.physics.deltas[-1]) if base.plan.theory else None
     )
@@ -40,7 +40,10 @@ def theory(base: Scene) -> float:
 
 @pytest.mark.parametrize("tip", TIPS.values(), ids=TIPS)
 def test_reference_gap_against_layer_theory(tip: dict[str, Any]) -> None:
-    """0.3 % is what `h_contact: auto` promises at the last step."""
+    """At automatic sizes every tip has the force of layer theory to 0.3 %.
+
+    `h_contact: auto` promises that at the last step.
+    """
     base = scene(WALLED, indenter=tip, loading={"delta": 0.02, "steps": 2})
     assert base.physics.domain.symmetry == "axisymmetric" and base.solver.method == "condensed"
     assert force(base) == pytest.approx(theory(base), rel=3e-3)
@@ -48,9 +51,10 @@ def test_reference_gap_against_layer_theory(tip: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("body", [{"shape": "half_space"}, WALLED], ids=["half_space", "layer"])
 def test_hyperboloid_against_theory(body: dict[str, Any]) -> None:
-    """From the paraboloid at its apex (a/b = 0.6) to the cone (a/b = 3), with b = R
-    cot(half_angle): 0.1 %, which is more than `accuracy` asks of the mesh at the last step and
-    2e-4 of the half-space's finite body.
+    """A hyperboloid from its paraboloid to its cone has the force of theory to 0.1 %.
+
+    With b = R cot(half_angle) a/b is 0.6 and 3. `accuracy` asks less of the mesh, and the
+    half-space's finite body leaves 2e-4.
     """
     tip, loading = (
         {"shape": "hyperboloid", "R": 0.005, "half_angle": 65},
@@ -68,9 +72,10 @@ def test_hyperboloid_against_theory(body: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("name", ["blunt_cone", "smooth_profile"])
 def test_current_gap_tends_to_the_reference_gap(name: str) -> None:
-    """The two differ by terms of the order of the slope at the contact's edge, which falls like
-    a/tip_radius: at a/R = 0.05 by 1.8 % (0.1 of it squared and linear terms, as for Hertz); at
-    a/R = 0.02 by less than 1 %.
+    """At shallow depth the force with the current gap is slightly above that of the reference gap.
+
+    The two differ by terms of the order of the slope at the contact's edge, which falls like
+    a/tip_radius: by 1.8 % at a/R = 0.05, and by less than 1 % at a/R = 0.02.
     """
     tip = TIPS[name] | {"tip_radius": 1.0} | ({"half_angle": 45} if name == "blunt_cone" else {})
     if name == "smooth_profile":
@@ -93,7 +98,10 @@ def test_current_gap_tends_to_the_reference_gap(name: str) -> None:
     ids=["cone", "flat_punch", "profile"],
 )
 def test_sharp_tips_are_rounded_for_the_current_gap(tip: dict[str, Any], key: str) -> None:
-    """By a thousandth of the contact radius, stated in the plan; never with the reference gap."""
+    """With the current gap a sharp tip is rounded by a thousandth of the contact radius.
+
+    The plan states it. With the reference gap no tip is rounded.
+    """
     base = scene(WALLED, indenter=tip, contact=CURRENT, loading={"delta": 0.02, "steps": 1})
     choice = next(choice for choice in base.plan.choices if choice.key == f"indenter.{key}")
     assert (
@@ -127,7 +135,10 @@ def test_rounding_a_cone_costs_what_the_plan_says() -> None:
 
 
 def test_square_pyramid_is_close_to_the_constant_of_the_half_space() -> None:
-    """C = 0.73762 within 1 % with three elements from the axis to the faces."""
+    """A square pyramid has the half-space's constant C = 0.73762 within 1 %.
+
+    Three elements lie between the axis and the faces.
+    """
     pyramid = {"shape": "pyramid", "half_angle": 70}
     base = scene(
         {"shape": "half_space"},
@@ -141,7 +152,7 @@ def test_square_pyramid_is_close_to_the_constant_of_the_half_space() -> None:
 
 @pytest.mark.verify
 def test_square_pyramid_as_planned() -> None:
-    """With the automatic mesh: 0.5 %."""
+    """With the automatic mesh a square pyramid has the half-space's constant within 0.5 %."""
     base = scene(
         {"shape": "half_space"},
         indenter={"shape": "pyramid", "half_angle": 70},
@@ -163,8 +174,9 @@ def test_pyramids_take_the_symmetry_they_have(faces: int, rotation: float, symme
 
 
 def test_a_turned_pyramid_on_a_round_body_feels_the_same() -> None:
-    """By 45 degrees, both by their quarter; three elements in the contact radius of a mesh of their
-    own: 1 %.
+    """A pyramid turned by 45 degrees has the same force on a round body to 1 %.
+
+    Each is computed by its quarter, on a mesh of its own with three elements in the contact radius.
     """
     pyramid, coarse = {"shape": "pyramid", "half_angle": 70}, {"h_contact": 0.09}
     forces = [

@@ -1,7 +1,7 @@
-"""Bodies whose shear relaxes and whose bulk modulus stays: as it goes on they are ever more
-incompressible, and ever softer under the tip. Long after, they are elastic bodies of the moduli
-that are left, which other scenes solve at once, with elements and a contact that were chosen for
-those.
+"""Bodies whose shear relaxes while the bulk modulus stays become soft and nearly incompressible.
+
+Long after the jump they are elastic bodies of the moduli that are left, which other scenes solve at
+once, with elements and a contact that were chosen for those.
 """
 
 from __future__ import annotations
@@ -32,13 +32,14 @@ DELTA = 0.08
 
 
 def nu_of(left: float) -> float:
-    """Poisson's ratio where this share of the shear modulus is left."""
+    """Poisson's ratio where a share of the shear modulus is left."""
     return (3 * KAPPA - 2 * left * MU) / (2 * (3 * KAPPA + left * MU))
 
 
 def relaxing(law: dict[str, Any], end: float, ramp: float = 0.0, **sections: Any) -> Scene:
-    """Pressed in within `ramp`, and held until `end`; sections replace whole ones, but the
-    material's keys.
+    """A body pressed in within `ramp` and held until `end`.
+
+    `sections` replace whole sections, except `material`, which adds keys.
     """
     material = HOOKE | sections.pop("material", {}) | {"relaxation": law | {"of": "shear"}}
     loading = {"history": [[0, 0], [ramp, DELTA], [end, DELTA]], "per_doubling": 2}
@@ -49,7 +50,7 @@ def relaxing(law: dict[str, Any], end: float, ramp: float = 0.0, **sections: Any
 
 @cache
 def at_rest(left: float, method: str) -> tuple[Scene, State]:
-    """The elastic body of what is left of the shear modulus."""
+    """The scene of the elastic body with a share of the shear modulus, and its last state."""
     material = {"model": "linear_elastic", "mu": left * MU, "kappa": KAPPA, "formulation": "mixed"}
     loading = {"delta": DELTA, "steps": 1}
     sections = {
@@ -63,7 +64,7 @@ def at_rest(left: float, method: str) -> tuple[Scene, State]:
 
 
 def last(scene: Scene, like: Scene) -> State:
-    """Its last row, on the mesh of another scene."""
+    """The last row of a scene on the mesh of another one."""
     grid = like.grid()
     *_, found = pipeline.states(scene, mesher=lambda _: grid)
     assert found.converged, found.reason
@@ -71,11 +72,11 @@ def last(scene: Scene, like: Scene) -> State:
 
 
 def assert_alike(found: State, rest: State) -> None:
-    """The force, `a` and p_max.
+    """Assert that force, `a` and p_max are those of the elastic body.
 
-    The two differ in what stands beside the pressure q, kappa here and lame_lambda there, by
-    0.9e-3, 1.4e-3 and 3.3e-3 at most on this mesh, all methods and shares; before the contact
-    followed the modulus up to 20 %, 60 % and a factor of 2.7.
+    The two differ in the modulus beside the pressure q, which is kappa here and lame_lambda there:
+    by 0.9e-3, 1.4e-3 and 3.3e-3 at most on this mesh, for all methods and shares. Before the
+    contact law followed the modulus they differed by up to 20 %, 60 % and a factor of 2.7.
     """
     assert found.force == pytest.approx(rest.force, rel=2e-3)
     assert found.a == pytest.approx(rest.a, rel=4e-3)
@@ -83,9 +84,10 @@ def assert_alike(found: State, rest: State) -> None:
 
 
 def test_a_body_that_keeps_a_fiftieth_of_its_shear() -> None:
-    """The case of a report; the numbers are those of the static scene of the relaxed moduli.
+    """A body that keeps 2 % of its shear modulus ends at the static scene of relaxed moduli.
 
-    Its mesh is another one: 5e-4 of the force.
+    The numbers are those of the static scene on another mesh: 5e-4 of the force. The plan chooses
+    mixed elements and says why.
     """
     scene = relaxing({"prony": [[0.98, 1.0]]}, 200.0)
     *_, found = pipeline.states(scene)
@@ -93,13 +95,18 @@ def test_a_body_that_keeps_a_fiftieth_of_its_shear() -> None:
     assert found.a == pytest.approx(0.3187, rel=4e-3)
     assert found.p_max == pytest.approx(0.00588, rel=8e-3)
     chosen = {choice.key: choice for choice in scene.plan.choices}["material.formulation"]
-    assert chosen.value == "mixed" and "relaxes to nu = 0.49786" in chosen.why
+    assert (
+        chosen.value == "mixed"
+        and "after relaxation of the shear modulus nu = 0.49786" in chosen.why
+    )
 
 
 @pytest.mark.parametrize("method", ["augmented_lagrangian", "penalty", "uzawa", "active_set"])
 def test_a_body_that_keeps_next_to_nothing_of_its_shear(method: str) -> None:
-    """The bulk modulus delays what is left: it is at rest after some 1e4 relaxation times, the
-    first over the share.
+    """A body that keeps 1e-4 of its shear modulus ends at the static scene, by every method.
+
+    The bulk modulus delays what is left: the body is at rest after some 1e4 relaxation times, the
+    inverse of the share.
     """
     left = 1e-4
     like, rest = at_rest(left, method)
@@ -109,9 +116,10 @@ def test_a_body_that_keeps_next_to_nothing_of_its_shear(method: str) -> None:
 
 @pytest.mark.parametrize("method", ["augmented_lagrangian", "penalty"])
 def test_a_power_law(method: str) -> None:
-    """At every moment it is nearly the body of the modulus of that moment: the force is 1.3 %
-    larger, of which the ramp, a hundredth of the hold, leaves 0.2 % and the bulk modulus delays
-    the rest; so is p_max, to 1e-3 of it.
+    """A power-law body is nearly the elastic body of the modulus of the moment.
+
+    The force is 1.3 % larger. The ramp, a hundredth of the hold, leaves 0.2 % of that, and the
+    delay by the bulk modulus the rest. p_max is larger by the same share, to 1e-3.
     """
     left = (1.0 / 1e-3) ** -0.4
     like, rest = at_rest(left, method)
@@ -132,8 +140,10 @@ def test_a_body_that_drains_and_relaxes() -> None:
 
 @pytest.mark.parametrize("left", [0.02, 1e-4])
 def test_rubber(left: float) -> None:
-    """The very equations of the static scene, with kappa in both: 1.1e-6 of p_max, 2e-7 of the
-    rest.
+    """Relaxed rubber ends at the static scene of the moduli that are left, to 1e-5.
+
+    Both scenes have the same equations, with kappa in both. Found: 1.1e-6 of p_max, 2e-7 of the
+    other numbers.
     """
     part = {
         "C10": left * RUBBER["C10"],
@@ -154,9 +164,10 @@ def test_rubber(left: float) -> None:
 
 
 def test_short_steps_late() -> None:
-    """A jump of a body that has relaxed is answered by the modulus of the first moment, its contact
-    by that of what it bears: it goes up by (E*(0)/E*(inf)) 1.5 d(delta)/delta of the force, and
-    `a` hardly.
+    """A relaxed body answers a small jump with its first modulus and keeps its contact radius.
+
+    The contact law follows the modulus of what it bears. The force rises by (E*(0)/E*(inf)) 1.5
+    d(delta)/delta of itself.
     """
     law, end = {"relaxation": {"prony": [[0.98, 1.0]], "of": "shear"}}, 0.999 * DELTA
     history = [[0, 0], [0, end], [200, end], [200, DELTA], [200.001, DELTA]]

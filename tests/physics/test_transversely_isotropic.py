@@ -1,5 +1,6 @@
-"""Transversely isotropic bodies: uniform strain, the exact half-space, the isotropic limit, all
-kinematics alike.
+"""Transversely isotropic bodies beside uniform strain, a half-space and isotropy.
+
+Sections, strips and bodies in three dimensions are compared with each other.
 """
 
 from __future__ import annotations
@@ -8,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from compiled_laws import Numbers
+from patch_scenes import AREA, DELTA, EPSILON_N, EXACT, H, covered
 from scenes import BOX, CYLINDER, ELASTIC, PARABOLOID, STRIP, WALLED, force, scene, solve
-from test_material_laws import Numbers
-from test_patch import AREA, DELTA, EPSILON_N, EXACT, H, covered
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.linear_elasticity import LinearElastic, TransverselyIsotropic
@@ -34,8 +35,9 @@ COMPLIANCE = np.array(
 
 @pytest.mark.parametrize("mixed", [False, True])
 def test_the_stress_is_that_of_the_compliance_matrix(mixed: bool) -> None:
-    """Of any displacement gradient, to round-off; mixed with q = stiffness theta, where it is
-    stationary.
+    """The stress of a random displacement gradient is that of the compliance matrix, to round-off.
+
+    In mixed form it is so at q = stiffness theta, where the energy is stationary.
     """
     law = TransverselyIsotropic(E=E, E_z=E_Z, nu=NU, nu_z=NU_Z, G_z=G_Z)
     H = np.random.default_rng(1).normal(size=(3, 3))
@@ -57,7 +59,7 @@ def test_the_stress_is_that_of_the_compliance_matrix(mixed: bool) -> None:
 @pytest.mark.parametrize("mixed", [False, True])
 @pytest.mark.parametrize("nu", [-0.4, 0.3, 0.49])
 def test_the_isotropic_limit_is_hookes_law(mixed: bool, nu: float) -> None:
-    """Term by term, so that energies and stresses agree to round-off, for any pressure q."""
+    """With isotropic constants the stress is Hooke's to round-off, for any pressure q."""
     law = TransverselyIsotropic(E=2.0, E_z=2.0, nu=nu, nu_z=nu, G_z=1 / (1 + nu))
     H = np.random.default_rng(2).normal(size=(3, 3))
     found, wanted = (
@@ -77,9 +79,10 @@ def test_the_isotropic_limit_is_hookes_law(mixed: bool, nu: float) -> None:
 )
 @pytest.mark.parametrize("sides", ["roller", "free"])
 def test_uniform_strain(body: dict[str, Any], sides: str) -> None:
-    """Under a punch that covers it the force is p A with p = delta/(h/M + 1/epsilon_n): M = C33
-    between rollers, E_z with free sides, and 1/(S33 - S13^2/S11) with free sides in plane
-    strain. 1e-9 as in test_patch.
+    """A body under a punch that covers it has the closed form's uniform pressure, to 1e-9.
+
+    p = delta/(h/M + 1/epsilon_n), where M is C33 between rollers, E_z with free sides, and 1/(S33 -
+    S13^2/S11) with free sides in plane strain.
     """
     S, is_strip = COMPLIANCE, body["shape"] == "strip"
     free = 1 / (S[2, 2] - S[0, 2] ** 2 / S[0, 0]) if is_strip else E_Z
@@ -96,8 +99,9 @@ def test_uniform_strain(body: dict[str, Any], sides: str) -> None:
     ids=["bone", "incompressible", "sheared", "loose", "fibrous"],
 )
 def test_a_half_space(material: dict[str, Any]) -> None:
-    """Theory with the indentation modulus is exact, and a mesh agrees with it to 0.3 % and the
-    stated truncation.
+    """A mesh agrees with the half-space of the indentation modulus to 0.3 %.
+
+    Theory is exact there. The stated truncation of the half-space is allowed on top.
     """
     exact = scene({"shape": "half_space"}, material=material)
     assert not exact.is_meshed and exact.exact_theory is not None
@@ -114,7 +118,10 @@ def test_a_half_space(material: dict[str, Any]) -> None:
     "body", [WALLED, STRIP, CYLINDER | {"symmetry": "quarter"}], ids=["section", "strip", "3d"]
 )
 def test_the_isotropic_limit_of_a_run(body: dict[str, Any]) -> None:
-    """1e-9: the same elements, the same decisions."""
+    """A run with isotropic constants has the force of the isotropic material to 1e-9.
+
+    Elements and decisions are the same.
+    """
     mesh = {"h_contact": 0.05, "h_far": 0.4, "symmetry": body.get("symmetry", "auto")}
     body = {key: value for key, value in body.items() if key != "symmetry"}
     forces = [force(scene(body, material=material, mesh=mesh)) for material in (ELASTIC, ISOTROPIC)]
@@ -122,7 +129,10 @@ def test_the_isotropic_limit_of_a_run(body: dict[str, Any]) -> None:
 
 
 def test_a_section_and_a_quarter_agree() -> None:
-    """0.5 %, the facets of the curved wall and four elements in the contact radius."""
+    """A quarter of a cylinder has the force of its section to 0.5 %.
+
+    That is what the facets of the curved wall and four elements in the contact radius leave.
+    """
     body, deep = CYLINDER | {"sides": "roller"}, {"delta": 0.04, "steps": 1}
     section = force(scene(body, material=AXIS, loading=deep))
     mesh = {"h_contact": 0.05, "h_far": 0.2, "symmetry": "quarter"}
@@ -132,7 +142,10 @@ def test_a_section_and_a_quarter_agree() -> None:
 
 
 def test_layers_and_inclusions_have_the_material_too() -> None:
-    """Theory's layers are isotropic, which is said; of the limit they give the same force, 1e-9."""
+    """With isotropic constants in layers and inclusions the force is the isotropic one to 1e-9.
+
+    Theory's layers are isotropic, and a scene of anisotropic ones says so.
+    """
     found = []
     for material in (ELASTIC, ISOTROPIC):
         ball = {

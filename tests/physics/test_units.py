@@ -1,5 +1,6 @@
-"""Units are the user's affair: every method and solver sees the same numbers, whatever the scene is
-written in.
+"""Units are the user's affair: a scene in other units has the same numbers and iterations.
+
+Every method and both solvers are tried.
 """
 
 from __future__ import annotations
@@ -24,8 +25,9 @@ LENGTHS = ("radius", "height", "R", "delta", "h_contact", "h_far")
 
 
 def pressed(problem: str, method: str, length: float = 1.0, pressure: float = 1.0) -> Scene:
-    """A paraboloid of 1 m on a layer of 1 m and 5 Pa, in units of which a metre is `length` and a
-    pascal `pressure`.
+    """A paraboloid of 1 m on a layer of 1 m and 5 Pa, in units of any size.
+
+    A metre is `length` of the units and a pascal `pressure` of them.
     """
 
     def lengths(section: dict[str, Any]) -> dict[str, Any]:
@@ -49,7 +51,9 @@ def numbers(state: State) -> list[float]:
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("problem", PROBLEMS)
 def test_the_same_digits_and_iterations(problem: str, method: str) -> None:
-    """What is left of a multiplier's penetration is round-off of the depth, so it is compared with
+    """States and iterations are the same in all units.
+
+    What is left of a multiplier's penetration is round-off of the depth, so it is compared with
     that.
     """
     if (problem, method) == ("condensed", "nitsche"):
@@ -69,7 +73,7 @@ def test_the_same_digits_and_iterations(problem: str, method: str) -> None:
 
 
 def test_given_sizes_of_inclusions_are_lengths() -> None:
-    """As all that a scene says of its mesh."""
+    """Element sizes given for inclusions scale with the unit of length."""
 
     def sizes(length: float) -> Any:
         inclusion = {
@@ -89,7 +93,10 @@ def test_given_sizes_of_inclusions_are_lengths() -> None:
 
 
 def test_a_half_space_of_the_same_digits() -> None:
-    """Its finite body is so many contact radii large, in feet and pounds too."""
+    """A meshed half-space has the same digits in feet and pounds as in SI units.
+
+    Its finite body is a number of contact radii large.
+    """
     foot, psi = 1 / 0.3048, 1 / 6894.757
 
     def force_in(length: float, pressure: float) -> float:
@@ -102,7 +109,10 @@ def test_a_half_space_of_the_same_digits() -> None:
 
 
 def test_a_force_of_the_same_iterations() -> None:
-    """`auto` is E*/h_contact but for a rounding, which must not cost an iteration."""
+    """Under prescribed forces the number of iterations is the same in all units.
+
+    `auto` is E*/h_contact up to a rounding, which must not cost an iteration.
+    """
 
     def spent(length: float, pressure: float) -> list[int]:
         body = WALLED | {"radius": 2.3 * length, "height": 1.1 * length}

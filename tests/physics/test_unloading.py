@@ -1,5 +1,6 @@
-"""Paths that turn back: without friction or damage the force depends on the depth alone, and
-nothing holds the tip.
+"""Paths that turn back: without friction or damage the force depends on the depth alone.
+
+Nothing holds a tip that has left.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ CASES = [(shape, gap, "auto") for shape in BODIES for gap in ("reference", "curr
 
 @pytest.fixture(params=CASES, ids="-".join, scope="module")
 def states(request: pytest.FixtureRequest) -> list[State]:
-    """In, deeper, back, first touch, away, and in again; every state converged and audited."""
+    """States of a path in, deeper, back, to first touch, away, and in again."""
     shape, gap, method = request.param
     body, h = BODIES[shape]
     return solve(
@@ -38,7 +39,10 @@ def states(request: pytest.FixtureRequest) -> list[State]:
 
 
 def test_same_force_at_the_same_depth(states: list[State]) -> None:
-    """A hundred times Newton's tolerance of 1e-10; the way there is forgotten."""
+    """Equal depths have equal force, energy and contact radius to 1e-8, whatever came before.
+
+    That is a hundred times Newton's tolerance of 1e-10.
+    """
     for first, again in ((0, 2), (1, 5)):
         assert states[again].force == pytest.approx(states[first].force, rel=1e-8)
         assert states[again].energy == pytest.approx(states[first].energy, rel=1e-8)
@@ -46,8 +50,10 @@ def test_same_force_at_the_same_depth(states: list[State]) -> None:
 
 
 def test_out_of_contact_there_is_nothing(states: list[State]) -> None:
-    """Clear of the body the pressure is max(lam - eps g, 0), zero exactly where lam is nothing but
-    Newton's round-off, which only the multiplier itself, at the nodes, may show.
+    """Out of contact force, radius and energy are zero and all gaps are positive.
+
+    The pressure max(lam - eps g, 0) is exactly zero where lam is Newton's round-off, which only the
+    multiplier itself, at the nodes, may show.
     """
     away = states[4]
     assert (away.force, away.a, away.penetration) == (0.0, 0.0, 0.0)
@@ -58,21 +64,26 @@ def test_out_of_contact_there_is_nothing(states: list[State]) -> None:
 
 
 def test_first_touch_has_no_force(states: list[State]) -> None:
-    """At delta = 0 the apex meets the surface: zero but for round-off of the largest force met."""
+    """At depth 0 the apex meets the surface without a force, up to round-off of the largest one."""
     touch = states[3]
     assert abs(touch.force) <= 1e-14 * states[1].force
     assert touch.surface.gap.min() == pytest.approx(0.0, abs=1e-14)
 
 
 def test_force_rises_with_depth(states: list[State]) -> None:
-    """delta^1.5 in three dimensions (2.83 for twice the depth, more on a layer), nearly delta in
+    """Twice the depth has 1.9 to 3.2 times the force.
+
+    The force goes as delta^1.5 in three dimensions (2.83, more on a layer) and nearly as delta in
     plane strain.
     """
     assert 1.9 < states[1].force / states[0].force < 3.2
 
 
 def test_a_path_that_never_touches() -> None:
-    """Zeros, and a warning; no failure for want of a scale."""
+    """A path that never touches has rows of zeros and a warning.
+
+    There is no force that could give a scale.
+    """
     base = scene(CYLINDER, loading={"deltas": [-0.01, -0.001, -0.02]}, mesh={"h_contact": 0.05})
     assert any("never reaches" in warning for warning in base.plan.warnings)
     for state in solve(base):
@@ -80,7 +91,7 @@ def test_a_path_that_never_touches() -> None:
 
 
 def test_depths_in_any_order_give_the_forces_of_the_sorted_path() -> None:
-    """As above, on a path whose steps double, jump and repeat."""
+    """A path whose steps double, jump and repeat has the forces of the sorted path."""
     depths = [0.004, 0.01, 0.001, 0.008, 0.008, 0.002]
     mixed, ordered = (
         {
@@ -93,7 +104,6 @@ def test_depths_in_any_order_give_the_forces_of_the_sorted_path() -> None:
 
 
 # ---- how the body is held
-# -------------------------------------------------------------------------------------
 
 ON_ROLLERS = {"base": "roller", "sides": "free"}
 
@@ -101,9 +111,10 @@ ON_ROLLERS = {"base": "roller", "sides": "free"}
 @pytest.mark.parametrize("place", [0.5, 0.3], ids=["middle", "off_center"])
 @pytest.mark.parametrize(("body", "h"), [(STRIP, 0.02), (BOX, 0.2)], ids=["plane_strain", "box"])
 def test_pins_carry_nothing(body: dict[str, Any], h: float, place: float) -> None:
-    """Rollers below and free sides: frictionless contact pushes straight down, so the pins that
-    stop the rigid motions feel no force wherever the tip stands. That they feel none is in every
-    `solve`; here it is said.
+    """Pins that stop rigid motions of a body on rollers feel no force, wherever the tip stands.
+
+    Frictionless contact on a body with rollers below and free sides pushes straight down. Every pin
+    is at a vertex, as one without would feel nothing either.
     """
     width = body.get("width", 2.0)
     center = [place * width] if body is STRIP else [place * width, 1.0]
@@ -122,8 +133,9 @@ def test_pins_carry_nothing(body: dict[str, Any], h: float, place: float) -> Non
 
 @pytest.mark.parametrize("body", [STRIP, BOX], ids=["plane_strain", "box"])
 def test_no_equilibrium_no_scene(body: dict[str, Any]) -> None:
-    """A tip that pushes sideways off the middle of a body that may slide away: refused before any
-    mesh is made.
+    """A tip that pushes aside a body which may slide away is refused before any mesh is made.
+
+    The tip is off the middle and has the current gap.
     """
     center = [1.3] if body is STRIP else [1.3, 1.0]
     with pytest.raises(ConfigError, match="no support holds it there") as refusal:
@@ -138,7 +150,10 @@ def test_no_equilibrium_no_scene(body: dict[str, Any]) -> None:
 
 
 def test_held_by_symmetry_a_body_on_rollers_may_feel_the_current_gap() -> None:
-    """In the middle the sideways pushes cancel, and the mid-planes are walls."""
+    """A tip in the middle of a body on rollers may have the current gap.
+
+    The sideways pushes cancel there, and the mid-planes are walls.
+    """
     base = scene(
         STRIP | ON_ROLLERS, contact={"method": "auto", "gap": "current"}, mesh={"h_contact": 0.02}
     )

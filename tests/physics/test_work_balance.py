@@ -1,5 +1,6 @@
-"""The work of the tip is what the body stores and what friction takes: dPi = F ddelta -
-dissipation.
+"""The tip's work is what the body stores and what friction dissipates.
+
+dPi = F ddelta - dissipation.
 """
 
 from __future__ import annotations
@@ -8,17 +9,19 @@ from math import pi
 
 import numpy as np
 import pytest
+from half_space_friction import A, rough
 from scenes import PARABOLOID, scene, solve
-from test_friction import A, rough
 
 from indent_sim.run.work_and_loops import energy_balance
 
 
 @pytest.mark.parametrize("friction", [0.1, 0.3])
 def test_dissipation_is_the_work_of_a_cycle(friction: float) -> None:
-    """In and out in twenty steps each way: the loop's area is 1.3 % of the work done on the way in,
-    so that the trapezoid rule knows it to 3 % (0.9 and 1.6 % were reached, 0.2 and 0.4 % with
-    forty steps).
+    """The dissipation of a cycle is the area of its loop to 3 %.
+
+    With twenty steps each way the loop's area is 1.3 % of the work done on the way in, so the
+    trapezoidal rule knows it to 3 %: 0.9 and 1.6 % were reached, and 0.2 and 0.4 % with forty
+    steps.
     """
     depths = np.linspace(0.0, A**2, 21)
     path = [*depths[1:], *depths[-2::-1]]
@@ -44,8 +47,10 @@ def test_dissipation_is_the_work_of_a_cycle(friction: float) -> None:
     ],
 )
 def test_energy_of_a_tip_that_adheres_at_finite_strain(tip: dict[str, object]) -> None:
-    """Between two depths at which nothing jumps, with a gap at the deformed point: Simpson's rule
-    on 8 intervals.
+    """With adhesion at finite strain the energy between two depths is the work of the tip.
+
+    The depths are between jumps, the gap is that of the deformed point, and the work is Simpson's
+    rule on 8 intervals.
     """
     body = {"shape": "cylinder", "radius": 3.0, "height": 1.5, "base": "fixed", "sides": "roller"}
     material = {"model": "neo_hookean", "E": 1.0, "nu": 0.4}

@@ -1,5 +1,6 @@
-"""scripts/bench and scripts/make_scaling_page: what they make of rows that are known; measuring
-them takes an hour.
+"""What scripts/bench and scripts/make_scaling_page make of known rows.
+
+Measuring the rows takes an hour.
 """
 
 from __future__ import annotations

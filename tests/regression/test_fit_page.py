@@ -1,4 +1,4 @@
-"""scripts/make_fit_page: what it makes of a few curves; the page's own take ten minutes."""
+"""What scripts/make_fit_page makes of a few curves; the page's own take ten minutes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,9 @@ def test_a_few_curves_hold_their_truth_at_the_bound(script):
 
 
 def test_all_noises_have_the_variance_that_is_said(script):
-    """A correlation of 1/f has no time of its own: it falls by less than exp(-1) in a tenth of the
+    """All noises have the variance 1 and a valid covariance, and 1/f noise is correlated for long.
+
+    A correlation of 1/f has no time of its own: it falls by less than exp(-1) in a tenth of the
     record.
     """
     for name, noise in script["NOISES"].items():

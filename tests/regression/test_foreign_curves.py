@@ -1,5 +1,6 @@
-"""scripts/make_foreign_curves_page: what it asks of fits, on entries that keep a promise and that
-break it.
+"""What scripts/make_foreign_curves_page asks of fits, on made entries.
+
+Some of the entries keep the promise and some break it.
 """
 
 from __future__ import annotations
@@ -48,7 +49,10 @@ def test_a_promise_that_is_broken_is_named(script, made, said):
 
 
 def test_nine_of_ten_made_curves_must_hold_the_truth(script):
-    """36 of 40; a refused curve holds nothing. nN/um^2 is kPa."""
+    """At least 36 of 40 made curves must have the truth inside their interval.
+
+    A refused curve counts as one that has not. nN/um^2 is kPa.
+    """
     right, wrong = entry(True, 6.2, 6.3), {"status": "refused"}
     assert script["softmech_wrong"]([right] * 36 + [wrong] * 4) == []
     assert len(script["softmech_wrong"]([right] * 35 + [wrong] * 5)) == 1

@@ -1,5 +1,6 @@
-"""What would cost too much is refused by counting, before anything is built, within a second or
-two.
+"""Files that would cost too much are refused by counting, within a second or two.
+
+Nothing is built before that.
 """
 
 from __future__ import annotations
@@ -114,8 +115,9 @@ def _imports_are_done(tmp_path_factory: pytest.TempPathFactory) -> None:
 
 
 def cost_of(call: Callable[[], T]) -> tuple[T, float]:
-    """What a call returns, and its processor time over that of PyYAML's events of PLAIN: machines
-    differ, are busy.
+    """What a call returns, and its processor time over that of PyYAML's events of PLAIN.
+
+    The ratio does not depend on the speed of the machine.
     """
     begin = time.process_time()
     deque(yaml.parse(PLAIN, yaml.CSafeLoader), maxlen=0)

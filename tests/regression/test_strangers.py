@@ -1,6 +1,4 @@
-"""What comes from a stranger: text that is only text, folders that are not ours, results that are
-damaged.
-"""
+"""Input from strangers: text is only text, foreign folders stay, damaged results are refused."""
 
 from __future__ import annotations
 
@@ -13,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from test_results import TIP, some_fields, write_run
+from made_results import TIP, TITLES, some_fields, write_run
 
 from indent_sim import __version__
 from indent_sim.cli import commands, output
@@ -24,17 +22,6 @@ from indent_sim.results.output_folder import OutputFolder
 from indent_sim.results.previous_run import previous_run
 from indent_sim.studies.study_folder import StudyFolder
 
-TITLES = [
-    "[/x] [kPa]",
-    "$\\frac{1$",
-    "two $ signs $",
-    r"\$",
-    "_hidden",
-    "\x1b[2J\x07",
-    "a\nb",
-    "\u202etfel",
-    "ä 漢 🙂",
-]
 CONFIG = "title: x\n"  # of `write_run`
 SCENE = """\
 body: {shape: cylinder, radius: 1.0, height: 1.0}
@@ -49,7 +36,7 @@ def said(*words: str | Path) -> Any:
 
 
 def content_of(place: Path) -> dict[str, Any]:
-    """Every file below a folder, and every folder."""
+    """The bytes of every file below a folder, and its folders."""
     paths = sorted(place.rglob("*"))
     return {
         str(path.relative_to(place)): path.read_bytes() if path.is_file() else path.is_dir()
@@ -175,7 +162,7 @@ class TestNotOurs:
 
 
 def with_a_cell(out: Path, column: int, cell: str) -> None:
-    """A result of three rows, in the second of which a cell says something else."""
+    """Write a result of three rows, in the second of which one cell is replaced."""
     write_run(out, 3)
     table = out / "force_indentation.csv"
     lines = [line.split(",") for line in table.read_text().splitlines()]
@@ -276,8 +263,9 @@ class TestDamaged:
         )
 
     def test_the_name_of_a_folder_may_be_any_bytes(self, tmp_path, capfdbinary):
-        """In a strict locale too, where Python refuses to print what is no text: the shell gets the
-        very bytes.
+        """In a strict locale the name of a folder that is no text is printed as its bytes.
+
+        Python refuses to print it as text there.
         """
         place = os.fsencode(tmp_path) + b"/\xff\xfe"
         write_run(Path(os.fsdecode(place)))

@@ -1,10 +1,9 @@
 #!/usr/bin/env python3
-"""What the job files need of Slurm, in one file that is called by the names sbatch, srun and
-scontrol.
+"""A stand-in for Slurm, called by the names sbatch, srun and scontrol.
 
 sbatch runs the job before it returns: it reads the #SBATCH lines, does the tasks of an array one by
 one, sets the SLURM_* variables, and runs a job again that asked for it. STAND_IN_SLURM is the
-folder where jobs are kept, and STAND_IN_ROWS the rows that a job or task writes before its first
+folder of the jobs, and STAND_IN_ROWS the number of rows that a job or task writes before its first
 time limit comes.
 """
 
@@ -35,13 +34,13 @@ OPTIONS = (
 
 
 def main() -> int:
-    """Be whom the caller calls."""
+    """Act as the command by whose name this file is called."""
     name, words = Path(sys.argv[0]).name, sys.argv[1:]
     return {"sbatch": sbatch, "srun": srun, "scontrol": scontrol}[name](words)
 
 
 def sbatch(words: list[str]) -> int:
-    """Submit a job: here, do it."""
+    """Submit a job, which is run at once."""
     asked, script = parsed(words), Path(parsed(words).script[0])
     lines = [line for line in script.read_text().splitlines() if line.startswith("#SBATCH ")]
     job = parsed([*(word for line in lines for word in line.split()[1:]), *words])
@@ -57,7 +56,10 @@ def sbatch(words: list[str]) -> int:
 
 
 def parsed(words: list[str]) -> argparse.Namespace:
-    """The options of sbatch, the job file and its arguments; an option Slurm has not is an error."""
+    """Options of sbatch, the job file and its arguments.
+
+    An option unknown to Slurm is an error.
+    """
     parser = argparse.ArgumentParser()
     for name in OPTIONS:
         parser.add_argument(f"--{name}")
@@ -68,7 +70,7 @@ def parsed(words: list[str]) -> argparse.Namespace:
 
 
 def tasks(array: str | None) -> list[dict[str, str]]:
-    """The variables of each task of an array; of a job that is none, no variables once."""
+    """The variables of each task of an array; for a job without an array, no variables once."""
     if array is None:
         return [{}]
     first, last = map(int, array.split("-"))
@@ -80,8 +82,9 @@ def tasks(array: str | None) -> list[dict[str, str]]:
 
 
 def carry_out(number: str, task: dict[str, str], job: argparse.Namespace) -> None:
-    """Run the job file until it ends without having asked to be queued again; its exit code goes
-    into `ends`.
+    """Run the job file until it ends without a request to be queued again.
+
+    Its exit code goes into `ends`.
     """
     name = "_".join([number, *task.get("SLURM_ARRAY_TASK_ID", "").split()])
     place = JOBS / number / name
@@ -111,8 +114,9 @@ def carry_out(number: str, task: dict[str, str], job: argparse.Namespace) -> Non
 
 
 def end_of_time(process: subprocess.Popen[bytes], wanted: str, place: Path) -> None:
-    """When enough rows are there: the signal of --signal, to the job file itself (B:) or to what
-    srun started.
+    """Send the signal of --signal when enough rows are written.
+
+    It goes to the job file itself (B:) or to what srun started.
     """
     rows = written() + int(os.environ["STAND_IN_ROWS"])
     while written() < rows:
@@ -126,14 +130,17 @@ def end_of_time(process: subprocess.Popen[bytes], wanted: str, place: Path) -> N
 
 
 def written() -> int:
-    """The rows of all results here."""
+    """The number of rows of all results here."""
     return sum(
         max(0, text.read_text().count("\n") - 1) for text in Path().rglob("force_indentation.csv")
     )
 
 
 def srun(words: list[str]) -> int:
-    """Start a program on the ranks of the job; its exit code is that of the first rank to fail."""
+    """Start a program on the ranks of the job.
+
+    The exit code is that of the first rank to fail.
+    """
     ranks = os.environ["SLURM_NTASKS"]
     process = subprocess.Popen(["mpirun", "-n", ranks, *words])
     place = Path(os.environ["STAND_IN_PLACE"])

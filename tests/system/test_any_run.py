@@ -1,4 +1,4 @@
-"""Scenes with any value anywhere that are small enough, run to their end or refused in words."""
+"""Small scenes with arbitrary values are run to their end or refused in words."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ from contextlib import suppress
 from typing import Any
 
 import pytest
+from arbitrary_scenes import BRIEF, FUZZ, ended, scenes
 from hypothesis import given, settings
-from test_plan_fuzz import BRIEF, FUZZ, ended, scenes
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.scene import resolve
 
-RUN_WAIT = 240.0  # s for one run that is planned to take 3 s; a path that is hard is cut into many substeps
+# Seconds for one run that is planned to take 3 s; a difficult path is cut into many increments
+RUN_WAIT = 240.0
 AFFORDABLE = {
     "dofs": 8_000,
     "seconds": 3.0,
@@ -22,7 +23,7 @@ AFFORDABLE = {
 
 
 def run(document: dict[str, Any]) -> bool:
-    """Run a scene that is small enough, of few steps; returns whether it was."""
+    """Run a scene of few steps if it is small enough, and return whether it was."""
     with suppress(ConfigError):
         if isinstance(document.get("loading"), dict) and {"delta", "force"} & set(
             document["loading"]

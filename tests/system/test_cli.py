@@ -1,4 +1,4 @@
-"""The command line: what it prints where, how it ends, and what it leaves on disk."""
+"""The command line: its output, its exit codes, and the files it leaves."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
-from test_malformed import MALFORMED
+from command_line import command, environment
 
 from indent_sim.cli import commands, doctor
 from indent_sim.config.scene_file import config_from_mapping
@@ -32,6 +32,7 @@ from indent_sim.process.errors import (
 from indent_sim.process.signals import Interrupted
 from indent_sim.results.reader import read
 from indent_sim.run.pipeline import simulate
+from indent_sim.run.single_run import SingleRun
 
 SCENE = """\
 title: A coarse one
@@ -47,14 +48,13 @@ material: {model: linear_elastic, E: 1.0, nu: 0.3}
 indenter: {shape: paraboloid, R: 1.0}
 loading: {delta: 0.01, steps: 3}
 """
-ROOT = Path(__file__).resolve().parents[2]
 
 Run = Callable[..., Result]
 
 
 @pytest.fixture
 def indent_sim(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
-    """Run a command in this process, in an empty directory that holds scene.yaml."""
+    """A function that runs a command in this process, in an empty directory with scene.yaml."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scene.yaml").write_text(SCENE)
     return lambda *words: CliRunner().invoke(commands.program, [str(word) for word in words])
@@ -62,35 +62,25 @@ def indent_sim(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
 
 @pytest.fixture
 def theory_run(indent_sim: Run, tmp_path: Path) -> Path:
-    """The directory of a scene that theory solves and of its result, `out`."""
+    """The directory of a scene that theory solves, and of its result `out`."""
     (tmp_path / "scene.yaml").write_text(THEORY)
     assert indent_sim("run", "scene.yaml", "--output", "out").exit_code == 0
     return tmp_path
 
 
 def left(folder: Path) -> set[str]:
-    """What stands in a folder beside the scene."""
+    """Names of the entries of a folder beside the scene."""
     return {entry.name for entry in folder.iterdir()} - {"scene.yaml"}
 
 
 def content_of(folder: Path) -> dict[Path, bytes]:
-    """All files below a folder."""
+    """The bytes of all files below a folder."""
     return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-
-
-def command(*words: str | Path) -> list[str]:
-    return [sys.executable, "-m", "indent_sim.cli.commands", *map(str, words)]
-
-
-def environment() -> dict[str, str]:
-    return os.environ | {
-        "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
-    }
 
 
 @contextmanager
 def long_run(folder: Path, rows: int) -> Iterator[subprocess.Popen[str]]:
-    """A run of many steps in a process of its own, handed over when its first rows are there."""
+    """A run of many steps in a process of its own, given once its first rows are there."""
     (folder / "scene.yaml").write_text(SCENE.replace("steps: 3", "steps: 100000"))
     words = command("run", "scene.yaml", "--output", "out")
     table = folder / "out" / "force_indentation.csv"
@@ -118,19 +108,33 @@ class TestWithoutARun:
         script = f"import sys, indent_sim.cli.commands; sys.exit(bool({heavy} & set(sys.modules)))"
         assert subprocess.run([sys.executable, "-c", script], env=environment()).returncode == 0
 
-    def test_nothing_is_loaded_before_a_signal_ends_it(self):
-        """A Ctrl-C then would be a traceback out of an import: 13 of 60 were, sent in the first 0.3
-        s of `plan`.
+    @pytest.mark.parametrize("number", [4, 5, 8, 20, 60, 120, 250])
+    def test_ctrl_c_while_it_loads_is_no_traceback(self, number: int) -> None:
+        """Ctrl-C during any import of the program ends it without a traceback.
+
+        The first three modules are the package, `cli` and `start`, in which Python's own handler
+        ends before that of the program begins.
         """
-        known = "{'indent_sim', 'indent_sim.cli', 'indent_sim.cli.start', 'gc', 'os', 'signal'}"
-        names = f"{{name for name in sys.modules if name not in before}} - {known}"
         script = (
-            f"import sys; before = set(sys.modules); import indent_sim.cli.start; print({names})"
+            "import os, signal, sys\n"
+            "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+            "imports = []\n"
+            "def interrupt(event, values):\n"
+            "    if event == 'import' and not values[0].startswith('encodings'):\n"
+            "        imports.append(values[0])\n"
+            f"        if len(imports) == {number}:\n"
+            "            os.kill(os.getpid(), signal.SIGINT)\n"
+            "sys.addaudithook(interrupt)\n"
+            "from indent_sim.cli.start import main\n"
+            "assert {*imports[:3]} == {'indent_sim', 'indent_sim.cli', 'indent_sim.cli.start'}\n"
+            "sys.argv = ['indent-sim', 'plan', 'no_such_file.yaml']\n"
+            "main()\n"
         )
         done = subprocess.run(
             [sys.executable, "-c", script], env=environment(), capture_output=True, text=True
         )
-        assert done.stdout == "set()\n", done.stderr
+        assert done.returncode in (-signal.SIGINT, 128 + signal.SIGINT), done.stderr
+        assert "Traceback" not in done.stderr
 
     def test_help_names_every_command(self, indent_sim):
         help_text = indent_sim("--help").stdout
@@ -191,7 +195,7 @@ class TestWithoutARun:
         }
 
     def test_doctor_leaves_ctrl_c_alone(self, indent_sim):
-        """Importing gmsh resets SIGINT, whoever handled it."""
+        """`doctor` restores the handler of SIGINT, which importing gmsh resets."""
         before = signal.getsignal(signal.SIGINT)
         sys.modules.pop("gmsh", None)
         indent_sim("doctor")
@@ -213,7 +217,10 @@ class TestWithoutARun:
         assert done.returncode == 0 and f"JIT cache    {tmp_path / 'elsewhere'}" in done.stdout
 
     def test_doctor_without_a_working_directory(self, tmp_path):
-        """That alone is broken; a run says so too."""
+        """Without a working directory `doctor` says that this alone is broken.
+
+        A run ends with a message about it.
+        """
         gone = tmp_path / "gone"
         for words in ("doctor", "--json"), ("run", str(tmp_path / "scene.yaml")):
             line = f"mkdir {gone}; cd {gone}; rmdir {gone}; exec {shlex.join(command(*words))}"
@@ -275,10 +282,26 @@ class TestRefusals:
         assert done.exit_code == 2 and done.stderr and "Traceback" not in done.stderr
         assert done.stdout == "" and left(tmp_path) == set()
 
-    @pytest.mark.parametrize(("text", "line", "key", "fragment"), MALFORMED)
+    @pytest.mark.parametrize(
+        ("before", "after", "line", "key"),
+        [
+            (SCENE, "", 1, ""),
+            ("mesh: {", "mesh: [", 6, ""),
+            ("mesh:", "indenter:", 6, "indenter"),
+            ("R: 1.0", "r: 1.0", 4, "indenter.r"),
+            ("nu: 0.3", "nu: 0.7", 3, "material.nu"),
+        ],
+        ids=["empty", "no YAML", "key given twice", "unknown key", "out of range"],
+    )
     @pytest.mark.parametrize("verb", ["run", "plan"])
-    def test_malformed_scenes(self, indent_sim, tmp_path, verb, text, line, key, fragment):
-        (tmp_path / "scene.yaml").write_text(text)
+    def test_malformed_scenes(self, indent_sim, tmp_path, verb, before, after, line, key):
+        """A malformed scene ends with exit code 3 and a message with its line and key.
+
+        These are a few of the scenes of tests/unit/config/test_malformed.py, which tries each of
+        them.
+        """
+        assert before in SCENE
+        (tmp_path / "scene.yaml").write_text(SCENE.replace(before, after))
         done = indent_sim(verb, "scene.yaml")
         assert done.exit_code == 3 and left(tmp_path) == set()
         assert f"scene.yaml:{line}" in done.stderr and key in done.stderr and done.stdout == ""
@@ -367,7 +390,7 @@ class TestJson:
 
     @pytest.mark.parametrize("lost", ["config.yaml", "force_indentation.csv"])
     def test_a_result_that_lost_a_file_says_what_to_do(self, indent_sim, theory_run, lost):
-        """And what it says helps."""
+        """A result without one of its files names the file and a remedy that works."""
         (theory_run / "out" / lost).unlink()
         told = json.loads(
             indent_sim("run", "scene.yaml", "--output", "out", "--resume", "--json").stdout
@@ -500,7 +523,7 @@ class TestEndings:
         assert ("Traceback" in done.stderr) == (code == 1)
 
     def test_a_swallowed_signal_is_not_forgotten(self, indent_sim, monkeypatch):
-        """A library may turn the exception of the signal handler into one of its own."""
+        """A signal ends a run also where a library turns its exception into another."""
 
         def swallow(*args, **options):
             try:
@@ -592,14 +615,16 @@ class TestRuns:
 
 
 class TestAnotherConfigFile:
-    """The rows of another config file are not replaced without --overwrite; the file's path stands
-    in run.json.
+    """Rows of another config file are only replaced with --overwrite.
+
+    The path of the config file is in run.json.
     """
 
     @pytest.fixture
     def again(self, indent_sim: Run, theory_run: Path) -> Callable[..., int]:
-        """Run a scene into a folder once more; the exit code. A refusal leaves everything as it
-        was.
+        """A function that runs a scene into a folder once more and returns the exit code.
+
+        A refusal must leave everything as it was.
         """
         (theory_run / "b.yaml").write_text(THEORY)
 
@@ -645,7 +670,10 @@ class TestAnotherConfigFile:
         assert again("moved/scene.yaml", "--output", "moved/out") == 0
 
     def test_what_names_no_file_is_replaced(self, again, theory_run):
-        """A run of an older version, of a notebook, and one without rows, if its scene is the same."""
+        """A result that names no config file is replaced if its scene is the same.
+
+        Such results are those of an older version, of a notebook, and those without rows.
+        """
         report = theory_run / "out" / "run.json"
         known = json.loads(report.read_text())
         report.write_text(
@@ -659,7 +687,7 @@ class TestAnotherConfigFile:
         assert again("b.yaml", "--output", "out") == 0
 
     def test_runs_of_a_study_know_no_file(self, indent_sim, theory_run):
-        """The base of a study may move: its runs are told by their physics."""
+        """The base of a study may move, as its runs are identified by their physics."""
         (theory_run / "study.yaml").write_text("base: scene.yaml\nvary: {material.E: [1.0, 2.0]}\n")
         assert indent_sim("study", "study.yaml", "--output", "all").exit_code == 0
         (theory_run / "study.yaml").write_text("base: b.yaml\nvary: {material.E: [1.0, 2.0]}\n")
@@ -668,9 +696,7 @@ class TestAnotherConfigFile:
 
 
 class TestAnotherScene:
-    """A finished run is replaced by one of the same scene, once that is done, and by any with
-    --overwrite alone.
-    """
+    """A finished run is replaced by a finished one of the same scene; --overwrite allows any."""
 
     def test_it_is_refused_with_what_differs_and_where_to_go(self, indent_sim, theory_run):
         before = content_of(theory_run)
@@ -713,8 +739,9 @@ class TestAnotherScene:
         ],
     )
     def test_what_counts_as_another_scene(self, indent_sim, theory_run, words, code):
-        """Every key that changes numbers or what is kept, also one that was left to the program
-        before.
+        """Every key that changes numbers or what is kept makes another scene.
+
+        That also holds for a key that was left to the program before.
         """
         sets = [word for one in words for word in ("--set", one)]
         assert indent_sim("run", "scene.yaml", "--output", "out", *sets).exit_code == code
@@ -723,12 +750,35 @@ class TestAnotherScene:
         words = ("run", "scene.yaml", "--output", "out")
         assert indent_sim(*words, "--error-bars").exit_code == 0
         done = indent_sim(*words)
-        assert done.exit_code == 2 and "--error-bars was given and is not given" in done.stderr
+        assert done.exit_code == 2
+        assert "of another scene: it has error bars, and --error-bars is missing now" in done.stderr
+
+    @pytest.mark.parametrize(
+        ("old", "new", "said"),
+        [
+            ((), ("accuracy=0.1",), "accuracy was missing and is 0.1;"),
+            (("accuracy=0.1",), (), "accuracy was 0.1 and is missing now;"),
+            ((), ("indenter.R=2.0",), "indenter.R was 1.0 and is 2.0;"),
+            (
+                (),
+                ("indenter={shape: cone, half_angle: 70}",),
+                "indenter.R was 1.0 and is missing now",
+            ),
+        ],
+    )
+    def test_differences_are_sentences(self, indent_sim, old, new, said):
+        """A key is in both scenes, or missing from one of them."""
+        Path("scene.yaml").write_text(THEORY)
+        old_sets, new_sets = (
+            [word for setting in settings for word in ("--set", setting)] for settings in (old, new)
+        )
+        words = ("run", "scene.yaml", "--output", "out")
+        assert indent_sim(*words, *old_sets).exit_code == 0
+        done = indent_sim(*words, *new_sets)
+        assert done.exit_code == 2 and said in done.stderr, done.stderr
 
     def test_a_run_that_was_not_finished_is_replaced(self, indent_sim, theory_run):
-        """Who corrects a scene whose run failed, or was stopped, need not say that the rows are of
-        no use.
-        """
+        """A run that failed or was stopped is replaced by another scene without --overwrite."""
         report = theory_run / "out" / "run.json"
         said = json.loads(report.read_text())
         for status, code in (("failed", 5), ("interrupted", 130), ("running", None)):
@@ -751,18 +801,19 @@ class TestAnotherScene:
         )
 
     def test_a_run_that_fails_leaves_the_finished_one(self, indent_sim, theory_run, monkeypatch):
-        """Also after its first rows, of the same scene, whether it fails or is stopped."""
+        """A run that fails or is stopped after its first rows leaves the finished run unchanged."""
         before = content_of(theory_run)
+        solve_path = SingleRun.solve_path
         for end, code in ((NotConverged("no way"), 5), (KeyboardInterrupt(), 130)):
 
             def ends(run, progress, end=end):
-                run._record_state(
-                    next(run._solver.states(run.scene.physics.path, lambda step: False))
-                )
-                raise end
+                def stop(*_):
+                    raise end
+
+                solve_path(run, stop)
 
             with monkeypatch.context() as patched:
-                patched.setattr("indent_sim.run.single_run.SingleRun.solve_path", ends)
+                patched.setattr(SingleRun, "solve_path", ends)
                 done = indent_sim("run", "scene.yaml", "--output", "out")
             assert done.exit_code == code and "the finished run in out is unchanged" in done.stderr
             assert content_of(theory_run) == before
@@ -796,7 +847,7 @@ class TestAnotherScene:
 
 
 class TestFilesOfOthers:
-    """In a result folder stays what somebody put there, also under a name that the program uses."""
+    """Files of others in a result folder stay, also under names that the program uses."""
 
     def test_a_report_stays(self, indent_sim, theory_run):
         (theory_run / "out" / "report.html").write_text("<html>mine</html>")
@@ -919,7 +970,10 @@ class TestRanks:
 
 
 def test_what_accuracy_cannot_reach_is_kept_but_not_to_be_resumed(indent_sim: Run) -> None:
-    """Another try would end the same."""
+    """Rows that miss the accuracy are kept, and --resume is not suggested.
+
+    It would end the same.
+    """
     soft = (
         "contact.method=penalty",
         "contact.epsilon_n=300",

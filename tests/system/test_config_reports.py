@@ -1,4 +1,4 @@
-"""Every scene of configs/ has a report, whose pictures have room."""
+"""Every scene of configs/ has a report whose pictures have room."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 import html_page
 import pytest
 from mpi4py import MPI
-from test_configs import COARSER, CONFIGS, SCENES, Run
+from shipped_scenes import COARSER, CONFIGS, SCENES, Run
 
 from indent_sim.config.scene_file import load
 from indent_sim.results.run_report import run_page

@@ -1,6 +1,4 @@
-"""Experiments through the command line: files, what they load, stopped and resumed runs, ranks,
-JSON, pictures.
-"""
+"""Experiments through the command line: files, resumed runs, ranks, JSON and pictures."""
 
 from __future__ import annotations
 
@@ -15,8 +13,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from command_line import ran
 from conftest import Mpirun
-from test_theory_runs import ran
 
 from indent_sim.config.scene_file import config_from_mapping, to_yaml
 
@@ -88,7 +86,8 @@ def test_a_scene_without_an_experiment_loads_and_writes_nothing_of_it(tmp_path: 
 import sys
 from indent_sim.cli.commands import program
 program(sys.argv[1:], standalone_mode=False)
-assert not [name for name in sys.modules if name.startswith("indent_sim.run.history_on_curve") or name == "scipy.optimize"]
+unused = ("indent_sim.run.history_on_curve", "scipy.optimize")
+assert not [name for name in sys.modules if name in unused]
 """
     config = tmp_path / "scene.yaml"
     given = {name: part for name, part in SCENE.items() if name != "experiment"} | {
@@ -110,7 +109,7 @@ assert not [name for name in sys.modules if name.startswith("indent_sim.run.hist
 
 @pytest.mark.parametrize("method", ["theory", "condensed"])
 def test_a_history_that_was_stopped_is_resumed(tmp_path: Path, method: str) -> None:
-    """To the last digit, wherever it stopped, but for the seconds; a finished one stays as it is."""
+    """A resumed history repeats every number but the seconds; a finished one stays as it is."""
     config, out = written(tmp_path, solver={"method": method}), tmp_path / "out"
     ran("run", config, "--output", out)
     whole, report = rows(out), json.loads((out / "run.json").read_text())
@@ -133,22 +132,27 @@ RESUMED: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         ("force", "a", "stick_radius", "dissipation"),
     ),
     "draining": (
-        {"material": SOLID | {"flow": {"permeability": 1e-3}},
-         "loading": {"force_history": [[0, 0], [1, 3e-3], [2, 0]]}},
+        {
+            "material": SOLID | {"flow": {"permeability": 1e-3}},
+            "loading": {"force_history": [[0, 0], [1, 3e-3], [2, 0]]},
+        },
         ("delta", "a", "outflow", "pore_pressure_max"),
     ),
     "relaxing": (
-        {"material": SOLID | {"relaxation": {"prony": [[0.5, 1.0]], "of": "shear"}},
-         "loading": {"history": [[0, 0], [1, 0.02], [2, 0.01]]}},
+        {
+            "material": SOLID | {"relaxation": {"prony": [[0.5, 1.0]], "of": "shear"}},
+            "loading": {"history": [[0, 0], [1, 0.02], [2, 0.01]]},
+        },
         ("force", "a"),
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", RESUMED)
 def test_a_history_of_a_body_that_remembers_is_resumed(tmp_path: Path, name: str) -> None:
-    """Without its checkpoint the way is walked anew, its turns too; rows and files are those of one
-    run to 1e-9.
+    """A resumed history of a body with a memory has the rows and files of one run to 1e-9.
+
+    Without its checkpoint the path is solved again, with its turns.
     """
     sections, columns = RESUMED[name]
     body = {"shape": "cylinder", "radius": 2.0, "height": 1.0, "sides": "roller"}
@@ -179,8 +183,9 @@ def test_a_history_of_a_body_that_remembers_is_resumed(tmp_path: Path, name: str
 
 
 def test_a_run_killed_before_its_experiment_is_resumed(tmp_path: Path) -> None:
-    """All rows are there, the status is running: --resume computes the experiment, to the last
-    digit.
+    """--resume computes a missing experiment of a run whose rows are all there, to the last digit.
+
+    The status of such a run is `running`.
     """
     config, out = written(tmp_path, **STICKY), tmp_path / "out"
     ran("run", config, "--output", out)
@@ -215,8 +220,9 @@ def test_a_run_without_one_replaces_the_files_of_one(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("method", ["theory", "condensed"])
 def test_rows_at_the_times_asked_for(tmp_path: Path, method: str) -> None:
-    """Of a ramp of half the modulus, tau 1: at a jump the state after it, between rows what a row
-    there would have.
+    """Rows at given times are those of the whole table, interpolated between its rows.
+
+    In a ramp of half the modulus with tau = 1, a row at a jump is the state after it.
     """
     times = [0.25, 1.0, 1.37, 3.0]
     more = {"solver": {"method": method}, "output": {"plot": False}}
@@ -244,9 +250,7 @@ def test_rows_at_the_times_asked_for(tmp_path: Path, method: str) -> None:
 
 @pytest.mark.parametrize("method", ["theory", "condensed"])
 def test_error_bars_are_those_of_the_elastic_curve(tmp_path: Path, method: str) -> None:
-    """Relative to the force: at the depth that an elastic run ends with, the two have the same
-    share.
-    """
+    """The relative error bars of a history are those of the elastic run at the same depth."""
     more = {"solver": {"method": method}, "output": {"plot": False}}
     ran("run", written(tmp_path, **more), "--error-bars", "--output", tmp_path / "out")
     elastic = {"material": SOLID, "loading": {"delta": 0.01}, **more}
@@ -264,8 +268,9 @@ def test_error_bars_are_those_of_the_elastic_curve(tmp_path: Path, method: str) 
 
 
 def test_a_folder_from_before_keys_moved_is_read(tmp_path: Path) -> None:
-    """Its history stands in experiment.csv; it is drawn and reported, and --resume says where its
-    keys are now.
+    """A folder of an older version is drawn and reported; --resume says where its keys are now.
+
+    Its history is in experiment.csv.
     """
     out, config = tmp_path / "out", written(tmp_path, output={"plot": False})
     ran("run", config, "--output", out)
@@ -303,8 +308,9 @@ def test_a_folder_from_before_keys_moved_is_read(tmp_path: Path) -> None:
 
 
 def test_two_ranks_write_what_one_does(tmp_path: Path, mpirun: Mpirun) -> None:
-    """Of one mesh, partitioned: the compliance is the same to rounding, and a contact's edge with
-    it.
+    """Two ranks give the rows of one, to rounding.
+
+    They share the partitioned mesh, so the compliance and the edge of contact are the same.
     """
     config = written(tmp_path, solver={"method": "condensed"}, output={"plot": False})
     ran("run", config, "--output", tmp_path / "one")

@@ -1,6 +1,4 @@
-"""`indent-sim fit`, and measured curves in the other commands: what is printed, written and
-refused.
-"""
+"""`indent-sim fit`, and measured curves in the other commands: output, files and refusals."""
 
 from __future__ import annotations
 
@@ -39,7 +37,7 @@ def hertz(depth: np.ndarray, E: float) -> np.ndarray:
 
 
 def write(path: Path, E: float, first: float = -1.0) -> None:
-    """A curve in nm and pN with a tenth of a per cent of noise, and first touch at 0."""
+    """Write a curve in nm and pN with a tenth of a per cent of noise and first touch at 0."""
     x = np.linspace(first, 0.6, 400)
     force = hertz(x, E) + 1e-3 * hertz(x, E).max() * np.random.default_rng(1).standard_normal(400)
     rows = "".join(f"{1e3 * a:.6f};{1e3 * b:.6f}\n" for a, b in zip(x, force, strict=True))
@@ -48,7 +46,7 @@ def write(path: Path, E: float, first: float = -1.0) -> None:
 
 @pytest.fixture
 def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
-    """Run a command in a folder with scene.yaml and curves/."""
+    """A function that runs a command in a folder with scene.yaml and curves/."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scene.yaml").write_text(SCENE)
     (tmp_path / "study.yaml").write_text(STUDY)
@@ -86,12 +84,18 @@ def test_a_folder_of_curves_in_two_processes(command, tmp_path):
     assert refused.exit_code == 2 and "holds a fit" in refused.output
 
 
-@pytest.mark.parametrize("words, code, said", [
-    (("--vary", "material.Q"), 3, "material.Q: is not a number of the scene"),
-    (("--columns", "x,force"), 3, "there is no column 'x'"), (("--columns", "a"), 3, "names 1 columns"),
-    (("--units", "mass=kg"), 2, "--units mass"), (("--segment", "back"), 2, "'back' is not one of"),
-    (("--scene", "nothing.yaml"), 2, "cannot read the config"), (("--set", "material.E=-1"), 3, "material.E"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "words, code, said",
+    [
+        (("--vary", "material.Q"), 3, "material.Q: is not a number of the scene"),
+        (("--columns", "x,force"), 3, "there is no column 'x'"),
+        (("--columns", "a"), 3, "has 1 columns"),
+        (("--units", "mass=kg"), 2, "--units mass"),
+        (("--segment", "back"), 2, "'back' is not one of"),
+        (("--scene", "nothing.yaml"), 2, "cannot read the config"),
+        (("--set", "material.E=-1"), 3, "material.E"),
+    ],
+)
 def test_wrong_words_change_nothing(command, tmp_path, words, code, said):
     before = sorted(tmp_path.rglob("*"))
     done = command(*FIT, *words, "--output", "new")
@@ -141,21 +145,37 @@ def test_a_design_says_what_a_measurement_would_tell(command, tmp_path):
     assert sorted(tmp_path.rglob("*")) == before
 
 
-@pytest.mark.parametrize("words, code, said", [
-    (("--design", "scene.yaml"), 2, "needs --noise"), (("--noise", "0.01"), 2, "belong to --design"),
-    ((), 2, "needs CURVE_OR_FOLDER"), (("--design", "scene.yaml", "--noise", "0"), 2, "is not in the range"),
-    (("curves", "--design", "scene.yaml", "--noise", "0.01"), 2, "takes no curves"),
-    (("--design", "nothing.yaml", "--noise", "0.01"), 2, "cannot read the config"),
-    (("--design", "scene.yaml", "--noise", "0.01", "--vary", "loading.delta"), 3, "loading.delta: is nothing"),
-    (("--design", "scene.yaml", "--noise", "0.01", "--set", "loading.delta=-1"), 3, "loading.delta"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "words, code, said",
+    [
+        (("--design", "scene.yaml"), 2, "needs --noise"),
+        (("--noise", "0.01"), 2, "belong to --design"),
+        ((), 2, "needs CURVE_OR_FOLDER"),
+        (("--design", "scene.yaml", "--noise", "0"), 2, "is not in the range"),
+        (("curves", "--design", "scene.yaml", "--noise", "0.01"), 2, "takes no curves"),
+        (("--design", "nothing.yaml", "--noise", "0.01"), 2, "cannot read the config"),
+        (
+            ("--design", "scene.yaml", "--noise", "0.01", "--vary", "loading.delta"),
+            3,
+            "loading.delta: cannot be found from a measured curve",
+        ),
+        (
+            ("--design", "scene.yaml", "--noise", "0.01", "--set", "loading.delta=-1"),
+            3,
+            "loading.delta",
+        ),
+    ],
+)
 def test_a_design_with_wrong_words(command, words, code, said):
     done = command("fit", "--vary", "material.E", *words)
     assert done.exit_code == code and said in done.output, done.output
 
 
 def test_what_a_scene_requires_for_a_curve(command, tmp_path):
-    """The same as for the scene with the curve's modulus and depth, and the models of its fit."""
+    """`require --curve` says the same as for the scene with the curve's modulus and depth.
+
+    It also names the models of the curve's fit.
+    """
     words = ("require", "scene.yaml", "--curve", "curves/c2.csv")
     found = json.loads(command(*words, "--json").stdout)
     curve = found["curve"]
@@ -178,11 +198,16 @@ def test_what_a_scene_requires_for_a_curve(command, tmp_path):
     assert models["thickness"]["low"] < 2 and "body.height" in models["thickness"]["parameters"]
 
 
-@pytest.mark.parametrize("words, code, said", [
-    (("--curve", "short.csv"), 5, "short.csv: 2 points"), (("--curve", "nothing.csv"), 2, "cannot read nothing.csv"),
-    (("--columns", "a,b"), 2, "belong to --curve"), (("--curve", "short.csv", "--columns", "x,y"), 3, "no column 'x'"),
-    (("--curve", "short.csv", "--set", "material.E=-1"), 3, "material.E"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "words, code, said",
+    [
+        (("--curve", "short.csv"), 5, "short.csv: 2 points"),
+        (("--curve", "nothing.csv"), 2, "cannot read nothing.csv"),
+        (("--columns", "a,b"), 2, "belong to --curve"),
+        (("--curve", "short.csv", "--columns", "x,y"), 3, "no column 'x'"),
+        (("--curve", "short.csv", "--set", "material.E=-1"), 3, "material.E"),
+    ],
+)
 def test_a_curve_that_requires_nothing(command, tmp_path, words, code, said):
     (tmp_path / "short.csv").write_text("delta,force\n1,2\n2,3\n")
     done = command("require", "scene.yaml", *words)
@@ -238,8 +263,17 @@ def test_a_tab_file_is_fitted_as_what_it_was(command, tmp_path):
         command("run", "scene.yaml", "--set", "loading.steps=60", "--output", "one").exit_code == 0
     )
     assert command("plot", "one", "--output", "one.tab").stdout == "one.tab\n"
-    done = command("fit", "one.tab", "--scene", "scene.yaml", "--vary", "material.E", "--set", "output.plot=false",
-                   "--json")  # fmt: skip
+    done = command(
+        "fit",
+        "one.tab",
+        "--scene",
+        "scene.yaml",
+        "--vary",
+        "material.E",
+        "--set",
+        "output.plot=false",
+        "--json",
+    )
     stated = json.loads(done.stdout)["curves"][0]["parameters"]["material.E"]
     assert stated["value"] == pytest.approx(1.0, rel=1e-5)  # 13 digits, a table of 1e-7
     assert command("plot", "one", "curves/c1.csv", "--output", "two.tab").exit_code == 2
@@ -276,8 +310,9 @@ def test_the_report_of_a_fit_is_one_page_by_itself(command, tmp_path):
 
 
 def test_the_report_of_one_curve_has_its_windows_and_models(command, tmp_path):
-    """A stiffer half of the curve, as over a substrate: other models are asked, and drawn from the
-    curve's table.
+    """The report of a curve that stiffens with depth shows windows and other models.
+
+    The stiffening is like that over a substrate. The picture is drawn from the curve's table.
     """
     table = np.loadtxt(tmp_path / "curves" / "c2.csv", delimiter=";", skiprows=1)
     table[:, 1] *= 1 + 0.8 * np.maximum(table[:, 0] / 600, 0)

@@ -1,4 +1,4 @@
-"""Pages that are measured say at which commit; `make pages` knows all of them."""
+"""Generated pages with measurements state their commit; `make pages` knows all of them."""
 
 from __future__ import annotations
 
@@ -20,8 +20,9 @@ def git(folder: Path, *words: str) -> str:
 
 
 def test_a_page_says_at_which_commit_it_was_measured(tmp_path: Path) -> None:
-    """Once, however often it is made; changes of pages themselves do not count, those of anything
-    else do.
+    """A page states once at which commit it was measured, however often it is written.
+
+    Changes of pages themselves do not count; those of anything else do.
     """
     page = tmp_path / "docs" / "page.md"
     page.parent.mkdir()

@@ -1,9 +1,8 @@
-"""Scenes, studies and result folders from a stranger: no command is run, nothing is touched outside
-the result folder, and every refusal is a sentence with its exit code.
+"""Hostile scenes, studies and result folders run no command and touch nothing outside.
 
-Each example stands in a folder of its own among decoys, all of which are compared before and after.
-An audit hook sees every process that Python starts and every file that it opens for writing; what
-PETSc starts from C leaves PWNED.
+Every refusal is a sentence with its exit code. Each example stands in a folder of its own among
+decoys, all of which are compared before and after. An audit hook sees every process that Python
+starts and every file that it opens for writing; what PETSc starts from C leaves PWNED.
 """
 
 from __future__ import annotations
@@ -23,8 +22,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from arbitrary_scenes import within
 from click.testing import CliRunner, Result
-from test_plan_fuzz import within
 
 from indent_sim.cli import commands
 from indent_sim.config.scene_file import config_from_mapping, to_yaml
@@ -182,7 +181,6 @@ KINDS = 3 * ["json", "cell", "lines"]  # of damage, more often than others
 FILES = ("run.json", "force_indentation.csv", "surface.csv", "config.yaml")
 
 # ---- what must not happen
-# -------------------------------------------------------------------------------------
 
 _watching: list[Callable[[str, tuple[Any, ...]], None]] = []
 PROCESSES = {
@@ -206,8 +204,9 @@ sys.addaudithook(_hook)
 
 
 def is_compiler(event: str, arguments: tuple[Any, ...]) -> bool:
-    """Whether a process is the C compiler at one of FFCx' own kernels, as on a machine that has
-    compiled none yet.
+    """Whether a process is the C compiler at one of FFCx' own kernels.
+
+    A machine that has compiled none yet starts it.
     """
     command = [str(word) for word in arguments[1]] if event == "subprocess.Popen" else []
     return any(word.endswith("gcc") for word in command[:1]) and any(
@@ -215,14 +214,19 @@ def is_compiler(event: str, arguments: tuple[Any, ...]) -> bool:
     )
 
 
+def is_child(event: str, arguments: tuple[Any, ...]) -> bool:
+    """Whether a process is one in which this program calls gmsh or a reader of mesh files."""
+    return event == "subprocess.Popen" and "indent_sim.process.child_process" in arguments[1]
+
+
 @contextmanager
 def watched(place: Path) -> Iterator[list[str]]:
-    """What is started, and what is opened for writing outside a folder, while the block runs."""
+    """Processes started, and files opened for writing outside a folder, within a block."""
     seen: list[str] = []
     fine = (str(place), "/dev/", "/proc/")
 
     def watch(event: str, arguments: tuple[Any, ...]) -> None:
-        if event in PROCESSES and not is_compiler(event, arguments):
+        if event in PROCESSES and not (is_compiler(event, arguments) or is_child(event, arguments)):
             seen.append(f"{event} {arguments}")
         elif event == "open" and isinstance(arguments[0], (str, bytes)):
             path = os.path.abspath(os.fsdecode(arguments[0]))
@@ -248,7 +252,7 @@ def watched(place: Path) -> Iterator[list[str]]:
 
 
 def tree(place: Path) -> dict[str, tuple[Any, ...]]:
-    """Everything below a folder: kind, permissions, where a link leads, content."""
+    """Kind, permissions, link target and content of everything below a folder."""
     found: dict[str, tuple[Any, ...]] = {}
     for folder, folders, files in os.walk(place):
         for name in (*folders, *files):
@@ -262,7 +266,7 @@ def tree(place: Path) -> dict[str, tuple[Any, ...]]:
 
 
 def decoys(place: Path) -> None:
-    """What a user has standing about, with names that this program uses too."""
+    """Files that a user may have, with names that this program uses too."""
     (place / "home").mkdir()
     (place / "home" / "victim").write_text("PRECIOUS")
     here = place / "work"
@@ -277,11 +281,10 @@ def decoys(place: Path) -> None:
 
 
 # ---- hostile input
-# --------------------------------------------------------------------------------------------
 
 
 def text(rng: random.Random) -> str:
-    """A title, a unit or a word that tries something."""
+    """A hostile title, unit or word."""
     return "".join(rng.choices(WORDS, k=rng.choice([1, 1, 2, 3])))
 
 
@@ -306,7 +309,7 @@ def directory(rng: random.Random) -> str:
 
 
 def scene(rng: random.Random) -> dict[str, Any]:
-    """A scene in which a few things try something."""
+    """A scene in which a few values are hostile."""
     document = copy.deepcopy(SCENE)
     for what in rng.sample(["title", "units", "directory"], k=rng.choice([1, 2, 3])):
         if what == "title":
@@ -319,7 +322,7 @@ def scene(rng: random.Random) -> dict[str, Any]:
 
 
 def bomb(rng: random.Random) -> str:
-    """Text that is to cost time or memory."""
+    """Text that should cost time or memory."""
     n = rng.choice([10, 1000, 100_000])
     return rng.choice(
         [
@@ -338,7 +341,7 @@ def bomb(rng: random.Random) -> str:
 
 
 def damage(rng: random.Random, folder: Path, outside: Path) -> None:
-    """Something goes wrong with one file of a result folder, or somebody put something else there."""
+    """Damage one file of a result folder, or put something else in its place."""
     path = folder / rng.choice(FILES)
     data = path.read_bytes() if path.is_file() and not path.is_symlink() else b"x"
     kind = rng.choice(
@@ -386,7 +389,7 @@ def damage(rng: random.Random, folder: Path, outside: Path) -> None:
 
 
 def rewritten(rng: random.Random, kind: str, text: str) -> str:
-    """The text of run.json or of a table with something else in it."""
+    """The text of run.json or of a table with one change."""
     if kind == "json":
         return json.dumps(mistyped(rng, json.loads(text)))
     lines = text.split("\n")
@@ -422,11 +425,10 @@ def retyped(rng: random.Random, lines: list[str]) -> list[str]:
 
 
 # ---- examples
-# -------------------------------------------------------------------------------------------------
 
 
 def said(*words: str | Path) -> Result:
-    """A command in this process: one of the table's exit codes, in words, and no bug."""
+    """Run a command in this process, and assert a known exit code, a message, and no traceback."""
     with within(WAIT):
         done = CliRunner().invoke(commands.program, [str(word) for word in words])
     assert done.exit_code in (0, 2, 3, 5, 6), (words, done.stderr)
@@ -439,7 +441,7 @@ def said(*words: str | Path) -> Result:
 
 
 def planned(rng: random.Random, place: Path) -> None:
-    """`plan` of a hostile scene, told as text or as JSON."""
+    """Run `plan` of a hostile scene, as text or as JSON."""
     document = scene(rng)
     path = place / "scene.yaml"
     path.write_text(
@@ -457,7 +459,7 @@ def planned(rng: random.Random, place: Path) -> None:
 
 
 def set_(rng: random.Random, place: Path) -> None:
-    """The same by --set."""
+    """Give hostile values by --set."""
     (place / "scene.yaml").write_text(dump(SCENE))
     key = rng.choice(
         ["title", "units.length", "output.directory", *(f"solver.petsc.{name}" for name in OPTIONS)]
@@ -467,7 +469,7 @@ def set_(rng: random.Random, place: Path) -> None:
 
 
 def studied(rng: random.Random, place: Path) -> None:
-    """A study file that reads or writes somewhere else."""
+    """Read a study file that reads or writes somewhere else."""
     (place / "scene.yaml").write_text(dump(SCENE))
     document: dict[str, Any] = {
         "title": text(rng),
@@ -489,7 +491,7 @@ def studied(rng: random.Random, place: Path) -> None:
 
 
 def read_back(rng: random.Random, place: Path, good: Path) -> None:
-    """A damaged result folder given to everything that reads one."""
+    """Give a damaged result folder to everything that reads one."""
     shutil.copytree(good, place / "out")
     for _ in range(rng.choice([1, 1, 2, 3])):
         damage(rng, place / "out", place.parent / "home")
@@ -514,7 +516,7 @@ def read_back(rng: random.Random, place: Path, good: Path) -> None:
 
 
 def started(rng: random.Random, place: Path) -> None:
-    """A real run of a hostile scene."""
+    """Run a hostile scene."""
     document = scene(rng)
     if rng.random() < 0.8:  # gets as far as PETSc
         document["output"].pop("directory", None)
@@ -525,7 +527,7 @@ def started(rng: random.Random, place: Path) -> None:
 
 
 def example(seed: int, place: Path, good: Path, act: Callable[..., Any] | None = None) -> None:
-    """One hostile input among decoys, none of which is any different afterwards."""
+    """Try one hostile input among decoys, and assert that none of them is changed."""
     rng = random.Random(seed)
     decoys(place)
     before = tree(place)
@@ -553,8 +555,9 @@ def example(seed: int, place: Path, good: Path, act: Callable[..., Any] | None =
 
 @pytest.fixture(scope="module")
 def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A result folder with nothing wrong; what is made once a machine, kernels and the list of
-    fonts, is there then.
+    """An intact result folder.
+
+    Kernels and the list of fonts, which are made once on a machine, exist afterwards.
     """
     place = tmp_path_factory.mktemp("good")
     (place / "scene.yaml").write_text(dump(SCENE))

@@ -1,6 +1,4 @@
-"""`indent-sim fit` of files that are broken, absurd or strange: a curve or a reason each, never a
-traceback.
-"""
+"""`indent-sim fit` of broken or strange files gives a curve or a reason, no traceback."""
 
 from __future__ import annotations
 
@@ -42,8 +40,9 @@ MEMORY_IN_KB = (
 def fitted(
     folder: Path, *words: str, runner: Sequence[str] = ()
 ) -> tuple[subprocess.CompletedProcess[str], dict[str, dict[str, object]]]:
-    """The program on a folder of curves, started by a runner: what it said, and its entries by
-    file.
+    """Fit a folder of curves in a process started by a runner.
+
+    Returns the finished process, and the entries by file.
     """
     (folder / "scene.yaml").write_text(SCENE)
     command = [
@@ -62,9 +61,7 @@ def fitted(
 
 
 def check(folder: Path, files: list[hostile_curves.Hostile], *words: str) -> None:
-    """Every file has an entry; those that are curves their modulus, the others a reason on one
-    line.
-    """
+    """Assert that every file has an entry: a modulus, or a reason on one line."""
     (folder / "curves").mkdir()
     has_readers = all(importlib.util.find_spec(name) for name in ("afmformats", "pyfmreader"))
     there = [one for one in files if has_readers or not one.name.endswith(INSTRUMENTS)]
@@ -120,7 +117,10 @@ def test_more_files_in_two_processes(tmp_path):
 
 @pytest.mark.verify
 def test_ten_million_rows(tmp_path):
-    """A column of words and a hole, within 2 GB: 1.4 GB are measured."""
+    """A curve of ten million rows with a column of words and a gap is fitted within 2 GB.
+
+    1.4 GB are measured.
+    """
     (tmp_path / "curves").mkdir()
     x, force = hostile_curves.curve(np.random.default_rng(0), 10_000_000)
     with (tmp_path / "curves" / "long.csv").open("w") as file:

@@ -1,5 +1,6 @@
-"""New users: from an empty folder to what each came for in at most three commands, those of
-docs/how_do_i.md.
+"""New users get from an empty folder to their goal in at most three commands.
+
+The commands are those of docs/how_do_i.md.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import html_page
 import matplotlib.image
 import numpy as np
 import pytest
-from test_tutorials import BLOCK, ROOT, followed
+from documented_commands import BLOCK, ROOT, followed
 
 import indent_sim
 from indent_sim.results.reader import read_run
@@ -22,8 +23,9 @@ MOST = 3  # commands
 
 
 def afm_biologist(folder: Path) -> None:
-    """The curve with its error bars, up and down, and a picture of it above the stress in the
-    deformed cell.
+    """The curve in and out has error bars, and there is a picture.
+
+    It has the curve above the stress in the deformed cell.
     """
     run = read_run(folder / "results" / "cell")
     assert run["force"] == pytest.approx([0.5, 1, 2, 3, 1, 0]) and run["delta"][1] == pytest.approx(
@@ -38,7 +40,7 @@ def afm_biologist(folder: Path) -> None:
 
 
 def film_engineer(folder: Path) -> None:
-    """How far the formula of the half-space is off, and the curve."""
+    """The report says how far the half-space's formula is off, and has the curve."""
     page = (folder / "results" / "film" / "report.html").read_text(encoding="utf-8")
     html_page.check(page)
     assert (
@@ -49,14 +51,14 @@ def film_engineer(folder: Path) -> None:
 
 
 def gel_researcher(folder: Path) -> None:
-    """The stress at three depths as a PDF 170 mm wide."""
+    """The stress at three depths is a PDF 170 mm wide."""
     pdf = (folder / "stress.pdf").read_bytes()
     width = float(re.search(rb"/MediaBox \[ 0 0 ([\d.]+)", pdf)[1])  # type: ignore[index]
     assert pdf.startswith(b"%PDF") and width / 72 * 25.4 == pytest.approx(170, abs=0.1)
 
 
 def cluster_user(folder: Path) -> None:
-    """A table of six runs, and their curves on one page."""
+    """There is a table of six runs, and a page with their curves."""
     with open(folder / "results" / "study" / "study.csv", newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert [row["status"] for row in rows] == ["done"] * 6
@@ -72,8 +74,9 @@ TRUE_E = 14.0  # kPa, of the measured curve
 
 
 def measured(folder: Path) -> None:
-    """A curve of the template's gel, in mm and mN: a Hertz curve times what the thickness does, and
-    1 % of noise.
+    """Write a curve of the template's gel in mm and mN.
+
+    It is a Hertz curve times the effect of thickness, with 1 % of noise.
     """
     followed(["indent-sim init gel"], folder)
     truth = indent_sim.load(
@@ -97,7 +100,7 @@ def measured(folder: Path) -> None:
 
 
 def afm_user(folder: Path) -> None:
-    """The modulus with an interval that holds the true one, a few per cent wide, on a page."""
+    """The modulus has an interval a few per cent wide that holds the true one, on a page."""
     (row,) = csv.DictReader(
         (folder / "results" / "fit-measured" / "fit.csv").read_text().splitlines()
     )
@@ -109,7 +112,7 @@ def afm_user(folder: Path) -> None:
 
 
 def other_program(folder: Path) -> None:
-    """The same rubber by another method on other elements, as two columns of text."""
+    """Write the curve of the same rubber by another method on other elements, as two columns."""
     followed(["indent-sim init rubber"], folder)
     settings = [
         "contact.method=active_set",
@@ -126,14 +129,14 @@ def other_program(folder: Path) -> None:
 
 
 def fe_engineer(folder: Path) -> None:
-    """Forces with error bars that were compared, and fields of every step for ParaView."""
+    """Forces with error bars were compared, and fields of every step are there for ParaView."""
     run = read_run(folder / "results" / "rubber")
     assert len(run) == 9 and (run["force_error"][:-1] > 0).all()
     assert (folder / "results" / "rubber" / "fields.xdmf").exists()
 
 
 def nothing(folder: Path) -> None:
-    """An empty folder."""
+    """Begin with an empty folder."""
 
 
 Step = Callable[[Path], None]
@@ -149,7 +152,6 @@ JOURNEYS: list[
 ]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("word", "before", "arrived"), JOURNEYS, ids=[arrived.__name__ for *_, arrived in JOURNEYS]
 )

@@ -1,24 +1,15 @@
-"""A cold cache of compiled kernels: one line says so, compilers keep quiet, and what a killed run
-left is cleared.
-"""
+"""A cold cache of compiled kernels: one message, quiet compilers, and leftovers are cleared."""
 
 from __future__ import annotations
 
-import logging
-import multiprocessing
+import fcntl
 import os
-import signal
 import subprocess
 import sys
-import threading
-import time
+from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import pytest
-
-from indent_sim.fe import kernel_cache
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENE = """\
@@ -30,245 +21,112 @@ mesh: {h_contact: 0.05, h_far: 0.5}
 solver: {method: newton}
 output: {plot: false, fields: none}
 """
-LINE = "compiling kernels (first run only)"
+COMPILING = "compiling kernels (first run only)"
+RUN = [sys.executable, "-m", "indent_sim.cli.commands", "run", "scene.yaml", "--output"]
+PATIENCE = 300  # s
+Run = Callable[[], "subprocess.CompletedProcess[str]"]
 
 
 @pytest.fixture(scope="module")
-def indent_sim(tmp_path_factory):
-    """A function that runs the scene in a process of its own, with a cache of its own; and that
-    cache.
-    """
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the scene and with a cache of its own."""
     folder = tmp_path_factory.mktemp("cold")
     (folder / "scene.yaml").write_text(SCENE)
-    environment = os.environ | {
-        "XDG_CACHE_HOME": str(folder / "cache"),
-        "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")])),
-    }
+    return folder
+
+
+@pytest.fixture(scope="module")
+def environment(place: Path) -> dict[str, str]:
+    search = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+    return os.environ | {"XDG_CACHE_HOME": str(place / "cache"), "PYTHONPATH": search}
+
+
+@pytest.fixture(scope="module")
+def run(place: Path, environment: dict[str, str]) -> Run:
+    """A function that runs the scene in a process of its own."""
 
     def start() -> subprocess.CompletedProcess[str]:
-        words = [sys.executable, "-m", "indent_sim.cli.commands", "run", "scene.yaml"]
         return subprocess.run(
-            words, cwd=folder, env=environment, capture_output=True, text=True, timeout=300
+            [*RUN, "out"],
+            cwd=place,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE,
         )
 
-    return start, folder / "cache" / "fenics"
+    return start
 
 
-def entries(cache: Path, suffix: str) -> list[Path]:
-    return sorted(path for path in cache.iterdir() if path.name.endswith(suffix))
-
-
-def test_cold_warm_and_half_written(indent_sim):
-    start, cache = indent_sim
-    cold = start()
+@pytest.fixture(scope="module")
+def cache(run: Run, place: Path) -> Path:
+    """The folder of kernels after a first run, which says that it compiles and nothing of how."""
+    cold = run()
     assert cold.returncode == 0, cold.stderr
-    assert cold.stdout == "results/scene\n" and cold.stderr.count(LINE) == 1
+    assert cold.stdout == "out\n" and cold.stderr.count(COMPILING) == 1
     assert "INFO" not in cold.stderr and "gcc" not in cold.stderr and "build_ext" not in cold.stderr
+    (folder,) = (place / "cache" / "fenics").iterdir()
+    return folder
 
-    warm = start()
-    assert warm.returncode == 0 and LINE not in warm.stderr
 
-    # what a kill leaves: a claim, its lock open again, and nobody who will make it good
-    victim = entries(cache, ".c.cached")[0]
-    name = victim.name.removesuffix(".c.cached")
-    for path in cache.glob(f"{name}*"):
-        if path.name not in (f"{name}.c", f"{name}.lock"):
+def files_of_a_kernel(cache: Path) -> dict[str, Path]:
+    """The files of one kernel by their suffixes."""
+    name = min(path.name for path in cache.glob("*.c")).removesuffix(".c")
+    return {path.name.removeprefix(name): path for path in cache.glob(f"{name}.*")}
+
+
+def test_kernels_are_compiled_once(run: Run, cache: Path) -> None:
+    warm = run()
+    assert warm.returncode == 0 and COMPILING not in warm.stderr
+
+
+def test_what_a_killed_run_left_is_compiled_again(run: Run, cache: Path) -> None:
+    files = files_of_a_kernel(cache)
+    for suffix, path in files.items():
+        if suffix != ".c":
             path.unlink()
-    begin = time.monotonic()
-    mended = start()
-    assert mended.returncode == 0, mended.stderr
-    assert LINE in mended.stderr and victim.exists()
-    assert time.monotonic() - begin < kernel_cache.STALE_AFTER
-
-    # what a full disk or a power failure leaves: finished, and cut off
-    for library, length in zip(entries(cache, ".so"), (0, 5000), strict=False):
-        os.truncate(library, length)
-    again = start()
-    assert again.returncode == 0 and LINE in again.stderr, again.stderr
-
-    # what somebody leaves who tidies up, or a Python of another version: finished, and no library
-    # to load
-    entries(cache, ".so")[0].unlink()
-    once_more = start()
-    assert once_more.returncode == 0 and LINE in once_more.stderr, once_more.stderr
-    assert LINE not in start().stderr
+    mended = run()
+    assert mended.returncode == 0 and COMPILING in mended.stderr, mended.stderr
+    assert files[".c.cached"].exists()
+    assert COMPILING not in run().stderr
 
 
-# ---- several processes and one cache
-# ------------------------------------------------------------------------------
+def test_a_library_that_is_gone_is_a_sentence(run: Run, cache: Path) -> None:
+    (library,) = (
+        path for suffix, path in files_of_a_kernel(cache).items() if suffix.endswith(".so")
+    )
+    content = library.read_bytes()
+    library.unlink()
+    broken = run()
+    library.write_bytes(content)
+    assert broken.returncode == 7 and f"delete the folder {cache}" in broken.stderr
+    assert "Traceback" not in broken.stderr
 
 
-def cheap(folder: Path, seconds: float) -> None:
-    """FFCx's look-up and compilation without FFCx: the same files, no compiler; each start is a
-    line in `compiled`.
-    """
-
-    def found(name: str, objects: list[str], cache: Path, timeout: int) -> tuple[Any, Any]:
-        if (folder / f"{name}.c.cached").exists():
-            return ["kernel"], "module"
-        try:
-            (folder / f"{name}.c").touch(exist_ok=False)
-        except FileExistsError:
-            raise TimeoutError("nobody should have to wait here") from None
-        return None, None
-
-    def compiled(
-        declaration: str, objects: Any, names: Any, module: str, options: Any, cache: Path
-    ) -> None:
-        with (folder / "compiled").open("a") as log:
-            log.write(f"{os.getpid()}\n")
-        time.sleep(seconds)
-        finish(folder, module)
-
-    kernel_cache._ffcx_lookup, kernel_cache._ffcx_compile = (
-        found,
-        compiled,
-    )  # in a process of its own
-
-
-def finish(folder: Path, module: str) -> None:
-    """A library with nothing in it, and the mark that it is done."""
-    (folder / f"{module}.so").write_bytes(bytes(64))
-    (folder / f"{module}.c.cached").touch()
-
-
-def race(folder: Path, runs: int, seconds: float) -> list[Any]:
-    """Processes that all need the same kernel at the same time."""
-
-    def run() -> None:
-        cheap(folder, seconds)
-        if kernel_cache.find_cached_module("one", [], folder, 10)[0] is None:
-            kernel_cache.compile_kernels("", [], [], "one", {}, folder)
-        assert kernel_cache.find_cached_module("one", [], folder, 10) == (["kernel"], "module")
-
-    context = multiprocessing.get_context("fork")
-    processes = [context.Process(target=run) for _ in range(runs)]
-    for process in processes:
-        process.start()
-    return processes
-
-
-def compilations(folder: Path) -> list[int]:
-    """Who compiled, in turn."""
-    log = folder / "compiled"
-    return [int(line) for line in log.read_text().split()] if log.exists() else []
-
-
-def ends(processes: list[Any]) -> list[int]:
-    for process in processes:
-        process.join(20)  # s: far beyond what these compilations take
-    return [process.exitcode for process in processes]
-
-
-def test_one_process_compiles_and_the_others_wait(tmp_path):
-    assert ends(race(tmp_path, 12, seconds=0.3)) == [0] * 12
-    assert len(compilations(tmp_path)) == 1
-
-
-def test_another_process_takes_over_from_a_killed_one(tmp_path):
-    """At once: nobody waits for the age of what it left."""
-    processes = race(tmp_path, 6, seconds=0.5)
-    while not compilations(tmp_path):
-        time.sleep(0.01)
-    os.kill(compilations(tmp_path)[0], signal.SIGKILL)
-    assert sorted(ends(processes)) == [-signal.SIGKILL] + [0] * 5
-    assert len(compilations(tmp_path)) == 2
-
-
-class TestAnotherFFCx:
-    """Its functions are not promised: what is not known is left as it is, with a word."""
-
-    @pytest.mark.parametrize("other", ["missing", "another"])
-    @pytest.mark.parametrize("name", kernel_cache.EXPECTED_FFCX_FUNCTIONS)
-    def test_is_left_alone(self, monkeypatch, caplog, name, other):
-        caplog.set_level("INFO", "indent_sim")
-        monkeypatch.setattr(kernel_cache, "_logged_messages", set())
-        own = SimpleNamespace(get_cached_module=a_lookup, _compile_objects=a_compilation)
-        if other == "missing":
-            delattr(own, name)
-        else:
-            setattr(own, name, lambda key, folder: None)
-        before = dict(vars(own))
-        monkeypatch.setattr(kernel_cache, "jit", own)
-        assert not kernel_cache.lock_ffcx_cache() and vars(own) == before
-        assert "another way" in caplog.text
-
-    def test_one_that_is_known_is_watched(self, monkeypatch):
-        own = SimpleNamespace(get_cached_module=a_lookup, _compile_objects=a_compilation)
-        kernel_cache.lock_ffcx_cache()
-        for name in ("_found", "_compiled"):
-            monkeypatch.setattr(
-                kernel_cache, name, getattr(kernel_cache, name)
-            )  # as before, afterwards
-        monkeypatch.setattr(kernel_cache, "jit", own)
-        assert kernel_cache.lock_ffcx_cache() and kernel_cache.lock_ffcx_cache()
-        assert (own.get_cached_module, kernel_cache._ffcx_lookup) == (
-            kernel_cache.find_cached_module,
-            a_lookup,
-        )
-
-    def test_the_one_here_is_known_and_untouched_by_an_import(self):
-        program = """
-from ffcx.codegeneration import jit
-own = jit.get_cached_module
-from indent_sim.fe import kernel_cache, solver
-assert jit.get_cached_module is own and kernel_cache.lock_ffcx_cache()
-assert jit.get_cached_module is kernel_cache.find_cached_module
-"""
-        subprocess.run([sys.executable, "-c", program], check=True)
-
-
-def a_lookup(module_name, object_names, cache_dir, timeout):
-    return None, None
-
-
-def a_compilation(decl, ufl_objects, object_names, module_name, options, cache_dir):
-    return None
-
-
-class TestAnotherProgramsEntry:
-    """One without a lock: it is waited for as long as it changes, by the clock of who waits."""
-
-    @pytest.fixture(autouse=True)
-    def patience(self, tmp_path, monkeypatch, caplog):
-        kernel_cache.lock_ffcx_cache()
-        for name in ("_found", "_compiled", "STALE"):
-            monkeypatch.setattr(
-                kernel_cache, name, getattr(kernel_cache, name)
-            )  # as before, afterwards
-        monkeypatch.setattr(kernel_cache, "_logged_messages", set())
-        cheap(tmp_path, 0.0)
-        kernel_cache.STALE_AFTER = 0.3
-        caplog.set_level("INFO", "indent_sim")
-
-    @pytest.mark.parametrize("age", [3600.0, 0.0, -3600.0])
-    def test_left_behind(self, tmp_path, caplog, age):
-        (tmp_path / "one.c").touch()
-        os.utime(
-            tmp_path / "one.c", (time.time() - age,) * 2
-        )  # the clock of a file server may be another
-        begin = time.monotonic()
-        assert kernel_cache.find_cached_module("one", [], tmp_path, 10) == (None, None)
-        assert 0.3 <= time.monotonic() - begin < 5
-        assert f"waiting for another program that compiles {tmp_path / 'one.c'}" in caplog.text
-
-    def test_finished_in_the_meantime(self, tmp_path):
-        (tmp_path / "one.c").touch()
-        later = threading.Timer(0.1, finish, (tmp_path, "one"))
-        later.start()
-        assert kernel_cache.find_cached_module("one", [], tmp_path, 10) == (["kernel"], "module")
-        assert (tmp_path / "one.c").exists()
+def test_a_run_waits_for_another_process_that_compiles(
+    place: Path, environment: dict[str, str], cache: Path
+) -> None:
+    with (
+        open(cache / "lock", "w") as lock,
+        subprocess.Popen(
+            [*RUN, "waited"], cwd=place, env=environment, stderr=subprocess.PIPE, text=True
+        ) as process,
+    ):
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        assert process.stderr is not None
+        line = process.stderr.readline()
+        assert "waiting for another process that compiles" in line and process.poll() is None
+        fcntl.flock(lock, fcntl.LOCK_UN)
+        process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0
 
 
 @pytest.mark.stress
-def test_six_cold_runs_at_once(tmp_path):
+def test_six_cold_runs_at_once(tmp_path: Path, environment: dict[str, str]) -> None:
     (tmp_path / "scene.yaml").write_text(SCENE)
-    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONPATH": str(ROOT)}
-    words = [sys.executable, "-m", "indent_sim.cli.commands", "run", "scene.yaml", "--output"]
+    cold = environment | {"XDG_CACHE_HOME": str(tmp_path / "cache")}
     runs = [
-        subprocess.Popen(
-            [*words, str(k)], cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True
-        )
+        subprocess.Popen([*RUN, str(k)], cwd=tmp_path, env=cold, stderr=subprocess.PIPE, text=True)
         for k in range(6)
     ]
     told = [run.communicate(timeout=900)[1] for run in runs]
@@ -277,21 +135,19 @@ def test_six_cold_runs_at_once(tmp_path):
 
 
 def test_a_caller_without_logging_sees_no_compiler(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    tmp_path: Path, environment: dict[str, str]
 ) -> None:
-    """A notebook or script: setuptools lowers the level of the root logger and writes each command
-    line to it.
+    """A notebook or script without logging sees no command lines of the compiler.
+
+    setuptools lowers the level of the root logger and writes each command line to it.
     """
-    root = logging.getLogger()
-    monkeypatch.setattr(root, "handlers", [])
-    monkeypatch.setattr(root, "level", logging.WARNING)
-
-    def compiled(*asked: Any) -> str:
-        root.setLevel(logging.INFO)
-        logging.info("gcc -shared")
-        return "done"
-
-    monkeypatch.setattr(kernel_cache, "_ffcx_compile", compiled, raising=False)
-    assert kernel_cache.compile_kernels("", [], [], "module", {}, tmp_path) == "done"
-    assert capfd.readouterr().err == ""
-    assert (root.handlers, root.level) == ([], logging.WARNING)
+    (tmp_path / "scene.yaml").write_text(SCENE)
+    program = "import indent_sim; list(indent_sim.states(indent_sim.load('scene.yaml')))"
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        cwd=tmp_path,
+        env=environment | {"XDG_CACHE_HOME": str(tmp_path / "cache")},
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

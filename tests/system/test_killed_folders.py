@@ -1,6 +1,4 @@
-"""A process that is killed while it writes a result folder: what it leaves, and what the next one
-makes of that.
-"""
+"""A process killed while it writes a result folder: what it leaves, and what the next one does."""
 
 from __future__ import annotations
 
@@ -12,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_results import FILES, names, some_fields, write_run
+from made_results import FILES, names, some_fields, write_run
 
 from indent_sim.results.reader import read
 
@@ -20,7 +18,7 @@ KILLED_RUN = """
 import sys, time
 from pathlib import Path
 from indent_sim.results.writer import ResultFolder
-from tests.unit.results.test_results import BODY, a_state, some_fields
+from tests.made_results import BODY, a_state, some_fields
 with ResultFolder(Path(sys.argv[1]), "", surface="all") as run:
     run.open_fields(*BODY, keep="all")
     for step in range(1, int(sys.argv[2]) + 1):

@@ -1,5 +1,6 @@
-"""Killed, stopped, out of disk: a folder that can be read at any moment, and `--resume` ends at the
-same curve.
+"""A run that is killed, stopped or out of disk leaves a folder that can be read.
+
+`--resume` ends at the same curve.
 """
 
 from __future__ import annotations
@@ -18,9 +19,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import environment
 from conftest import MPI_ENVIRONMENT
-from test_cli import environment
-from test_resume import CONDENSED, HYPERELASTIC, same_numbers
+from resumed_runs import CONDENSED, HYPERELASTIC, same_numbers
 
 from indent_sim.config.scene_file import load
 from indent_sim.model.state import State
@@ -42,7 +43,7 @@ def scene(request: pytest.FixtureRequest, tmp_path: Path) -> str:
 
 
 def started(place: Path, *words: str, before: tuple[str, ...] = ()) -> subprocess.Popen[str]:
-    """The run in a process of its own, or in what `before` starts."""
+    """The run in a process of its own, started by `before`."""
     return subprocess.Popen(
         (*before, *RUN, *words),
         cwd=place,
@@ -82,7 +83,9 @@ class TestSignals:
             wait_for_rows(tmp_path, process, 2)
             process.send_signal(number)
             _, told = process.communicate(timeout=PATIENCE)
-        assert process.returncode == code and "--resume goes on" in told and "Traceback" not in told
+        assert (
+            process.returncode == code and "--resume continues" in told and "Traceback" not in told
+        )
         stopped = read(tmp_path / "out")
         assert (
             stopped.report["status"] == "interrupted"
@@ -92,7 +95,10 @@ class TestSignals:
         same_numbers(tmp_path / "out", undisturbed(scene))
 
     def test_a_library_may_hide_the_signal(self, tmp_path):
-        """What arrives in a callback of PETSc comes out of it as PETSc's own error."""
+        """A signal is recognised also where PETSc's error hides its exception.
+
+        An exception in a callback of PETSc comes out of it as PETSc's own error.
+        """
 
         def hide(state: State, step: int, total: int) -> None:
             try:
@@ -106,7 +112,6 @@ class TestSignals:
         report = read(tmp_path / "out").report
         assert (report["status"], report["exit_code"], report["rows"]) == ("interrupted", 143, 1)
 
-    @pytest.mark.slow
     @pytest.mark.parametrize(
         "number",
         [
@@ -118,8 +123,9 @@ class TestSignals:
         ],
     )
     def test_on_two_ranks(self, tmp_path, undisturbed, number):
-        """mpirun passes the signal on; its own exit code is its own affair, so only not 0 is asked
-        for.
+        """A signal to mpirun stops a run on two ranks, and --resume ends the same curve.
+
+        mpirun passes the signal on; its own exit code only has to differ from 0.
         """
         long = HYPERELASTIC.replace("steps: 15", "steps: 200")  # mpirun passes it on after a second
         (tmp_path / "scene.yaml").write_text(long)
@@ -134,9 +140,10 @@ class TestSignals:
 
 
 def kills(place: Path, number: int, seed: int) -> int:
-    """Kill the run of a place at random moments, resume it each time, begin anew when it is done;
-    returns how often it was done. Whatever is there after a kill can be read, and no row that
-    was there is another now.
+    """Kill the run of a place at random moments and resume it each time.
+
+    A finished run is begun anew; returns how often one was. After every kill the folder can be
+    read, and no row that was there has changed.
     """
     chance, rows, done, span = random.Random(seed), None, 0, 4.0
     for _ in range(number):
@@ -203,9 +210,7 @@ AT_THE_END = {  # of each kind of run: the scene, the words before and after the
 
 
 class Victim:
-    """A kind of run that is ended at random moments and resumed; what it leaves is held to
-    `expected`.
-    """
+    """A kind of run that is ended at random moments and resumed, compared with `expected`."""
 
     def __init__(self, kind: str, place: Path, expected: Path):
         self.place, self.expected = place, expected
@@ -220,8 +225,9 @@ class Victim:
         self.seen: dict[str, tuple[str, dict[str, np.ndarray]]] = {}
 
     def end(self, after: float | None, number: int = 0) -> tuple[int, str]:
-        """Begin the run or go on with it, send it a signal after some time; exit code and what it
-        told.
+        """Begin or resume the run and send it a signal after some time.
+
+        Returns the exit code and stderr.
         """
         words = (*self.before, *self.words)
         with subprocess.Popen(
@@ -240,8 +246,9 @@ class Victim:
         return process.returncode, told
 
     def look(self) -> None:
-        """Every result there can be read, and has the rows that were seen in it, unless they are of
-        another mesh.
+        """Assert that every result can be read and has the rows seen in it before.
+
+        Rows of another mesh are not compared.
         """
         for report in [
             path for path in self.place.rglob("run.json") if ".staging" not in str(path)
@@ -263,7 +270,7 @@ class Victim:
             self.seen[name] = mesh, rows
 
     def finish(self) -> None:
-        """What a run that came to its end has: the rows of one that nothing stopped."""
+        """Assert that a finished run has the rows of an undisturbed one."""
         for table in self.expected.rglob("force_indentation.csv"):
             found, wanted = (
                 read(self.place / "out" / table.parent.relative_to(self.expected)),
@@ -284,8 +291,10 @@ class Victim:
 @pytest.mark.stress
 @pytest.mark.parametrize("kind", AT_THE_END)
 def test_ended_by_any_signal_at_random_moments(kind, tmp_path):
-    """Eight of each kind: every end is in the table of exit codes or the signal's own, nothing is
-    lost, and the rows at the end are those of a run that nothing stopped."""
+    """Runs ended eight times by random signals lose nothing and end with undisturbed rows.
+
+    Every end is in the table of exit codes or the signal's own.
+    """
     whole = Victim(kind, tmp_path / "whole", tmp_path)
     code, told = whole.end(None)
     assert code == 0, told

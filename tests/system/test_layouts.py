@@ -1,9 +1,8 @@
-"""Pictures as a paper needs them: panels where they are asked for, and in no picture words over
-words or axes without a name.
-"""
+"""Pictures for a paper: panels where they are asked for, no overlaps, no axes without a name."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from matplotlib.figure import Figure
 from picture_checks import faults
 
 import indent_sim
@@ -113,6 +113,17 @@ def test_colours_and_frame_are_those_asked_for(gel: Path) -> None:
     assert panels_of(near)[0].get_xlim()[1] == pytest.approx(radius, rel=1e-6)
 
 
+@pytest.mark.parametrize("what", ["force", "pressure", "profile", "fields"])
+def test_panels_are_drawn_into_axes_of_ones_own(gel: Path, what: str) -> None:
+    """Axes in the second column, and axes outside of a grid, have both names and their numbers."""
+    own = Figure()
+    for axes in (own.subplots(1, 2)[1], own.add_axes((0.1, 0.1, 0.4, 0.4))):
+        assert indent_sim.plot(gel, what, ax=axes) is own
+        assert axes.get_xlabel()
+        assert axes.get_ylabel()
+        assert any(label.get_text() for label in axes.get_yticklabels())
+
+
 def test_a_layout_without_room_is_refused(gel: Path) -> None:
     with pytest.raises(UsageError, match=r"1x1 has room for 1 panels; these are 2"):
         indent_sim.plot(gel, "force,pressure", layout=(1, 1))
@@ -120,6 +131,39 @@ def test_a_layout_without_room_is_refused(gel: Path) -> None:
         indent_sim.plot(gel, "force", layout=(1, 4), width=60)
     with pytest.raises(UsageError, match="plot has no option colour; it has fields"):
         indent_sim.plot(gel, "force", colour="red")
+
+
+@pytest.mark.parametrize(("width", "font"), [(85, 40), (50, 10)], ids=str)
+@pytest.mark.parametrize("what", ["force", "pressure", "fields"])
+def test_letters_too_large_for_a_width_are_refused(
+    gel: Path, what: str, width: float, font: float
+) -> None:
+    """The message names a width and a font size, and both of them make a picture without faults."""
+    with pytest.raises(UsageError, match="pt need --width") as refused:
+        indent_sim.plot(gel, what, width=width, font=font)
+    needed_width, fitting_font = re.findall(
+        r"--width (\d+), or --font-size ([\d.]+)", str(refused.value)
+    )[0]
+    for size in (
+        {"width": float(needed_width), "font": font},
+        {"width": width, "font": float(fitting_font)},
+    ):
+        assert faults(indent_sim.plot(gel, what, **size)) == []
+
+
+def test_the_smallest_picture_of_the_command_has_letters_too_large(gel: Path) -> None:
+    words = ["--what", "force", "--width", "30", "--font-size", "40"]
+    done = CliRunner().invoke(commands.program, ["plot", str(gel), *words])
+    assert done.exit_code == 2
+    assert "need --width 265, or --font-size 4.5" in done.stderr
+
+
+def test_a_text_without_room_is_refused() -> None:
+    """Matplotlib's layout leaves no room for axes: an error instead of a picture of letters."""
+    with figures.new_figure((1.0, 1.0), 40.0) as figure:
+        figure.subplots().set(xlabel="depth", ylabel="force")
+        with pytest.raises(UsageError, match="no room for the panels in a width of 25 mm"):
+            figures.apply_layout(figure)
 
 
 @pytest.mark.parametrize(
@@ -140,7 +184,7 @@ def test_options_that_make_no_picture_are_refused(gel: Path, options: list[str],
 
 
 def test_the_command_takes_all_of_them(gel: Path, tmp_path: Path) -> None:
-    """85 mm at 100 points to the inch are 335 points."""
+    """`plot` takes all options at once; 85 mm at 100 dots per inch are 335 pixels."""
     words = (
         "--what force,fields --layout 1x2 --letters --dpi 100 --limits 0:2 --zoom all "
         "--width 85 --font-size 6"
@@ -163,8 +207,9 @@ LAYER = {
 
 
 def test_twenty_curves_have_a_bar_units_and_hertz_beside_them() -> None:
-    """Thicknesses as plain numbers are in the scene's um; the half-space does not know them, so
-    Hertz is one curve.
+    """Curves over twenty thicknesses have a colour bar with units, and one curve of Hertz.
+
+    Thicknesses as plain numbers are in the scene's um. The half-space does not depend on them.
     """
     vary = {"body.height": {"from": 2, "to": 40, "count": 20, "spacing": "log"}}
     figure = indent_sim.plot(indent_sim.study({"base": LAYER, "vary": vary}))
@@ -185,7 +230,9 @@ def test_twenty_curves_have_a_bar_units_and_hertz_beside_them() -> None:
 
 
 def test_curves_beside_a_panel_with_one_line_of_names_keep_their_own_below_them() -> None:
-    """The panel of the curves spans the cell of the names, which is lower than what stands below an
+    """The names of curves stay below them beside a panel with one line of names.
+
+    The panel of the curves spans the cell of the names, which is lower than what stands below an
     axis.
     """
     figure = indent_sim.plot(
@@ -234,7 +281,7 @@ def test_the_checker_finds_legends_that_tell_nothing() -> None:
 
 
 def test_the_checker_finds_words_on_the_panel_of_another() -> None:
-    """A legend that is wider than its place, as one below a panel beside a bar of colours."""
+    """The checker of pictures finds words that reach into another panel."""
     with figures.new_figure() as figure:
         one, other = figure.subplots(1, 2)
         for axes in (one, other):
@@ -270,7 +317,7 @@ KINDS = (
 def test_no_picture_of_a_shipped_scene_has_a_fault(
     path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Those that a run draws, and every panel on request."""
+    """The pictures of a run of a shipped scene, and every panel on request, have no fault."""
     drawn: list[Any] = []
 
     def keep(figure: Any, path: Path) -> None:

@@ -1,30 +1,30 @@
-"""Meshing in a forked process: splits that gmsh cannot tell apart, crashes, signals, locks and what
-is counted.
-"""
+"""Meshing in a child process: splits near corners, crashes, signals and locks."""
 
 from __future__ import annotations
 
+import errno
 import fcntl
-import gc
 import os
 import random
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from command_line import environment
 from scenes import grid_of
-from test_cli import environment
 
 from indent_sim.config.scene_file import loads
 from indent_sim.mesh import gmsh, mesher_process
 from indent_sim.mesh.grid import Grid
 from indent_sim.process import usage
-from indent_sim.process.errors import ConfigError, MeshError
-from indent_sim.process.forked_process import ForkedProcess, ProcessCrash
+from indent_sim.process.child_process import ChildProcess, ProcessCrash
+from indent_sim.process.errors import BackendError, ConfigError, MeshError
 from indent_sim.run import pipeline
 from indent_sim.scene.scene import Scene, resolve
 
@@ -39,7 +39,7 @@ PATIENCE = 120  # s
 
 
 def near_a_corner(kind: str, d: float, width: float, h: float) -> Scene:
-    """A scene whose top is split at a distance d from a corner, or from the axis."""
+    """A scene whose top is split at a distance d from a corner or from the axis."""
     strip = f"{{shape: strip, width: {width!r}, height: 1.0}}"
     round_body = f"{{shape: cylinder, radius: {width!r}, height: 1.0}}"
     body, tip, mesh = {
@@ -81,8 +81,10 @@ def areas(grid: Grid) -> np.ndarray:
     ],
 )
 def test_a_split_near_a_corner_is_meshed(kind):
-    """Points nearer than gmsh's random shift change places: it aborted for d = 1e-12 to 5e-9 of the
-    body.
+    """A body split very near a corner is meshed with its whole area and without flat triangles.
+
+    Points nearer than gmsh's random shift change places: it aborted for distances of 1e-12 to 5e-9
+    of the body.
     """
     chance = random.Random(kind)
     for power in range(-13, -5):
@@ -93,7 +95,7 @@ def test_a_split_near_a_corner_is_meshed(kind):
 
 @pytest.mark.parametrize("place", [1.5, 1.4999999999985643])
 def test_no_triangle_is_flat(place):
-    """gmsh left one on three points of the top, of no area at all: nothing converged."""
+    """No triangle has three points on the top, where gmsh left one without area."""
     tip = f"{{shape: cone, half_angle: 70.0, center: [{place!r}]}}"
     scene = SCENE.format(
         body="{shape: strip, width: 2.0, height: 3.0, sides: fixed}", tip=tip, mesh="{}"
@@ -103,8 +105,10 @@ def test_no_triangle_is_flat(place):
 
 
 def test_a_failure_by_chance_is_tried_again():
-    """gmsh found facets of this box that cut one another; half as large a shift does the same, a
-    tenth does not.
+    """A mesh that fails by chance is tried with smaller random shifts.
+
+    gmsh found facets of this box that cut one another; half of the shift does the same, a tenth
+    does not.
     """
     body = "{shape: box, size: [2.0, 1.999999999999993, 0.3], base: fixed, sides: fixed}"
     tip = "{shape: cone, half_angle: 70.0, center: [0.9999999999999989, 1.000000001519999]}"
@@ -117,8 +121,9 @@ def test_a_failure_by_chance_is_tried_again():
 
 
 def test_a_flat_cell_is_told():
-    """Three points of the upper side of a square; and a triangle as thin as beside the narrowest
-    split.
+    """A flat cell is found, and a triangle as thin as beside the narrowest split is not one.
+
+    The flat cell has three points of the upper side of a square.
     """
     points = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.5, 1.0], [1e-8, 0.0]])
     halves = [[0, 1, 2], [0, 2, 3], [0, 5, 3]]
@@ -129,13 +134,16 @@ def test_a_flat_cell_is_told():
 @pytest.mark.parametrize(
     ("flat", "told"),
     [
-        (100, "mesh.h_contact 1.1 and 0.9 times as large was tried and cannot be meshed either"),
+        (100, "a mesh.h_contact 1.1 and 0.9 times as large was tried and cannot be meshed either"),
         (3, "a mesh.h_contact 1.1 times as large was tried and can be meshed"),
         (6, "a mesh.h_contact 0.9 times as large was tried and can be meshed"),
     ],
 )
 def test_a_mesh_that_stays_flat_is_refused(monkeypatch, flat, told):
-    """And the message names a size that was tried; each is meshed with three shifts."""
+    """A mesh that stays flat is refused, and the message names the sizes that were tried.
+
+    Each size is meshed with three shifts.
+    """
     seen = []
 
     def is_flat(grid):
@@ -143,16 +151,13 @@ def test_a_mesh_that_stays_flat_is_refused(monkeypatch, flat, told):
         return len(seen) <= flat
 
     monkeypatch.setattr(gmsh, "has_flat_cells", is_flat)
-    mesher_process._mesher.stop()  # forked anew, it knows
+    scene = resolve(loads(SMALL))
     with pytest.raises(MeshError, match=f"cells without volume; {told}"):
-        grid_of(resolve(loads(SMALL)))
-    mesher_process._mesher.stop()
+        gmsh.mesh_domain(scene.physics.domain, scene.sizes)
 
 
 def test_a_dropped_split_does_not_change_the_force():
-    """A punch 5e-9 narrower than the body presses like one 2e-9 narrower: the force grows as the
-    radius does.
-    """
+    """Punches 5e-9 and 2e-9 narrower than the body have the same force to 1e-8."""
     (wide,), (narrow,) = (
         pipeline.states(near_a_corner("edge beside the wall", d, 1.0, 0.1)) for d in (2e-9, 5e-9)
     )
@@ -171,70 +176,67 @@ def test_an_edge_lost_in_the_tolerance_of_the_cad_kernel_is_refused(radius):
 # ------------------------------------------------------------------------------------------------
 
 
-def half(x: float) -> float:
-    """The function called below: half of a number, or what the number stands for."""
-    if x == 0:
-        os.abort()
-    if x < 0:
-        os.write(
-            1, b"Info    : a number\nError   : it is negative\n"
-        )  # as C++ does, past Python's own stdout
-        os.kill(os.getpid(), int(-x))
-    if x > 100:
-        raise MeshError(f"{x:g} is too large")
-    if x > 10:
-        time.sleep(x)
-    return x / 2
-
-
 @pytest.fixture
-def halving():
-    """`half` in a forked process."""
-    forked = ForkedProcess(half, lambda: None)
-    yield forked
-    forked.stop()
+def child() -> Iterator[ChildProcess]:
+    """A child process that is ended after the test."""
+    process = ChildProcess()
+    yield process
+    process.stop()
 
 
-class TestForked:
-    def test_it_answers_and_its_exceptions_are_ours(self, halving):
-        assert halving.begin_call(3.0)() == 1.5
-        with pytest.raises(MeshError, match="200 is too large"):
-            halving.begin_call(200)()
-        assert halving.begin_call(5.0)() == 2.5
+def call(child: ChildProcess, text: str) -> Any:
+    """Value of an expression evaluated in a child process."""
+    return child.begin_call(eval, text)()
+
+
+def process_id(child: ChildProcess) -> int:
+    return int(call(child, "__import__('os').getpid()"))
+
+
+class TestChildProcess:
+    def test_it_answers_and_its_exceptions_are_raised_here(self, child):
+        assert child.begin_call(divmod, 7, 2)() == (3, 1)
+        with pytest.raises(ZeroDivisionError):
+            child.begin_call(divmod, 7, 0)()
+        assert child.begin_call(divmod, 9, 2)() == (4, 1)
+
+    def test_large_arrays_go_both_ways(self, child):
+        numbers = np.arange(10**6, dtype=float)
+        assert np.array_equal(child.begin_call(np.negative, numbers)(), -numbers)
 
     @pytest.mark.parametrize(
-        ("number", "how"),
+        ("ending", "how"),
         [
-            (0, "SIGABRT"),
-            (-signal.SIGSEGV, r"SIGSEGV \(it is negative\)"),
-            (-signal.SIGKILL, "SIGKILL"),
+            ("os.abort()", "SIGABRT"),
+            (
+                "(os.write(1, b'Info    : a\\nError   : it is odd\\n'), os.kill(os.getpid(), 11))",
+                r"SIGSEGV \(it is odd\)",
+            ),
+            ("os.kill(os.getpid(), 9)", "SIGKILL"),
+            ("os._exit(3)", "ended with exit code 3"),
         ],
     )
-    def test_a_crash_is_an_exception_and_the_next_call_is_answered(
-        self, halving, capfd, number, how
-    ):
+    def test_a_crash_is_an_exception_and_the_next_call_is_answered(self, child, capfd, ending, how):
         with pytest.raises(ProcessCrash, match=how):
-            halving.begin_call(number)()
-        assert halving.begin_call(3.0)() == 1.5
+            child.begin_call(exec, f"import os; {ending}")()
+        assert child.begin_call(divmod, 7, 2)() == (3, 1)
         assert capfd.readouterr() == ("", "")
 
-    def test_a_crash_between_two_calls_goes_unnoticed(self, halving):
-        halving.start()
-        os.kill(halving._child.pid, signal.SIGKILL)
-        os.waitid(
-            os.P_PID, halving._child.pid, os.WEXITED | os.WNOWAIT
-        )  # on a busy machine that takes a while
-        assert halving.begin_call(3.0)() == 1.5
+    def test_a_crash_between_two_calls_goes_unnoticed(self, child):
+        pid = process_id(child)
+        os.kill(pid, signal.SIGKILL)
+        os.waitid(os.P_PID, pid, os.WEXITED | os.WNOWAIT)  # on a busy machine that takes a while
+        assert process_id(child) != pid
 
-    def test_an_answer_that_nobody_waits_for_is_no_other_calls(self, halving):
-        late = halving.begin_call(8.0)
-        assert halving.begin_call(4.0)() == 2.0
+    def test_an_answer_that_nobody_waits_for_is_no_other_calls(self, child):
+        late = child.begin_call(divmod, 7, 2)
+        assert child.begin_call(divmod, 9, 2)() == (4, 1)
         with pytest.raises(ProcessCrash):
             late()
 
-    def test_a_signal_ends_the_waiting_and_the_process(self, halving):
-        answer = halving.begin_call(60.0)
-        pid = halving._child.pid
+    def test_a_signal_ends_the_waiting_and_the_process(self, child):
+        pid = process_id(child)
+        answer = child.begin_call(time.sleep, 60.0)
         before = signal.signal(signal.SIGALRM, signal.default_int_handler)
         signal.setitimer(signal.ITIMER_REAL, 0.2)
         try:
@@ -242,86 +244,75 @@ class TestForked:
                 answer()
         finally:
             signal.signal(signal.SIGALRM, before)
-        assert not Path(f"/proc/{pid}").exists() and halving.begin_call(3.0)() == 1.5
+        assert not Path(f"/proc/{pid}").exists() and child.begin_call(divmod, 7, 2)() == (3, 1)
 
-    def test_it_holds_no_lock(self, halving, tmp_path):
-        """A result folder would stay in use for as long as the process lives."""
+    def test_it_holds_no_lock(self, child, tmp_path):
+        """A child process does not hold the lock of a file that was open when it started.
+
+        Otherwise a result folder would stay in use for as long as the process lives.
+        """
         with open(tmp_path / ".lock", "w") as held:
             fcntl.flock(held, fcntl.LOCK_EX)
-            assert halving.begin_call(2.0)() == 1.0
+            child.start()
         with open(tmp_path / ".lock") as again:
             fcntl.flock(again, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
-    def test_a_fork_of_its_owner_has_its_own(self, halving):
-        assert halving.begin_call(2.0)() == 1.0
-        pid = os.fork()
-        if pid == 0:
-            right = (
-                not halving.is_running
-                and halving.begin_call(6.0)() == 3.0
-                and halving.begin_call(8.0)() == 4.0
-            )
-            halving.stop()
-            os._exit(0 if right else 1)
-        assert (
-            os.waitpid(pid, 0)[1] == 0 and halving.is_running and halving.begin_call(2.0)() == 1.0
-        )
+    def test_it_holds_a_lock_that_it_is_given(self, tmp_path):
+        with open(tmp_path / ".lock", "w") as held:
+            fcntl.flock(held, fcntl.LOCK_EX)
+            child = ChildProcess(inherited_files=(held.fileno(),))
+            child.start()
+        with open(tmp_path / ".lock") as again:
+            with pytest.raises(BlockingIOError):
+                fcntl.flock(again, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            child.stop()
+            fcntl.flock(again, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
-    def test_it_leaves_the_garbage_of_its_owner_alone(self, tmp_path):
-        """To destroy a mesh or a matrix there would be a call of an MPI that it is no part of: it
-        crashed.
-        """
+    def test_a_fork_of_its_owner_has_its_own(self, child):
+        pid = process_id(child)
+        fork = os.fork()
+        if fork == 0:
+            is_another = process_id(child) != pid
+            child.stop()
+            os._exit(0 if is_another else 1)
+        assert os.waitpid(fork, 0)[1] == 0 and process_id(child) == pid
 
-        class Garbage:
-            def __init__(self):
-                self.itself = self
+    def test_a_file_in_the_working_directory_is_no_library(self, child, tmp_path, monkeypatch):
+        (tmp_path / "pickle.py").write_text("import os; os.abort()")
+        monkeypatch.chdir(tmp_path)
+        assert child.begin_call(divmod, 7, 2)() == (3, 1)
 
-            def __del__(self):
-                (tmp_path / f"{os.getpid()}").touch()
-
-        gc.collect()
-        gc.disable()
-        Garbage()
-        forked = ForkedProcess(lambda _: gc.collect(), lambda: None)
-        forked.begin_call(None)()
-        forked.stop()
-        gc.enable()
-        gc.collect()
-        assert [entry.name for entry in tmp_path.iterdir()] == [str(os.getpid())]
-
-    def test_it_ends_when_its_owner_is_killed(self):
-        script = """
+    @pytest.mark.parametrize("work", ["time.sleep(60)", "sum(range(10**11))"])
+    def test_it_ends_when_its_owner_is_killed(self, work):
+        script = f"""
 import os, signal
-from indent_sim.process.forked_process import ForkedProcess
-from test_mesher import half
-forked = ForkedProcess(half, lambda: None); forked.begin_call(60.0)
-print(forked._child.pid, flush=True); os.kill(os.getpid(), signal.SIGKILL)
+from indent_sim.process.child_process import ChildProcess
+child = ChildProcess()
+print(child.begin_call(os.getpid)(), flush=True)
+child.begin_call(exec, "import time; {work}")
+os.kill(os.getpid(), signal.SIGKILL)
 """
-        here = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
         ended = subprocess.run(
-            [sys.executable, "-c", script], env=environment() | here, capture_output=True, text=True
+            [sys.executable, "-c", script],
+            env=environment(),
+            stdout=subprocess.PIPE,
+            text=True,
         )
-        deadline = time.monotonic() + 5
+        deadline = time.monotonic() + PATIENCE
         while is_alive(int(ended.stdout)):
             assert time.monotonic() < deadline
             time.sleep(0.01)
 
-    def test_its_time_is_counted(self):
-        def work(seconds: float) -> None:
-            end = time.process_time() + seconds
-            while time.process_time() < end:
-                pass
-
-        forked, before = ForkedProcess(work, lambda: None), usage.cpu_time()
-        forked.begin_call(0.3)()
-        assert usage.cpu_time() - before == pytest.approx(
-            0.3, abs=0.1
-        )  # 0.1: what this process does meanwhile
-        forked.stop()
+    def test_its_time_is_counted(self, child):
+        process_id(child)
+        before = usage.cpu_time()
+        child.begin_call(exec, "import time\nwhile time.process_time() < 1.0: pass")()
+        # 0.5 s: what the process used before, which is not that of the call, and this one meanwhile
+        assert usage.cpu_time() - before == pytest.approx(1.0, abs=0.5)
 
 
 def is_alive(pid: int) -> bool:
-    """Whether a process is there that is more than a zombie."""
+    """Whether a process exists that is more than a zombie."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except FileNotFoundError:
@@ -338,43 +329,47 @@ SMALL = SCENE.format(
 )
 
 
-def program(draw: str) -> list[str]:
-    """`run scene.yaml` with something else in the place where gmsh draws."""
-    imports = "import os, time\nfrom unittest import mock\nfrom indent_sim.cli import commands"
-    # AttributeError once renamed
-    patch = f"mock.patch('indent_sim.mesh.gmsh.prescribe_sizes', lambda *_: {draw})"
-    script = f"{imports}\nwith {patch}:\n    commands.main()"
-    return ["-c", script, "run", "scene.yaml", "--output", "out"]
+def with_another_gmsh(place: Path, text: str) -> dict[str, str]:
+    """Environment in which the module gmsh does something else when it is initialized."""
+    (place / "modules").mkdir()
+    lines = ["import os, time", "def initialize(*options):", f"    {text}"]
+    (place / "modules" / "gmsh.py").write_text("\n".join(lines))
+    (place / "scene.yaml").write_text(SMALL)
+    search = os.pathsep.join(filter(None, [str(place / "modules"), environment()["PYTHONPATH"]]))
+    return environment() | {"PYTHONPATH": search}
+
+
+RUN = ("-m", "indent_sim.cli.commands", "run", "scene.yaml", "--output", "out")
 
 
 class TestRun:
     def test_an_abort_of_gmsh_is_exit_4_and_one_sentence(self, tmp_path):
-        (tmp_path / "scene.yaml").write_text(SMALL)
         ended = subprocess.run(
-            [sys.executable, *program("os.abort()")],
+            [sys.executable, *RUN],
             cwd=tmp_path,
-            env=environment(),
+            env=with_another_gmsh(tmp_path, "os.abort()"),
             capture_output=True,
             text=True,
         )
         assert ended.returncode == 4 and ended.stdout == ""
         assert ended.stderr == "error: gmsh could not mesh the body: its process died of SIGABRT\n"
 
-    @pytest.mark.slow
-    def test_an_abort_of_gmsh_on_two_ranks(self, mpirun, tmp_path):
-        (tmp_path / "scene.yaml").write_text(SMALL)
-        ended = mpirun(2, *program("os.abort()"))
+    def test_an_abort_of_gmsh_on_two_ranks(self, mpirun, tmp_path, monkeypatch):
+        monkeypatch.setenv("PYTHONPATH", with_another_gmsh(tmp_path, "os.abort()")["PYTHONPATH"])
+        ended = mpirun(2, *RUN)
         assert ended.returncode == 4 and ended.stderr.count("died of SIGABRT") == 1
 
     @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
     def test_a_signal_to_all_processes_ends_both(self, tmp_path, number, code):
-        """As Ctrl-C in a terminal and batch systems send it, here in the middle of gmsh's work."""
-        (tmp_path / "scene.yaml").write_text(SMALL)
-        work = "(open('pid', 'w').write(str(os.getpid())), time.sleep(300))"
+        """A signal to the whole group in the middle of gmsh's work ends both processes.
+
+        Ctrl-C in a terminal and batch systems send signals that way.
+        """
+        work = "open('pid', 'w').write(str(os.getpid())); time.sleep(300)"
         with subprocess.Popen(
-            [sys.executable, *program(work)],
+            [sys.executable, *RUN],
             cwd=tmp_path,
-            env=environment(),
+            env=with_another_gmsh(tmp_path, work),
             text=True,
             stderr=subprocess.PIPE,
             start_new_session=True,
@@ -389,20 +384,11 @@ class TestRun:
         assert process.returncode == code and "Traceback" not in told
         assert not is_alive(int((tmp_path / "pid").read_text()))
 
-    def test_without_room_for_a_process_this_one_meshes(self, monkeypatch):
-        scene = resolve(loads(SMALL))
-        expected = grid_of(scene)
-
-        def refuse() -> int:
-            raise BlockingIOError("no room")
+    def test_without_room_for_a_process_a_sentence_says_so(self, monkeypatch):
+        def refuse(*words: Any, **options: Any) -> None:
+            raise BlockingIOError(errno.EAGAIN, "no room")
 
         mesher_process._mesher.stop()
-        monkeypatch.setattr(os, "fork", refuse)
-        assert grid_of(scene).hash == expected.hash
-
-    def test_among_ranks_nothing_is_forked_once_mpi_may_be_up(self, monkeypatch):
-        mesher_process._mesher.stop()
-        monkeypatch.setenv("OMPI_COMM_WORLD_SIZE", "2")
-        assert (
-            len(grid_of(resolve(loads(SMALL))).cells) > 0 and not mesher_process._mesher.is_running
-        )
+        monkeypatch.setattr(subprocess, "Popen", refuse)
+        with pytest.raises(BackendError, match="cannot start a process for gmsh: no room"):
+            grid_of(resolve(loads(SMALL)))

@@ -1,4 +1,4 @@
-"""Paths all of whose forces or depths are 0: planned and run to their end, or refused in words."""
+"""Paths whose forces or depths are all 0 are planned and run, or refused in words."""
 
 from __future__ import annotations
 
@@ -31,8 +31,9 @@ def model(request: pytest.FixtureRequest) -> Any:
 def planned_and_run(
     folder: Path, body: Any, model: str, loading: Any, **sections: Any
 ) -> tuple[int, str]:
-    """The exit code that `plan` and `run` share, and what `run` says; a refused scene leaves no
-    folder.
+    """The exit code that `plan` and `run` share, and what `run` says.
+
+    A refused scene leaves no folder.
     """
     scene = {
         "body": body,
@@ -64,7 +65,10 @@ def rows(folder: Path) -> list[dict[str, float]]:
     "experiment", [None, {"adhesion": {"work": 0.05}}], ids=["smooth", "no_range"]
 )
 def test_forces_that_press_nothing(tmp_path, body, model, experiment):
-    """Without an attraction that the solved contact has, no depth belongs to the force 0."""
+    """Forces that are all 0 are refused where the solved contact has no attraction.
+
+    No depth belongs to the force 0 then.
+    """
     code, words = planned_and_run(tmp_path, body, model, {"forces": [0, 0]}, experiment=experiment)
     assert code == 3 and "loading.forces: never press the tip in: every force is 0" in words
 
@@ -76,7 +80,10 @@ def test_depths_at_which_nothing_touches(tmp_path, body, model):
 
 
 def test_an_experiment_that_ends_at_first_touch(tmp_path, body, model):
-    """The JKR limit is made of a linear body's curve."""
+    """An adhesive experiment at depth 0 runs for a linear body and is refused otherwise.
+
+    The JKR limit is made of a linear body's curve.
+    """
     code, words = planned_and_run(
         tmp_path, body, model, {"deltas": [0, 0]}, experiment={"adhesion": {"work": 0.05}}
     )
@@ -85,7 +92,10 @@ def test_an_experiment_that_ends_at_first_touch(tmp_path, body, model):
 
 
 def test_a_tip_let_go_of_is_pulled_in_and_held_at_first_touch_it_pulls(tmp_path, body, model):
-    """The second row, at the same force or depth, is the equilibrium of the first."""
+    """With an attraction the force 0 has a positive depth, and the depth 0 a tensile force.
+
+    The second row, at the same force or depth, is the equilibrium of the first.
+    """
     attracts = {"contact": {"adhesion": ATTRACTION}}
     found = {}
     for key in ("forces", "deltas"):

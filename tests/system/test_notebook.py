@@ -1,5 +1,6 @@
-"""What a notebook calls: no file is needed, numbers are those of the commands, and what is shown
-fits a screen.
+"""The functions for notebooks need no file and give the numbers of the commands.
+
+What they show fits a screen.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ def test_a_dictionary_is_a_scene_as_its_file(tmp_path: Path) -> None:
 
 
 def test_a_dictionary_is_enough(tmp_path: Path) -> None:
-    """Everywhere where a scene is taken: no `load`, no `resolve`."""
+    """A dictionary is accepted wherever a scene is, without `load` or `resolve`."""
     forces = [state.force for state in indent_sim.states(SCENE)]
     outcome = indent_sim.simulate(SCENE, directory=str(tmp_path / "run"))
     assert forces == [state.force for state in outcome.states]
@@ -66,14 +67,17 @@ def test_a_dictionary_is_enough(tmp_path: Path) -> None:
     assert next(iter(indent_sim.states(tmp_path / "scene.json"))).force == pytest.approx(
         forces[0], rel=1e-12
     )
-    with pytest.raises(TypeError, match="not what `resolve` made of it"):
+    with pytest.raises(TypeError, match="not a resolved Scene"):
         indent_sim.simulate(
             indent_sim.resolve(indent_sim.load(SCENE)), directory=tmp_path / "other"
         )
 
 
 def test_changes_are_values_by_their_keys() -> None:
-    """As after --set, of a dictionary, a file or a config; numbers of numpy and sections too."""
+    """Changes given as values by keys are those of --set, for a dictionary, file or config.
+
+    Values may be numpy numbers and sections.
+    """
     changes = {
         "material.nu": np.float64(0.4),
         "body.height": "20 um",
@@ -106,7 +110,10 @@ def test_a_panel_is_drawn_into_axes_of_ones_own(result: Any) -> None:
 
 
 def test_what_is_shown_fits_a_screen(result: Any) -> None:
-    """A title, as many lines as fit, and the warnings; in HTML nothing of a title is markup."""
+    """The text of a result has a title, as many lines as fit, and the warnings.
+
+    In HTML nothing of a title is markup.
+    """
     for thing in (result, indent_sim.resolve(indent_sim.load(SCENE))):
         lines = repr(thing).splitlines()
         assert "A gel <on> glass" in lines[0] and len(lines) <= MAX_ROWS + 5
@@ -127,8 +134,9 @@ def test_long_tables_show_both_ends() -> None:
 
 
 def test_a_study_of_a_dictionary_is_its_table(tmp_path: Path) -> None:
-    """In a folder of its own, gone with the result; or in one that is named, from which it is read
-    back.
+    """A study of a dictionary is its table, in a temporary folder or in a named one.
+
+    A named one can be read back.
     """
     wanted = {"base": SCENE, "vary": {"body.height": [2, 10], "material.E": [1, 2]}}
     found = indent_sim.study(wanted)
@@ -192,8 +200,9 @@ def test_tables_go_to_pandas_where_it_is_there(
 
 
 def test_five_lines_are_enough(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Those of docs/how_do_i.md: a table and a figure; a derivative, one line more, lies between
-    the differences.
+    """Five lines of docs/how_do_i.md give a table and a figure, and one more a derivative.
+
+    The derivative lies between the differences of the table.
     """
     monkeypatch.chdir(tmp_path)
     page = (ROOT / "docs" / "how_do_i.md").read_text(encoding="utf-8")

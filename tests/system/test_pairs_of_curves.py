@@ -1,5 +1,6 @@
-"""Every curve beside every other in `compare`, `plot`, `compare_to`: results of all ways, studies,
-measured files.
+"""Every kind of curve beside every other in `compare`, `plot` and `compare_to`.
+
+Curves are results of all ways, studies and measured files.
 """
 
 from __future__ import annotations
@@ -80,7 +81,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def write_files() -> None:
-    """The half-space's curve by Hertz, in nm and pN, without a header, and with times."""
+    """Write the half-space's Hertz curve in nm and pN, without a header, and with times."""
     x = np.linspace(-0.5, 0.5, 401)
     force = 4 / 3 / (1 - 0.45**2) * np.sqrt(5) * np.maximum(x, 0) ** 1.5
     force += NOISE * force.max() * np.random.default_rng(0).standard_normal(len(x))
@@ -105,7 +106,10 @@ def compared(first: str, second: str) -> dict[str, object]:
 
 
 def test_every_pair_is_compared_the_same_both_ways():
-    """All but a study as a whole, whose runs have tables."""
+    """Every pair has the same comparison both ways, and a curve has no difference to itself.
+
+    A study as a whole is refused; its runs have tables.
+    """
     for first, second in itertools.combinations_with_replacement((*SCENES, *FILES, *OTHERS[:2]), 2):
         one, other = compared(first, second), compared(second, first)
         assert len(one["rows"]) == len(other["rows"]), (first, second)
@@ -120,11 +124,11 @@ def test_every_pair_is_compared_the_same_both_ways():
 
 
 def test_curves_of_one_body_are_alike_in_any_units_and_order():
-    """A way by chords between 5 rows is up to 1 % of the largest force off; noise and the files'
-    own chords 0.1 %.
+    """Curves of one body are alike in any units and order.
 
-    Two files that both say units, and differ in them, are left to the first one's; of those
-    without, numbers count.
+    A curve drawn by chords between 5 rows is off by up to 1 % of the largest force; noise and the
+    files' own chords by 0.1 %. Two files that state different units are left to the first one's; in
+    files without units the numbers count.
     """
     for first, second in itertools.combinations(ALIKE, 2):
         if {first, second} <= {*FILES, OTHERS[0]}:
@@ -138,8 +142,9 @@ def test_curves_of_one_body_are_alike_in_any_units_and_order():
 
 
 def test_a_history_and_a_file_in_other_units_are_compared_in_one():
-    """The same curve in nm and pN, every second row of it in the scene's units, and a table beside
-    its run.json.
+    """A history has the same residual to one curve in nm and pN and in the scene's units.
+
+    The second file has every second row. A table beside its run.json is compared too.
     """
     for name in HISTORIES:
         off = [
@@ -163,13 +168,13 @@ def test_every_curve_is_drawn_beside_another():
 
 @pytest.mark.verify
 def test_pairs_are_drawn():
-    """Every sixth of all pairs: each name is in several of them, as either."""
+    """Every sixth pair is drawn, so that each name is in several of them, first and second."""
     for first, second in itertools.islice(itertools.combinations(NAMES, 2), 0, None, 6):
         picture_of(first, second)
 
 
 def study_of(scene: str, reference: str) -> None:
-    """A study in the scene with a reference: rows with an error, or the reason why there are none."""
+    """Run a study with a reference, which gives errors of its rows or a reason why it cannot."""
     name = f"of_{scene}_{reference}".replace("/", "_").replace(".", "_")
     text = f"base: {scene}.yaml\nvary: {{material.E: [1 kPa, 2 kPa]}}\ncompare_to: ./{reference}\n"
     Path(f"{name}.yaml").write_text(text + "output: {plot: false}\n")
@@ -204,8 +209,9 @@ def test_a_theory_scene_is_compared_with_everything():
 
 
 def test_a_history_as_reference_counts_by_its_approach():
-    """Lee and Radok while the tip moves in: one term of one half, ramp and time of one second: 0.39
-    of F is missing.
+    """A history as reference counts by its approach, whose force is that of Lee and Radok.
+
+    With one term of one half and a ramp and time of one second 0.39 of the force is missing.
     """
     study_of("theory", "curve")
     done = call("study", "of_theory_curve.yaml", "--output", "of_theory_curve", "--json")
@@ -219,6 +225,9 @@ def test_a_history_as_reference_counts_by_its_approach():
 
 @pytest.mark.verify
 def test_scenes_are_compared_with_everything():
-    """Every fifth of all pairs: as names are sixteen, each scene is beside other ones."""
+    """Every fifth pair of a scene and a reference is a study or a reason why not.
+
+    There are sixteen names, so that each scene meets different ones.
+    """
     for scene, reference in itertools.islice(itertools.product(SCENES, NAMES), 0, None, 5):
         study_of(scene, reference)

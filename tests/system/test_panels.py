@@ -1,5 +1,6 @@
-"""Pictures on request, their drawn data read back: curves are the tables, legends hide nothing,
-units are as asked.
+"""Pictures on request, checked by the data that are drawn.
+
+Curves are the tables, legends hide nothing, and units are those that were asked for.
 """
 
 from __future__ import annotations
@@ -12,10 +13,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_results import a_result
+from made_results import a_result, some_fields
 from matplotlib.axes import Axes
 from matplotlib.collections import TriMesh
-from test_results import some_fields
 
 from indent_sim.model.tips import Paraboloid, Sphere
 from indent_sim.process.errors import UsageError
@@ -36,7 +36,7 @@ mesh: {{h_contact: 0.05}}
 
 @pytest.fixture
 def drawn(tmp_path, monkeypatch):
-    """The figure of a wish, laid out."""
+    """A function that returns the laid-out figure of a request."""
     drawn_figures = []
 
     def keep(figure, path):
@@ -98,9 +98,7 @@ class TestForces:
         assert forces.UNLOADING_LABEL in axes.get_legend_handles_labels()[1]
 
     def test_error_bands_follow_the_branches(self, drawn):
-        """One band for the way in and one for the way out, each as wide at a row as its error on
-        both sides.
-        """
+        """The way in and the way out have one error band each, as wide as each row's error."""
         result = up_and_down()
         result.table["force_error"] = 0.1 * result["force"]
         bands = [
@@ -118,9 +116,7 @@ class TestForces:
                 )
 
     def test_way_in_and_out_of_an_elastic_body_are_one_curve(self, drawn):
-        """Hertz' law in three rows up and two down: both branches are F = 1000 delta^1.5 between
-        the rows too.
-        """
+        """Both branches of Hertz' law in five rows are F = 1000 delta^1.5 between the rows too."""
         result = a_result(units={}, theory=None, steps=3)
         for name in ("delta", "force", "a"):
             result.table[name] = np.append(result[name], [result[name][1], 0.0])
@@ -137,8 +133,9 @@ class TestForces:
             )
 
     def test_forces_over_time_are_those_of_the_rows(self, drawn):
-        """A ramp and a hold of two runs, over four decades of time: each branch begins where the
-        one before ends.
+        """Forces over time are those of the rows, and each branch begins where the one before ends.
+
+        Two runs have a ramp and a hold over four decades of time.
         """
         t = np.array([0.0, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0])
         runs = [a_result(units={}, theory=None, steps=7) for _ in range(2)]
@@ -166,7 +163,10 @@ class TestForces:
             drawn([a_result(units={}, theory=None)], what=("time",))
 
     def test_the_half_space_ends_at_its_mark(self, drawn):
-        """Under a force its depth may be beyond the run's: the dotted line goes on to it."""
+        """The dotted line of the half-space ends at its mark, also beyond the depth of the run.
+
+        Under a force its depth may be larger than the run's.
+        """
         result = a_result(units={})
         curve = {"delta": [1e-5, 2e-5], "force": [1e3 * 1e-5**1.5, 1e3 * 2e-5**1.5]}
         closed = {"name": "Hertz", "delta": 7e-5, "deviation": 0.4, "curve": curve}
@@ -206,7 +206,7 @@ class TestForces:
         assert drawn_figures[0].bbox.y0 <= box.y0 and box.x1 <= drawn_figures[0].bbox.x1
 
     def test_sixty_curves_without_a_warning(self, tmp_path, monkeypatch):
-        """And none is left out: sixty names in the legend of a picture whose words can be read."""
+        """Sixty curves are drawn without a warning, and the legend has all sixty names."""
         runs = [a_result(title=f"R = {k}") for k in range(60)]
         monkeypatch.setitem(figures.RC_PARAMETERS, "svg.fonttype", "none")
         with warnings.catch_warnings():
@@ -249,7 +249,10 @@ class TestPressure:
     def test_places_are_on_the_surface_whose_contact_radius_is_read(
         self, drawn, gap, stretch, name
     ):
-        """The deformed one where the gap is tested there, and the axis says it."""
+        """Pressures are drawn over the surface of the gap, and the axis names it.
+
+        That is the deformed surface where the gap is tested there.
+        """
         result = a_result(units={}, gap=gap)
         result.surface.update(u_x=0.1 * result.surface["x"], u_y=np.zeros(len(result.surface["x"])))
         axes = drawn([result], what=("pressure",)).axes[0]
@@ -257,7 +260,10 @@ class TestPressure:
         assert axes.get_xlabel().startswith(name)
 
     def test_the_stick_radius_has_a_name(self, drawn):
-        """A dotted line there, and one more name in the legend; neither where nothing sticks."""
+        """The stick radius is a dotted line with a name in the legend.
+
+        It is absent where nothing sticks.
+        """
         for sticks, shown in ((0.7, True), (0.0, False)):
             result = a_result(units={})
             result.surface["shear"] = 0.1 * result.surface["pressure"]
@@ -282,7 +288,7 @@ class TestPressure:
         [("{shape: cone, half_angle: 70}", 0.0), ("{shape: flat_punch, radius: 1e-4}", 1e-4)],
     )
     def test_an_infinite_pressure_is_not_drawn_as_a_finite_one(self, drawn, tmp_path, tip, place):
-        """Where p_max is empty no curve goes through the place, and a line to the top says so."""
+        """Where p_max is empty no curve goes through the place; a line to the top marks it."""
         result = in_folder(tmp_path / "cone", a_result(units={}), tip)
         (tmp_path / "cone" / "config.yaml").write_text(
             SCENE.format(body="cylinder", tip=tip).replace("0.05", "1e-6")
@@ -294,9 +300,33 @@ class TestPressure:
             curve.get_xdata()[shown] - place
         ).min() > 1.4e-6 and edge.get_xdata() == pytest.approx([place] * 2)
 
+    @pytest.mark.parametrize("tip", ["cone, half_angle: 70", "flat_punch, radius: 1e-4"])
+    @pytest.mark.parametrize("kind", ["axisymmetric", "three_dimensional"])
+    def test_few_elements_beside_a_singularity_leave_the_pressure_inside(
+        self, drawn, tmp_path, tip, kind
+    ):
+        """Elements are larger than the contact: most of the pressure is shown nevertheless.
+
+        The scale ends between the pressure at the axis and five times the median.
+        """
+        result = a_result(kind, units={}, center=[0.0, 0.0])
+        a = result["a"][-1]
+        result = in_folder(tmp_path / "run", result, f"{{shape: {tip.replace('1e-4', str(a))}}}")
+        result.table["p_max"] = np.full(len(result), np.nan)
+        axes, *bars = drawn([result], what=("pressure",)).axes
+        if kind == "axisymmetric":
+            x, p = axes.get_lines()[0].get_data()
+            assert np.isfinite(p[x < a]).sum() > 0.5 * (x < a).sum()
+            assert 0.5 < axes.get_ylim()[1] < 5
+        else:
+            (bar,) = axes.child_axes
+            assert 0.5 < bar.get_xlim()[1] < 5
+            assert not bars
+
     def test_a_map_is_mirrored_and_centred(self, drawn):
-        """A quarter is modelled: the whole contact is shown, the tip in the middle, and no number
-        touches another.
+        """The map of a quarter model shows the whole contact with the tip in the middle.
+
+        No number touches another.
         """
         result = a_result("three_dimensional", units={}, center=[0.0, 0.0])
         figure = drawn([result], what=("pressure",))
@@ -322,9 +352,7 @@ class TestPressure:
 
 
 def a_bump(center: tuple[float, float] | None = None, **report):
-    """A map whose pressure says where it was taken: 1 - x/3 - y/9 inside the contact, from the
-    tip's axis.
-    """
+    """A map whose pressure is 1 - x/3 - y/9 inside the contact, measured from the tip's axis."""
     result = a_result(
         "three_dimensional", units={}, **({"center": list(center)} if center else {}), **report
     )
@@ -338,8 +366,9 @@ def a_bump(center: tuple[float, float] | None = None, **report):
 
 class TestPressureOfThreeDimensions:
     def test_maps_of_several_runs_share_colours_and_frame(self, drawn):
-        """The second presses twice as hard on three times the radius: one bar for both, up to the
-        larger pressure.
+        """Maps of several runs have one colour bar up to the largest pressure, and one frame.
+
+        The second run has twice the pressure and three times the radius.
         """
         one, other = (
             a_result("three_dimensional", units={}, title="soft"),
@@ -359,7 +388,7 @@ class TestPressureOfThreeDimensions:
 
     @pytest.mark.parametrize("what", ["pressure", "pressure_x"])
     def test_limits_hold_for_pressures(self, drawn, what):
-        """Of maps they are the ends of the colours, of curves those of the axis."""
+        """`limits` are the ends of the colours of maps and of the axis of curves."""
         figure = drawn([a_result("three_dimensional", units={})], what=(what,), limits=(0.0, 7.0))
         bars = [axes for axes in figure.findobj(Axes) if axes.get_label() == "<colorbar>"]
         shown = bars[0].get_xlim() if bars else figure.axes[0].get_ylim()
@@ -367,7 +396,7 @@ class TestPressureOfThreeDimensions:
 
     @pytest.mark.parametrize("along", [0, 1])
     def test_a_line_through_the_axis_is_the_surface_there(self, drawn, along):
-        """Places and pressures of the nodes on the line; along y the other slope."""
+        """The pressure along x or y is that of the nodes on the line."""
         result = a_bump()
         axes = drawn([result], what=(("pressure_x", "pressure_y")[along],)).axes[0]
         on = np.abs(result.surface["xy"[1 - along]]) < 1e-12
@@ -388,9 +417,7 @@ class TestOneHeight:
         "wish", [{}, {"layout": (1, 3)}, {"layout": (1, 3), "width": 170.0, "font": 8.0}]
     )
     def test_panels_side_by_side(self, drawn, wish):
-        """A curve, a map and a line: all three end at one height, to a pixel, and all legends begin
-        below.
-        """
+        """A curve, a map and a line end at one height to a pixel, and all legends begin below."""
         figure = drawn(
             [a_result("three_dimensional", units={})],
             what=("force", "pressure", "pressure_x"),
@@ -466,7 +493,10 @@ class TestFields:
         return result
 
     def test_the_section_is_the_deformed_body_and_its_image(self, result):
-        """Regions stay apart: each of the two cells has its own value up to where they meet."""
+        """The section is the deformed body and its mirror image, and regions stay apart.
+
+        Each of the two cells has its own value up to their common side.
+        """
         found = deformed_section(result, 2.0, FIELDS["von_mises"])
         half = found.points[: len(found.points) // 2]
         deformed = {tuple(point) for point in np.round(self.POINTS + np.array([0.1, -0.2]), 9)}
@@ -474,8 +504,22 @@ class TestFields:
         assert found.points[len(half) :] == pytest.approx(half * [-1, 1])
         assert sorted(set(found.values)) == pytest.approx(some_fields(2)["von_mises"])
 
+    @pytest.mark.parametrize(("kind", "sign"), [("plane_strain", -1), ("axisymmetric", 1)])
+    def test_shear_changes_its_sign_in_the_image(self, result, kind, sign):
+        """A mirror plane x = const is free of shear: sigma_xz is odd across it.
+
+        In cylindrical coordinates sigma_rz refers to the direction away from the axis on both
+        sides. Other components are even.
+        """
+        result.report["plan"]["choices"][0]["value"] = kind
+        for name, factor in (("sigma_xz", sign), ("sigma_xx", 1), ("von_mises", 1)):
+            values = deformed_section(result, 2.0, FIELDS[name]).values
+            half = values[: len(values) // 2]
+            assert np.abs(half).max() > 0
+            assert values[len(half) :] == pytest.approx(factor * half)
+
     def test_lines_are_drawn_where_regions_meet(self, result, drawn):
-        """The two cells are of two regions: their common side, and its image."""
+        """A line is drawn at the common side of two regions, and at its image."""
         found = deformed_section(result, 2.0, FIELDS["von_mises"])
         common = {
             tuple(self.POINTS[k] + [0.1, -0.2]) for k in set(self.CELLS[0]) & set(self.CELLS[1])
@@ -501,7 +545,7 @@ class TestFields:
             assert len({(*axes.get_xlim(), *axes.get_ylim()) for axes in row}) == 1
 
     def test_no_cell_is_left_out(self, result, drawn, monkeypatch):
-        """Cells lower than half a pixel are drawn too, each in one colour, that of its values."""
+        """Cells lower than half a pixel are drawn too, each in the one colour of its values."""
         found = deformed_section(result, 2.0, FIELDS["von_mises"])
         assert (
             not found.is_sliver(1e-3).any()
@@ -517,16 +561,18 @@ class TestFields:
             list(found.values)
         )
 
-    def test_a_singular_point_does_not_take_the_colours(self):
-        """A thousand points at an edge, all in a millionth of the area, are beyond the colours; the
-        rest is within.
+    def test_a_singular_point_does_not_take_the_colours(self, result, drawn, monkeypatch):
+        """A thousand points in a millionth of the area lie beyond the range of colours.
+
+        The rest is within it.
         """
         values = np.append(np.linspace(0, 1, 100), np.full(1000, 50.0))
         areas = np.append(np.ones(100), np.full(1000, 1e-7))
-        assert fields._colour_range(values, areas, FIELDS["von_mises"])[:2] == pytest.approx(
-            (0.0, 1.0)
-        )
-        assert fields._colour_range(values + 1, areas, FIELDS["J"])[:2] == pytest.approx((0.0, 2.0))
+        for name, shift, limits in (("von_mises", 0.0, (0.0, 1.0)), ("J", 1.0, (0.0, 2.0))):
+            shown = (values + shift, areas)
+            monkeypatch.setattr(fields.Section, "values_in_frame", lambda *_, shown=shown: shown)
+            panel = drawn([result], what=("fields",), steps=("2",), fields=(name,)).axes[0]
+            assert panel.collections[0].get_clim() == pytest.approx(limits)
 
     def test_the_contact_is_inside_the_frame(self, result, drawn):
         left, right = drawn([result], what=("fields",), steps=("all",)).axes[0].get_xlim()
@@ -538,9 +584,7 @@ class TestFields:
         assert bar.get_ylabel()
 
     def test_tetrahedra_are_cut_through_the_tip(self, tmp_path):
-        """The cut is as large as the deformed cube's face, and at its lower corner |u| is that of
-        the edge it cuts.
-        """
+        """The cut through a deformed cube has the area of its face and |u| of the edge it cuts."""
         corners = np.array(
             [[x, y, z] for x in (0, 1) for y in (-1, 1) for z in (-1, 0)], dtype=float
         )
@@ -582,7 +626,7 @@ class TestFields:
 
 
 class TestRoom:
-    """What is drawn is in the frame and nothing hides it, whatever is drawn."""
+    """What is drawn is in the frame, and nothing hides it."""
 
     def shown(self, folder: Path):
         result = in_folder(folder / "run", a_result(units={}))
@@ -648,7 +692,10 @@ def test_a_wish_without_effect_is_refused(given, said):
     ],
 )
 def test_more_panels_than_a_picture_has_are_refused(drawn, wish, said):
-    """Before anything is drawn: a picture of a million panels, empty or not, never came to its end."""
+    """Too many panels are refused before anything is drawn.
+
+    A million panels would never end.
+    """
     with pytest.raises(UsageError, match=said):
         drawn([a_result(units={})], **wish)
 
@@ -657,7 +704,7 @@ def test_more_panels_than_a_picture_has_are_refused(drawn, wish, said):
     ("width", "dpi", "kind"), [(1000, 2400, "png"), (1000, 1700, "pdf"), (300, 2400, "png")]
 )
 def test_more_pixels_than_can_be_drawn_are_refused(tmp_path, width, dpi, kind):
-    """And what the message says is possible is drawn; nothing is left of what was not."""
+    """Too many pixels are refused without a file, and the suggested --dpi is possible."""
     path = tmp_path / f"picture.{kind}"
     wish = panels.plot_request({"width": width, "dpi": dpi})
     with pytest.raises(
@@ -673,7 +720,10 @@ def test_more_pixels_than_can_be_drawn_are_refused(tmp_path, width, dpi, kind):
 
 
 def test_what_a_killed_picture_left_is_replaced_by_the_next(tmp_path):
-    """A name of its own, not one at random: nobody has to clean up."""
+    """The leftover of a killed picture is replaced by the next one.
+
+    Its name is not random, so that nobody has to clean up.
+    """
     left = tmp_path / ".picture.png.new"
     left.write_bytes(b"half of it")
     panels.draw([a_result(units={})], panels.plot_request({}), tmp_path / "picture.png")

@@ -1,4 +1,4 @@
-"""Pictures: what they show is in them, in every shape a result can have."""
+"""Pictures of results of every shape show what they should."""
 
 from __future__ import annotations
 
@@ -12,9 +12,8 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 import pytest
-from made_results import a_result
+from made_results import TITLES, a_result
 from matplotlib.text import Text
-from test_strangers import TITLES
 
 from indent_sim.process.errors import UsageError, printable
 from indent_sim.results.pictures import figures, forces
@@ -29,14 +28,14 @@ def text_of(path: Path) -> str:
 
 @pytest.fixture
 def svg(tmp_path, monkeypatch):
-    """Draw into an SVG whose words can be read."""
+    """Path of an SVG picture whose words can be read."""
     monkeypatch.setitem(figures.RC_PARAMETERS, "svg.fonttype", "none")
     return tmp_path / "picture.svg"
 
 
 @pytest.fixture
 def panels(tmp_path, monkeypatch):
-    """The panels of a run by the first word along their upward axis."""
+    """The panels of a run by the first word along their vertical axis."""
     drawn_figures = []
     monkeypatch.setattr(forces, "save", lambda figure, path: drawn_figures.append(figure))
 
@@ -48,7 +47,7 @@ def panels(tmp_path, monkeypatch):
 
 
 def drawn_points(axes) -> np.ndarray:
-    """All points (n, 2) that lines of a panel go through."""
+    """All points (n, 2) through which lines of a panel go."""
     return np.concatenate(
         [np.empty((0, 2)), *(np.reshape(line.get_xydata(), (-1, 2)) for line in axes.get_lines())]
     )
@@ -75,7 +74,7 @@ class TestOneRun:
         forces.draw_force_indentation(a_result(units={}), tmp_path / "picture.png")
         figures.apply_layout(drawn_figures[0])
         along = drawn_figures[0].axes[0].xaxis
-        assert along.get_offset_text().get_text() == "×10⁻⁵"
+        assert "10^{−5}" in along.get_offset_text().get_text()
 
     def test_the_words_on_it(self, svg):
         forces.draw_force_indentation(a_result(error=True), svg)
@@ -92,7 +91,10 @@ class TestOneRun:
         assert [word for word in words if word not in text_of(svg)] == []
 
     def test_the_error_of_a_single_step_is_drawn(self, svg):
-        """A band needs two points: one has a bar, from 0.9 to 1.1 of the force here."""
+        """The error of a single step is a bar, as a band needs two points.
+
+        It reaches from 0.9 to 1.1 of the force.
+        """
         forces.draw_force_indentation(a_result(steps=1, error=True), svg)
         assert "LineCollection" in text_of(svg) and "estimated error" in text_of(svg)
 
@@ -101,7 +103,7 @@ class TestOneRun:
         assert "N/m]" in text_of(svg) and "half-width" in text_of(svg)
 
     def test_a_length_and_force_stay_and_a_pressure_is_one(self, svg):
-        """1 mN/mm² is 1 kPa."""
+        """Lengths and forces keep their units, and a pressure in mN/mm² is shown in Pa."""
         forces.draw_force_indentation(a_result(units={"length": "mm", "force": "mN"}), svg)
         assert "[mm]" in text_of(svg) and "[mN]" in text_of(svg) and "[Pa]" in text_of(svg)
 
@@ -121,7 +123,7 @@ class TestOneRun:
         assert set(zip(result["delta"], result["force"], strict=True)) <= points
 
     def test_a_bare_table_out_of_contact(self, panels):
-        """Rows without force are rows; there is no pressure to show."""
+        """Rows without force are drawn, without a panel of the pressure."""
         table = {"step": [1.0, 2.0], "delta": [-0.1, 0.0], "force": [0.0, 0.0], "a": [0.0, 0.0]}
         drawn = panels(
             Results(Path("a.csv"), {name: np.array(column) for name, column in table.items()})
@@ -137,7 +139,7 @@ class TestOneRun:
             assert not drawn_points(drawn[name])[:, 1].any()
 
     def test_one_point_in_contact(self, panels):
-        """The map shows it: the last of its colours lies within an element of that point."""
+        """A map shows a single point in contact within an element of it."""
         result = a_result("three_dimensional", units={})
         result.surface["pressure"] = np.where(result.surface["pressure"] == 1, 1.0, 0.0)
         assert np.count_nonzero(result.surface["pressure"]) == 1
@@ -149,10 +151,11 @@ class TestOneRun:
         ]
         assert np.abs(regions[-1].vertices).max() <= np.unique(result.surface["x"])[1]
 
-    def test_two_drawings_are_the_same_file(self, tmp_path):
-        for name in ("a.svg", "b.svg"):
-            forces.draw_force_indentation(a_result(), tmp_path / name)
-        assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
+    @pytest.mark.parametrize("suffix", figures.PICTURE_FORMATS)
+    def test_two_drawings_are_the_same_file(self, tmp_path, suffix):
+        for name in ("a", "b"):
+            forces.draw_force_indentation(a_result(), tmp_path / f"{name}{suffix}")
+        assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes()
 
 
 class TestPressure:
@@ -214,8 +217,9 @@ class TestPressure:
 
     @pytest.mark.parametrize("faces", [3, 4, 5])
     def test_a_map_shows_the_corners_of_a_contact(self, panels, faces):
-        """A regular polygon of the area pi a^2: the corners of a triangle are 1.56 a from its
-        middle.
+        """A map shows the corners of a contact that is a regular polygon of the area pi a^2.
+
+        The corners of a triangle are 1.56 a from its middle.
         """
         x, y = (
             part.ravel() for part in np.meshgrid(np.linspace(-3, 3, 121), np.linspace(-3, 3, 121))
@@ -276,7 +280,7 @@ class TestSeveralRuns:
             forces.draw_overlay([a_result(), a_result("plane_strain")], tmp_path / "picture.png")
 
     def test_no_unit_is_claimed_for_a_curve_that_names_none(self, svg):
-        """The axes name none, and the legend says what each is measured in."""
+        """Beside a curve without units the axes name none, and the legend has all units."""
         forces.draw_overlay(
             [a_result(title="simulated"), a_result(title="measured", units={})], svg
         )
@@ -285,7 +289,7 @@ class TestSeveralRuns:
 
     @pytest.fixture
     def drawn(self, tmp_path, monkeypatch):
-        """The figure of runs in folders with configs, laid out."""
+        """A function that returns the laid-out figure of runs in folders with configs."""
         drawn_figures = []
         monkeypatch.setattr(
             forces,
@@ -316,14 +320,14 @@ class TestSeveralRuns:
     def test_the_legend_says_what_differs_and_hides_nothing(self, drawn, number, error):
         values = np.linspace(0, 0.49, number)
         figure = drawn([(float(nu), "penalty") for nu in values[::-1]], error)
-        force, radius, beside = figure.axes
-        told = [text.get_text() for text in beside.get_legend().get_texts()]
+        force, radius = figure.axes
+        told = [text.get_text() for text in radius.get_legend().get_texts()]
         names = [f"nu {nu:.4g}" for nu in values]
         assert [name for name in told if name != forces.ERROR_LABEL] == names and (
             forces.ERROR_LABEL in told
         ) == error
-        legend = beside.get_legend().get_window_extent()
-        assert not any(legend.overlaps(axes.get_tightbbox()) for axes in (force, radius))
+        legend = radius.get_legend().get_window_extent()
+        assert not any(legend.overlaps(axes.get_window_extent()) for axes in (force, radius))
         assert (
             figure.bbox.x0 <= legend.x0
             and legend.x1 <= figure.bbox.x1
@@ -348,19 +352,19 @@ class TestSeveralRuns:
 
     def test_several_keys_that_differ_are_all_named(self, drawn):
         figure = drawn([(nu, method) for nu in (0.1, 0.3) for method in ("penalty", "nitsche")])
-        told = [text.get_text() for text in figure.axes[2].get_legend().get_texts()]
+        told = [text.get_text() for text in figure.axes[1].get_legend().get_texts()]
         assert told == [
             f"nu {nu}, method {method}" for nu in (0.1, 0.3) for method in ("nitsche", "penalty")
         ]
 
     def test_more_runs_than_colours(self, drawn):
-        """Each has its own curve and its own name."""
+        """More runs than colours have a curve and a name each."""
         number = len(figures.COLOURS) + 2
         axes = drawn([(0.05 * k, "penalty") for k in range(number)]).axes
         named = [
             line.get_label() for line in axes[0].get_lines() if line.get_label().startswith("nu")
         ]
-        assert len(set(named)) == number == len(axes[2].get_legend().get_texts())
+        assert len(set(named)) == number == len(axes[1].get_legend().get_texts())
 
 
 class TestText:
@@ -402,7 +406,7 @@ class TestText:
         assert (tmp_path / name).stat().st_size > 5000
 
     def test_latex_is_not_started(self, tmp_path, monkeypatch):
-        """The title is drawn as the letters that it is."""
+        """The title is drawn as the letters that it is, and LaTeX is not started."""
         drawn = []
         monkeypatch.setattr(
             forces, "save", lambda figure, path: (drawn.append(figure), figures.save(figure, path))
@@ -426,7 +430,7 @@ def test_an_unknown_format_is_refused(tmp_path):
 
 
 def test_a_config_that_never_ends_is_none(tmp_path):
-    """A pipe in the place of config.yaml: opening it waited for a writer."""
+    """A pipe in the place of config.yaml is no config; opening it would wait for a writer."""
     os.mkfifo(tmp_path / "config.yaml")
     assert config_by_key(tmp_path) == {}
     (tmp_path / "config.yaml").unlink()

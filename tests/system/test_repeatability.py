@@ -27,13 +27,17 @@ scene = resolve(config_from_mapping({
 line = mesh.create_unit_interval(MPI.COMM_SELF, 1)
 for _ in range(5):
     (state,) = states(scene)
-    print(state.force, state.a, state.p_max, state.penetration, state.energy, state.surface.u.tobytes().hex())
+    numbers = (state.force, state.a, state.p_max, state.penetration, state.energy)
+    print(*numbers, state.surface.u.tobytes().hex())
     fem.Constant(line, 1.0)
 """
 
 
 def test_no_bit_depends_on_earlier_runs_of_the_process() -> None:
-    """Exactly: rounding is deterministic as long as the operations and their order are the same."""
+    """A scene gives the same bits first, last and between other runs of a process.
+
+    Rounding is deterministic as long as the operations and their order are the same.
+    """
     search = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
     done = subprocess.run(
         [sys.executable, "-c", PROGRAM],

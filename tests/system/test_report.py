@@ -1,6 +1,4 @@
-"""Reports: one valid HTML file with nothing outside of it, whatever text a stranger put into the
-result.
-"""
+"""Reports: one valid HTML file that needs nothing else, whatever text a result contains."""
 
 from __future__ import annotations
 
@@ -11,14 +9,13 @@ import subprocess
 from pathlib import Path
 
 import html_page
-import numpy as np
 import pytest
 from click.testing import CliRunner
-from made_results import a_result
 
 from indent_sim.cli import commands
 from indent_sim.config.scene_file import load
 from indent_sim.results import html_report
+from indent_sim.results.reader import read
 from indent_sim.run.pipeline import simulate
 from indent_sim.studies.study_report import study_page
 
@@ -38,7 +35,7 @@ loading: {{delta: 0.5 um, steps: {steps}}}
 def written(
     folder: Path, title: str = "A layer", steps: int = 5, given: tuple[str, ...] = ()
 ) -> Path:
-    """The report of a scene that theory solves; `given` in its place."""
+    """The report of a scene that theory solves; `given` replaces values of it."""
     (folder / "scene.yaml").write_text(BY_THEORY.format(title=title, steps=steps))
     simulate(load(folder / "scene.yaml", given), directory=folder / "out")
     done = CliRunner().invoke(commands.program, ["report", str(folder / "out")])
@@ -49,7 +46,7 @@ def written(
 
 
 def check(page: Path) -> str:
-    """A page that stands alone, as text."""
+    """The text of a page, asserted to be self-contained."""
     text = page.read_text(encoding="utf-8")
     html_page.check(text)
     return text
@@ -74,7 +71,7 @@ def test_the_report_of_a_run(tmp_path):
 
 
 def test_the_report_of_a_surface_under_tension(tmp_path):
-    """gamma/E* of the tension 2 mN/m on E* = 1 kPa/(1 - 0.25): 1.5 um."""
+    """The report states gamma/E*: 1.5 um of 2 mN/m on E* = 1 kPa/(1 - 0.25)."""
     given = ("body={shape: half_space, surface_tension: 2 mN/m}", "material.nu=0.5")
     text = check(written(tmp_path, given=given))
     assert (
@@ -111,8 +108,9 @@ def test_many_rows_are_thinned(tmp_path):
 
 
 def test_a_crate_lists_the_files_of_a_result(tmp_path):
-    """RO-Crate 1.1: a root that has every part, each an entity of its own, and what made it;
-    nobody's file is replaced, and a new run takes ours away.
+    """An RO-Crate 1.1 has an entity for every file of a result, and for the program.
+
+    It replaces no file of a user, and a new run removes ours.
     """
     folder = written(tmp_path).parent
     crate = folder / "ro-crate-metadata.json"
@@ -253,10 +251,10 @@ def test_a_study_whose_runs_are_gone_is_still_told(tmp_path):
 @pytest.mark.parametrize("width", [400, 1200])
 @pytest.mark.parametrize("make", [written, a_study], ids=["run", "study"])
 def test_in_a_browser_nothing_stands_out_of_the_page(tmp_path, make, width):
-    """As wide as the window, whatever its width: what does not fit scrolls in its own box.
+    """In a browser a page is as wide as its window, and its letters are at least 6 px high.
 
-    No letters are lower than 6 px: that is what is left where a picture 110 mm wide is shrunk to a
-    window of 400 px.
+    What does not fit scrolls in its own box. 6 px are left where a picture 110 mm wide is shrunk to
+    a window of 400 px.
     """
     page = make(tmp_path)
     each = "[...document.querySelectorAll('{}')].map(s => s.getBoundingClientRect().{})"
@@ -288,24 +286,20 @@ def test_in_a_browser_nothing_stands_out_of_the_page(tmp_path, make, width):
     )
 
 
-def test_numbers_in_the_page_are_those_of_the_table():
-    """The deepest row, not the last: after unloading that is empty."""
-    from indent_sim.results.run_report import _key_numbers
-
-    result = a_result(units={"length": "m", "force": "N"})
-    result.table["force"][-1], result.table["delta"][-1] = 0.0, 0.0
-    assert dict(_key_numbers(result))["depth δ"] == "40 µm"
-    assert np.isclose(
-        float(dict(_key_numbers(result))["force F"].split()[0]),
-        1e3 * (4e-5) ** 1.5 * 1e6,
-        rtol=1e-3,
-    )
+def test_numbers_in_the_page_are_those_of_the_table(tmp_path):
+    """The numbers at the top of a page are those of the deepest row, not of the last one."""
+    page = written(tmp_path, given=("loading={deltas: [0.2 um, 0.4 um, 0.0]}",))
+    deepest = read(tmp_path / "out").table["force"][1]
+    numbers = dict(re.findall(r"<dt>([^<]*)</dt><dd>([^<]*)</dd>", page.read_text("utf-8")))
+    assert numbers["depth δ"] == "0.4 µm"
+    force, unit = numbers["force F"].split()
+    assert float(force) * {"pN": 1e-3, "nN": 1.0}[unit] == pytest.approx(deepest, rel=1e-3)
 
 
 def test_alike_warnings_are_one_line_with_a_range() -> None:
-    """Forty runs of a study warned alike, of other numbers each: forty lines.
+    """Forty warnings that differ in their numbers alone are one line with a range.
 
-    What differs in words stays apart.
+    Warnings of different words stay apart.
     """
     words = "only {:g} elements in the contact radius: the force may be wrong by about {}e-2 %"
     said = [words.format(n / 10, n) for n in range(5, 45)]

@@ -1,6 +1,4 @@
-"""`run --resume`: whatever stopped a run, it goes on to the same curve, and what is not its own
-stays untouched.
-"""
+"""`run --resume` goes on to the same curve, whatever stopped a run, and leaves foreign files."""
 
 from __future__ import annotations
 
@@ -9,7 +7,6 @@ import fcntl
 import json
 import math
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -20,11 +17,13 @@ import h5py
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from made_results import BODY, some_fields
 from mpi4py import MPI
-from test_results import BODY, some_fields
+from resumed_runs import CONDENSED, HYPERELASTIC, SCENE, kept_fields, same_numbers
 
 from indent_sim.cli import commands
 from indent_sim.config.scene_file import load
+from indent_sim.fe.path import load_stepping
 from indent_sim.fe.path.load_stepping import LoadStepper
 from indent_sim.fe.path.pull_off import PullPoint
 from indent_sim.model.load_path import LoadPath
@@ -33,28 +32,13 @@ from indent_sim.results.field_writer import FieldWriter
 from indent_sim.results.reader import read
 from indent_sim.results.result_scene import scene_of
 from indent_sim.run import pipeline, single_run
+from indent_sim.run.run_output import RunOutput
 
 ROOT = Path(__file__).resolve().parents[2]
-SCENE = """\
-body: {{shape: cylinder, radius: 1.0, height: 1.0, sides: roller}}
-material: {{{material}, E: 1.0, nu: 0.3}}
-indenter: {{shape: paraboloid, R: 1.0}}
-contact: {{method: {method}}}
-loading: {{{loading}}}
-mesh: {{h_contact: 0.12, h_far: 0.6}}
-output: {{fields: all, surface: all, plot: false}}
-"""
-DOWN = "delta: 0.15, steps: 15"
 FORCES = "forces: [0.01, 0.03, 0.06, 0.02, 0, 0.04, 0.05]"
 UP_AND_DOWN = "deltas: [0.03, 0.06, 0.09, 0.12, 0.05, -0.01, 0.04, 0.08]"
 # snaps in, holds on, lets go and snaps in again
 STICKY = "deltas: [-0.15, 0.05, -0.06, -0.09, -0.2, 0.0]"
-HYPERELASTIC = SCENE.format(
-    material="model: neo_hookean", method="augmented_lagrangian", loading=DOWN
-)
-CONDENSED = SCENE.format(
-    material="model: linear_elastic", method="augmented_lagrangian", loading=DOWN
-)
 SOME = 7  # rows of a run that was stopped
 
 # A run that kills itself at the n-th time it opens for writing, renames, removes or cuts a file of
@@ -67,7 +51,8 @@ def watch(event, args):
     global left
     if event == "open" and not (isinstance(args[2], int) and args[2] & (os.O_WRONLY | os.O_RDWR)):
         return
-    if event in ("open", "os.rename", "os.remove", "os.truncate") and str(args[0]).startswith((here, "out", ".out")):
+    changes = ("open", "os.rename", "os.remove", "os.truncate")
+    if event in changes and str(args[0]).startswith((here, "out", ".out")):
         left -= 1
         if left == 0:
             os.kill(os.getpid(), signal.SIGKILL)
@@ -81,7 +66,7 @@ Resume = Callable[..., Result]
 
 @pytest.fixture
 def indent_sim(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Resume:
-    """`run scene.yaml --output out` with more words, in this process."""
+    """A function that calls `run scene.yaml --output out` with more words, in this process."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scene.yaml").write_text(HYPERELASTIC)
     return lambda *words: CliRunner().invoke(
@@ -92,8 +77,9 @@ def indent_sim(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Resume:
 def interrupt(
     place: Path, rows: int = SOME, error: type[BaseException] = KeyboardInterrupt
 ) -> list[bytes]:
-    """Run place/scene.yaml into place/out and stop it after some rows; returns the lines of its
-    table.
+    """Run place/scene.yaml into place/out and stop it after some rows.
+
+    Returns the lines of its table.
     """
 
     def stop(state, step, total):
@@ -117,41 +103,6 @@ def snapshot(place: Path) -> dict[str, tuple[bytes, int]]:
     }
 
 
-def same_numbers(out: Path, expected: Path, rtol: float = 1e-8) -> None:
-    """The two folders hold the same files, rows, surfaces and fields; wall_s grows over the seam
-    too.
-    """
-    assert {entry.name for entry in out.iterdir()} == {entry.name for entry in expected.iterdir()}
-    found, wanted = read(out), read(expected)
-    assert found.report["status"] == "done" and found.report["rows"] == len(found) == len(wanted)
-    for column in set(wanted.table) - {"wall_s", "newton_iterations"}:
-        size = np.nanmax(np.abs(wanted[column]), initial=0.0)
-        near = (
-            max(rtol, 1e-4) if column == "stiffness" else rtol
-        )  # by the last factor, corrected to 1e-5
-        np.testing.assert_allclose(
-            found[column], wanted[column], rtol=near, atol=near * size, err_msg=column
-        )
-    assert np.all(np.diff(found["wall_s"]) >= 0)
-    for column, values in wanted.surface.items():
-        np.testing.assert_allclose(
-            found.surface[column],
-            values,
-            atol=100 * rtol * np.abs(values).max() + 1e-12,
-            err_msg=column,
-        )
-    without_depths = [
-        re.sub(r'("delta" Value=")[^"]*', r"\1", (place / "fields.xdmf").read_text())
-        for place in (out, expected)
-    ]
-    assert without_depths[0] == without_depths[1]  # the depths are those of the table
-    assert sorted(os.listdir(out / "fields")) == sorted(os.listdir(expected / "fields"))
-    ours = kept_fields(out)
-    for step, arrays in kept_fields(expected).items():
-        for name, values in arrays.items():
-            np.testing.assert_allclose(ours[step][name], values, rtol=1e-5, atol=1e-7)
-
-
 def adhering(material: str, loading: str) -> str:
     """A scene of a tip that adheres."""
     method = "augmented_lagrangian, adhesion: {work: 1.0e-2, range: 2.5e-2}"
@@ -160,7 +111,10 @@ def adhering(material: str, loading: str) -> str:
 
 
 def same_pull_off(out: Path, expected: Path) -> None:
-    """The same largest pull after the same search: its depth is where forces hardly differ."""
+    """Assert that two folders have the same largest pull after the same search.
+
+    Its depth is known less, as forces hardly differ there.
+    """
     found, wanted = (read(place).report["adhesion"]["pull_off"] for place in (out, expected))
     assert (found is None) == (wanted is None) == (read(expected).report["control"] == "force")
     if found is not None:
@@ -170,25 +124,30 @@ def same_pull_off(out: Path, expected: Path) -> None:
 
 
 def stopped_at(equilibrium: int) -> Callable:
-    """`Walk._equilibrium_between` of a search that is stopped at one of its equilibria."""
-    between, tried = LoadStepper._equilibrium_between, 0
+    """A search for the largest pull that is stopped at one of its equilibria."""
+    find = load_stepping.find_largest_pull
+    tried = 0
 
-    def stop(*args):
-        nonlocal tried
-        tried += 1
-        if tried == equilibrium:
-            raise KeyboardInterrupt
-        return between(*args)
+    def stopped(before, lowest, after, solve_between, tolerance):
+        def solve(*given):
+            nonlocal tried
+            tried += 1
+            if tried == equilibrium:
+                raise KeyboardInterrupt
+            return solve_between(*given)
 
-    return stop
+        return find(before, lowest, after, solve, tolerance)
+
+    return stopped
 
 
 @pytest.fixture
 def interrupt_and_resume(
     indent_sim: Resume, undisturbed: Callable[[str], Path], tmp_path: Path
 ) -> Callable[..., None]:
-    """Stop a scene after some rows, go on with or without its checkpoint, and hold it to the run
-    nothing stopped.
+    """A function that stops a scene after some rows, resumes it, and compares it with a whole run.
+
+    It is resumed with or without its checkpoint.
     """
 
     def both(scene: str, rows: int, forget: bool, rtol: float = 1e-8) -> None:
@@ -252,8 +211,9 @@ class TestKilled:
     def test_a_path_with_friction(
         self, interrupt_and_resume, material, friction, loading, rows, forget
     ):
-        """What the surface remembers is in the checkpoint, or found again on the same path from
-        rest.
+        """A path with friction goes on with the memory of the surface.
+
+        It is in the checkpoint, or found again on the same path from rest.
         """
         method = f"augmented_lagrangian, friction: {friction}"
         scene = SCENE.format(material=f"model: {material}", method=method, loading=loading)
@@ -271,8 +231,11 @@ class TestKilled:
     def test_a_path_with_adhesion(
         self, interrupt_and_resume, undisturbed, tmp_path, material, loading, rows, forget
     ):
-        """Which of two stable states holds is in the checkpoint, or found again on the same path
-        from far away; and so are the rows between which the largest pull is searched for."""
+        """A path with adhesion goes on in the same of two stable states.
+
+        The state, and the rows around the largest pull, are in the checkpoint, or found again on
+        the same path from far away.
+        """
         scene = adhering(material, loading)
         interrupt_and_resume(scene, rows, forget)
         same_pull_off(tmp_path / "out", undisturbed(scene))
@@ -281,15 +244,16 @@ class TestKilled:
     def test_a_search_for_the_largest_pull(
         self, indent_sim, undisturbed, tmp_path, monkeypatch, forget
     ):
-        """Stopped in the middle of it, when all rows are there, with the checkpoint of an early row
-        or none.
+        """A run stopped in its search for the largest pull is resumed from an early row or none.
+
+        All its rows are there.
         """
         scene = adhering("linear_elastic", STICKY)
         (tmp_path / "scene.yaml").write_text(scene)
         interrupt(tmp_path, 3)
         early = (tmp_path / "out" / "checkpoint.h5").read_bytes()
         with monkeypatch.context() as patch:
-            patch.setattr(LoadStepper, "_equilibrium_between", stopped_at(2))
+            patch.setattr(load_stepping, "find_largest_pull", stopped_at(2))
             with pytest.raises(KeyboardInterrupt):
                 pipeline.simulate(
                     load(tmp_path / "scene.yaml"),
@@ -307,15 +271,17 @@ class TestKilled:
         same_pull_off(tmp_path / "out", undisturbed(scene))
 
     def test_a_search_that_fails_leaves_the_rows(self, indent_sim, tmp_path, monkeypatch):
-        """It is told that the pull-off is missing and why, and the row that pulls most stays what
-        is known.
-        """
+        """A failed search leaves the rows, a reason, and the row that pulls most."""
         (tmp_path / "scene.yaml").write_text(adhering("linear_elastic", STICKY))
-        monkeypatch.setattr(
-            LoadStepper,
-            "_equilibrium_between",
-            lambda walk, begin, end, delta: PullPoint(delta, 0.0, math.inf, a=0.0),
-        )
+        find = load_stepping.find_largest_pull
+
+        def lost(begin, end, delta):
+            return PullPoint(delta, 0.0, math.inf, a=0.0)
+
+        def failing(before, lowest, after, solve_between, tolerance):
+            return find(before, lowest, after, lost, tolerance)
+
+        monkeypatch.setattr(load_stepping, "find_largest_pull", failing)
         done = indent_sim()
         adhesion = read(tmp_path / "out").report["adhesion"]
         assert done.exit_code == 0 and adhesion["largest_pull"]["force"] < 0
@@ -331,8 +297,10 @@ class TestKilled:
         [("neo_hookean", 5, False), ("neo_hookean", 3, True), ("linear_elastic", 4, False)],
     )
     def test_prescribed_forces(self, interrupt_and_resume, tmp_path, material, rows, forget):
-        """A force is met within 1e-10, and its depth known as well, whatever was known of the curve
-        before.
+        """A path of prescribed forces is resumed to the same rows.
+
+        A force is met within 1e-10, and its depth is known as well, whatever was known of the
+        curve.
         """
         scene = SCENE.format(
             material=f"model: {material}", method="augmented_lagrangian", loading=FORCES
@@ -359,7 +327,7 @@ class TestCheckpoint:
     ):
         file = tmp_path / "out" / "checkpoint.h5"
         if harm == "old":  # as after a kill: the one written at the first row
-            monkeypatch.setattr(single_run.SingleRun, "_save_checkpoint", lambda *_, **__: None)
+            monkeypatch.setattr(RunOutput, "save_checkpoint", lambda *_: None)
             interrupt(tmp_path, 3)
             monkeypatch.undo()
             monkeypatch.chdir(tmp_path)
@@ -394,7 +362,7 @@ class TestCheckpoint:
 
 
 def failing_at(step: int) -> Callable:
-    """`Walk.states` of a scene that has no equilibrium at a step."""
+    """`LoadStepper.states` of a scene that has no equilibrium at a step."""
     states = LoadStepper.states
 
     def fail(self, *args):
@@ -438,7 +406,7 @@ class TestStopped:
         same_numbers(tmp_path / "out", undisturbed(HYPERELASTIC))
 
     def test_torn_files(self, indent_sim, undisturbed, tmp_path):
-        """Half a row, a surface without a row, fields of a step without one, leftovers of writes."""
+        """Half rows, rows of unfinished steps and leftovers of writes are repaired by --resume."""
         lines = interrupt(tmp_path)
         out = tmp_path / "out"
         (out / "force_indentation.csv").write_bytes(b"".join(lines[:SOME]) + lines[SOME][:20])
@@ -465,7 +433,6 @@ class TestStopped:
         assert done.exit_code == 0 and f"fields of steps 1 to {SOME} are missing" in done.stderr
         assert (tmp_path / "out" / "fields.xdmf").read_text().count("<Time") == 15 - SOME
 
-    @pytest.mark.slow
     def test_on_two_ranks(self, mpirun, undisturbed, tmp_path):
         (tmp_path / "scene.yaml").write_text(HYPERELASTIC)
         interrupt(tmp_path)
@@ -478,17 +445,8 @@ class TestStopped:
             np.testing.assert_allclose(found[column], expected[column], rtol=1e-8, err_msg=column)
 
 
-def kept_fields(out: Path) -> dict[int, dict[str, np.ndarray]]:
-    """What fields.xdmf names: the arrays of every step in it."""
-    text, found = (out / "fields.xdmf").read_text(), {}
-    for step, name in re.findall(r'Name="step (\d+)".*?(fields/step-\d+\.h5):/', text, re.DOTALL):
-        with h5py.File(out / name) as file:
-            found[int(step)] = {name: values[()] for name, values in file.items()}
-    return found
-
-
 class TestTheDeepestAndTheLast:
-    """`last` keeps two states after unloading: the last alone would be empty."""
+    """`last` keeps two states after unloading, as the last alone would be empty."""
 
     scene = SCENE.format(
         material="model: linear_elastic", method="augmented_lagrangian", loading=UP_AND_DOWN
@@ -530,9 +488,7 @@ class TestTheDeepestAndTheLast:
         )
 
     def test_two_states_stay_whatever_the_path(self, tmp_path):
-        """Every state written in turn, on paths that go up and down: the two that are named stay as
-        they were.
-        """
+        """On a random path up and down the deepest and the last fields are kept unchanged."""
         chance = np.random.default_rng(1)
         writer = FieldWriter(tmp_path, *BODY)
         deltas = chance.uniform(size=20)
@@ -572,11 +528,15 @@ class TestNothingToGoOnWith:
         assert indent_sim("--resume").exit_code == 0 and len(read(tmp_path / "out")) == 15
 
     @pytest.mark.parametrize("asked", [("--error-bars",), ("--set", "accuracy=0.01")])
-    @pytest.mark.parametrize("where", ["outcome", "follow"])
+    @pytest.mark.parametrize("where", ["companions", "run"])
     def test_stopped_before_the_first_row_with_error_bars(
         self, indent_sim, tmp_path, monkeypatch, asked, where
     ):
-        """While companions run, before anything says that there will be error bars, and after."""
+        """A run with error bars that was stopped before its first row is resumed.
+
+        It is stopped while companions run, before anything says that there will be error bars, or
+        after.
+        """
 
         def stop(*args, **options):
             raise KeyboardInterrupt
@@ -587,12 +547,10 @@ class TestNothingToGoOnWith:
         mesh = "mesh: {h_contact: 0.12, h_far: 0.6}\n"
         (tmp_path / "scene.yaml").write_text(scene.replace(mesh, "") if "--set" in asked else scene)
         with monkeypatch.context() as patch:
-            at = (
-                (pipeline.SimulationDriver, "_bars")
-                if where == "outcome"
-                else (single_run.SingleRun, "follow")
-            )
-            patch.setattr(*at, stop)
+            if where == "companions":
+                patch.setattr(pipeline, "states", stop)
+            else:
+                patch.setattr(single_run.SingleRun, "solve_path", stop)
             assert indent_sim(*asked).exit_code == 130
         assert result_files.read_report(tmp_path / "out")["rows"] == 0
         done = indent_sim("--resume", *asked)
@@ -647,8 +605,9 @@ class TestNothingToGoOnWith:
 
     @pytest.mark.parametrize("options", ["{}", "{mat_mumps_icntl_14: 60}"])
     def test_a_folder_of_a_version_that_had_solver_petsc(self, indent_sim, tmp_path, options):
-        """It is read as ever, tip and all; only going on with it is refused, with the words of the
-        key.
+        """A folder with `solver.petsc` is read as before, but not resumed.
+
+        The refusal names the key.
         """
         assert indent_sim().exit_code == 0
         config = tmp_path / "out" / "config.yaml"
@@ -658,7 +617,9 @@ class TestNothingToGoOnWith:
         done = indent_sim("--resume", "--json")
         error = json.loads(done.stdout)["error"]
         assert (
-            done.exit_code == 3 and error["key"] == "solver.petsc" and "is gone" in error["message"]
+            done.exit_code == 3
+            and error["key"] == "solver.petsc"
+            and "was removed" in error["message"]
         )
         assert "leave --resume out" in error["remedy"] and "PETSC_OPTIONS" in error["remedy"]
         assert snapshot(tmp_path) == before and scene_of(tmp_path / "out") == usual is not None
@@ -686,7 +647,7 @@ class TestNothingToGoOnWith:
 
 
 def test_the_last_fields_stay_until_the_next(tmp_path):
-    """`fields: last`: what is named is there, also for the run that goes on either."""
+    """With `fields: last` the named fields exist at any moment, also for a run that is resumed."""
     for step in (1, 2, 3):
         writer = FieldWriter(tmp_path, *BODY, done=step - 1 if step > 1 else None)
         assert writer.is_continued == (step > 1)

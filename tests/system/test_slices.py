@@ -1,4 +1,4 @@
-"""Slices of the proofs: together they are all tests, each once, and every commit has one."""
+"""Slices of the proofs: together all tests, each once; every commit has one."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SLICE_OF_COMMIT = ROOT / "scripts" / "slice_of_commit"
 
 
 def collected(*options: str) -> subprocess.CompletedProcess[str]:
-    """What pytest finds in a small folder of tests."""
+    """What pytest collects in a small folder of tests."""
     command = [
         sys.executable,
         "-m",
@@ -49,7 +49,7 @@ def git(folder: Path, *words: str) -> None:
 
 
 def slice_of(folder: Path) -> int:
-    """The slice, of twelve, of what is checked out in a folder."""
+    """The slice, out of twelve, of what is checked out in a folder."""
     script = folder / "scripts" / "slice_of_commit"
     script.parent.mkdir(exist_ok=True)
     script.write_bytes(SLICE_OF_COMMIT.read_bytes())
@@ -61,7 +61,10 @@ def slice_of(folder: Path) -> int:
 
 
 def test_commits_one_after_another_have_every_slice(tmp_path: Path) -> None:
-    """A merge of a branch with several commits is one, too."""
+    """Twelve commits one after another have all twelve slices.
+
+    A merge of a branch with several commits counts as one.
+    """
     git(tmp_path, "init", "-q", "-b", "main")
     found = []
     for k in range(12):
@@ -78,8 +81,9 @@ def test_commits_one_after_another_have_every_slice(tmp_path: Path) -> None:
 
 
 def test_shallow_clones_and_sources_without_a_repository_have_a_slice(tmp_path: Path) -> None:
-    """A shallow clone does not know the number of its commit: the slice is that of its name, in
-    every such clone.
+    """Shallow clones have a slice by the name of their commit, the same in every such clone.
+
+    They do not know the number of the commit. Sources without a repository have a slice too.
     """
     whole, shallow, plain = (tmp_path / name for name in ("whole", "shallow", "plain"))
     whole.mkdir()

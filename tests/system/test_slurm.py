@@ -1,6 +1,4 @@
-"""The job files of scripts/slurm, done by a stand-in for Slurm: the same numbers as without a
-scheduler.
-"""
+"""The job files of scripts/slurm, run by a stand-in for Slurm, give the numbers of plain runs."""
 
 from __future__ import annotations
 
@@ -40,7 +38,10 @@ Call = Callable[..., "subprocess.CompletedProcess[str]"]
 
 @pytest.fixture
 def call(tmp_path: Path) -> Call:
-    """Call a command where scene.yaml, study.yaml, the program and the stand-in for Slurm are."""
+    """A function that calls a command in a folder with a scene and a study.
+
+    It also has the program and the stand-in for Slurm.
+    """
     (tmp_path / "scene.yaml").write_text(SCENE)
     (tmp_path / "study.yaml").write_text(STUDY)
     (tmp_path / "jobs").mkdir()
@@ -80,12 +81,12 @@ def call(tmp_path: Path) -> Call:
 
 
 def logs(place: Path) -> str:
-    """What the jobs said."""
+    """The output of all jobs."""
     return "\n".join(log.read_text() for log in sorted(place.glob("slurm-*.out")))
 
 
 def ends(place: Path) -> list[dict[str, Any]]:
-    """Every end of every job and task, in order: exit code and options."""
+    """Exit code and options of every end of every job and task, in order."""
     files = sorted((place / "jobs").glob("*/*/ends"), key=lambda path: path.parent.name)
     return [json.loads(line) for path in files for line in path.read_text().splitlines()]
 
@@ -102,14 +103,14 @@ def numbers(folder: Path, *varied: str) -> list[list[Any]]:
 
 
 def assert_same_table(found: Path, expected: Path, *varied: str) -> None:
-    """Word for word, number for number to rounding."""
+    """Assert that two tables have the same words, and the same numbers to rounding."""
     for row, other in zip(numbers(found, *varied), numbers(expected, *varied), strict=True):
         assert row[3:] == other[3:]
         assert row[:3] == pytest.approx(other[:3], rel=SAME)
 
 
 def block(language: str) -> str:
-    """What docs/cluster.md shows in a language, every block of it."""
+    """All blocks of docs/cluster.md in a language."""
     text = (ROOT / "docs" / "cluster.md").read_text(encoding="utf-8")
     return "".join(re.findall(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL))
 
@@ -125,8 +126,9 @@ def test_a_run_on_two_ranks(call: Call, tmp_path: Path) -> None:
 
 
 def test_a_run_at_its_time_limit_goes_on(call: Call, tmp_path: Path) -> None:
-    """SIGTERM to the ranks, exit code 143, back into the queue, and the curve is that of one
-    undisturbed run.
+    """A run at its time limit ends with 143, is queued again, and gives the undisturbed curve.
+
+    The ranks get SIGTERM.
     """
     words = ("scene.yaml", "--set", "loading.steps=100")
     call(
@@ -140,7 +142,7 @@ def test_a_run_at_its_time_limit_goes_on(call: Call, tmp_path: Path) -> None:
 
 
 def test_exit_codes_come_through(call: Call, tmp_path: Path) -> None:
-    """A config error ends the job with 3; it is not queued again."""
+    """A config error ends the job with 3, and the job is not queued again."""
     call("sbatch", "--ntasks=2", SLURM / "run.sbatch", "scene.yaml", "--set", "loading.delta=2")
     assert [end["code"] for end in ends(tmp_path)] == [3] and "beyond the body's thickness" in logs(
         tmp_path
@@ -148,11 +150,10 @@ def test_exit_codes_come_through(call: Call, tmp_path: Path) -> None:
 
 
 def test_the_worked_example_of_the_page(call: Call, tmp_path: Path) -> None:
-    """An array of three, each stopped at its time limit once, and the last job: the table of the
-    undivided study.
+    """An array of three tasks, each stopped once, gives the table of the undivided study.
 
-    SIGUSR1 goes to the job file, SIGTERM from there to the study: what it was at goes on from its
-    last row.
+    SIGUSR1 goes to the job file, and SIGTERM from there to the study, whose current run goes on
+    from its last row.
     """
     (tmp_path / "tips.yaml").write_text(block("yaml"))
     told = call(
@@ -171,14 +172,14 @@ def test_the_worked_example_of_the_page(call: Call, tmp_path: Path) -> None:
 
 
 def test_a_study_under_srun_takes_no_part_in_mpi(call: Call, tmp_path: Path) -> None:
-    """Its runs must not look for the PMI server that the variables of srun promise."""
+    """Runs of a study do not look for the PMI server that the variables of srun promise."""
     step = {f"SLURM_{name}": "0" for name in ("NODELIST", "STEP_ID", "STEPID", "PROCID", "LOCALID")}
     call("indent-sim", "study", "study.yaml", **step)
     assert {row[5] for row in numbers(tmp_path / "results" / "study")} == {"done"}
 
 
 def test_the_commands_of_the_page_work(call: Call, tmp_path: Path) -> None:
-    """Every line of docs/cluster.md that calls sbatch, submit_study or the program, in order."""
+    """Every line of docs/cluster.md that calls sbatch, submit_study or the program works."""
     (tmp_path / "scripts").symlink_to(ROOT / "scripts")
     (tmp_path / "study.yaml").write_text(STUDY.replace("0.06, 0.05, 0.04", "0.06"))
     (tmp_path / "tips.yaml").write_text(block("yaml").replace("count: 6", "count: 2"))

@@ -1,6 +1,4 @@
-"""Studies: what a file asks for, that nothing is solved twice, and that a kill or a shard changes
-no number.
-"""
+"""Studies: nothing is solved twice, and a kill or a shard changes no number."""
 
 from __future__ import annotations
 
@@ -16,19 +14,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import study_runs
 from click.testing import CliRunner
+from command_line import environment
 
 from indent_sim import studies
 from indent_sim.cli import commands
 from indent_sim.process.errors import ConfigError, NotConverged, UsageError
 from indent_sim.results.reader import Results, read
-from indent_sim.run import pipeline
-from indent_sim.run.pipeline import warm_up
 from indent_sim.studies import cases as case_list
 from indent_sim.studies import study_table
 from indent_sim.studies.parameter_points import StiffnessMultiple
 from indent_sim.studies.reference.reference_solution import ReferenceSolution
-from indent_sim.studies.worker import Job, Worker
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENE = """\
@@ -49,15 +46,12 @@ vary:
 UNEQUAL = ("wall_s", "memory_MB", "peak_memory_MB")  # what the next time differs in, beside cpu_*
 
 
-@pytest.fixture(autouse=True, scope="module")
-def _libraries_are_there() -> None:
-    """Loaded once here, not in every worker that is forked off."""
-    warm_up()
-
-
 @pytest.fixture
 def written(tmp_path, monkeypatch):
-    """Write STUDY.yaml beside scene.yaml in an empty working directory; returns its path."""
+    """A function that writes STUDY.yaml beside scene.yaml in an empty working directory.
+
+    It returns the path.
+    """
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scene.yaml").write_text(SCENE)
 
@@ -75,7 +69,7 @@ def grid(path: Path) -> list[dict]:
 
 
 def rows_of(folder: Path) -> list[dict[str, str]]:
-    """study.csv without what differs from one time to the next."""
+    """The rows of study.csv without what differs from one time to the next."""
     with open(folder / "study.csv", newline="") as stream:
         rows = list(csv.DictReader(stream))
     return [
@@ -88,10 +82,9 @@ def command(*words: str | Path) -> list[str]:
     return [sys.executable, "-m", "indent_sim.cli.commands", "study", *map(str, words)]
 
 
-def environment() -> dict[str, str]:
-    return os.environ | {
-        "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
-    }
+def child_processes() -> set[str]:
+    """Ids of the living child processes of this one."""
+    return set(Path(f"/proc/self/task/{os.getpid()}/children").read_text().split())
 
 
 class TestGrid:
@@ -319,7 +312,10 @@ MALFORMED = [
 class TestRefusals:
     @pytest.mark.parametrize(("text", "line", "key", "fragment"), MALFORMED)
     def test_wrong_studies(self, written, tmp_path, text, line, key, fragment):
-        """Exit code 3 with file, line and key, before anything is made."""
+        """A wrong study ends with exit code 3 and a message with file, line and key.
+
+        Nothing is made before.
+        """
         done = CliRunner().invoke(commands.program, ["study", str(written(text))])
         place = "STUDY.yaml" if line is None else f"STUDY.yaml:{line}: {key}"
         assert (
@@ -363,7 +359,10 @@ class TestRefusals:
 
     @pytest.mark.parametrize("name", ["study.png", "curves.png"])
     def test_a_picture_of_the_users_in_its_folder(self, written, tmp_path, name):
-        """Refused before anything is done: a study that draws no such picture took it away."""
+        """A picture of the user's in the folder refuses the study before anything is done.
+
+        A study that draws no such picture removed it.
+        """
         place = tmp_path / "out"
         place.mkdir()
         (place / "study.json").write_text(json.dumps({"program": "indent-sim", "version": "0"}))
@@ -443,9 +442,7 @@ class TestRuns:
         assert (tmp_path / "out" / "study.png").stat().st_size > 10_000
 
     def test_a_varied_key_with_numbers_and_words(self, written, tmp_path):
-        """`stick` is no number among numbers: it is a colour of the pictures, of the study and of
-        its report.
-        """
+        """A key that varies over numbers and words is drawn and reported with words as colours."""
         vary = "{contact.friction: [0, 0.1, stick], contact.method: [auto, penalty]}"
         path = written(
             f"base: scene.yaml\ncompare_to: finest\nset: {{loading: {{delta: 0.01}}}}\nvary: "
@@ -462,25 +459,16 @@ class TestRuns:
     @pytest.mark.parametrize(
         ("ending", "exit_code", "reason"),
         [
-            ("raise ZeroDivisionError('x')", 1, "ZeroDivisionError: x"),
-            ("os.kill(os.getpid(), 11)", 139, "SIGSEGV"),
-            ("os._exit(3)", 3, "exit code 3"),
-            ("raise NotConverged('x')", 5, "x"),
+            (study_runs.divide_by_zero, 1, "ZeroDivisionError: x"),
+            (study_runs.crash, 139, "SIGSEGV"),
+            (study_runs.leave, 3, "exit code 3"),
+            (study_runs.not_converge, 5, "never"),
         ],
     )
     def test_whatever_ends_a_run_ends_that_run_alone(
         self, written, tmp_path, monkeypatch, ending, exit_code, reason
     ):
-        from indent_sim.run.pipeline import simulate
-
-        whole = simulate.simulate
-
-        def run(config, **options):
-            if config.mesh.h_contact == 0.05:
-                exec(ending)
-            return whole(config, **options)
-
-        monkeypatch.setattr(pipeline, "simulate", run)
+        monkeypatch.setattr("indent_sim.studies.worker.run_job", ending)
         text = METHODS.replace("[penalty, active_set]", "active_set")
         done = studies.execute_study(written(text), output=tmp_path / "out")
         assert [row["status"] for row in done.rows] == ["done", "failed", "done"]
@@ -489,22 +477,16 @@ class TestRuns:
         assert again.rows == done.rows  # read back, failures too
 
     def test_a_signal_to_the_worker_ends_nothing(self, written, tmp_path, monkeypatch):
-        """Batch systems send SIGTERM to every process of a job; that the study's own one ends is
-        enough.
+        """A signal to a worker does not end its run.
+
+        Batch systems send SIGTERM to every process of a job; it is enough that the study's own one
+        ends.
         """
-        from indent_sim.run.pipeline import simulate
-
-        whole = simulate.simulate
-
-        def run(config, **options):
-            os.kill(os.getpid(), signal.SIGTERM)
-            return whole(config, **options)
-
-        monkeypatch.setattr(pipeline, "simulate", run)
+        monkeypatch.setattr("indent_sim.studies.worker.run_job", study_runs.stop_worker)
         assert studies.execute_study(written(METHODS), output=tmp_path / "out").failures == []
 
     def test_a_run_that_was_cut_off_goes_on(self, written, tmp_path, monkeypatch):
-        """And one whose folder holds something else is begun anew."""
+        """A run that was cut off goes on, and one whose folder has another scene is begun anew."""
         path, out = written(METHODS.replace("[penalty, active_set]", "penalty")), tmp_path / "out"
         whole = studies.execute_study(path, output=out)
         cut, strange, _ = sorted((out / "runs").iterdir())
@@ -528,8 +510,9 @@ class TestRuns:
         )
 
     def test_memory_is_given_back(self, written, tmp_path):
-        """Matrices and factors of a run are gone when the next begins: five runs hold about as much
-        as one.
+        """Five runs one after another hold about as much memory as one.
+
+        Matrices and factors of a run are freed before the next begins.
         """
         text = (
             f"base: {ROOT}/configs/hertz_cube.yaml\nvary: {{mesh.h_contact: [0.1, 0.099, "
@@ -544,10 +527,7 @@ class TestRuns:
         assert last["memory_MB"] > 0.4 * first["memory_MB"]  # and what a run needed is still seen
 
     def test_no_result_at_all_is_a_failure(self, written, tmp_path, monkeypatch):
-        def run(*args, **options):
-            raise NotConverged("never")
-
-        monkeypatch.setattr("indent_sim.run.pipeline.simulate", run)
+        monkeypatch.setattr("indent_sim.studies.worker.run_job", study_runs.fail)
         with pytest.raises(NotConverged, match="never"):
             studies.execute_study(written(METHODS), output=tmp_path / "out")
         assert {row["reason"] for row in rows_of(tmp_path / "out")} == {"never"}
@@ -577,7 +557,7 @@ class TestRuns:
         assert all(second[name] > first[name] for name in second)  # every one was done again
 
     def test_a_study_that_fails_destroys_no_finished_run(self, written, tmp_path, monkeypatch):
-        """Each run stays until its new one is done; the table is of what is there."""
+        """Finished runs stay until the new ones are done, and the table has what is there."""
         path = written(
             "base: scene.yaml\nset: {body: {shape: half_space}, mesh: {}}\nvary: "
             "{material.nu: [0.2, 0.3]}\n"
@@ -588,17 +568,15 @@ class TestRuns:
             files = (tmp_path / "out" / "runs").rglob("*")
             return {file: file.read_bytes() for file in files if file.is_file()}
 
-        def fails(*given: object, **options: object) -> None:
-            raise NotConverged("no memory left")
-
         before, table = content(), rows_of(tmp_path / "out")
-        monkeypatch.setattr("indent_sim.run.pipeline.simulate", fails)
+        monkeypatch.setattr("indent_sim.studies.worker.run_job", study_runs.fail)
         studies.execute_study(path, output=tmp_path / "out")
         assert content() == before and rows_of(tmp_path / "out") == table
 
     def test_files_of_a_user_stay_among_the_runs(self, written, tmp_path):
-        """Whatever they are called; what a run would have to write over is refused before anything
-        is changed.
+        """Files of a user stay among the runs, under any name.
+
+        A file that a run would have to write over is refused before anything is changed.
         """
         path, out = written(METHODS.replace(", 0.04]", "]")), tmp_path / "out"
         studies.execute_study(path, output=out)
@@ -627,8 +605,9 @@ class TestRuns:
         assert before == {file: file.read_bytes() for file in out.rglob("*") if file.is_file()}
 
     def test_several_jobs_give_the_table_of_one(self, written, tmp_path):
-        """Whatever the order in which runs end; their curves in long form are the tables of the
-        runs.
+        """Several jobs give the table of one, in whatever order runs end.
+
+        Their curves in long form are the tables of the runs.
         """
         path = written(METHODS)
         for jobs in (1, 2):
@@ -653,9 +632,7 @@ class TestRuns:
         assert (tmp_path / "2" / "curves.png").stat().st_size > 10_000
 
     def test_jobs_killed_and_resumed(self, written, tmp_path):
-        """With two at a time, one killed run and then the whole: the table is that of an
-        undisturbed study.
-        """
+        """A study with two jobs, killed twice and resumed, gives the undisturbed table."""
         path = written(METHODS)
         studies.execute_study(path, output=tmp_path / "whole")
         for _ in range(2):
@@ -672,7 +649,10 @@ class TestRuns:
         assert rows_of(tmp_path / "cut") == rows_of(tmp_path / "whole")
 
     def test_a_run_keeps_its_folder_when_other_keys_vary(self, written, tmp_path):
-        """The physics is the identity, the name says what varied when it was first run."""
+        """A run keeps its folder when other keys vary.
+
+        It is identified by its physics; its name says what varied when it was first run.
+        """
         first = studies.execute_study(
             written("base: scene.yaml\nvary: {material.nu: [0.2, 0.3]}\n"), output=tmp_path / "out"
         )
@@ -723,8 +703,9 @@ class TestRuns:
         ids=["8 runs", "40 runs"],
     )
     def test_killed_at_random_and_resumed(self, written, tmp_path, sizes, kills_after):
-        """To the last bit: in one step, so that no run goes on in the middle, where it comes from
-        another side.
+        """A study killed after some runs and resumed has the undisturbed table to the last bit.
+
+        Runs have one step, so that none goes on in the middle from another starting point.
         """
         one_step = METHODS.replace("[0.06, 0.05, 0.04]", str(sizes)) + "set: {loading.steps: 1}\n"
         path = written(one_step)
@@ -785,13 +766,12 @@ class TestRuns:
         assert [row["status"] for row in rows_of(tmp_path / "out")] == ["pending"] * 6
 
     def test_the_worker_is_gone_after_the_study(self, written, tmp_path):
-        case = case_list.resolve_cases(studies.read(written(METHODS)))[0][0]
-        with Worker({"the first": Job(case.planned_run, tmp_path / "run")}) as worker:
-            worker.begin_job("the first")
-            assert worker.wait_for_job() == (0, "")
-            pid = worker._process._child.pid
-        with pytest.raises(ProcessLookupError):
-            os.kill(pid, 0)
+        tell = []
+        studies.execute_study(written(METHODS), output=tmp_path / "out", tell=tell.append)
+        assert len(tell) == 6
+        children = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
+        commands = [Path(f"/proc/{pid}/cmdline").read_text() for pid in children]
+        assert not any("studies.worker" in command for command in commands)
 
 
 class TestAnotherKindOfFile:
@@ -817,7 +797,7 @@ class TestAnotherKindOfFile:
         ) in done.stderr
 
     def test_a_scene_with_a_key_of_a_study_is_still_a_scene(self, written):
-        """A stray key is what is wrong then, and it is named."""
+        """A scene with a key of a study is refused as a scene with an unknown key."""
         done = CliRunner().invoke(commands.program, ["plan", str(written(SCENE + "vary: {}\n"))])
         assert done.exit_code == 3 and "vary: unknown key" in done.stderr
 
@@ -848,7 +828,7 @@ class TestComparison:
         assert (rows[0]["p_error_vs"] is None) == (wanted == "1.6e-3")
 
     def test_a_result_in_other_units_is_refused(self, written, tmp_path):
-        """As `plot` and `compare` do: 0.1 mm is no depth of a curve in um."""
+        """A reference in other units is refused, as `plot` and `compare` do."""
         known = ["run", "scene.yaml", "--output", "result", "--set", "units={length: mm, force: N}"]
         assert CliRunner().invoke(commands.program, known).exit_code == 0
         path = written("base: scene.yaml\ncompare_to: result\nvary: {mesh.h_contact: [0.06]}\n")
@@ -871,13 +851,13 @@ class TestComparison:
         assert all(abs(row["force_error_vs"]) < 0.01 for row in rows)
 
     def test_a_run_is_no_answer_to_itself(self, written, tmp_path):
-        """Every nu asks another question: no error is known, and none is 0."""
+        """Runs of different nu have no errors, as none is a reference for another."""
         done = studies.execute_study(
             written("base: scene.yaml\nvary: {material.nu: [0.1, 0.3]}\n"), output=tmp_path / "out"
         )
         errors = ("force_error_vs", "force_error_worst", "a_error_vs", "p_error_vs")
         assert [row[name] for row in done.rows for name in errors] == [None] * 8
-        assert "compared with no other" in done.notes[0] and not done.recommendations
+        assert "no run is compared with another" in done.notes[0] and not done.recommendations
 
     def test_accuracy_is_one_more_way_to_solve_the_same_problem(self, written, tmp_path):
         (tmp_path / "scene.yaml").write_text(
@@ -943,8 +923,10 @@ cases:
 """
 
     def test_a_study_of_cases_writes_its_scoreboard(self, written, tmp_path):
-        """Columns as they are documented; ours within 1 % of theory on this mesh, and the exact
-        value of the second is what the first one found.
+        """A study of cases writes a scoreboard with the documented columns.
+
+        Ours is within 1 % of theory on this mesh, and the exact value of the second case is what
+        the first one found.
         """
         path = written(self.CASES)
         done = CliRunner().invoke(commands.program, ["study", str(path), "--output", "out"])
@@ -988,8 +970,10 @@ cases:
 
     @pytest.mark.verify
     def test_our_numbers_are_within_their_bars_of_the_exact_ones(self, tmp_path):
-        """All published values, to 1 % here and to 0.2 % in docs/verification.md; those named as wrong are known to
-        be: the pyramid's factor, and Hayes' table."""
+        """Published values are reproduced to 1 %, except those that are known to be wrong.
+
+        Wrong are the pyramid's factor and Hayes' table. docs/verification.md compares to 0.2 %.
+        """
         shutil.copytree(ROOT / "configs", tmp_path / "configs")
         path = tmp_path / "configs" / "studies" / "verification" / "published.yaml"
         text = path.read_text(encoding="utf-8")
@@ -1018,7 +1002,10 @@ class TestAdvice:
         assert [row["run"] for row in study_table.pareto_front(rows)] == ["0", "1", "3"]
 
     def test_luck_does_not_count(self):
-        """The coarse mesh hits 0.1 % where a finer one misses it."""
+        """A coarse mesh that is right by luck is not recommended.
+
+        A finer one misses the target.
+        """
         rows = self.rows(
             ("a", 1, 10, 1e-4), ("a", 2, 20, 0.005), ("a", 4, 40, 1e-4), ("b", 3, 10, 0.004)
         )
@@ -1041,10 +1028,12 @@ class TestAdvice:
         )
 
     def test_a_run_without_rows_has_no_numbers(self, written):
-        case = case_list.resolve_cases(studies.read(written(METHODS)))[0][0]
+        study = studies.read(written(METHODS))
+        asked = case_list.resolve_cases(study)
         report = {"status": "failed", "exit_code": 4, "reason": "no,\nmesh"}
         empty = {name: np.empty(0) for name in ("step", "newton_iterations")}
-        row = study_table._case_row(case, [], Results(Path(), empty, report), None, None)
+        done = {asked[0][0].id: Results(Path(), empty, report)}
+        row, *_ = study_table.rows(study, asked, done, ReferenceSolution(study, asked[0]), {})
         assert row["force"] is None and row["steps_done"] == 0
         assert '"no, mesh"' in study_table.write([row])
 
@@ -1118,8 +1107,9 @@ class TestPicture:
 
     @pytest.fixture
     def drawn(self, tmp_path, monkeypatch):
-        """Draw rows (method, h, seconds, error); returns the figure as it is saved, and its front
-        as it is listed.
+        """A function that draws rows (method, h, seconds, error).
+
+        It returns the figure as it is saved, and its front as it is listed.
         """
         from indent_sim.results.pictures import figures
         from indent_sim.studies import study_picture
@@ -1158,7 +1148,7 @@ class TestPicture:
         return any(one.overlaps(other) for i, one in enumerate(boxes) for other in boxes[:i])
 
     def test_numbers_on_a_dense_front_do_not_cover_one_another(self, drawn):
-        """Forty points, some almost on one another; best and quickest are named."""
+        """Numbers on a front of forty points do not overlap, and best and quickest are named."""
         rows = [
             ("ab"[i % 2], 0.1 / (1 + i), 0.08 * 1.04 ** (i - i % 3), 0.01 * 0.8**i)
             for i in range(40)
@@ -1176,7 +1166,7 @@ class TestPicture:
         assert figure.texts[0].get_window_extent().x1 < figure.bbox.x1  # the title
 
     def test_no_line_through_points_of_several_curves(self, drawn):
-        """More words than colours: all points are one group."""
+        """With more words than colours all points are one group, and no line joins them."""
         figure, _ = drawn(
             [(f"word {i % 9}", 0.1 / (1 + i // 9), 1.0 + i, 0.1 / (1 + i)) for i in range(18)]
         )

@@ -1,5 +1,6 @@
-"""Pictures of studies, their drawn data read back: many runs in small multiples, and columns over
-what varies.
+"""Pictures of studies, checked by the data that are drawn.
+
+They have small multiples of many runs, and columns over what varies.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import pytest
 from click.testing import CliRunner
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
 from picture_checks import faults
 
 import indent_sim
@@ -32,12 +34,12 @@ HEIGHTS, RADII, RATIOS, MODULI = (
 
 
 def force_of(height: float = 8.0, R: float = 5.0, nu: float = 0.3, E: float = 1.0) -> float:
-    """Any law in which every key matters."""
+    """A law in which every key matters."""
     return E * R**0.5 * (1 + R / height) / (1 - nu**2)
 
 
 def families(**numbers: tuple[float, ...]) -> CurveGroups:
-    """A grid of runs over these numbers, in the order given; forces go with the depth to 3/2."""
+    """A grid of runs over these numbers; forces grow as the depth to the power 3/2."""
     grid = np.stack(np.meshgrid(*numbers.values(), indexing="ij"), axis=-1).reshape(
         -1, len(numbers)
     )
@@ -66,8 +68,9 @@ def four() -> CurveGroups:
 
 
 def test_two_hundred_runs_of_four_keys_are_told_apart(four: CurveGroups) -> None:
-    """Every curve lies in the panel of its R and nu, in the colour of its height, with the dashes
-    of its E.
+    """Every curve is in the panel of its R and nu, with the colour of its height.
+
+    Its dashes are those of its E.
     """
     with study_picture.curves_figure(four, "200 runs") as figure:
         figures.apply_layout(figure)
@@ -110,8 +113,9 @@ def test_two_hundred_runs_of_four_keys_are_told_apart(four: CurveGroups) -> None
 
 
 def test_the_force_over_two_numbers_is_a_map() -> None:
-    """Colours lie between the smallest and the largest force of the runs, and every run is a dot at
-    its numbers.
+    """The force over two numbers is a map whose colours span the forces of the runs.
+
+    Every run is a dot at its numbers.
     """
     two = families(**{"body.height": HEIGHTS, "indenter.R": RADII})
     with small_multiples.column_figure(two, "force", "two") as figure:
@@ -167,6 +171,56 @@ LAYER = {
 }
 
 
+def test_runs_of_one_depth_have_numbers_along_the_depth() -> None:
+    """Forces over six decades, a single depth: a logarithmic axis of it would have no ends."""
+    curves = families(**{"material.E": (1.0, 1e3, 1e6), "indenter.R": RADII}).curves
+    single = tuple(
+        RunCurve(
+            curve.values,
+            Results(
+                Path("run"),
+                {name: column[-1:] for name, column in curve.results.table.items()},
+                curve.results.report,
+            ),
+        )
+        for curve in curves
+    )
+    groups = CurveGroups(single, ("material.E", "indenter.R"))
+    with study_picture.curves_figure(groups, "one depth") as figure:
+        figures.apply_layout(figure)
+        assert faults(figure) == []
+        first = panels_of(figure)[0]
+        assert (first.get_xscale(), first.get_yscale()) == ("linear", "log")
+
+
+def test_a_study_is_drawn_into_axes_of_ones_own(tmp_path: Path) -> None:
+    """By its folder too: a column over one number is a panel, and so are the curves."""
+    folder = tmp_path / "study"
+    study = indent_sim.study({"base": LAYER, "vary": {"body.height": [5, 10]}}, directory=folder)
+    own = Figure()
+    first, second = own.subplots(1, 2)
+    assert indent_sim.plot(folder, "a", ax=second) is own
+    points = np.concatenate([part.get_offsets() for part in second.collections])
+    assert np.asarray(points) == pytest.approx(np.column_stack([[5, 10], study["a"]]))
+    assert not first.lines and not first.collections
+    assert indent_sim.plot(str(folder), ax=first) is own
+    assert first.get_xlabel() == "depth δ [µm]"
+    ends = [line.get_ydata()[-1] for line in first.lines if len(line.get_xdata()) > 2]
+    assert study["force"] == pytest.approx(ends[:2])
+    assert len(indent_sim.plot(folder).axes) == len(indent_sim.plot(study).axes)
+    for what, options, said in (
+        ("pressure", {}, "plotted as curves"),
+        ("a", {"zoom": 2}, "has no option zoom"),
+    ):
+        with pytest.raises(UsageError, match=said):
+            indent_sim.plot(folder, what, ax=first, **options)
+
+
+def test_a_column_of_several_panels_does_not_fit_into_axes(four: CurveGroups) -> None:
+    with pytest.raises(UsageError, match="ax is for one panel, but force has 3"):
+        small_multiples.draw_column_into(Figure().subplots(), four, "force")
+
+
 def test_the_command_draws_a_study(tmp_path: Path) -> None:
     folder = tmp_path / "study"
     study = indent_sim.study({"base": LAYER, "vary": {"body.height": [5, 10]}}, directory=folder)
@@ -178,7 +232,7 @@ def test_the_command_draws_a_study(tmp_path: Path) -> None:
     points = np.concatenate([part.get_offsets() for part in figure.axes[0].collections])
     assert np.asarray(points) == pytest.approx(np.column_stack([[5, 10], study["a"]]))
     for options, said in (
-        (["--what", "pressure"], "is one of curves"),
+        (["--what", "pressure"], "must be one of curves"),
         (["--zoom", "2"], "has no option zoom"),
     ):
         refused = CliRunner().invoke(commands.program, ["plot", str(folder), *options])
@@ -186,7 +240,7 @@ def test_the_command_draws_a_study(tmp_path: Path) -> None:
 
 
 def test_the_penetration_is_over_epsilon_n_beside_what_a_penalty_yields() -> None:
-    """Of runs by penalty p_max / epsilon_n stands beside the penetration of the rows."""
+    """The penetration of penalty runs is drawn over epsilon_n beside p_max / epsilon_n."""
     runs = families(**{"indenter.R": RADII}).curves
     stiffness = np.geomspace(1e2, 1e6, len(runs))
     curves = tuple(

@@ -1,6 +1,4 @@
-"""Pictures of the shipped studies: their runs, keys, names and units, with numbers that nobody
-computed.
-"""
+"""Pictures of the shipped studies, with their keys, names and units, and made-up numbers."""
 
 from __future__ import annotations
 
@@ -52,8 +50,9 @@ def study_of(path: Path) -> Any:
 
 
 def made_up(case: Case, random: np.random.Generator) -> Results:
-    """What a run may have found: a force of the size to expect that rises with depth, or falls
-    while the tip stands.
+    """Made-up results of a run.
+
+    The force is of the expected size; it rises with depth, or falls while the tip stands.
     """
     scene = case.planned_run.scene
     deepest, force = case.last_depth or 1.0, float(scene.plan.prediction.get("force") or 1.0)
@@ -87,7 +86,7 @@ def made_up(case: Case, random: np.random.Generator) -> Results:
 
 
 def board_of(study: StudyFile, random: np.random.Generator) -> list[Row]:
-    """A scoreboard whose values are off by anything up to 30 per cent."""
+    """A scoreboard whose values are off by up to 30 per cent."""
     rows = []
     for member in study.named_cases:
         if published := member.published:
@@ -114,7 +113,7 @@ def board_of(study: StudyFile, random: np.random.Generator) -> list[Row]:
 def test_no_picture_of_a_shipped_study_has_a_fault(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Errors of 1e-5 to 1: whatever a run may cost or err, words stay apart and axes have names."""
+    """With random costs and errors of 1e-5 to 1 no picture of a shipped study has a fault."""
     drawn: dict[str, list[str]] = {}
 
     def keep(figure: Any, path: Path) -> None:
@@ -144,9 +143,9 @@ def test_no_picture_of_a_shipped_study_has_a_fault(
 
 @pytest.mark.parametrize("count", [1, 12])
 def test_many_curves_are_drawn_as_few_are(count: int) -> None:
-    """Loading and unloading of each, as one collection of lines: the same points, colours, dashes and limits.
+    """Curves drawn as one collection have the points, colours, dashes and limits of single lines.
 
-    One run has two lines, whose two styles matplotlib took for one.
+    One run has two lines, loading and unloading, whose two styles matplotlib took for one.
     """
     random = np.random.default_rng(2)
     depth = np.array([0.2, 0.5, 1.0, 0.6, 0.1])

@@ -1,6 +1,4 @@
-"""Runs without a mesh, each in processes of their own: what they load, on several ranks, in
-studies, with --json.
-"""
+"""Runs without a mesh: the libraries they load, several ranks, studies and --json."""
 
 from __future__ import annotations
 
@@ -12,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import ROOT, Mpirun
+from command_line import ran
+from conftest import Mpirun
 
 from indent_sim.config.scene_file import config_from_mapping, to_yaml
 from indent_sim.results.reader import read
@@ -41,22 +40,15 @@ def config(tmp_path: Path) -> Path:
     return path
 
 
-def ran(*words: str | Path, code: int = 0) -> str:
-    command = [sys.executable, "-m", "indent_sim.cli.commands", *map(str, words)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120)
-    assert done.returncode == code, done.stderr
-    return done.stdout
-
-
 @pytest.mark.parametrize("command", ["run", "plan"])
 def test_no_library_of_a_mesh_is_loaded(config: Path, tmp_path: Path, command: str) -> None:
-    """Nor is the process forked in which gmsh would be."""
+    """A run by theory loads no library of a mesh and starts no process of gmsh."""
     program = f"""
 import sys
 sys.modules.update(dict.fromkeys({OF_A_MESH!r}))  # importing any of these fails now
 from indent_sim.cli.commands import program
-from indent_sim.process.forked_process import ForkedProcess
-ForkedProcess.start = None
+from indent_sim.process.child_process import ChildProcess
+ChildProcess.start = None
 program(sys.argv[1:], standalone_mode=False)
 """
     words = [
@@ -73,7 +65,7 @@ program(sys.argv[1:], standalone_mode=False)
 
 
 def test_three_ranks_say_what_one_says(config: Path, tmp_path: Path, mpirun: Mpirun) -> None:
-    """Rank 0 computes, and its rows are the same to the last digit."""
+    """Three ranks give the rows of one to the last digit, as rank 0 computes."""
     ran("run", config, "--output", tmp_path / "one")
     done = mpirun(3, "-m", "indent_sim.cli.commands", "run", config, "--output", tmp_path / "three")
     assert done.returncode == 0, done.stderr
@@ -102,7 +94,7 @@ def test_the_plan_says_why(config: Path) -> None:
 
 
 def test_in_vain_it_is_refused(config: Path, tmp_path: Path) -> None:
-    """Exit code 3, its reason, and no folder."""
+    """A scene that theory cannot solve is refused with exit code 3, a reason, and no folder."""
     asked = ("solver.method=theory", "material.nu=-0.2")
     flags = [word for change in asked for word in ("--set", change)]
     said = json.loads(ran("run", config, *flags, "--json", "--output", tmp_path / "out", code=3))
@@ -111,7 +103,7 @@ def test_in_vain_it_is_refused(config: Path, tmp_path: Path) -> None:
 
 
 def test_a_study_of_theories_and_meshes(config: Path, tmp_path: Path) -> None:
-    """The finest of all is theory, which every mesh is compared with; it has no unknowns."""
+    """Theory counts as the finest run, with which every mesh is compared; it has no unknowns."""
     file = tmp_path / "study.yaml"
     file.write_text(
         "base: scene.yaml\nset: {loading.steps: 2}\ncompare_to: finest\n"

@@ -1,5 +1,4 @@
-"""README, docs and tutorials: every command and every line of Python in them is run, or it is said
-where else.
+"""Every command and line of Python in README, docs and tutorials is run, or it is said where.
 
 A block of YAML that begins with the comment "# name.yaml" is that file. A block of text behind
 commands or Python lists lines that must have been printed.
@@ -15,32 +14,18 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+from documented_commands import BLOCK, ROOT, environment, followed
 
-ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
-BLOCK = re.compile(r"```(\w+)\n(.*?)```", re.DOTALL)
 COMMAND = re.compile(r"`(indent-sim [^`]*)`")
 
 
-def environment(folder: Path) -> dict[str, str]:
-    """Where `indent-sim` is this project's program."""
-    bin_ = folder / ".bin"
-    bin_.mkdir(exist_ok=True)
-    script = bin_ / "indent-sim"
-    script.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m indent_sim.cli.commands "$@"\n')
-    script.chmod(0o755)
-    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
-    return os.environ | {
-        "PATH": f"{bin_}{os.pathsep}{os.environ['PATH']}",
-        "PYTHONPATH": path,
-        "MPLBACKEND": "agg",
-    }
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_a_tutorial_can_be_followed(page, tmp_path):
-    """Python blocks of a page share their names, as the cells of a notebook do."""
+    """A tutorial can be followed; its Python blocks share their names.
+
+    So do the cells of a notebook.
+    """
     before, printed = environment(tmp_path), ""
     os.symlink(ROOT / "configs", tmp_path / "configs")
     blocks = BLOCK.findall(page.read_text(encoding="utf-8"))
@@ -80,9 +65,7 @@ def test_every_tutorial_is_named_in_the_readme():
 
 
 def test_commands_of_the_pages_exist():
-    """Every `indent-sim ...` of README, docs and tutorials names a command and options that there
-    are.
-    """
+    """Every `indent-sim ...` of README, docs and tutorials has an existing command and options."""
     from click.testing import CliRunner
 
     from indent_sim.cli import commands
@@ -121,8 +104,6 @@ ELSEWHERE = {  # blocks of commands that are not run here, by their first words
     "indent-sim plan scene.yaml     #": "tests/system/test_slurm.py",
     "export XDG_CACHE_HOME": "tests/system/test_slurm.py",
     "module load": "an installation on a cluster",
-    "   body = Body(scene": "tests/physics/test_terms.py, step by step, "
-    "with the term that it describes",
     "docker build": "needs a Docker daemon",
     **{
         f"indent-sim init {kind}\n": "tests/system/test_journeys.py"
@@ -146,7 +127,6 @@ INSTEAD = {  # the same with fewer runs
     "indent-sim require scene.yaml --curve measured.csv": "indent-sim require --help",
     "indent-sim study STUDY.yaml --jobs 4": "indent-sim study STUDY.yaml --jobs 2",
 }
-DIFFERS = "indent-sim compare results/reference results/current"  # as its page says: exit code 6
 SCENE = """\
 units: {length: um, force: nN}
 body: {shape: cylinder, radius: 20, height: 10}
@@ -158,7 +138,7 @@ mesh: {h_contact: 0.5}
 
 
 def commands_of(page: Path) -> list[tuple[str, str]]:
-    """The blocks of a page that somebody would type: kind and text."""
+    """Kind and text of the blocks of a page that somebody would type."""
     return [
         (kind, text)
         for kind, text in BLOCK.findall(page.read_text(encoding="utf-8"))
@@ -167,7 +147,7 @@ def commands_of(page: Path) -> list[tuple[str, str]]:
 
 
 def reason_of(text: str) -> str | None:
-    """Why a block is not run here."""
+    """The reason why a block is not run here."""
     return next((reason for words, reason in ELSEWHERE.items() if text.startswith(words)), None)
 
 
@@ -177,25 +157,11 @@ def shortened(text: str) -> str:
     return text
 
 
-def followed(commands: list[str], folder: Path) -> None:
-    """Commands run one after the other in a folder."""
-    for command in commands:
-        done = subprocess.run(
-            ["bash", "-euo", "pipefail", "-c", command],
-            cwd=folder,
-            env=environment(folder),
-            capture_output=True,
-            text=True,
-            timeout=600,
-            check=False,
-        )
-        assert done.returncode == (6 if command == DIFFERS else 0), (
-            f"{command}\n{done.stdout}{done.stderr}"
-        )
-
-
 def test_every_block_of_commands_is_run_or_says_where():
-    """But for the records of docs/decisions, whose commands made figures of their day."""
+    """Every block of commands is run here or has a reason why not.
+
+    The records of docs/decisions are left out: their commands made figures of their day.
+    """
     pages = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]
     found = {(str(page.relative_to(ROOT)), text) for page in pages for _, text in commands_of(page)}
     assert [(name, text) for name, text in found if name not in RUN and not reason_of(text)] == []
@@ -204,11 +170,11 @@ def test_every_block_of_commands_is_run_or_says_where():
     assert all(any(long in (ROOT / name).read_text() for name in RUN) for long in INSTEAD)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", RUN)
 def test_the_commands_of_a_page_run(name, tmp_path):
-    """In their order, in a folder beside the configs and a scene and a study of one's own; studies
-    made smaller.
+    """The commands of a page run in their order, with smaller studies.
+
+    The folder has the configs, a scene and a study.
     """
     text = (ROOT / name).read_text(encoding="utf-8")
     os.symlink(ROOT / "configs", tmp_path / "configs")
@@ -224,10 +190,10 @@ def test_the_commands_of_a_page_run(name, tmp_path):
             followed([line for line in lines if line], tmp_path)
 
 
-@pytest.mark.slow
 def test_fields_by_pyvista(tmp_path):
-    """The recipe up to its picture, for which there may be no screen; without PyVista the same by
-    meshio.
+    """The recipe for PyVista runs up to its picture, for which there may be no screen.
+
+    Without PyVista its arrays are checked with meshio.
     """
     (tmp_path / "scene.yaml").write_text(SCENE)
     followed(["indent-sim run scene.yaml --output results/gel --quiet"], tmp_path)
@@ -250,10 +216,10 @@ def test_fields_by_pyvista(tmp_path):
     assert {"displacement", "pressure", "von_mises"} <= arrays
 
 
-@pytest.mark.slow
 def test_the_answers_of_the_how_do_i_page_run(tmp_path):
-    """Every command in its sentences, in their order, beside a scene, a study, a result and a
-    measured curve.
+    """Every command in the sentences of docs/how_do_i.md runs.
+
+    They run in order, beside a scene, a study, a result and a measured curve.
     """
     os.symlink(ROOT / "configs", tmp_path / "configs")
     (tmp_path / "scene.yaml").write_text(SCENE)
@@ -271,9 +237,7 @@ def test_the_answers_of_the_how_do_i_page_run(tmp_path):
 
 
 def test_commands_in_the_sentences_of_the_theory_run(tmp_path):
-    """What is no scene of the tests: the lines of Python of theory.md; and its measurements are
-    tests.
-    """
+    """The lines of Python in theory.md run, and the measurements it names are tests."""
     theory = (ROOT / "docs" / "theory.md").read_text(encoding="utf-8")
     lines = re.findall(r"`(python -c [^`]*)`", theory)
     assert len(lines) == 2
@@ -301,7 +265,7 @@ def test_every_make_of_the_pages_is_a_target():
     ],
 )
 def test_tab_completion(tmp_path, shell, says):
-    """What the page tells a shell to evaluate defines a completion, and that completes commands."""
+    """What the page tells a shell to evaluate defines a completion, which completes commands."""
     variables = environment(tmp_path)
     source = variables | {"_INDENT_SIM_COMPLETE": f"{shell}_source"}
     script = subprocess.run(

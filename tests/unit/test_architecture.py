@@ -1,10 +1,9 @@
-"""The plan of the house, kept true by reading the syntax trees: who may import whom, and who may do
-what.
-"""
+"""The architecture of the package, read off its syntax trees: imports, libraries and names."""
 
 from __future__ import annotations
 
 import ast
+import re
 import sys
 from collections.abc import Iterator
 from functools import cache
@@ -41,34 +40,36 @@ ROOMS: dict[str, set[str]] = {
 FE: dict[str, set[str]] = {
     "compat": set(),
     "dolfinx_loading": {"compat"},
-    "kernel_cache": set(),
+    "kernel_cache": {"compat"},
     "nodal_assembly": set(),
     "symbolic_constants": set(),
     "shape_functions": set(),
     "quadrature": {"compat", "shape_functions"},
-    "facet_values": {"compat", "shape_functions"},
+    "facet_values": {"compat", "kernel_cache", "shape_functions"},
     "surface": {"quadrature", "shape_functions"},
     "mesh": {"compat"},
-    "unknowns": {"compat"},
+    "unknowns": {"compat", "kernel_cache"},
     "constraints": {"compat", "mesh"},
-    "postprocessing": {"compat", "quadrature", "surface"},
+    "postprocessing": {"compat", "kernel_cache", "quadrature", "surface"},
     "discrete_body": {"constraints", "facet_values", "mesh", "quadrature", "surface", "unknowns"},
     "terms": {
         "compat",
         "discrete_body",
         "facet_values",
+        "kernel_cache",
         "nodal_assembly",
         "quadrature",
         "shape_functions",
         "symbolic_constants",
         "unknowns",
     },
-    "problem": {"compat", "discrete_body", "terms", "unknowns"},
+    "problem": {"compat", "discrete_body", "kernel_cache", "terms", "unknowns"},
     "path": {"postprocessing", "terms"},
     "solve": {
         "compat",
         "constraints",
         "discrete_body",
+        "kernel_cache",
         "postprocessing",
         "terms",
         "problem",
@@ -76,6 +77,7 @@ FE: dict[str, set[str]] = {
     },
     "condensed": {
         "discrete_body",
+        "kernel_cache",
         "postprocessing",
         "quadrature",
         "shape_functions",
@@ -106,7 +108,7 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
         "studies/small_multiples.py",
         "fitting/fit_picture.py",
     ),
-    "scipy": ("theory/", "fe/", "fitting/"),
+    "scipy": ("theory/", "fe/", "fitting/", "model/", "scene/"),
     "yaml": ("config/strict_yaml.py",),
     "pint": ("config/quantities.py",),
     "jinja2": ("results/html_report.py",),
@@ -114,6 +116,7 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "rich": ("cli/",),
 }
 EMPTY_NAMES = {"utils", "util", "helpers", "helper", "common", "manager", "misc"}
+IMPORT_OF_A_TEST = re.compile(r"^ *(?:from|import) .*\btest_\w+", re.MULTILINE)
 ENDS = {
     "sys.exit",
     "os._exit",
@@ -127,13 +130,13 @@ ENDS = {
 
 
 def name_of(path: Path) -> str:
-    """Path inside the package."""
+    """Path of a file inside the package."""
     return path.relative_to(PACKAGE).as_posix()
 
 
 @cache
 def tree_of(path: Path) -> ast.Module:
-    """The syntax tree of a file."""
+    """Syntax tree of a file."""
     return ast.parse(path.read_text(encoding="utf-8"), str(path))
 
 
@@ -145,7 +148,7 @@ def nodes_of(path: Path) -> list[ast.AST]:
 
 @cache
 def imports(path: Path) -> list[str]:
-    """Every module that a file imports, wherever in the file, as a dotted name."""
+    """Dotted name of every module that a file imports, anywhere in the file."""
     return list(_imports(path))
 
 
@@ -161,19 +164,19 @@ def _imports(path: Path) -> Iterator[str]:
 
 
 def _module(base: str, name: str) -> str:
-    """`from base import name` imports the module base.name, if there is one, else base."""
+    """Module that `from base import name` imports: base.name if there is one, else base."""
     inside = PACKAGE.parent.joinpath(*base.split("."), name)
     return f"{base}.{name}" if inside.with_suffix(".py").exists() or inside.is_dir() else base
 
 
 def place(module: str, depth: int) -> str:
-    """The room (depth 1), or the part of fe (depth 2), of a dotted module; "" for what is above."""
+    """Room (depth 1) or part of fe (depth 2) of a dotted module; "" for what is above."""
     parts = module.split(".")
     return parts[depth] if len(parts) > depth else ""
 
 
 def module_of(path: Path) -> str:
-    """The dotted name of a file."""
+    """Dotted name of a file."""
     return ".".join(["indent_sim", *path.relative_to(PACKAGE).with_suffix("").parts]).removesuffix(
         ".__init__"
     )
@@ -211,9 +214,7 @@ def test_the_tables_have_no_circle() -> None:
 
 
 def test_no_module_imports_itself_in_a_circle() -> None:
-    """Whatever is imported, also inside functions and for type checking, is imported by nothing
-    above it.
-    """
+    """The graph of all imports, also in functions and for type checking, has no cycle."""
     graph = {
         module_of(path): {m for m in imports(path) if m.startswith("indent_sim.")} for path in FILES
     }
@@ -233,7 +234,7 @@ def test_no_module_imports_itself_in_a_circle() -> None:
 
 
 def test_the_longest_chain_of_rooms_is_seven() -> None:
-    """cli, study, run, fe, scene, and two more below: what a reader has to keep in mind at most."""
+    """The longest chain of rooms, from the command line down, has at most seven."""
     used: dict[str, set[str]] = {}
     for path in FILES:
         here = place(module_of(path), 1)
@@ -296,7 +297,7 @@ def test_public_things_have_docstrings() -> None:
 def _public(
     body: ast.Module | ast.ClassDef, prefix: str = ""
 ) -> Iterator[tuple[str, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef]]:
-    """Public classes and functions at the top of a module, and the public methods of those classes."""
+    """Yield the public classes and functions of a module, and the public methods of the classes."""
     for node in body.body:
         is_definition = isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef)
         if is_definition and not node.name.startswith("_") and not _is_setter(node):
@@ -343,8 +344,13 @@ def test_what_make_check_runs_starts_no_process_and_solves_nothing() -> None:
     assert found and not [name for name, libraries in found.items() if libraries]
 
 
+def test_no_test_module_imports_another() -> None:
+    """Shared code of tests stands in helper modules; programs in strings count, too."""
+    texts = {path: path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("*.py")}
+    assert not [path.name for path, text in texts.items() if IMPORT_OF_A_TEST.search(text)]
+
+
 # ---- the tests above can fail
-# ---------------------------------------------------------------------------------
 
 
 def test_imports_are_found_wherever_they_stand() -> None:
@@ -360,3 +366,12 @@ def test_an_arrow_that_the_table_lacks_is_found() -> None:
     assert "run/single_run.py -> indent_sim.fe.solver" in forbidden(
         FILES, without, 1, "indent_sim."
     )
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["from test_cli import ROOT", "    import tests.unit.test_docs", "from tests import test_x"],
+)
+def test_an_import_of_a_test_module_is_found(line: str) -> None:
+    assert IMPORT_OF_A_TEST.search(f"import os\n{line}\n")
+    assert not IMPORT_OF_A_TEST.search("from scenes import scene\n")

@@ -1,4 +1,4 @@
-"""Exact solutions in time against values of another program, their limits, and one another."""
+"""Exact solutions in time: values of another program, limits, and one another."""
 
 from __future__ import annotations
 
@@ -87,12 +87,12 @@ def test_held_incompressible_body(
 
 
 # ---- limits
-# --------------------------------------------------------------------------------------------------------
 
 
 def test_a_sudden_disc_is_incompressible_and_then_drained() -> None:
-    """sum A_n = (1 - 2 nu)/(2 (1 + nu)): F(0+) = pi a^2 3 G eps; 400 terms leave 1/(pi^2 n) = 3e-4
-    of 1.
+    """A suddenly compressed disc has the modulus 3 G at first and E at last.
+
+    sum A_n = (1 - 2 nu)/(2 (1 + nu)); 400 terms leave 1/(pi^2 n) = 3e-4 of it.
     """
     nu = 0.2
     force = [unconfined_force(1.0, nu, 1.0, 1.0, 0.01, t) / (pi * 0.01) for t in (0.0, 1e3)]
@@ -101,8 +101,9 @@ def test_a_sudden_disc_is_incompressible_and_then_drained() -> None:
 
 
 def test_a_sudden_strip_shares_its_pressure_and_then_drains() -> None:
-    """At once p = F/(2 a) everywhere inside, shortening F/(4 G a); at last the drained modulus 2
-    G/(1 - nu).
+    """Mandel's strip has p = F/(2 a) at first and the drained modulus 2 G/(1 - nu) at last.
+
+    The sudden shortening is F/(4 G a).
     """
     E, nu, F, a = 1.0, 0.2, 0.005, 1.0
     G = E / (2 * (1 + nu))
@@ -115,7 +116,7 @@ def test_a_sudden_strip_shares_its_pressure_and_then_drains() -> None:
 
 
 def test_mandel_pressure_rises_before_it_falls() -> None:
-    """The Mandel-Cryer effect: the middle holds more than at once while the sides give way."""
+    """The pressure in the middle rises before it falls: the Mandel-Cryer effect."""
     pressures = [mandel(1.0, 0.0, 1.0, 1.0, 0.0, 1.0, t)[0] for t in (0.001, 0.1, 1.0)]
     assert pressures[1] > 1.05 * pressures[0] > 0.5 > pressures[2]
 
@@ -128,8 +129,9 @@ def test_a_slow_ramp_is_drained_and_a_step_consolidates() -> None:
 
 
 def test_a_ramp_of_pressure_settles_as_the_ramp_of_depth_presses() -> None:
-    """The two solutions of one layer by convolution: pressures of the ramp, put as steps on the
-    other, bring it back to V t; 400 steps of the midpoint rule, whose steep begin is worth 1e-3.
+    """The pressures of a ramp of depth, applied as steps, give back that ramp.
+
+    400 steps of the midpoint rule leave 1e-3, from the steep beginning.
     """
     given, V, t, n = (1.0, 0.2, 0.9, 1.0), 0.01, 0.3, 400
     times = np.linspace(0.0, t, n + 1)
@@ -142,7 +144,10 @@ def test_a_ramp_of_pressure_settles_as_the_ramp_of_depth_presses() -> None:
 
 
 def test_limits_of_a_bar() -> None:
-    """At once E; at last that of the shear modulus left: 9 kappa G/(3 kappa + G)."""
+    """A relaxing bar has the modulus E at first and 9 kappa G/(3 kappa + G) at last.
+
+    G is the shear modulus that is left.
+    """
     E, nu, fractions, times = 2.0, 0.3, [0.4, 0.3], [0.1, 1.0]
     kappa, G = E / (3 * (1 - 2 * nu)), 0.3 * E / (2 * (1 + nu))
     assert relaxing_bar(E, nu, fractions, times, 0.0) == pytest.approx(E, rel=1e-12)

@@ -1,6 +1,4 @@
-"""What is promised of error bars stands in docs/accuracy.md, as `scripts/make_error_bar_table`
-measured it.
-"""
+"""The promised coverage of error bars is that measured in docs/accuracy.md."""
 
 from __future__ import annotations
 
@@ -14,8 +12,9 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "accuracy.md"
 
 @pytest.fixture(scope="module")
 def forces() -> dict[str, list[str]]:
-    """The cells of the table of forces: by class, scenes, rows, inside, bar over error, width,
-    worst, idle.
+    """Cells of the table of forces by class.
+
+    They are scenes, rows, inside, bar over error, width, worst and idle.
     """
     text = PAGE.read_text(encoding="utf-8")
     table = text.split("`force`, class by class:")[1].split("class by class:")[0]
@@ -24,8 +23,9 @@ def forces() -> dict[str, list[str]]:
 
 
 def test_forces_are_inside_their_bars_as_promised(forces: dict[str, list[str]]) -> None:
-    """Of all classes together and of each that has rows enough; no bar above 20 % whose error is
-    below 1 %.
+    """The coverage of all classes, and of each with enough rows, is the promised one.
+
+    No bar is above 20 % where the error is below 1 %.
     """
     judged = {name: cells for name, cells in forces.items() if int(cells[1]) >= FEWEST_ROWS}
     inside = {name: float(cells[2].removesuffix(" %")) / 100 for name, cells in judged.items()}

@@ -1,4 +1,4 @@
-"""Templates of `init`: each is a scene that can be run, and nothing of anybody's is overwritten."""
+"""Templates of `init`: each is a scene that can be run, and no file is overwritten."""
 
 from __future__ import annotations
 
@@ -29,9 +29,7 @@ SCENES = [kind for kind in commands.TEMPLATES if kind != "study"]
 
 @pytest.mark.parametrize("kind", SCENES)
 def test_a_template_is_a_scene_of_little_cost(kind):
-    """Half a minute at the most on one core, as `plan` predicts; its own comments name the file it
-    is in.
-    """
+    """A template is predicted to run in half a minute, and its comments name its file."""
     done = said("init", kind)
     assert done.exit_code == 0 and done.stdout == f"{kind}.yaml\n"
     config = load(f"{kind}.yaml")
@@ -51,7 +49,7 @@ def test_a_template_is_a_scene_of_little_cost(kind):
 
 
 def test_the_study_is_one_of_little_cost():
-    """Half a minute for all of its runs."""
+    """All runs of the study template are predicted to take half a minute."""
     assert said("init", "study").stdout == "study.yaml\n"
     done = said("plan", "study.yaml", "--json")
     assert done.exit_code == 0, done.stderr
@@ -83,7 +81,7 @@ def test_what_the_wheel_needs_is_package_data():
 
 
 def test_the_schema_that_a_scene_names_is_written_beside_it():
-    """As `schema` prints it; one that is there stays, and a study has none."""
+    """The schema is written next to a scene; an existing one stays, and a study has none."""
     assert said("init", "study").exit_code == 0 and not Path("scene.schema.json").exists()
     assert said("init", "gel").exit_code == 0
     assert json.loads(Path("scene.schema.json").read_text()) == json.loads(said("schema").stdout)

@@ -16,12 +16,12 @@ from functools import reduce
 from operator import add
 
 import numpy as np
-from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 
 from indent_sim.fe.discrete_body import Body
+from indent_sim.fe.kernel_cache import compile_form
 from indent_sim.fe.surface import Trace
 from indent_sim.fe.terms.scene_terms import bulk_terms
 from indent_sim.fe.terms.weak_roller import WeakRollerBC
@@ -106,7 +106,7 @@ class Condenser:
         # Ranks that solve one system together
         self._comm = MPI.COMM_SELF if self._solves_whole_body else body.comm
         tangents = [term.tangent(body.now, body.now, body.dt) for term in bulk]
-        matrix = fem_petsc.assemble_matrix(fem.form(reduce(add, tangents)))
+        matrix = fem_petsc.assemble_matrix(compile_form(reduce(add, tangents)))
         matrix.assemble()
         self.support_surfaces, self._support_rows = self._support_reaction_rows(
             matrix, bulk.rollers
@@ -245,7 +245,7 @@ class Condenser:
         return len(np.unique(self._surface.nodes[self._is_near_axis(radius, center)]))
 
     def _is_near_axis(self, radius: float, center: tuple[float, ...]) -> np.ndarray:
-        """Whether a node of each facet is within a radius [length] of the tip's axis."""
+        """Return whether a node of each facet is within a radius [length] of the tip's axis."""
         surface = self._surface
         distance = np.linalg.norm(
             surface.X[..., :-1] - np.asarray(center)[: surface.dim - 1], axis=-1
@@ -289,7 +289,7 @@ class Condenser:
         return self._last_compliance
 
     def _find_constrained_nodes(self, axes: Sequence[int]) -> np.ndarray:
-        """Whether the displacement along each axis is prescribed (axes, nodes of the surface)."""
+        """Return where the displacement along an axis is prescribed (axes, nodes)."""
         dofs = self.body.unknowns.displacement_dofs(self._owned_nodes)[..., list(axes)]
         is_constrained = np.zeros((len(axes), 1 + self._surface.nodes.max(initial=-1)))
         is_constrained[:, self._owned_rows] = np.isin(dofs, self.body.constrained_dofs).T
@@ -477,7 +477,7 @@ class Condenser:
 
 
 def _fits_every_rank(body: Body) -> bool:
-    """Whether the memory suffices for one factorisation of the body per rank."""
+    """Return whether the memory suffices for one factorisation of the body per rank."""
     predicted_memory = body.scene.plan.prediction.get("memory_MB", math.inf)
     # Ranks on several machines may have different memories
     smallest_memory = body.comm.allreduce(machine_memory(), MPI.MIN)

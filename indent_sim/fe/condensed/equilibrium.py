@@ -189,7 +189,7 @@ class CondensedEquilibrium(Equilibrium):
         return True
 
     def _is_contact_inside(self) -> bool:
-        """Whether the nodal forces end before the rim of the candidates."""
+        """Return whether the nodal forces end before the rim of the candidates."""
         return not bool((np.abs(self.contact.F[self._rim_nodes]) > 0).any())
 
     @property

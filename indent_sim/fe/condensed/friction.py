@@ -84,7 +84,7 @@ class TrialTraction(CoulombPoint):
 
     @property
     def is_slipping(self) -> np.ndarray:
-        """Whether the trial traction exceeds the slip limit."""
+        """True if the trial traction exceeds the slip limit."""
         return np.asarray(self.stick_margin < 0)
 
     @property

@@ -51,7 +51,7 @@ class Equilibrium(Protocol):
         """
 
     def is_seal_consistent(self) -> bool:
-        """Whether the frozen contact seal fits the contact that was found.
+        """Return whether the frozen contact seal fits the contact that was found.
 
         If not, it is updated, and the search for the force has to be repeated.
         """

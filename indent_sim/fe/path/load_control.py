@@ -190,7 +190,7 @@ class LoadControl:
     def _is_exhausted(
         self, force: float, last_point: ForceDepth, target_depth: float, lower: float, upper: float
     ) -> bool:
-        """Whether no other trial depth can succeed.
+        """Return whether no other trial depth can succeed.
 
         `failure` says why, unless the reason is an equilibrium that was not found.
         """

@@ -26,7 +26,7 @@ class LoadSegment:
 
     @property
     def has_duration(self) -> bool:
-        """Whether time passes along the segment."""
+        """True if time passes along the segment."""
         return self.end.t != self.begin.t
 
     def coordinate(self, load_point: LoadPoint) -> float:

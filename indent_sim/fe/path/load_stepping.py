@@ -631,7 +631,7 @@ class LoadStepper:
         return self.equilibrium.solve(delta, dt)
 
     def _keeps_speed(self, load_point: LoadPoint) -> bool:
-        """Whether the tip has the same speed in this increment as in the last one."""
+        """Return whether the tip has the same speed in this increment as in the last one."""
         point_before, last_load_point = (
             point.load_point for point in [self._points[0], *self._points][-2:]
         )

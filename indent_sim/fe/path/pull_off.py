@@ -64,7 +64,7 @@ class PullPoint:
 
     @property
     def is_touching(self) -> bool:
-        """Whether the tip touches the body."""
+        """True if the tip touches the body."""
         return self.a > 0
 
 
@@ -236,7 +236,7 @@ class _Bracket:
 
     @property
     def has_fold(self) -> bool:
-        """Whether the tip snaps off between `best` and `outer`: the force may jump there."""
+        """True if the tip snaps off between `best` and `outer`: the force may jump there."""
         snaps_off = self.best.is_touching and not self.outer.is_touching
         return snaps_off or not isfinite(self.outer.force)
 

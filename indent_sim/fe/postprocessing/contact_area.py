@@ -11,8 +11,10 @@ from indent_sim.fe.postprocessing.contact_sample import (
     ContactSample,
     ObservedBody,
     components_first,
+    min_over_ranks,
 )
 from indent_sim.fe.quadrature import facet_lattice
+from indent_sim.model.tips import FlatPunch, sharp_edge_radius
 
 # Growth of the relative pressure step at the contact edge with gamma/(E* a)
 EDGE_STEP_GROWTH = 11.0
@@ -20,6 +22,9 @@ EDGE_STEP_GROWTH = 11.0
 # tension. It is twice the largest gap next to the edge of a punch, for gamma/(E* a) from 1e-4 to 20
 # and nu from 0 to 0.5.
 EDGE_GAP_FRACTION = 0.01
+# Relative distance from a tip's sharp edge within which a point of the mesh lies on it: coordinates
+# are rounded to 12 digits
+EDGE_TOLERANCE = 1e-9
 
 
 def contact_area(
@@ -69,6 +74,92 @@ def contact_area(
         local_area = _positive_area(corners, np.where(overhangs[..., None], -1.0, corner_pressures))
     total_area = local_area if body.comm.size == 1 else body.comm.allreduce(local_area, op=MPI.SUM)
     return body.scene.physics.domain.symmetry_factor * total_area
+
+
+def whole_face_area(body: ObservedBody, X: np.ndarray, trial_pressure: np.ndarray) -> float | None:
+    """Area of the contact of the whole body with the whole face of a tip (collective).
+
+    At the sharp edge where a tip ends the pressure is singular, and p_hat oscillates from node to
+    node, so that `contact_area` misses up to 4 % of the face. The whole face is in contact if the
+    mean of p_hat over each facet below it is positive, and p_hat at each lattice point on the edge.
+    Its area is that inside the circle of the edge, which straight facets only approximate.
+
+    Parameters
+    ----------
+    body : ObservedBody
+        State of the body.
+    X : ndarray, (facets, points, dim - 1)
+        Undeformed horizontal positions of the lattice points of the facets [length].
+    trial_pressure : ndarray, (facets, points)
+        Trial pressure p_hat [pressure].
+
+    Returns
+    -------
+    float or None
+        Area [length^2], or width [length] in plane strain. None if a part of the face is not in
+        contact, the tip has no sharp edge, or a tip that is not flat has an edge that crosses
+        facets.
+    """
+    physics = body.scene.physics
+    radius = sharp_edge_radius(physics.indenter)
+    if radius is None or body.scene.sizes.punch_edge is None or physics.gap != "reference":
+        return None
+    horizontal_position = physics.domain.kinematics.horizontal_position
+    distance = np.hypot(*horizontal_position(components_first(X), physics.center))
+    is_below = distance <= radius * (1 + EDGE_TOLERANCE)
+    is_face = is_below.all(axis=1)
+    is_edge = is_below & (distance >= radius * (1 - EDGE_TOLERANCE))
+    smallest_mean, smallest_at_edge = min_over_ranks(
+        body,
+        trial_pressure[is_face].mean(axis=1).min(initial=np.inf),
+        trial_pressure[is_edge].min(initial=np.inf),
+    )
+    follows_edge = smallest_at_edge < np.inf
+    if not (0 < smallest_mean < np.inf and smallest_at_edge > 0):
+        return None
+    if not (follows_edge or isinstance(physics.indenter, FlatPunch)):
+        return None
+    if body.trace.dim == 2:
+        local_area = _segment_measure(body, X[is_face, 0, 0], X[is_face, -1, 0])
+    else:
+        corners = body.trace.X[:, :3, :2] - np.array(physics.center)
+        local_area = float(np.abs(area_in_circle(corners, radius)).sum())
+    total_area = local_area if body.comm.size == 1 else body.comm.allreduce(local_area, op=MPI.SUM)
+    return physics.domain.symmetry_factor * total_area
+
+
+def area_in_circle(corners: np.ndarray, radius: float) -> np.ndarray:
+    """Area of the parts of triangles (..., 3, 2) inside a circle about the origin [length^2].
+
+    It is negative if the corners are in clockwise order. It is the sum over the sides of the area
+    between the side and the origin: a triangle where the side is inside the circle, and circular
+    sectors where it is outside.
+    """
+    start = corners
+    end = np.roll(corners, -1, axis=-2)
+    side = end - start
+    # Points start + t side on the circle: a t^2 + 2 b t + c = 0
+    a = (side**2).sum(axis=-1)
+    b = (start * side).sum(axis=-1)
+    c = (start**2).sum(axis=-1) - radius**2
+    root = np.sqrt(np.maximum(b * b - a * c, 0.0))
+    entry = start + np.clip((-b - root) / a, 0.0, 1.0)[..., None] * side
+    exit_ = start + np.clip((-b + root) / a, 0.0, 1.0)[..., None] * side
+    areas = (
+        radius**2 / 2 * (_turn_angle(start, entry) + _turn_angle(exit_, end))
+        + _cross_product(entry, exit_) / 2
+    )
+    return areas.sum(axis=-1)
+
+
+def _turn_angle(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Angle [radians] from the first to the second plane vectors (..., 2), seen from the origin."""
+    return np.arctan2(_cross_product(first, second), (first * second).sum(axis=-1))
+
+
+def _cross_product(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Cross product of plane vectors (..., 2)."""
+    return first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
 
 
 def _signed_area(corners: np.ndarray) -> np.ndarray:

@@ -175,16 +175,8 @@ def gap_of_displacement(
     if physics.gap == "current":
         x, y = horizontal_position(X + u)
         return gap_current(physics.indenter, x, y, X[..., -1] + u[..., -1], body.depth)
-
-    def open_gap() -> np.ndarray:
-        x, y = horizontal_position(X)
-        return gap_reference(physics.indenter, x, y, X[..., -1], 0.0)
-
-    return (
-        trace.cached_values("gap", (physics.indenter, physics.center), points, open_gap)
-        - body.depth
-        - u[..., -1]
-    )
+    x, y = horizontal_position(X)
+    return gap_reference(physics.indenter, x, y, X[..., -1], 0.0) - body.depth - u[..., -1]
 
 
 def _area_ratio(
@@ -249,6 +241,11 @@ def max_over_ranks(body: ObservedBody, *numbers: float) -> list[float]:
     if body.comm.size > 1:
         body.comm.Allreduce(MPI.IN_PLACE, largest, op=MPI.MAX)
     return list(map(float, largest))
+
+
+def min_over_ranks(body: ObservedBody, *numbers: float) -> list[float]:
+    """Smallest value of each number over all ranks (collective)."""
+    return [-number for number in max_over_ranks(body, *(-number for number in numbers))]
 
 
 def components_first(vectors: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ import ufl
 from dolfinx import fem
 
 from indent_sim.fe import compat
+from indent_sim.fe.kernel_cache import compile_expression
 from indent_sim.fe.postprocessing import contact_sample
 from indent_sim.fe.postprocessing.nodal_stress import NodalStress, total_stress
 from indent_sim.model.gel import Gel
@@ -24,7 +25,9 @@ class Fields:
     * `pressure`, with friction also `shear` (points,) [pressure], averaged over the facets of a
       vertex as in the surface table;
     * `pore_pressure` (points,) [pressure], with pore fluid;
-    * `nodal_stress` (points, 3, 3) and `nodal_von_mises` (points,) [pressure], on request.
+    * `nodal_stress` (points, 3, 3) and `nodal_von_mises` (points,) [pressure], on request. All
+      fields at vertices then have a row for each region at a vertex where regions meet, in the
+      order of `mesh.grid.split_at_interfaces`.
 
     At the centroids of cells:
 
@@ -71,7 +74,7 @@ class Fields:
     def _expressions(self) -> list[tuple[fem.Expression, np.ndarray]]:
         centroid = np.full((1, self.body.body_mesh.dim), 1 / (self.body.body_mesh.dim + 1))
         return [
-            (fem.Expression(ufl.as_vector(self._cell_expressions(s)), centroid), s.cells)
+            (compile_expression(ufl.as_vector(self._cell_expressions(s)), centroid), s.cells)
             for s in self.body.strain_energies
         ]
 
@@ -113,10 +116,17 @@ class Fields:
         tractions = [
             _nodal_means(touched_nodes, column, len(displacement)) for column in surface_tractions.T
         ]
-        return {
+        nodal = {
             "displacement": displacement,
             **dict(zip(("pressure", "shear"), tractions, strict=False)),
             **dict(zip(("pore_pressure",), fluid.T, strict=False)),
+        }
+        if averaged_stress is not None:
+            origin, nodal_stress = averaged_stress
+            nodal = {name: values[origin] for name, values in nodal.items()}
+            nodal |= _nodal_stress_fields(nodal_stress)
+        return {
+            **nodal,
             **_stress_fields(stress.reshape(-1, 3, 3)),
             **dict(
                 zip(
@@ -125,7 +135,6 @@ class Fields:
                     strict=False,
                 )
             ),
-            **({} if averaged_stress is None else _nodal_stress_fields(averaged_stress)),
         }
 
     @property

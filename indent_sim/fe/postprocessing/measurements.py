@@ -12,6 +12,7 @@ from indent_sim.fe.postprocessing.contact_area import (
     edge_corrected_pressure,
     edge_pressure_step,
     stick_radius,
+    whole_face_area,
 )
 from indent_sim.fe.postprocessing.contact_sample import (
     PRESSURE_ROUNDOFF,
@@ -41,8 +42,9 @@ def contact_values(body: ObservedBody) -> dict[str, float]:
     a : float
         Contact radius sqrt(area/pi) of the region with p_hat > 0, or half its width in plane strain
         [length]. p_hat is linear inside the small simplices of a facet. With a current gap the
-        region is that of the deformed surface, projected on the horizontal plane. 0 for delta <= 0
-        unless the tip adheres or the body swells.
+        region is that of the deformed surface, projected on the horizontal plane. Where the whole
+        face of a tip with a sharp edge is in contact it ends at the edge (`whole_face_area`). 0 for
+        delta <= 0 unless the tip adheres or the body swells.
     p_max : float
         Peak pressure over contact quadrature points and nodes [pressure]; NaN where the pressure is
         unbounded (`Scene.has_peak_pressure`).
@@ -74,7 +76,9 @@ def contact_values(body: ObservedBody) -> dict[str, float]:
     trial_pressure = edge_corrected_pressure(
         body, sample.trial_pressure[:, :begin], sample.gap[:, :begin]
     )
-    size = contact_area(body, *lattice_points, trial_pressure)
+    size = whole_face_area(body, lattice_points[0], trial_pressure) or contact_area(
+        body, *lattice_points, trial_pressure
+    )
     if is_tensed and (step := edge_pressure_step(body, size, pressure)):
         size = contact_area(body, *lattice_points, trial_pressure - EDGE_STEP_FRACTION * step)
     if body.depth <= 0 and not _may_touch_unindented(body, sample.pressure):
@@ -107,7 +111,7 @@ def contact_values(body: ObservedBody) -> dict[str, float]:
 
 
 def _may_touch_unindented(body: ObservedBody, pressure: np.ndarray) -> bool:
-    """Whether there may be contact at delta <= 0, by adhesion or swelling (collective)."""
+    """Return whether there may be contact at delta <= 0, by adhesion or swelling (collective)."""
     physics = body.scene.physics
     if not physics.is_time_dependent:
         return physics.contact.may_snap_through

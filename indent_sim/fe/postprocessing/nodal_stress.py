@@ -2,9 +2,9 @@
 
 The stress of quadratic elements is most accurate at points inside a cell. It is extrapolated
 linearly from as many points as a cell has vertices to these vertices, and there averaged over the
-cells of one region, weighted by their volumes. It is not averaged across interfaces between
-regions, where the stress jumps. Source: Hinton & Campbell (1974), Int. J. Numer. Methods Eng. 8,
-461; Zienkiewicz, Taylor & Zhu (2013), The Finite Element Method, 15.
+cells of one region, weighted by their volumes. At an interface, where the stress jumps, each region
+has vertices of its own (`grid.split_at_interfaces`). Source: Hinton & Campbell (1974), Int. J.
+Numer. Methods Eng. 8, 461; Zienkiewicz, Taylor & Zhu (2013), The Finite Element Method, 15.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ from dolfinx import fem
 from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
+from indent_sim.fe.kernel_cache import compile_expression
+from indent_sim.mesh.grid import split_at_interfaces
 
 # Largest barycentric coordinate of each point of the quadrature of degree 2, by dimension
 OWN_COORDINATE = {2: 2 / 3, 3: (5 + 3 * 5**0.5) / 20}
@@ -80,10 +82,10 @@ class NodalStress:
         for strain in self._body.strain_energies:
             stress = total_stress(self._body, strain)
             components = ufl.as_vector([stress[i, j] for i, j in np.ndindex(3, 3)])
-            expressions.append((fem.Expression(components, self._points), strain.cells))
+            expressions.append((compile_expression(components, self._points), strain.cells))
         return expressions
 
-    def gather_averages(self, points: int) -> np.ndarray | None:
+    def gather_averages(self, points: int) -> tuple[np.ndarray, np.ndarray] | None:
         """Gather the nodal stress on rank 0 (collective).
 
         Parameters
@@ -93,25 +95,20 @@ class NodalStress:
 
         Returns
         -------
-        ndarray, (points, 3, 3), or None
-            Stress [pressure]; None on other ranks. A vertex of several regions has the stress of
-            the first of them: layers come from the top to the base, then inclusions.
+        tuple of ndarray, or None
+            Vertex of the grid (n,) from which each vertex comes, and stress (n, 3, 3) [pressure],
+            n > `points` if regions meet; None on other ranks.
         """
         parts = self._body.comm.gather(self._owned_cell_stress(), root=0)
         if parts is None:
             return None
         cells = _CellStress(*(np.concatenate(column) for column in zip(*parts, strict=True)))
-        first = np.full(points, np.iinfo(np.int64).max)
-        np.minimum.at(
-            first, cells.vertices.ravel(), np.repeat(cells.regions, cells.vertices.shape[1])
-        )
-        weights = np.where(
-            first[cells.vertices] == cells.regions[:, None], cells.volumes[:, None], 0.0
-        )
-        total = np.bincount(cells.vertices.ravel(), weights.ravel(), points)
-        columns = (weights[..., None] * cells.stress).reshape(-1, 9).T
-        sums = [np.bincount(cells.vertices.ravel(), column, points) for column in columns]
-        return (np.array(sums) / total).T.reshape(-1, 3, 3)
+        origin, vertices = split_at_interfaces(cells.vertices, cells.regions, points)
+        weights = np.repeat(cells.volumes, vertices.shape[1])
+        total = np.bincount(vertices.ravel(), weights, len(origin))
+        columns = (cells.volumes[:, None, None] * cells.stress).reshape(-1, 9).T
+        sums = [np.bincount(vertices.ravel(), column, len(origin)) for column in columns]
+        return origin, (np.array(sums) / total).T.reshape(-1, 3, 3)
 
     def _owned_cell_stress(self) -> _CellStress:
         """Extrapolate the stress of the cells that this rank owns."""

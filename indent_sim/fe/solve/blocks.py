@@ -25,6 +25,7 @@ from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
 from indent_sim.fe.constraints import support_and_pin_dofs, zero_bc
+from indent_sim.fe.kernel_cache import compile_form
 from indent_sim.fe.problem import Problem
 from indent_sim.fe.terms.term import Term
 
@@ -168,7 +169,7 @@ class FieldBlocks:
 
     def _assemble_product(self, density: Expr) -> PETSc.Mat:
         """Assemble the integral of a product between the free dofs, in the units of their rows."""
-        matrix = fem_petsc.assemble_matrix(fem.form(self._domain_integral(density)))
+        matrix = fem_petsc.assemble_matrix(compile_form(self._domain_integral(density)))
         matrix.assemble()
         matrix.scale(self.weight**2)
         return matrix.createSubMatrix(self._free_set, self._free_set)
@@ -269,6 +270,6 @@ def _tangent_form(
     unknowns = problem.unknowns
     body = problem.body
     now = replace(body.now, test=unknowns.variation(*test), trial=unknowns.variation(*trial))
-    return fem.form(
+    return compile_form(
         compat.expand_derivatives(reduce(add, (term.tangent(now, now, body.dt) for term in terms)))
     )

@@ -97,7 +97,7 @@ class BodyEquilibrium:
         return 10 * finest_tolerance(self.problem)
 
     def is_seal_consistent(self) -> bool:
-        """Whether the fluid is sealed where the tip touches; if not, the seal is updated."""
+        """Return whether the fluid is sealed where the tip touches; if not, the seal is updated."""
         seal = self.bulk_terms.seal
         return seal is None or not seal.update_contact(
             contact_sample.touching_corners(self.observed_body)
@@ -278,7 +278,7 @@ class BodyEquilibrium:
 
     @property
     def _has_relaxation(self) -> bool:
-        """Whether the modulus of the touched material changes with time."""
+        """True if the modulus of the touched material changes with time."""
         return self.scene.physics.domain.regions[0].relaxation_series is not None
 
     def pack(self, state: Snapshot) -> list[np.ndarray]:
@@ -344,7 +344,7 @@ class BodyEquilibrium:
 
     @cached_property
     def _can_predict_contact(self) -> bool:
-        """Whether the multiplier tells which points are in contact next.
+        """True if the multiplier tells which points are in contact next.
 
         It does not if the contact is approached through other stiffnesses, nor with adhesion.
         """

@@ -14,6 +14,7 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from indent_sim.fe import compat
+from indent_sim.fe.kernel_cache import create_function_space
 from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve.blocks import DisplacementStiffness
 from indent_sim.fe.solve.petsc_options import default_options
@@ -51,14 +52,14 @@ AGGREGATION: dict[str, Any] = {
 
 
 class Multigrid:
-    """One multigrid cycle as a preconditioner of the displacement block of the tangent.
+    """Multigrid cycle as a preconditioner of the displacement block of the tangent.
 
     It is built for one solution, and good near it.
     """
 
     def __init__(self, problem: Problem, fine: DisplacementStiffness):
         space = problem.unknowns.collapsed_space("u")
-        linear = compat.function_space(
+        linear = create_function_space(
             problem.mesh, compat.lagrange_element(problem.unknowns.dim, 1, problem.unknowns.dim)
         )
         self._coarse = DisplacementStiffness(problem, linear, "aij")

@@ -115,7 +115,7 @@ class Newton:
             self._assemble_tangent(P, self._forcing_term() if self._iterative else 0.0)
 
     def _can_reuse_tangent(self) -> bool:
-        """Whether the last factored tangent still reduces the residual quickly enough."""
+        """Return whether the last factored tangent still reduces the residual quickly enough."""
         if not (
             self._has_tangent
             and self.problem.can_reuse_tangent
@@ -314,7 +314,7 @@ class Newton:
 
     @property
     def is_stable(self) -> bool:
-        """Whether the equilibrium just found is a local minimum of the energy (collective).
+        """True if the equilibrium just found is a local minimum of the energy (collective).
 
         The criterion is the inertia of the last LDL^T factor: at a minimum it has one negative
         pivot for each free dof of the fields other than the displacement, and no more. True where
@@ -392,7 +392,7 @@ class Newton:
         return stiffness if is_converged else nan
 
     def _is_stiffness_converged(self, remaining: PETSc.Vec, step: float, stiffness: float) -> bool:
-        """Whether the energy of the residual that is left is negligible against the stiffness.
+        """Return whether the energy of the remaining residual is negligible.
 
         The norm of the residual would be misleading: a stiff contact dominates it and hides the
         body.

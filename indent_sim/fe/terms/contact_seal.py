@@ -15,6 +15,7 @@ from petsc4py import PETSc
 
 from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.facet_values import cell_heights, facet_nodes
+from indent_sim.fe.kernel_cache import compile_form
 from indent_sim.fe.nodal_assembly import sum_nodal_contributions
 from indent_sim.fe.terms.flow import FIELD_NAME
 from indent_sim.fe.terms.term import Term
@@ -101,7 +102,7 @@ class ContactSeal(Term):
             (region, fem.Constant(body.mesh, flow.permeability)) for region, flow in flows
         ]
         forms = [body.region_integral(k * slopes, region) for region, k in permeabilities]
-        matrix = fem_petsc.assemble_matrix(fem.form(sum(forms)))
+        matrix = fem_petsc.assemble_matrix(compile_form(sum(forms)))
         matrix.assemble()
         diagonal = np.zeros(len(self._pressure_dofs))
         diagonal[: self._owned_count] = matrix.getDiagonal().array_r
@@ -121,7 +122,7 @@ class ContactSeal(Term):
         space = self.body.unknowns.collapsed_space(FIELD_NAME)
         if isinstance(boundary, Conductance):
             area = fem_petsc.assemble_vector(
-                fem.form(self.body.surface_integral(surface, ufl.TestFunction(space)))
+                compile_form(self.body.surface_integral(surface, ufl.TestFunction(space)))
             )
             area.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
             conductance = np.zeros(len(self._pressure_dofs))
@@ -279,7 +280,7 @@ class ContactSeal(Term):
         for surface in drainage_of_surface:
             facets = self._surface_facets(surface)
             area = fem_petsc.assemble_vector(
-                fem.form(body.surface_integral(surface, ufl.TestFunction(space)))
+                compile_form(body.surface_integral(surface, ufl.TestFunction(space)))
             )
             area.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
             areas[: self._owned_count] += area.array_r

@@ -29,6 +29,7 @@ from ufl.core.expr import Expr
 from indent_sim.fe import compat
 from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.facet_values import facet_nodes
+from indent_sim.fe.kernel_cache import compile_form
 from indent_sim.fe.shape_functions import barycentric
 from indent_sim.fe.symbolic_constants import symbolic_copy
 from indent_sim.fe.terms.term import Term
@@ -79,7 +80,7 @@ class Flow(Term):
             for region, law in self._laws.items()
         )
         self._content_form, self._content_form_before = (
-            fem.form(self._vertex_content(level, baths))
+            compile_form(self._vertex_content(level, baths))
             for level, baths in (
                 (now, self._bath_pressures),
                 (body.before, self._bath_pressures_before),
@@ -219,7 +220,7 @@ class Flow(Term):
         space = self.body.unknowns.collapsed_space(FIELD_NAME)
         product = ufl.TestFunction(space) * ufl.TrialFunction(space)
         mass = fem_petsc.assemble_matrix(
-            fem.form(sum(self.body.region_integral(product, region) for region in self._laws))
+            compile_form(sum(self.body.region_integral(product, region) for region in self._laws))
         )
         mass.assemble()
         ones = mass.createVecRight()

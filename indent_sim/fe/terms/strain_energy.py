@@ -12,6 +12,7 @@ from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
 from indent_sim.fe.discrete_body import VOLUME_DEGREE, Body
+from indent_sim.fe.kernel_cache import compile_expression, compile_form
 from indent_sim.fe.symbolic_constants import symbolic_copy
 from indent_sim.fe.terms.inverted_elements import InvertedElements
 from indent_sim.fe.terms.term import Term
@@ -134,7 +135,7 @@ class StrainEnergy(Term):
             [*(F[i, k] for i in range(3) for k in range(3)), *(body.X[k] for k in range(dim))]
         )
         table = compat.evaluate_expression(
-            fem.Expression(values, points), body.mesh, self.cells
+            compile_expression(values, points), body.mesh, self.cells
         ).reshape(-1, 9 + dim)
         extremes = InvertedElements(np.inf, (np.inf,) * dim, 0.0, (np.inf,) * dim)
         if len(table):
@@ -153,7 +154,7 @@ class StrainEnergy(Term):
     @cached_property
     def _inverted_measure_form(self) -> fem.Form:
         inverted = ufl.conditional(ufl.lt(self.J, 0.0), 1.0, 0.0)
-        return fem.form(inverted * self.body.region_measure(self.region))
+        return compile_form(inverted * self.body.region_measure(self.region))
 
     def inverted_size(self) -> float:
         """Size of the part with J < 0: the dim-th root of its measure [length] (collective)."""

@@ -39,6 +39,7 @@ from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
 from indent_sim.fe.discrete_body import VOLUME_DEGREE, Body
+from indent_sim.fe.kernel_cache import compile_expression, create_function_space
 from indent_sim.fe.terms.strain_energy import StrainEnergy
 from indent_sim.fe.terms.time_integration import Stage
 from indent_sim.mesh.model_domain import Region
@@ -75,8 +76,8 @@ class ViscoelasticStrainEnergy(StrainEnergy):
         degree = VOLUME_DEGREE[body.body_mesh.dim]
         self._points, self._weights = compat.quadrature_rule(compat.CELL_NAMES[dim], degree)
         width = len(TENSOR_COMPONENTS[dim])
-        space = compat.function_space(body.mesh, compat.quadrature_element(dim, degree, width))
-        means = compat.function_space(body.mesh, compat.cellwise_element(dim, width))
+        space = create_function_space(body.mesh, compat.quadrature_element(dim, degree, width))
+        means = create_function_space(body.mesh, compat.cellwise_element(dim, width))
         self._shear_factor, self._long_term_factor = (
             fem.Constant(body.mesh, share) for share in (1.0, self._long_term_fraction)
         )
@@ -123,7 +124,7 @@ class ViscoelasticStrainEnergy(StrainEnergy):
     @cached_property
     def _shear_stress_expression(self) -> fem.Expression:
         dim = self.body.body_mesh.dim
-        return fem.Expression(
+        return compile_expression(
             ufl.as_vector([self._elastic_shear_stress[i, j] for i, j in TENSOR_COMPONENTS[dim]]),
             self._points,
         )

@@ -11,6 +11,7 @@ from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
 from indent_sim.fe.discrete_body import Body
+from indent_sim.fe.kernel_cache import compile_form
 from indent_sim.fe.terms.term import Term
 from indent_sim.mesh.reactions import SurfaceComponent
 
@@ -47,7 +48,7 @@ class WeakRollerBC(Term):
 
     @cached_property
     def _reaction_form(self) -> fem.Form:
-        return fem.form(self._reaction_expression)
+        return compile_form(self._reaction_expression)
 
     def reactions(self) -> dict[SurfaceComponent, float]:
         """Force of the wall on the body along x and y [force], this rank's part."""
@@ -63,7 +64,9 @@ class WeakRollerBC(Term):
         There is one row for each axis [force per unit of the dof] (collective).
         """
         body = self._body
-        form = fem.form(ufl.derivative(self._reaction_expression, body.now.function, body.now.test))
+        form = compile_form(
+            ufl.derivative(self._reaction_expression, body.now.function, body.now.test)
+        )
         rows: dict[SurfaceComponent, np.ndarray] = {}
         for axis in (0, 1):
             self._axis.value = np.eye(2)[axis]

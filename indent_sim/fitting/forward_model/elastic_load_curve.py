@@ -37,11 +37,9 @@ MIN_DEPTH_ROOT = 0.02  # lower end of s; the force is a power law of the depth b
 # The contact at less than 5 % of the depth (the square of this s) has too few elements of a mesh.
 MIN_MESH_ROOT = 0.2236
 MESH_DEGREE = 5  # degree of the polynomial for the ratio of a mesh's force to that of theory
-GRID_NODES = 6  # nodes around a value; the error is 2e-6 of the force with steps of 0.2
 # An exponent of the depth is rounded to a multiple of the step if it is nearer than the tolerance.
 EXPONENT_STEP = 0.5
 EXPONENT_TOLERANCE = 0.02
-RADIUS_DEGREE = 12  # degree of the polynomials through flat punches
 MIN_RADIUS_FRACTION = 0.02  # smallest radius of the punches relative to the largest
 NODE_ANGLES = np.pi * (np.arange(SOLVED_DEPTHS) + 0.5) / SOLVED_DEPTHS
 DEPTH_ROOTS = 0.5 * (1 + MIN_DEPTH_ROOT) - 0.5 * (1 - MIN_DEPTH_ROOT) * np.cos(NODE_ANGLES)
@@ -103,8 +101,10 @@ class ElasticLoadCurveGrid:
                 solve_load_curve(scene, max_depth, wants_punches, self.scene_curve.exponent)
             )
 
+        # Nodes around a value; the error is 2e-6 of the force with steps of 0.2.
+        grid_nodes = 6
         self._grid = ParameterGrid(
-            config, shape_parameters, _pack_coefficients(self.scene_curve), solve, GRID_NODES
+            config, shape_parameters, _pack_coefficients(self.scene_curve), solve, grid_nodes
         )
 
     def load_curve(self, theta: Sequence[float]) -> ElasticLoadCurve:
@@ -307,8 +307,10 @@ def _punch_coefficients(planned_run: PlannedRun, max_depth: float) -> tuple[np.n
     )
     x = np.log(radius_fractions)
     log_columns = np.log(columns)
+    # Degree of the polynomials through flat punches.
+    radius_degree = 12
     fits = [
-        Chebyshev.fit(x, values, RADIUS_DEGREE, domain=(math.log(MIN_RADIUS_FRACTION), 0.0)).coef
+        Chebyshev.fit(x, values, radius_degree, domain=(math.log(MIN_RADIUS_FRACTION), 0.0)).coef
         for values in log_columns
     ]
     return np.array(fits), max_radius

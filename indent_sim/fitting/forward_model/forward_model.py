@@ -44,8 +44,6 @@ from indent_sim.fitting.forward_model.parameters import (
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.history_on_curve import relaxation_modulus
 
-SPRING_TABLE_SAMPLES = 1500  # samples of the load curve from which the spring is eliminated
-JKR_BRANCH_SAMPLES = 600  # samples of the stable branch of an adhesive tip
 # Newton's method for the depth behind a spring, with its tolerance relative to the largest depth.
 MAX_SPRING_ITERATIONS = 60
 DEPTH_TOLERANCE = 1e-9
@@ -181,7 +179,9 @@ class ForwardModel:
         if not settings.compliance:
             return self._elastic_force(load_curve, settings, x)
         max_x = max(float(x.max(initial=0.0)), 1e-300)
-        depths = min(max_x, 1.2 * self.max_depth) * np.linspace(0.0, 1.0, SPRING_TABLE_SAMPLES) ** 2
+        # Samples of the load curve from which the spring is eliminated.
+        spring_table_samples = 1500
+        depths = min(max_x, 1.2 * self.max_depth) * np.linspace(0.0, 1.0, spring_table_samples) ** 2
         force = self._elastic_force(load_curve, settings, depths)
         return np.where(x > 0, np.interp(x, depths + settings.compliance * force, force), 0.0)
 
@@ -323,7 +323,9 @@ class ForwardModel:
         """
         assert load_curve.punch_coefficients is not None
         log_min_radius = math.log(MIN_RADIUS_FRACTION)
-        ln_a = np.linspace(log_min_radius, 0.0, JKR_BRANCH_SAMPLES)
+        # Samples of the stable branch of an adhesive tip.
+        jkr_branch_samples = 600
+        ln_a = np.linspace(log_min_radius, 0.0, jkr_branch_samples)
         log_columns = [
             np.polynomial.chebyshev.chebval(1.0 - 2.0 * ln_a / log_min_radius, coefficients)
             for coefficients in load_curve.punch_coefficients

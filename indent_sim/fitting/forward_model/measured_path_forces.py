@@ -42,7 +42,6 @@ STEP_REFINEMENT = 2  # the time step error is estimated with steps shorter by th
 HISTORY_GRID_NODES = 4
 HISTORY_LOG_STEP = 0.4
 HISTORY_LINEAR_STEP = 0.05
-MAX_DRAINED_NU = 0.45  # upper bound: the diffusivity of a poroelastic body is undefined at 0.5
 
 
 def needs_time_stepping(config: Config) -> bool:
@@ -198,8 +197,10 @@ def _coarsen_grid_step(parameter: Parameter) -> Parameter:
     """Return a parameter with the larger grid step of time-dependent runs."""
     if not parameter.is_linear:
         return replace(parameter, grid_step=HISTORY_LOG_STEP)
+    # Upper bound: the diffusivity of a poroelastic body is undefined at 0.5.
+    max_drained_nu = 0.45
     return replace(
-        parameter, grid_step=HISTORY_LINEAR_STEP, high=min(parameter.high, MAX_DRAINED_NU)
+        parameter, grid_step=HISTORY_LINEAR_STEP, high=min(parameter.high, max_drained_nu)
     )
 
 

@@ -24,7 +24,6 @@ MAX_NU = 0.5
 MAX_FRACTION = 0.999
 MIN_HEIGHT_DEPTHS = 1.15  # lower bound of a height in depths: the tip must not reach the base
 LOG_STEP = 0.2  # grid step of the logarithm of a positive parameter
-LINEAR_STEP = 0.02  # grid step of a Poisson's ratio
 
 
 @dataclass(frozen=True)
@@ -86,8 +85,10 @@ def _make_parameter(config: Config, key: str, max_depth: float) -> Parameter:
     initial_value = number_at(config, key)
     last_part = key.rpartition(".")[2]
     if last_part.startswith("nu"):
+        # Grid step of a Poisson's ratio.
+        linear_step = 0.02
         return Parameter(
-            key, initial_value, "shape", 0.0, MAX_NU, is_linear=True, grid_step=LINEAR_STEP
+            key, initial_value, "shape", 0.0, MAX_NU, is_linear=True, grid_step=linear_step
         )
     if not initial_value > 0:
         raise ConfigError(

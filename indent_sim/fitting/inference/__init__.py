@@ -1,1 +1,1 @@
-"""What a curve says of a model: estimates, their noise, and whether the model is right."""
+"""Parameter estimation from a curve: fits, noise, intervals, and the adequacy of the model."""

@@ -1,6 +1,4 @@
-"""Other models: what else may make a curve, and whether the scene's own model is refuted by one of
-them.
-"""
+"""Alternative models of a curve, and the test whether one of them is better than the scene's."""
 
 from __future__ import annotations
 
@@ -26,33 +24,43 @@ from indent_sim.fitting.inference.noise import f_test
 from indent_sim.process.errors import IndentSimError
 
 ModelName = Literal["thickness", "adhesion", "relaxation", "tip"]
-# block means on which, and rounds for which the starts of a model are followed
+# Number of block means and of iterations with which the initial guesses of a model are compared.
 EXPLORATION_SAMPLES = 300
 EXPLORATION_ITERATIONS = 15
-MIN_HEIGHT_DEPTHS = 1.15  # depths that a free thickness must have
-START_HEIGHT_RADII = (0.5, 1.5, 4.0)  # contact radii, where free thicknesses begin
-START_WORK_FRACTIONS = (
-    0.01,
-    0.05,
-    0.2,
-)  # of the largest force over the contact radius, where works of adhesion begin
-# What a scene may not have of its own where a model is tried
+# Least thickness of a body of free height, in depths.
+MIN_HEIGHT_DEPTHS = 1.15
+# Initial guesses of the thickness, in contact radii.
+START_HEIGHT_RADII = (0.5, 1.5, 4.0)
+# Initial guesses of the work of adhesion, relative to the largest force over the contact radius.
+START_WORK_FRACTIONS = (0.01, 0.05, 0.2)
+# Effects of a scene for which a model is not tried.
 EXCLUDED_EFFECTS: dict[str, set[str]] = {
     "tip": {"adhesion"},
     "thickness": set(),
     "adhesion": {"adhesion", "relaxation"},
     "relaxation": {"adhesion", "relaxation"},
 }
-# of a Prony term, its time in durations of the contact
+# Initial guesses of a Prony term: its fraction, and its time relative to the time in contact.
 PRONY_FRACTIONS = (0.3,)
 PRONY_TIMES = (0.1, 0.4, 1.5)
-START_EXPONENT_CHANGES = (-0.2, 0.0, 0.2)  # of the depth's exponent, where it begins
+# Initial guesses of the change of the exponent of the depth.
+START_EXPONENT_CHANGES = (-0.2, 0.0, 0.2)
 
 
 @dataclass(frozen=True)
 class AlternativeModel:
-    """Another model on the same curve: its name, the probability p of gaining as much by accident,
-    its estimate, the keys that it fits beside the scene's, and their values.
+    """Another model, fitted to the same curve.
+
+    Attributes
+    ----------
+    name : str
+        thickness | adhesion | relaxation | tip
+    p : float
+        Probability that it is better than the scene's by chance.
+    estimate : Estimate
+        The fit.
+    added_values : dict
+        Values of the keys that it fits in addition to those of the scene.
     """
 
     name: ModelName
@@ -64,11 +72,22 @@ class AlternativeModel:
 def fit_alternatives(
     estimate: Estimate, config: Config, tables: ForwardModelCache
 ) -> list[AlternativeModel]:
-    """The models that may stand beside a scene's own, each fitted from several starts in its own
-    noise.
+    """Fit the alternative models of a curve, each from several initial guesses.
 
-    tables: those that are known. A model that the scene has already, or that cannot be computed for
-    it, is left out.
+    Parameters
+    ----------
+    estimate : Estimate
+        Fit of the scene.
+    config : Config
+        The scene.
+    tables : ForwardModelCache
+        Forward models that are known already.
+
+    Returns
+    -------
+    list of AlternativeModel
+        The models, the best first. A model that the scene contains, or that cannot be computed for
+        it, is omitted.
     """
     alternatives = (
         _fit_alternative(name, estimate, config, tables)
@@ -117,8 +136,9 @@ def _fit_alternative(
 def _best_candidate(
     estimate: Estimate, candidates: Sequence[tuple[ForwardModel, np.ndarray]]
 ) -> Estimate | None:
-    """The candidate that leaves least, its noise beside it; found on fewer samples, and ended on
-    all.
+    """Return the fit of the candidate with the smallest sum of squares.
+
+    The candidates are compared on fewer samples; the best one is fitted to all of them.
     """
     scene_model = estimate.model
     pilot_model = CurveModel(
@@ -148,8 +168,9 @@ def _best_candidate(
 
 
 def refutation_probability(scene: Estimate, richer: Estimate) -> float:
-    """The probability that a richer model gains as much by accident: an F test in the noise beside
-    the richer one.
+    """Return the probability that a model with more parameters is better by chance.
+
+    It is that of an F test in the likeliest noise of the richer model.
     """
     noise = richer.uncertainty.likeliest_noise
     scene_squares, richer_squares = (
@@ -177,7 +198,7 @@ def _refitted_residual(richer: Estimate) -> np.ndarray:
 def _candidates(
     name: ModelName, estimate: Estimate, config: Config, tables: ForwardModelCache
 ) -> Iterator[tuple[ForwardModel, np.ndarray]]:
-    """The model's forces and the coordinates from which it is fitted."""
+    """Yield forward models and initial guesses of their coordinates."""
     forward_model = estimate.model.forward_model
     theta = estimate.ordinary_p[: estimate.model.coordinate_count]
     if forward_model.effects & EXCLUDED_EFFECTS[name]:
@@ -218,7 +239,7 @@ def _candidates(
 def _relaxation_candidates(
     estimate: Estimate, theta: np.ndarray, config: Config, tables: ForwardModelCache
 ) -> Iterator[tuple[ForwardModel, np.ndarray]]:
-    """Matter that relaxes by one term; a curve without times does not tell."""
+    """Yield a material with one Prony term; none if the curve has no times."""
     forward_model = estimate.model.forward_model
     t = estimate.model.samples.t
     x = estimate.model.samples.x
@@ -242,7 +263,7 @@ def _relaxation_candidates(
 
 
 def _scene_max_force(forward_model: ForwardModel) -> float:
-    """The largest force of the scene as it stands."""
+    """Return the largest force of the scene with its own values."""
     return float(
         forward_model.elastic_curves.scene_curve.force(np.array([forward_model.max_depth]))[0]
     )
@@ -258,7 +279,7 @@ def _scale_modulus(theta: np.ndarray, scale_index: int | None, factor: float) ->
 def _thickness_candidates(
     forward_model: ForwardModel, theta: np.ndarray, config: Config, tables: ForwardModelCache
 ) -> Iterator[tuple[ForwardModel, np.ndarray]]:
-    """A homogeneous body of free height; one whose height is fitted already has none."""
+    """Yield a homogeneous body of free height; none if the height is fitted already."""
     body = config.body
     key = "body.height"
     radius = forward_model.elastic_curves.scene_curve.contact_radius
@@ -282,21 +303,20 @@ def _thickness_candidates(
 
 
 def _add_relaxation(config: Config, max_depth: float) -> tuple[str, Config]:
-    """The scene of matter that relaxes by one term, and the key of its terms in the first material."""
+    """Return the key of the Prony terms of the first material, and the scene with one term."""
     keys = [f"{key}.relaxation" for key, _ in config.materials()]
     settings: list[tuple[str, Any]] = [
         (key, {"prony": [[PRONY_FRACTIONS[0], 1.0]]}) for key in keys
     ]
-    settings.append(
-        ("loading", {"history": [[0.0, 0.0], [1.0, max_depth]]})
-    )  # relaxation needs a time
+    # A relaxing material needs a loading history.
+    settings.append(("loading", {"history": [[0.0, 0.0], [1.0, max_depth]]}))
     return f"{keys[0]}.prony", config_with_settings(
         to_mapping(config), config.source, [(*setting, ("--models", None)) for setting in settings]
     )
 
 
 def add_to_experiment(config: Config, **parts: Any) -> Config:
-    """The scene with a part added to its experiment; ConfigError where that cannot be."""
+    """Return the scene with parts added to its experiment; ConfigError if they do not fit."""
     document = to_mapping(config)
     document["experiment"] = {**document.get("experiment", {}), **parts}
     return config_from_mapping(document)

@@ -1,6 +1,4 @@
-"""Windows: the fit to shallower and shallower parts of a curve, and whether it moves by more than
-its noise.
-"""
+"""Fits to the shallower parts of a curve, and their differences from the fit to the whole."""
 
 from __future__ import annotations
 
@@ -18,15 +16,23 @@ from indent_sim.fitting.inference.estimate import (
 )
 from indent_sim.fitting.inference.noise import NORMAL_95
 
-DEPTH_FRACTIONS = (0.5, 0.6, 0.7, 0.8, 0.9)  # of the depth
-MIN_DEVIATION_RATIO = 0.1  # of the window's own: of its difference to the whole
+DEPTH_FRACTIONS = (0.5, 0.6, 0.7, 0.8, 0.9)
 
 
 @dataclass(frozen=True)
 class DepthRangeFit:
-    """The ordinary fit to the depths up to a share `upper` of the deepest: coordinates theta (k,),
-    their standard deviations, and z, their difference to the whole curve's in standard
-    deviations of that difference.
+    """Ordinary least-squares fit to the samples up to a fraction of the largest depth.
+
+    Attributes
+    ----------
+    depth_fraction : float
+        The fraction.
+    theta : ndarray, shape (k,)
+        Coordinates.
+    sd : ndarray, shape (k,)
+        Standard deviations of the coordinates.
+    z_score : ndarray, shape (k,)
+        Difference from the fit to the whole curve, in standard deviations of the difference.
     """
 
     depth_fraction: float
@@ -35,18 +41,20 @@ class DepthRangeFit:
     z_score: np.ndarray
 
     def interval(self, k: int) -> tuple[float, float]:
-        """The window's own 95 % interval of a coordinate."""
+        """Return the 95 % interval of a coordinate."""
         half_width = NORMAL_95 * float(self.sd[k])
         return float(self.theta[k]) - half_width, float(self.theta[k]) + half_width
 
 
 def fit_depth_ranges(estimate: Estimate) -> list[DepthRangeFit]:
-    """The windows of a fit, the shallowest first; one with too few points in contact is left out.
+    """Return the fits to parts of a curve, the shallowest first.
 
-    Where the scene relaxes a window ends at a share of the time in contact.
+    Parts with too few points in contact are omitted. If the scene is time-dependent, a part ends at
+    a fraction of the time in contact.
 
-    The difference of two ordinary fits is linear in the noise, D = pinv(J_u) - pinv(J) with zeros
-    where the window has no rows: its variance is s2 D V D', V and s2 being the noise of the whole.
+    The difference of two ordinary fits is linear in the noise, D = pinv(J_part) - pinv(J) with
+    zeros in the rows outside the part. Its variance is s2 D V D' with the noise s2, V of the whole
+    curve.
     """
     model = estimate.model
     p = estimate.ordinary_p
@@ -61,8 +69,9 @@ def fit_depth_ranges(estimate: Estimate) -> list[DepthRangeFit]:
 
 
 def _contact_progress(model: CurveModel, c: float) -> np.ndarray:
-    """How far each sample is from first touch to the deepest one; in time where the scene relaxes,
-    and may be held.
+    """Return the position of each sample between first touch (0) and the deepest sample (1).
+
+    If the scene is time-dependent, the position in time is returned, since the tip may be held.
     """
     x = model.samples.x
     t = model.samples.t
@@ -105,7 +114,10 @@ def _fit_depth_range(
             0.0,
         )
     )
-    sd = np.maximum(sd, MIN_DEVIATION_RATIO * partial_uncertainty.sd[:k])
+    # Least standard deviation of the difference of two fits, relative to that of the partial
+    # fit.
+    min_deviation_ratio = 0.1
+    sd = np.maximum(sd, min_deviation_ratio * partial_uncertainty.sd[:k])
     theta = p[:k]
     return DepthRangeFit(
         depth_fraction,

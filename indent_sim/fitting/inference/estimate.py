@@ -1,9 +1,10 @@
-"""Estimate: one model on one curve, its contact point and baseline unknown.
+"""Parameter estimation of one model from one curve with unknown contact point and baseline.
 
     F_i = b0 + b1 (x_i - mean)/range + f(x_i - c; theta) + noise
 
-Ordinary least squares finds the parameters, their noise the intervals; the fit is repeated in the
-likeliest noise unless that forgives residuals: a long correlation forgives any.
+Ordinary least squares gives the parameters, and the noise of the residuals their intervals. The fit
+is repeated by generalized least squares in the likeliest noise, unless its residuals are larger: a
+long correlation excuses a systematic misfit.
 """
 
 from __future__ import annotations
@@ -28,56 +29,57 @@ from indent_sim.fitting.inference.noise import (
 
 MIN_POINTS = 30
 MIN_CONTACT_POINTS = 20
-# of the points at the largest force
+# A curve counts as saturated if more points than this fraction, and than this number, have the
+# largest force.
 SATURATED_FRACTION = 0.02
 MAX_SATURATED = 5
-SIGNAL_BLOCKS = 50  # of a curve, whose means tell a contact from noise
-MAX_UNCERTAINTY_FACTOR = 4.0  # a modulus known to a larger factor is not known
-MIN_SIGNAL_TO_NOISE = 4.0  # rms of the residuals: a smaller rise is noise
-# block means
+# Number of blocks of a curve whose means distinguish a contact from noise.
+SIGNAL_BLOCKS = 50
+# Numbers of block means of the curve in the search of initial guesses and in the fit.
 MAX_PILOT_SAMPLES = 400
 MAX_SAMPLES = 1500
-# contact points that are tried, between these percentiles of x
+# Number of trial contact points, and the percentiles of x between which they lie.
 CONTACT_CANDIDATES = 80
 CONTACT_PERCENTILES = (2.0, 97.0)
-# depths before contact that count, and share of the range at least
+# Length of the baseline that is fitted: at most these depths, at least this fraction of the range.
 MAX_BASELINE_DEPTHS = 1.5
 MIN_BASELINE_FRACTION = 0.02
-# of a fit, in coordinates and of the contact point in depths
+# Limits of the Levenberg-Marquardt iteration: number of iterations, largest change of a coordinate,
+# and of the contact point relative to the range of x.
 MAX_FIT_ITERATIONS = 40
 MAX_STEP = 1.0
 MAX_CONTACT_SHIFT = 0.3
-SQUARES_TOLERANCE = (
-    1e-6  # relative change of the sum of squares: with n samples n 1e-6 of a deviation squared
-)
-MAX_RMS_RATIO = 1.1  # of the rms: a fit in correlated noise that leaves more forgives residuals
-START_OFFSETS = (
-    0.0,
-    -1.2,
-    1.2,
-    -2.4,
-    2.4,
-)  # of a parameter's coordinate from the scene's own, where fits begin
+# Relative change of the sum of squares at which the iteration ends.
+SQUARES_TOLERANCE = 1e-6
+# Offsets of the trial values of a coordinate from that of the scene: logarithmic and linear ones.
+START_OFFSETS = (0.0, -1.2, 1.2, -2.4, 2.4)
 LINEAR_START_OFFSETS = (0.0, -0.1, 0.1)
-MAX_INITIAL_GUESSES = 3  # that are followed to their end
+# Number of initial guesses from which the fit is iterated to convergence.
+MAX_INITIAL_GUESSES = 3
 BOUND_TOLERANCE = 1e-6
-# samples by which a contact point is moved, and rounds
+# Search of the contact point of a tip that snaps in: shifts in samples, iterations of a trial fit,
+# and number of moves.
 SNAP_SHIFTS = (-3, -2, -1, 0, 1, 2, 3)
 SNAP_ITERATIONS = 6
 MAX_SNAP_MOVES = 5
-CLEAR_SNAP_DEVIATIONS = (
-    5.0  # deviations of the noise: a snap-in that shows between which samples it lies
-)
 
 
 class FitRejected(Exception):
-    """A curve that tells nothing of the parameters; the message says why."""
+    """A curve from which the parameters cannot be estimated; the message is the reason."""
 
 
 @dataclass(frozen=True)
 class Samples:
-    """A curve as a fit sees it: x [length], force [force], t [s] or None, each (n,), in order of
-    time.
+    """A measured curve in order of time.
+
+    Attributes
+    ----------
+    x : ndarray, shape (n,)
+        Displacement of the base [length].
+    force : ndarray, shape (n,)
+        Force [force].
+    t : ndarray, shape (n,), optional
+        Time [s].
     """
 
     x: np.ndarray
@@ -88,19 +90,19 @@ class Samples:
         return len(self.x)
 
     def select(self, selected: np.ndarray) -> Samples:
-        """Some of the samples."""
+        """Return the selected samples."""
         return Samples(
             self.x[selected], self.force[selected], None if self.t is None else self.t[selected]
         )
 
     def block_means(self, max_count: int) -> Samples:
-        """Means of blocks of neighbours, so many at most."""
+        """Return the means of blocks of neighbours, at most `max_count` of them."""
         if len(self) <= max_count:
             return self
         block_size = math.ceil(len(self) / max_count)
-        remainder = (
-            len(self) % block_size
-        )  # at equal times they stay so: what is left over goes with the baseline
+        # The blocks are equally long, so that equal time steps stay equal; the remainder is taken
+        # from the beginning of the baseline.
+        remainder = len(self) % block_size
         x, force = (
             column[remainder:].reshape(-1, block_size).mean(axis=1)
             for column in (self.x, self.force)
@@ -114,8 +116,14 @@ class Samples:
 
 @dataclass(frozen=True)
 class OriginOptions:
-    """Whether contact point and slope of the baseline are fitted: a number is a contact point that
-    is known.
+    """Contact point and baseline of a fit.
+
+    Attributes
+    ----------
+    contact_point : float, optional
+        Known contact point [length]; None if it is fitted.
+    has_slope : bool
+        True if the slope of the baseline is fitted.
     """
 
     contact_point: float | None = None
@@ -124,10 +132,18 @@ class OriginOptions:
 
 @dataclass(frozen=True)
 class CurveModel:
-    """Forces of a scene on a baseline, of the parameters [theta..., c, b0, b1] (p,), at some
-    samples.
+    """Model of a measured curve with the parameters [theta..., c, b0, b1] (p,).
 
-    held: coordinates that are not fitted.
+    Attributes
+    ----------
+    forward_model : ForwardModel
+        Forces of the scene as a function of its coordinates theta.
+    samples : Samples
+        The curve.
+    origin : OriginOptions
+        Options of the contact point c and the baseline b0, b1.
+    fixed : frozenset of int
+        Indices of parameters that are not fitted.
     """
 
     forward_model: ForwardModel
@@ -137,7 +153,7 @@ class CurveModel:
 
     @property
     def coordinate_count(self) -> int:
-        """How many coordinates theta the forces have."""
+        """Number of coordinates theta of the forward model."""
         return len(self.forward_model.parameters)
 
     @cached_property
@@ -147,7 +163,7 @@ class CurveModel:
 
     @property
     def is_free(self) -> np.ndarray:
-        """Which parameters are fitted (p,)."""
+        """True for the parameters that are fitted (p,)."""
         is_free = np.ones(self.coordinate_count + 3, dtype=bool)
         is_free[self.coordinate_count] = self.origin.contact_point is None
         is_free[-1] = self.origin.has_slope
@@ -155,21 +171,21 @@ class CurveModel:
         return is_free
 
     def contact_force(self, p: np.ndarray) -> np.ndarray:
-        """The forces without the baseline."""
+        """Return the forces without the baseline (n,)."""
         theta = p[: self.coordinate_count]
         c = p[self.coordinate_count]
         return self.forward_model(theta, self.samples.x - c, self.samples.t)
 
     def baseline(self, p: np.ndarray) -> np.ndarray:
-        """b0 + b1 (x - mean)/range."""
+        """Return the baseline b0 + b1 (x - mean)/range (n,)."""
         return p[-2] + p[-1] * self._baseline_coordinate
 
     def residual(self, p: np.ndarray) -> np.ndarray:
-        """Measured less modelled forces (n,)."""
+        """Return the measured minus the modelled forces (n,)."""
         return self.samples.force - self.baseline(p) - self.contact_force(p)
 
     def jacobian(self, p: np.ndarray) -> np.ndarray:
-        """Derivatives of the modelled forces by all parameters (n, p), by central differences."""
+        """Return the derivatives of the modelled forces (n, p), by central differences."""
         columns = [self._derivative(p, k, 1e-4) for k in range(self.coordinate_count)]
         columns.append(
             self._derivative(p, self.coordinate_count, 1e-5 * self.forward_model.max_depth)
@@ -188,18 +204,18 @@ class CurveModel:
         return (self.contact_force(high) - self.contact_force(low)) / max(high[k] - low[k], 1e-300)
 
     def _is_near_snap(self, p: np.ndarray, h: float) -> np.ndarray:
-        """Which samples lie as near to where a tip snaps in: no derivative knows of that."""
+        """Return True for samples within h of the snap-in, where the force has no derivative."""
         return self.forward_model.has_adhesion & (
             np.abs(self.samples.x - p[self.coordinate_count]) <= h
         )  # type: ignore[no-any-return]
 
     @property
     def sample_spacing(self) -> float:
-        """The distance of samples [length]."""
+        """Median distance of neighbouring samples [length]."""
         return float(np.median(np.abs(np.diff(self.samples.x))))
 
     def _clip_to_bounds(self, p: np.ndarray) -> np.ndarray:
-        """The parameters, none beyond its bounds."""
+        """Return the parameters, clipped to their bounds."""
         low, high = self.forward_model.bounds
         return np.concatenate(
             [np.clip(p[: self.coordinate_count], low, high), p[self.coordinate_count :]]
@@ -208,8 +224,28 @@ class CurveModel:
     def least_squares(
         self, p: np.ndarray, noise: Noise = WHITE, rounds: int = MAX_FIT_ITERATIONS
     ) -> tuple[np.ndarray, float]:
-        """The least squares of the residuals in a noise from these parameters on, by
-        Levenberg-Marquardt.
+        """Minimize r'V^-1 r by the Levenberg-Marquardt method.
+
+        Parameters
+        ----------
+        p : ndarray, shape (p,)
+            Initial guess.
+        noise : Noise
+            Covariance V of the noise, up to its size.
+        rounds : int
+            Largest number of iterations.
+
+        Returns
+        -------
+        p : ndarray, shape (p,)
+            The parameters.
+        squares : float
+            The weighted sum of squares.
+
+        Raises
+        ------
+        ValueError
+            If the forces are not finite.
         """
         p = self._clip_to_bounds(p)
         damping = 1e-3
@@ -221,7 +257,7 @@ class CurveModel:
             A = J.T @ VJ
             g = VJ.T @ r
             if not (np.isfinite(A).all() and np.isfinite(g).all()):
-                raise ValueError("the forces are no numbers")
+                raise ValueError("the forces are not finite")
             scale = np.sqrt(np.where(np.diag(A) > 0, np.diag(A), 1.0))
             A = A / np.outer(scale, scale)
             g = g / scale
@@ -266,10 +302,20 @@ def _weighted_squares(r: np.ndarray, noise: Noise) -> float:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A model fitted to a curve: parameters p [theta..., c, b0, b1], those by ordinary least
-    squares, and the noise.
+    """Parameters of a model that are fitted to a curve.
 
-    profiles: intervals of coordinates that are too wide for a parabola.
+    Attributes
+    ----------
+    model : CurveModel
+        The model.
+    p : ndarray, shape (p,)
+        Parameters [theta..., c, b0, b1] in the likeliest noise.
+    ordinary_p : ndarray, shape (p,)
+        Parameters by ordinary least squares.
+    uncertainty : ParameterUncertainty
+        Noise and covariance of the parameters.
+    profiles : dict
+        Intervals by profile likelihood, by index of the coordinate.
     """
 
     model: CurveModel
@@ -280,32 +326,32 @@ class Estimate:
 
     @property
     def theta(self) -> np.ndarray:
-        """The coordinates of the varied keys."""
+        """Coordinates of the varied keys."""
         return self.p[: self.model.coordinate_count]
 
     @property
     def contact_point(self) -> float:
-        """x at first touch [length]."""
+        """Displacement x at first touch [length]."""
         return float(self.p[self.model.coordinate_count])
 
     @property
     def depth(self) -> float:
-        """The way from first touch to the deepest sample [length]."""
+        """Displacement from first touch to the deepest sample [length]."""
         return float(self.model.samples.x.max()) - self.contact_point
 
     @cached_property
     def residual(self) -> np.ndarray:
-        """Measured less fitted forces."""
+        """Measured minus fitted forces."""
         return self.model.residual(self.p)
 
     @property
     def rms(self) -> float:
-        """Of the residuals [force]."""
+        """Root mean square of the residuals [force]."""
         return float(np.sqrt(np.mean(self.residual**2)))
 
     @property
     def max_force(self) -> float:
-        """The largest fitted force of the contact [force]."""
+        """Largest fitted force of the contact [force]."""
         return float(np.abs(self.model.contact_force(self.p)).max())
 
     @property
@@ -314,7 +360,7 @@ class Estimate:
         return self.uncertainty.sd
 
     def interval(self, k: int) -> tuple[float, float]:
-        """The 95 % interval of a varied key's coordinate, within its bounds."""
+        """Return the 95 % interval of a coordinate, within its bounds."""
         low, high = self.model.forward_model.parameters[k].bounds
         half_width = NORMAL_95 * float(self.sd[k])
         lower, upper = self.profiles.get(
@@ -323,27 +369,32 @@ class Estimate:
         return max(low, lower), min(high, upper)
 
     def is_at_bound(self, k: int) -> bool:
-        """Whether a varied key ended at a bound of its range."""
+        """Return True if a coordinate is at a bound of its range."""
         low, high = self.model.forward_model.parameters[k].bounds
         value = float(self.theta[k])
         return min(value - low, high - value) < BOUND_TOLERANCE
 
 
 def estimate_parameters(model: CurveModel, initial_p: np.ndarray) -> Estimate:
-    """The estimate of a model from these parameters on."""
+    """Fit a model, beginning at the parameters `initial_p`."""
     ordinary_p = _search_contact_point(model, model.least_squares(initial_p)[0])
     uncertainty = uncertainty_at(model, ordinary_p)
     if uncertainty.likeliest_noise == WHITE:
         return Estimate(model, ordinary_p, ordinary_p, uncertainty)
     weighted_p, _ = model.least_squares(ordinary_p, uncertainty.likeliest_noise)
-    if _rms_residual(model, weighted_p) > MAX_RMS_RATIO * _rms_residual(model, ordinary_p):
+    # A fit in correlated noise is discarded if its rms exceeds that of ordinary least squares
+    # by more.
+    max_rms_ratio = 1.1
+    if _rms_residual(model, weighted_p) > max_rms_ratio * _rms_residual(model, ordinary_p):
         return Estimate(model, ordinary_p, ordinary_p, uncertainty)
     return Estimate(model, weighted_p, ordinary_p, uncertainty_at(model, weighted_p))
 
 
 def _search_contact_point(model: CurveModel, p: np.ndarray) -> np.ndarray:
-    """The parameters with the contact point between the samples where it leaves least: a tip that
-    snaps in makes the sum of squares jump at each of them, and descents end there.
+    """Move the contact point of a tip that snaps in between samples to reduce the sum of squares.
+
+    The sum of squares jumps where the snap-in passes a sample, and an iteration that descends ends
+    there.
     """
     if not model.forward_model.has_adhesion or model.origin.contact_point is not None:
         return p
@@ -367,9 +418,7 @@ def _search_contact_point(model: CurveModel, p: np.ndarray) -> np.ndarray:
 def uncertainty_at(
     model: CurveModel, p: np.ndarray, noises: list[Noise] | None = None
 ) -> ParameterUncertainty:
-    """What the residuals at these parameters say of the fitted ones; of those that are known
-    nothing varies.
-    """
+    """Return the uncertainty of the parameters at `p`; that of fixed ones is 0."""
     is_free = model.is_free
     uncertainty = average_over_noise(model.jacobian(p)[:, is_free], model.residual(p), noises)
     covariance = np.zeros((len(is_free), len(is_free)))
@@ -386,12 +435,17 @@ def uncertainty_at(
 def _limit_contact_point_variance(
     covariance: np.ndarray, model: CurveModel, p: np.ndarray, s2: float
 ) -> np.ndarray:
-    """The covariance where a tip snaps in and tells the contact point to a sample's distance d:
-    deviation d/sqrt(3), since the least squares end at either of two samples.
+    """Return the covariance with the contact point known from the snap-in of the tip.
+
+    A clear snap-in locates the contact point to the distance d of samples: the standard deviation
+    is d/sqrt(3), since the fit may end at either of two samples.
     """
+    # A snap-in of at least this many standard deviations of the noise lies between two known
+    # samples.
+    clear_snap_deviations = 5.0
     if not model.is_free[model.coordinate_count] or _snap_in_force(
         model, p
-    ) < CLEAR_SNAP_DEVIATIONS * math.sqrt(s2):
+    ) < clear_snap_deviations * math.sqrt(s2):
         return covariance
     contact_column = covariance[model.coordinate_count]
     return covariance - np.outer(contact_column, contact_column) / (
@@ -400,7 +454,7 @@ def _limit_contact_point_variance(
 
 
 def _snap_in_force(model: CurveModel, p: np.ndarray) -> float:
-    """The force with which a tip snaps in [force]; 0 of one that does not adhere."""
+    """Return the force at snap-in [force]; 0 without adhesion."""
     if not model.forward_model.has_adhesion:
         return 0.0
     theta = p[: model.coordinate_count]
@@ -409,8 +463,21 @@ def _snap_in_force(model: CurveModel, p: np.ndarray) -> float:
 
 
 def standard_deviation(estimate: Estimate, k: int, fixed: Sequence[int] = ()) -> float:
-    """Standard deviation of a coordinate in the likeliest noise, s sqrt((J'V^-1 J)^-1_kk); infinite
-    where nothing depends on it. known: the varied keys that are not fitted beside it.
+    """Standard deviation of a coordinate in the likeliest noise, s sqrt((J'V^-1 J)^-1_kk).
+
+    Parameters
+    ----------
+    estimate : Estimate
+        The fit.
+    k : int
+        Index of the coordinate.
+    fixed : sequence of int
+        Other coordinates that are taken as known.
+
+    Returns
+    -------
+    float
+        The standard deviation; infinite if no force depends on the coordinate.
     """
     model = replace(estimate.model, fixed=estimate.model.fixed | set(fixed))
     is_free = model.is_free
@@ -442,7 +509,7 @@ def _rms_residual(model: CurveModel, p: np.ndarray) -> float:
 
 
 def reject_without_signal(samples: Samples) -> None:
-    """Refused for a curve that no scene is worth fitting to."""
+    """Raise FitRejected for a curve without a contact, with too few points, or saturated."""
     n = len(samples)
     force = samples.force
     if n < MIN_POINTS:
@@ -463,8 +530,10 @@ def reject_without_signal(samples: Samples) -> None:
 def initial_guesses(
     forward_model: ForwardModel, samples: Samples, origin: OriginOptions
 ) -> list[np.ndarray]:
-    """Parameters from which a fit may begin, the likeliest first: contact points and coordinates
-    that are tried, with the baseline and the size of the force solved for.
+    """Return initial guesses of the parameters, the best first.
+
+    Contact points and coordinates are tried; the baseline and the scale of the force follow from a
+    linear least-squares problem.
     """
     pilot = samples.block_means(MAX_PILOT_SAMPLES)
     percentiles = (
@@ -486,13 +555,13 @@ def initial_guesses(
 
 
 def baseline_level(samples: Samples) -> float:
-    """The force of the tenth of the samples that is farthest from the body."""
+    """Median force of the tenth of the samples that is farthest from the body."""
     far_samples = np.argsort(samples.x, kind="stable")[: max(3, len(samples) // 10)]
     return float(np.median(samples.force[far_samples]))
 
 
 def _trial_coordinates(forward_model: ForwardModel) -> list[np.ndarray]:
-    """The scene's own coordinates, and those with one of the shape's or the experiment's moved."""
+    """Return the scene's coordinates, and copies in which one nonlinear coordinate is moved."""
     initial = forward_model.initial_coordinates
     trials = [initial]
     for k, parameter in enumerate(forward_model.parameters):
@@ -512,9 +581,7 @@ def _best_contact_point(
     contact_points: Sequence[float],
     origin: OriginOptions,
 ) -> tuple[float, np.ndarray] | None:
-    """The best contact point for some coordinates, as (residual, parameters); None where there is
-    none.
-    """
+    """Return sum of squares and parameters at the best contact point; None without a contact."""
     best: tuple[float, np.ndarray] | None = None
     baseline_coordinate = (pilot.x - pilot.x.mean()) / max(float(np.ptp(pilot.x)), 1e-300)
     scale_index = forward_model.scale_index
@@ -547,10 +614,28 @@ def fit_model(
     origin: OriginOptions,
     near: Estimate | None = None,
 ) -> Estimate:
-    """The best estimate of a scene's parameters on a curve; Refused with the reason where it tells
-    nothing of them.
+    """Fit a scene to a curve.
 
-    near: an estimate of almost the same forces on this curve, from which alone the fit begins.
+    Parameters
+    ----------
+    forward_model : ForwardModel
+        Forces of the scene.
+    samples : Samples
+        The curve.
+    origin : OriginOptions
+        Options of contact point and baseline.
+    near : Estimate, optional
+        Fit of a similar model to this curve, used as the only initial guess.
+
+    Returns
+    -------
+    Estimate
+        The best fit.
+
+    Raises
+    ------
+    FitRejected
+        If the curve has no contact or does not determine the parameters.
     """
     pilot_model = CurveModel(forward_model, samples.block_means(MAX_PILOT_SAMPLES), origin)
     guesses = (
@@ -561,7 +646,7 @@ def fit_model(
     if not guesses:
         negated_samples = Samples(samples.x, -samples.force, samples.t)
         sign_hint = (
-            " (it falls: one that pushes in counts > 0)"
+            " (it falls; the force of a tip that is pressed in has to be positive)"
             if initial_guesses(forward_model, negated_samples, origin)
             else ""
         )
@@ -591,8 +676,9 @@ def _try_least_squares(model: CurveModel, initial_p: np.ndarray) -> tuple[np.nda
 
 
 def samples_near_contact(samples: Samples, contact_point: float) -> Samples:
-    """The samples in contact and beside it; a long baseline would drown the contact and fit its own
-    waves.
+    """Return the samples in contact and next to it.
+
+    A long baseline would dominate the fit, together with its own systematic deviations.
     """
     depth = float(samples.x.max()) - contact_point
     span = float(np.ptp(samples.x))
@@ -602,7 +688,7 @@ def samples_near_contact(samples: Samples, contact_point: float) -> Samples:
 
 
 def convert_baseline(old: CurveModel, new: CurveModel, p: np.ndarray) -> np.ndarray:
-    """The same line of the baseline in the mean and range of other samples."""
+    """Return parameters whose baseline, for other samples, is the same line."""
     old_range = float(np.ptp(old.samples.x))
     new_range = float(np.ptp(new.samples.x))
     slope = p[-1] / max(old_range, 1e-300)
@@ -614,13 +700,18 @@ def _reject_weak_signal(estimate: Estimate) -> None:
     contact_count = int(np.count_nonzero(estimate.model.samples.x > estimate.contact_point))
     if contact_count < MIN_CONTACT_POINTS:
         raise FitRejected(f"no contact: {contact_count} points in contact")
-    if estimate.max_force < MIN_SIGNAL_TO_NOISE * estimate.rms:
+    # A curve is rejected if its largest force is a smaller multiple of the rms of the
+    # residuals.
+    min_signal_to_noise = 4.0
+    if estimate.max_force < min_signal_to_noise * estimate.rms:
         raise FitRejected("no contact: the force does not rise above its noise")
+    # A curve is rejected if the factor of uncertainty of a modulus is larger.
+    max_uncertainty_factor = 4.0
     for k, parameter in enumerate(estimate.model.forward_model.parameters):
         factor = (
             math.exp(min(NORMAL_95 * float(estimate.sd[k]), 100.0))
             if parameter.role == "scale"
             else 1.0
         )
-        if factor > MAX_UNCERTAINTY_FACTOR:
+        if factor > max_uncertainty_factor:
             raise FitRejected(f"{parameter.key} is known to a factor of {factor:.2g} only")

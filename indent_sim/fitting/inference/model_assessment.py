@@ -1,8 +1,8 @@
-"""Verdict: whether a scene explains a curve, and the interval that is stated for each parameter.
+"""Assessment of a fit: adequacy of the model, and the interval that is stated for each parameter.
 
-It does not where the residuals have a shape, where a window's fit moves, where the contact is
-noisier than the baseline, or where another model is better. The interval is then widened until
-nothing contradicts it.
+A scene does not explain a curve if the residuals have a trend, if the value changes with the depth
+range of the fit, if the contact is noisier than the baseline, or if another model is better. The
+interval is then widened until it contains the values of those fits.
 """
 
 from __future__ import annotations
@@ -24,27 +24,23 @@ from indent_sim.fitting.inference.noise import (
     f_test_extra_columns,
 )
 
-# that a shape is looked for with, from so many depths before contact on
+# Number of cosines of the trend of the residuals, and depths before first touch where they begin.
 COSINE_COUNT = 8
 TREND_BASELINE_DEPTHS = 0.35
-CONTACT_MARGIN_DEPTHS = 0.2  # depths before first touch that are no baseline
-# points before contact, of a baseline that tells its noise
+# Least number of points, and of independent points, of a baseline whose noise is compared.
 MIN_BASELINE_POINTS = 40
 MIN_EFFECTIVE_POINTS = 8.0
-# Where other models are asked
+# Probabilities below which, and the z score above which, other models are fitted.
 SUSPECT_SHAPE = 1e-2
 SUSPECT_POWER = 1e-2
 SUSPECT_SNAP = 1e-3
 SUSPECT_Z = 2.5
 SUSPECT_BASELINE = 1e-3
-# where the scene does not explain the curve
+# Probabilities below which, and the z score above which, the scene does not explain the curve.
 WRONG_SHAPE = 1e-3
 WRONG_Z = 3.5
 WRONG_BASELINE = 1e-4
 BETTER_MODEL_P = 1e-3
-MEDIAN_TO_DEVIATION = 1.4826  # of normal numbers
-NEGLIGIBLE_RESIDUAL = 1e-5  # of the largest force: residuals that say nothing
-MAX_IDENTIFIABLE_FACTOR = 3.0  # an interval beyond it is none
 
 
 @dataclass(frozen=True)
@@ -58,10 +54,22 @@ class Interval:
 
 @dataclass(frozen=True)
 class ModelAssessment:
-    """A fit judged: what the residuals, windows and other models say of it.
+    """Assessment of a fit by its residuals, by fits to parts of the curve, and by other models.
 
-    uncertain: half-widths of each coordinate from the mesh and from calibration (k,), added in
-    quadrature.
+    Attributes
+    ----------
+    estimate : Estimate
+        The fit.
+    depth_range_fits : list of DepthRangeFit
+        Fits to the shallower parts of the curve.
+    p_shape : float
+        Probability that the residuals have their trend by chance.
+    p_baseline : float, optional
+        Probability that the contact is noisier than the baseline by chance.
+    alternatives : list of AlternativeModel
+        Other models of the curve.
+    systematic_half_widths : tuple of float
+        Half widths of the coordinates by mesh and calibration (k,), added in quadrature.
     """
 
     estimate: Estimate
@@ -73,15 +81,20 @@ class ModelAssessment:
 
     @property
     def better_models(self) -> list[AlternativeModel]:
-        """The models that are better than the scene's by more than accident."""
+        """Models that are significantly better than that of the scene."""
         return [model for model in self.alternatives if model.p < BETTER_MODEL_P]
 
     @cached_property
     def misfit_causes(self) -> list[str]:
-        """What stands against the scene: names of models, and shape, window, baseline; nothing
-        where the residuals are those of arithmetic, as of a curve that was simulated.
+        """Reasons why the scene does not explain the curve; empty if it does.
+
+        They are names of better models, shape (trend of the residuals), window (dependence on the
+        depth range) and baseline (noise). Residuals at the level of round-off are no reason.
         """
-        if self.estimate.rms < NEGLIGIBLE_RESIDUAL * self.estimate.max_force:
+        # Residuals below this fraction of the largest force are round-off, as of a
+        # simulated curve.
+        negligible_residual = 1e-5
+        if self.estimate.rms < negligible_residual * self.estimate.max_force:
             return []
         is_depth_dependent = any(
             self._is_depth_dependent(k) for k in range(self.estimate.model.coordinate_count)
@@ -98,8 +111,9 @@ class ModelAssessment:
         ]
 
     def _is_depth_dependent(self, k: int) -> bool:
-        """Whether a window's value lies too far off, or its own interval misses that of the whole
-        curve.
+        """Return True if the value of a partial fit differs significantly from that of the whole.
+
+        It also does if the intervals of the two fits do not overlap.
         """
         low, high = self._add_systematic_errors(k, *self.statistical_interval(k))
         for range_fit in self.depth_range_fits:
@@ -110,16 +124,18 @@ class ModelAssessment:
 
     @property
     def is_adequate(self) -> bool:
-        """Whether nothing stands against the scene."""
+        """True if the scene explains the curve."""
         return not self.misfit_causes
 
     def statistical_interval(self, k: int) -> tuple[float, float]:
-        """The interval of a coordinate by noise alone."""
+        """Return the interval of a coordinate by noise alone."""
         return self.estimate.interval(k)
 
     def coordinate_interval(self, k: int) -> tuple[float, float]:
-        """The stated interval of a coordinate: with mesh and calibration; spanning all windows and
-        the named models where the scene does not explain the curve.
+        """Return the stated interval of a coordinate, with errors of mesh and calibration.
+
+        If the scene does not explain the curve, the interval spans the values of the partial fits
+        and the intervals of the better models.
         """
         low, high = self.statistical_interval(k)
         if not self.is_adequate:
@@ -134,7 +150,7 @@ class ModelAssessment:
         return max(low, lower_bound), min(high, upper_bound)
 
     def _add_systematic_errors(self, k: int, low: float, high: float) -> tuple[float, float]:
-        """An interval with mesh and calibration in quadrature."""
+        """Return an interval with the errors of mesh and calibration added in quadrature."""
         value = float(self.estimate.theta[k])
         systematic = self.systematic_half_widths[k] if self.systematic_half_widths else 0.0
         return value - math.hypot(value - low, systematic), value + math.hypot(
@@ -142,17 +158,19 @@ class ModelAssessment:
         )
 
     def stated_interval(self, k: int) -> Interval:
-        """Value and interval of a varied key, in the scene's units."""
+        """Return value and interval of a varied key, in the scene's units."""
         parameter = self.estimate.model.forward_model.parameters[k]
         ends = (parameter.value(end) for end in self.coordinate_interval(k))
         return Interval(parameter.value(float(self.estimate.theta[k])), *ends)
 
     @property
     def is_identifiable(self) -> bool:
-        """Whether every parameter is known to a factor of three and lies inside its range."""
+        """True if every parameter is known to a factor of three and not at a bound of its range."""
         keys = range(self.estimate.model.coordinate_count)
+        # A parameter whose factor of uncertainty is larger is not identifiable.
+        max_identifiable_factor = 3.0
         return not any(
-            self.estimate.is_at_bound(k) or self._uncertainty_factor(k) > MAX_IDENTIFIABLE_FACTOR
+            self.estimate.is_at_bound(k) or self._uncertainty_factor(k) > max_identifiable_factor
             for k in keys
         )
 
@@ -166,8 +184,16 @@ class ModelAssessment:
 
 @dataclass(frozen=True)
 class ResidualTrend:
-    """Probabilities that the residuals bend so by accident: in any shape, along another power of
-    the depth, and in a fall between two samples, as where a tip snaps in.
+    """Probabilities that the residuals have their trend by chance.
+
+    Attributes
+    ----------
+    shape : float
+        Any smooth trend.
+    power : float
+        The trend of another exponent of the depth.
+    snap : float
+        A fall of the force between two samples, as where a tip snaps in.
     """
 
     shape: float
@@ -180,7 +206,7 @@ def is_suspect(
     residual_trend: ResidualTrend,
     p_baseline: float | None,
 ) -> bool:
-    """Whether other models are worth asking."""
+    """Return True if other models should be fitted."""
     is_depth_dependent = any(
         np.any(np.abs(range_fit.z_score) > SUSPECT_Z) for range_fit in depth_range_fits
     )
@@ -194,11 +220,12 @@ def is_suspect(
 
 
 def find_residual_trend(estimate: Estimate) -> ResidualTrend:
-    """F tests of eight cosines in the contact, and of the one direction F ln(delta/depth), in which
-    thickness, adhesion and other tips bend a curve, where eight waves may see nothing.
+    """Test the residuals for a trend by F tests.
 
-    The noise is found with and without the cosines; of the shape the larger probability counts,
-    since either may take one for the other. The power is tested beside them: it only asks.
+    The shape is tested with eight cosines over the contact, and the power with the one function
+    F ln(delta/depth): thickness, adhesion and other tips bend a curve in this way, which eight
+    cosines may miss. The noise is estimated with and without the cosines, and the larger
+    probability of the shape is used, since a trend and a correlated noise may be confused.
     """
     model = estimate.model
     p = estimate.ordinary_p
@@ -230,14 +257,17 @@ def find_residual_trend(estimate: Estimate) -> ResidualTrend:
 
 
 def _snap_in_probability(force: np.ndarray) -> float:
-    """The probability of the largest fall between two samples (n,) in order of depth, their median
-    being that of noise.
+    """Return the probability that noise has the largest fall between two samples (n,).
 
-    Slow noise, which hides the attraction before and after it, does not hide the fall itself.
+    The samples are in order of depth, and the median of their changes gives the noise. Slow noise,
+    which hides the attraction before and after a snap-in, does not hide the fall itself.
     """
     changes = np.diff(force)
-    deviation = MEDIAN_TO_DEVIATION * float(np.median(np.abs(changes)))
-    if not deviation > 0:  # a curve of few digits, or none at all
+    # Standard deviation of a normal distribution over the median of its absolute value.
+    median_to_deviation = 1.4826
+    deviation = median_to_deviation * float(np.median(np.abs(changes)))
+    # A curve with few digits has no changes between most samples.
+    if not deviation > 0:
         return 1.0
     return min(
         1.0, 0.5 * len(changes) * math.erfc(-float(changes.min()) / deviation / math.sqrt(2.0))
@@ -245,7 +275,7 @@ def _snap_in_probability(force: np.ndarray) -> float:
 
 
 def _exponent_derivative(model: CurveModel, p: np.ndarray) -> np.ndarray:
-    """F ln(delta/depth): by which a force changes with the exponent of the depth."""
+    """Return F ln(delta/depth), the derivative of the force by the exponent of the depth."""
     force = model.contact_force(p)
     delta = (
         model.samples.x
@@ -256,16 +286,18 @@ def _exponent_derivative(model: CurveModel, p: np.ndarray) -> np.ndarray:
 
 
 def baseline_noise_probability(estimate: Estimate) -> float | None:
-    """The probability that the contact is as noisy as the baseline by accident; None where the
-    baseline is short.
+    """Return the probability that the contact is noisier than the baseline by chance.
+
+    It is None if the baseline is too short.
     """
     model = estimate.model
     r = estimate.residual
     c = estimate.contact_point
     x = model.samples.x
-    is_before_contact = (
-        x < c - CONTACT_MARGIN_DEPTHS * estimate.depth
-    )  # a tip that snaps in is missed by its model there
+    # Depths before first touch that do not count as baseline: the snap-in of a tip lies
+    # there.
+    contact_margin_depths = 0.2
+    is_before_contact = x < c - contact_margin_depths * estimate.depth
     n = int(np.count_nonzero(is_before_contact))
     m = int(np.count_nonzero(~is_before_contact))
     if n < MIN_BASELINE_POINTS or not m:
@@ -284,7 +316,7 @@ def baseline_noise_probability(estimate: Estimate) -> float | None:
 
 
 def width_inflation_factors(estimate: Estimate) -> list[float]:
-    """Half width of each coordinate over that with all other varied keys known."""
+    """Return the ratio of half widths of each coordinate: others fitted, and others known."""
     coordinate_count = estimate.model.coordinate_count
     other_indices = [
         [j for j in range(coordinate_count) if j != k] for k in range(coordinate_count)
@@ -300,7 +332,7 @@ def width_inflation_factors(estimate: Estimate) -> list[float]:
 
 
 def parameter_shift(estimate: Estimate, force_error: np.ndarray) -> np.ndarray:
-    """By how much the coordinates move where the modelled force is off by `force_error` (n,)."""
+    """Return the changes of the coordinates by an error (n,) of the modelled force."""
     model = estimate.model
     noise = estimate.uncertainty.likeliest_noise
     J = model.jacobian(estimate.p)[:, model.is_free]
@@ -313,8 +345,21 @@ def parameter_shift(estimate: Estimate, force_error: np.ndarray) -> np.ndarray:
 def systematic_half_widths(
     estimate: Estimate, mesh_error: float, calibration_error: float
 ) -> tuple[float, ...]:
-    """What a relative error of the force, from the mesh and from calibration at one standard
-    deviation, adds, and what its steps in time miss.
+    """Return the half widths of the coordinates by systematic errors (k,).
+
+    Parameters
+    ----------
+    estimate : Estimate
+        The fit.
+    mesh_error : float
+        Relative error of the force by the mesh.
+    calibration_error : float
+        Relative standard deviation of the force by calibration.
+
+    Returns
+    -------
+    tuple of float
+        Half widths, including those by the errors of time stepping.
     """
     force = estimate.model.contact_force(estimate.p)
     model = estimate.model

@@ -1,5 +1,4 @@
-"""Noise of a measurement: white and first-order autoregressive noise together, its weights by
-restricted likelihood.
+"""Noise of a measurement: a sum of white and first-order autoregressive noise.
 
     V = w I + (1 - w) R,   R_ij = rho^|i - j|,   tau = -1/ln rho [samples]
 
@@ -8,9 +7,10 @@ With T = R^-1, tridiagonal, V^-1 X = T (w T + (1 - w) I)^-1 X costs O(n). For a 
 
     A = J'V^-1 J,   s^2 = r'P r/(n - p),   -2 ln L = ln|V| + ln|A| + (n - p) ln s^2
 
-and what is said of p is averaged over a grid of (tau, w) with the weights L: its maximum alone
-makes intervals that are too narrow, since a correlation is never known well. Sources: Patterson &
-Thompson (1971), Biometrika 58, 545; Kenward & Roger (1997), Biometrics 53, 983.
+The mean and covariance of p are averaged over a grid of (tau, w) with the restricted likelihood L
+as the weight. The maximum of L alone gives intervals that are too narrow, since a correlation is
+never known well. Sources: Patterson & Thompson (1971), Biometrika 58, 545; Kenward & Roger (1997),
+Biometrics 53, 983.
 """
 
 from __future__ import annotations
@@ -24,16 +24,21 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.signal import lfilter
 
 WHITE_FRACTIONS = (0.0003, 0.05, 0.25, 0.5, 0.8, 0.95)
-MAX_TAU_FRACTION = 0.25  # of the samples: the longest correlation that n of them tell of
-WHITE_WEIGHT = 54  # nodes that noise without correlation counts for
-MIN_WEIGHT = 1e-9  # of the largest weight: less is left out
+# Nodes with a smaller weight than this fraction of the largest one are omitted.
+MIN_WEIGHT = 1e-9
 NORMAL_95 = 1.96
 
 
 @dataclass(frozen=True)
 class Noise:
-    """A covariance up to its size: correlation time tau [samples], 0 for none, and white share w of
-    the variance.
+    """Covariance V of noise, up to its size.
+
+    Attributes
+    ----------
+    tau : float
+        Correlation time [samples]; 0 for white noise.
+    w : float
+        Fraction of the variance that is white.
     """
 
     tau: float = 0.0
@@ -41,11 +46,11 @@ class Noise:
 
     @property
     def rho(self) -> float:
-        """Correlation of neighbours in what is not white."""
+        """Correlation of neighbours of the autoregressive part."""
         return math.exp(-1.0 / self.tau) if self.tau else 0.0
 
     def _inverse_correlation(self, n: int) -> np.ndarray:
-        """T as a banded matrix, upper diagonal and diagonal (2, n)."""
+        """Return T as a banded matrix, upper diagonal and diagonal (2, n)."""
         rho = self.rho
         band = np.empty((2, n))
         band[0] = -rho
@@ -54,7 +59,7 @@ class Noise:
         return band / (1.0 - rho * rho)
 
     def apply_inverse_covariance(self, X: np.ndarray) -> tuple[np.ndarray, float]:
-        """V^-1 X, of columns (n, m) or one (n,), and ln|V|."""
+        """Return V^-1 X of columns (n, m) or one (n,), and ln|V|."""
         n = len(X)
         if not self.tau or n < 2:
             return X, 0.0
@@ -73,7 +78,7 @@ class Noise:
         return Z, 2.0 * float(np.log(factor[1]).sum()) - log_T
 
     def apply_covariance(self, X: np.ndarray) -> np.ndarray:
-        """V X of columns (n, m)."""
+        """Return V X of columns (n, m)."""
         if not self.tau:
             return X
         rho = self.rho
@@ -83,7 +88,7 @@ class Noise:
 
     @property
     def integrated_correlation_time(self) -> float:
-        """Samples that count as one: w + (1 - w) (1 + rho)/(1 - rho)."""
+        """Number of samples per independent one: w + (1 - w) (1 + rho)/(1 - rho)."""
         return self.w + (1.0 - self.w) * (1.0 + self.rho) / (1.0 - self.rho)
 
 
@@ -92,9 +97,18 @@ WHITE = Noise()
 
 @dataclass(frozen=True)
 class ParameterUncertainty:
-    """What residuals say of a linear model: the likeliest noise and its variance s2, the covariance
-    (p, p) of the parameters averaged over all noises, and their mean step (p,) from where the
-    model was linearised.
+    """Uncertainty of the parameters of a linear model.
+
+    Attributes
+    ----------
+    likeliest_noise : Noise
+        Noise of the largest likelihood.
+    s2 : float
+        Its variance.
+    covariance : ndarray, shape (p, p)
+        Covariance of the parameters, averaged over all noises.
+    step : ndarray, shape (p,)
+        Mean of the parameters, relative to the point of linearisation.
     """
 
     likeliest_noise: Noise
@@ -109,17 +123,31 @@ class ParameterUncertainty:
 
 
 def noise_grid(n: int) -> list[Noise]:
-    """White noise, and all noises that n samples can tell of."""
-    taus = [2.0**k for k in range(30) if 2.0**k <= MAX_TAU_FRACTION * n]
+    """Return white noise and all noises whose correlation n samples can resolve."""
+    # Longest correlation time that is considered, relative to the number of samples.
+    max_tau_fraction = 0.25
+    taus = [2.0**k for k in range(30) if 2.0**k <= max_tau_fraction * n]
     return [WHITE, *(Noise(tau, w) for tau in taus for w in WHITE_FRACTIONS)]
 
 
 def average_over_noise(
     J: np.ndarray, r: np.ndarray, noises: list[Noise] | None = None
 ) -> ParameterUncertainty:
-    """The covariance of the parameters of r = J p + noise, by all noises with their likelihoods.
+    """Average the parameters of r = J p + noise over all noises with their likelihoods.
 
-    J (n, p) and r (n,). A parameter on which nothing depends has an infinite variance.
+    Parameters
+    ----------
+    J : ndarray, shape (n, p)
+        Jacobian; a parameter with a column of zeros has an infinite variance.
+    r : ndarray, shape (n,)
+        Residuals.
+    noises : list of Noise, optional
+        Noises to average over; by default those of `noise_grid`.
+
+    Returns
+    -------
+    ParameterUncertainty
+        Mean, covariance and likeliest noise.
     """
     n, p = J.shape
     scale = np.sqrt((J * J).sum(axis=0))
@@ -128,7 +156,9 @@ def average_over_noise(
     noises = noise_grid(n) if noises is None else noises
     results = [_restricted_likelihood(noise, X, n - p) for noise in noises]
     log_likelihoods = np.array([result[0] for result in results])
-    log_likelihoods[0] += math.log(WHITE_WEIGHT if len(noises) > 1 else 1)
+    # Weight of white noise, in nodes of the grid.
+    white_weight = 54
+    log_likelihoods[0] += math.log(white_weight if len(noises) > 1 else 1)
     weights = np.exp(log_likelihoods - log_likelihoods.max())
     weights /= weights.sum()
     steps = np.array([result[2] for result in results])
@@ -146,7 +176,7 @@ def average_over_noise(
 def _restricted_likelihood(
     noise: Noise, X: np.ndarray, degrees_of_freedom: int
 ) -> tuple[float, np.ndarray, np.ndarray, float]:
-    """ln L, covariance, step and s2 under one noise."""
+    """Return ln L, covariance, step and s2 in one noise."""
     VX, log_V = noise.apply_inverse_covariance(X)
     M = X.T @ VX
     A = M[:-1, :-1]
@@ -159,17 +189,30 @@ def _restricted_likelihood(
 
 
 def symmetric_inverse(A: np.ndarray) -> tuple[np.ndarray, float]:
-    """Inverse and ln|A| of a symmetric matrix, directions on which nothing depends having large
-    variances.
-    """
+    """Return the inverse and ln|A| of a symmetric matrix, with its eigenvalues kept above 0."""
     values, vectors = np.linalg.eigh(0.5 * (A + A.T))
     values = np.maximum(values, 1e-14 * max(values[-1], 1e-300))
     return (vectors / values) @ vectors.T, float(np.log(values).sum())
 
 
 def f_test_extra_columns(J: np.ndarray, extra: np.ndarray, r: np.ndarray, noise: Noise) -> float:
-    """Probability that columns `extra` (n, m) beside J explain as much of r by accident: an F test
-    in a noise.
+    """Return the probability of an F test of additional columns.
+
+    Parameters
+    ----------
+    J : ndarray, shape (n, p)
+        Columns of the model.
+    extra : ndarray, shape (n, m)
+        Additional columns.
+    r : ndarray, shape (n,)
+        Residuals.
+    noise : Noise
+        Covariance of the residuals, up to its size.
+
+    Returns
+    -------
+    float
+        Probability that the additional columns reduce the sum of squares as much by chance.
     """
     X = np.column_stack([J, extra, r])
     p = J.shape[1]
@@ -181,7 +224,7 @@ def f_test_extra_columns(J: np.ndarray, extra: np.ndarray, r: np.ndarray, noise:
 
 
 def _residual_squares(X: np.ndarray, noise: Noise) -> float:
-    """What is left of the last column beside the others, in the norm of a noise."""
+    """Return the residual sum of squares of the last column fitted by the others."""
     scale = np.sqrt((X[:, :-1] ** 2).sum(axis=0))
     X = np.column_stack([X[:, :-1] / np.where(scale > 0, scale, 1.0), X[:, -1]])
     M = X.T @ noise.apply_inverse_covariance(X)[0]
@@ -192,7 +235,7 @@ def _residual_squares(X: np.ndarray, noise: Noise) -> float:
 def f_test(
     explained_squares: float, m: int, residual_squares: float, degrees_of_freedom: int
 ) -> float:
-    """Probability of F = (gained/m)/(left/freedom) or more."""
+    """Return the probability of at least F = (explained/m)/(residual/degrees of freedom)."""
     from scipy.special import fdtrc
 
     if degrees_of_freedom < 1 or residual_squares <= 0:

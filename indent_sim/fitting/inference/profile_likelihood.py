@@ -1,10 +1,10 @@
-"""Profile likelihood: the interval of one parameter with all others fitted anew at every value of
-it.
+"""Intervals by profile likelihood: all other parameters are fitted at every value of one.
 
-Where an interval is wide the sum of squares is no parabola of the parameter. With Q(v) = min r'V^-1
-r/s2 at the value v, the interval is where Q(v) - Q < (1.96 f)^2, f being the averaged deviation
-over that of the likeliest noise. Of modulus and Poisson ratio on a layer at 2 % noise the
-parabola's 95 % intervals held 82 %, these 95 % (60 curves).
+The sum of squares is not a parabola of the parameter over a wide interval. With
+Q(v) = min r'V^-1 r/s2 at the value v, the interval is where Q(v) - Q < (1.96 f)^2; f is the
+standard deviation averaged over all noises, relative to that in the likeliest noise. Example:
+modulus and Poisson's ratio of a layer with 2 % noise (60 curves); the 95 % intervals of the
+parabola covered 82 % of the true values, these 95 %.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavaila
 from indent_sim.fitting.inference.estimate import Estimate, standard_deviation
 from indent_sim.fitting.inference.noise import NORMAL_95
 
-WIDE_HALF_WIDTH = 0.2  # half width of a coordinate from which on a parabola is not enough
-# on each side, and how far the last is, in averaged deviations
+# Half width of the interval of a coordinate above which profiles are computed.
+WIDE_HALF_WIDTH = 0.2
+# Number of values on each side, and distance of the last one in standard deviations.
 PROFILE_VALUES = 7
 PROFILE_RANGE = 3.0
-NEIGHBOUR_ITERATIONS = 12  # of a fit from its neighbour's
 
 
 def add_profile_intervals(estimate: Estimate) -> Estimate:
-    """The estimate with intervals by profiles, where one of them is wide."""
+    """Return the estimate with intervals by profile likelihood if one of its intervals is wide."""
     keys = range(estimate.model.coordinate_count)
     if not any(NORMAL_95 * float(estimate.sd[k]) > WIDE_HALF_WIDTH for k in keys):
         return estimate
@@ -43,7 +43,10 @@ def _profile_interval(estimate: Estimate, k: int) -> tuple[float, float]:
 
 
 def _profile_end(estimate: Estimate, k: int, side: float, critical_rise: float) -> float:
-    """Where the profile has risen by so much; the parabola's end where the others cannot be fitted."""
+    """Return the value at which the profile has risen by `critical_rise`.
+
+    It is that of the parabola if the other parameters cannot be fitted on the way.
+    """
     model = replace(estimate.model, fixed=frozenset({k}))
     noise = estimate.uncertainty.likeliest_noise
     p = estimate.p.copy()
@@ -54,11 +57,13 @@ def _profile_end(estimate: Estimate, k: int, side: float, critical_rise: float) 
     smallest_squares = float(r @ noise.apply_inverse_covariance(r)[0])
     previous_value = start
     previous_rise = 0.0
+    # Iterations of a fit that begins at the solution for the neighbouring value.
+    neighbour_iterations = 12
     for step in np.linspace(0.0, PROFILE_RANGE, PROFILE_VALUES + 1)[1:]:
         value = min(max(start + side * step * sd, low), high)
         p[k] = value
         try:
-            p, squares = model.least_squares(p, noise, NEIGHBOUR_ITERATIONS)
+            p, squares = model.least_squares(p, noise, neighbour_iterations)
         except (ForwardModelUnavailable, ValueError, np.linalg.LinAlgError):
             return start + side * NORMAL_95 * sd
         rise = max((squares - smallest_squares) / estimate.uncertainty.s2, 0.0)

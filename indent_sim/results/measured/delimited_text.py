@@ -25,8 +25,6 @@ from indent_sim.results.measured.text_layout import (
     split_title,
 )
 
-# So many characters are parsed at once: as lists of cells they take some hundred megabytes.
-BLOCK_CHARACTERS = 1_000_000
 MAX_INVALID_FRACTION = 0.5  # No more than this fraction of the rows may lack a number.
 LARGEST_MEASURED = 1e100  # A larger number is no measurement, whatever its unit.
 
@@ -125,8 +123,11 @@ def _line_blocks(text: str, layout: TextLayout) -> Iterator[tuple[int, str]]:
     number = layout.first_row + 1
     for _ in range(layout.first_row):
         begin = text.index("\n", begin) + 1
+    # So many characters are parsed at once: as lists of cells they take some hundred
+    # megabytes.
+    block_characters = 1_000_000
     while begin < len(text):
-        end = text.find("\n", begin + BLOCK_CHARACTERS) + 1 or len(text)
+        end = text.find("\n", begin + block_characters) + 1 or len(text)
         yield number, text[begin:end]
         number += text.count("\n", begin, end)
         begin = end

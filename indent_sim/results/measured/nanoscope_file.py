@@ -19,9 +19,6 @@ from indent_sim.results.measured.measurement import (
 )
 
 SUFFIXES = (".spm", ".pfc")
-# A deflection can exceed the travel of the base by a snap-in only; beyond this ratio of their
-# ranges it is wrong.
-MAX_DEFLECTION_RATIO = 1.5
 
 
 def read_nanoscope_file(path: Path, stiffness: float | None = None) -> list[MeasuredCurve]:
@@ -79,10 +76,13 @@ def _measured_curve(
         volts[-1] = volts[-1][::-1]
     z = np.concatenate(base_paths)
     deflection = 1e-9 * float(header["defl_sens_nmbyV"]) * np.concatenate(volts)
+    # A deflection can exceed the travel of the base by a snap-in only; beyond this ratio of
+    # their ranges it is wrong.
+    max_deflection_ratio = 1.5
     if (
         not np.isfinite(z).all()
         or not np.isfinite(deflection).all()
-        or np.ptp(deflection) > MAX_DEFLECTION_RATIO * np.ptp(z)
+        or np.ptp(deflection) > max_deflection_ratio * np.ptp(z)
     ):
         raise NoCurve(
             "the deflections that pyfmreader computes exceed the travel of the base", str(path)

@@ -12,10 +12,6 @@ from indent_sim.process.version import VERSION
 from indent_sim.results.reader import Results
 
 TAB_COLUMNS = ("force", "height (measured)", "tip position", "time", "segment")
-# The written spring constant is so many times the stiffest secant of the curve that the cantilever
-# hardly bends.
-STIFF_SPRING_RATIO = 1e3
-FREE_APPROACH = 0.5  # Length of the approach before contact, relative to the largest depth.
 DEPTHS_PER_SECOND = 1.0
 
 
@@ -43,14 +39,19 @@ def tab_text(results: Results) -> str:
     )
     turn = int(np.argmax(delta)) + 1
     step = delta.max() / max(turn, 2)
+    # Length of the approach before contact, relative to the largest depth.
+    free_approach = 0.5
     free_depths = np.arange(
-        -FREE_APPROACH * delta.max(), min(0.5 * step, delta[0] - 0.5 * step), step
+        -free_approach * delta.max(), min(0.5 * step, delta[0] - 0.5 * step), step
     )
     retract_depths = np.array([delta[turn - 1]]) if turn == len(delta) else delta[turn:]
     retract_forces = np.array([force[turn - 1]]) if turn == len(delta) else force[turn:]
     delta = np.concatenate([free_depths, delta[:turn], retract_depths])
     force = np.concatenate([0.0 * free_depths, force[:turn], retract_forces])
-    k = STIFF_SPRING_RATIO * float(np.max(np.abs(force) / np.maximum(np.abs(delta), 1e-3 * step)))
+    # The written spring constant is so many times the stiffest secant of the curve that the
+    # cantilever hardly bends.
+    stiff_spring_ratio = 1e3
+    k = stiff_spring_ratio * float(np.max(np.abs(force) / np.maximum(np.abs(delta), 1e-3 * step)))
     time = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(delta)))]) / (
         DEPTHS_PER_SECOND * delta.max()
     )

@@ -151,4 +151,3 @@ def draw_branches(
             )
     axes.axhline(0, color=GREY, lw=0.6, zorder=0)
     axes.set(xlabel=x.label, ylabel=y.label)
-    axes.locator_params(axis="x", nbins=5)

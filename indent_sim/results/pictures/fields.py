@@ -34,16 +34,12 @@ from indent_sim.results.result_scene import scene_of
 # thin body.
 FIELD_VIEW = 3.0
 THIN_BODY_VIEW = 1.5
-# Half-width of the view in heights of a thin body, whose field would be too small in a wider one.
-THIN_BODY_HEIGHTS = 4.0
 SPACE_ABOVE = 0.35  # Room for the tip above the surface, in contact radii or depths.
-MAX_LIFT = 0.01  # A tip that sinks in by less than this fraction of its lift has no contact.
 WHOLE_BODY_RATIO = 1.6  # A body that is so many times wider or deeper than the view is shown whole.
 # The colours cover this percentage of the area in view: the stress at an edge is infinite, and the
 # mesh has many points there.
 COLOURED_PERCENT = 99.8
 SLIVER_HEIGHT = 2e-3  # Height of a sliver relative to the width of the view: about half a pixel.
-INTERFACE_LINE_WIDTH = 0.6  # Width of lines between regions [points].
 # Points, deformed points, cells, and values at the points.
 RegionPart = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
@@ -65,6 +61,8 @@ class FieldQuantity:
         White value of a diverging colour map, for a field with both signs; None for other fields.
     lowest_value
         Lower end of the colours of other fields; None for the field's smallest value.
+    is_odd
+        Whether the mirror image in a plane x = const has the opposite sign.
     available_for
         Bodies that have the field.
     """
@@ -74,6 +72,7 @@ class FieldQuantity:
     values: Callable[[dict[str, np.ndarray]], np.ndarray]
     neutral_value: float | None = None
     lowest_value: float | None = 0.0
+    is_odd: bool = False
     available_for: str = "every body"
 
 
@@ -100,7 +99,7 @@ FIELDS = {
         r"stress $\sigma_{{zz}}$", "pressure", lambda f: f["stress"][:, 8], 0.0
     ),
     "sigma_xz": FieldQuantity(
-        r"stress $\sigma_{{{r}z}}$", "pressure", lambda f: f["stress"][:, 2], 0.0
+        r"stress $\sigma_{{{r}z}}$", "pressure", lambda f: f["stress"][:, 2], 0.0, is_odd=True
     ),
     "J": FieldQuantity("volume ratio J", "1", lambda f: f["J"], 1.0),
     "energy_density": FieldQuantity("energy density ψ", "pressure", lambda f: f["energy_density"]),
@@ -144,14 +143,16 @@ class Section:
     values: np.ndarray
     interfaces: np.ndarray
 
-    def mirror(self, middle: float) -> Section:
-        """Return the section with its mirror image in the vertical line x = middle."""
+    def mirror(self, middle: float, sign: float) -> Section:
+        """Return the section with its mirror image in the vertical line x = middle.
+
+        The values of the image are multiplied by `sign`.
+        """
         image = np.column_stack([2 * middle - self.points[:, 0], self.points[:, 1]])
         triangles = np.concatenate([self.triangles, self.triangles[:, ::-1] + len(image)])
         faces = np.concatenate([self.interfaces, self.interfaces + len(image)])
-        return Section(
-            np.concatenate([self.points, image]), triangles, np.tile(self.values, 2), faces
-        )
+        values = np.concatenate([self.values, sign * self.values])
+        return Section(np.concatenate([self.points, image]), triangles, values, faces)
 
     @cached_property
     def areas(self) -> np.ndarray:
@@ -223,7 +224,9 @@ def deformed_section(results: Results, step: float, field: FieldQuantity) -> Sec
     is_half = plan_choice(results.report, "symmetry") != "full" and left >= center[
         0
     ] - 1e-9 * np.ptp(fields["points"][:, 0])
-    return section.mirror(center[0]) if is_half else section
+    # On both sides of the axis of an axisymmetric body, the component rz refers to its own r.
+    is_odd = field.is_odd and horizontal_axis_name(results) == "x"
+    return section.mirror(center[0], -1.0 if is_odd else 1.0) if is_half else section
 
 
 def _region_interfaces(
@@ -345,8 +348,10 @@ class FieldRow:
         depths = [_row_value(run, step, "delta") for run, step, _ in self.steps]
         contact_radius = max(_row_value(run, step, "a") for run, step, _ in self.steps)
         size = max(contact_radius, *np.abs(depths))
+        # A tip that sinks in by less than this fraction of its lift has no contact.
+        max_lift = 0.01
         # A swelling body may lift the tip: then there is no contact to show.
-        if not contact_radius > 0 and max(depths) <= MAX_LIFT * size:
+        if not contact_radius > 0 and max(depths) <= max_lift * size:
             size = (top - bottom) / 2
         if self.zoom is not None:
             half_width = self.zoom * size
@@ -355,8 +360,11 @@ class FieldRow:
                 min(right, self.axis_position + half_width),
             )
             return np.array([*sides, max(bottom, -half_width), top + SPACE_ABOVE * size])
+        # Half-width of the view in heights of a thin body, whose field would be too small
+        # in a wider one.
+        thin_body_heights = 4.0
         half_width = size * np.clip(
-            THIN_BODY_HEIGHTS * (top - bottom) / size, THIN_BODY_VIEW, FIELD_VIEW
+            thin_body_heights * (top - bottom) / size, THIN_BODY_VIEW, FIELD_VIEW
         )
         sides = (self.axis_position - half_width, self.axis_position + half_width)
         if right - left <= 2 * WHOLE_BODY_RATIO * half_width:
@@ -434,7 +442,6 @@ class FieldRow:
                     length,
                 )
             axes.set(aspect="equal", xlim=length(frame[:2]), ylim=length(frame[2:]))
-            axes.locator_params(nbins=5)
             draw_panel_title(axes, panel_title(run, step, words, apart="\n"))
             axes.set(xlabel=length.label, ylabel=Axis("z", unit=length.unit).label)
         is_clipped = [axis(inside).min() < low, axis(inside).max() > high]
@@ -442,9 +449,6 @@ class FieldRow:
             tuple(is_clipped), "neither"
         )
         draw_colour_bar(panels, colour_mesh, axis.label, where, extend=beyond)
-        if where == "right":
-            for axes in panels:
-                axes.label_outer()
 
 
 def _draw_section(
@@ -479,7 +483,9 @@ def _draw_section(
             ((0, 0), (0, 1), (0, 0)),
             constant_values=np.nan,
         )
-        axes.plot(*lines.reshape(-1, 2).T, color=GREY, lw=INTERFACE_LINE_WIDTH)
+        # Width of lines between regions [points].
+        interface_line_width = 0.6
+        axes.plot(*lines.reshape(-1, 2).T, color=GREY, lw=interface_line_width)
     return axes.tripcolor(x, z, section.triangles[~is_sliver], values, shading="gouraud", **look)
 
 

@@ -11,6 +11,7 @@ import textwrap
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes as Axes
     from matplotlib.figure import Figure as Figure
     from matplotlib.figure import SubFigure as SubFigure
+    from matplotlib.legend import Legend
 else:
     Axes = Figure = SubFigure = object  # Matplotlib is imported only when something is drawn.
 
@@ -38,29 +40,34 @@ FONT_SIZE = 10.0  # Standard font size [points].
 PICTURE_FORMATS = (".png", ".svg", ".pdf")
 DPI = {"png": 160, "svg": 200, "pdf": 300}  # Resolution of rasterized parts.
 # Largest number of intervals of an axis, and least distance of its tick labels [pixels].
-MAX_TICKS = 6
+MAX_TICKS = 9
 TICK_LABEL_GAP = 3.0
 # Agg cannot draw longer sides [pixels]. A pixel takes 11 bytes until it is compressed: the second
 # limit keeps a picture below about 1 GB.
 MAX_SIDE_PIXELS = 2**16 - 1
 MAX_PIXELS = 1e8
-SUPERSCRIPTS = str.maketrans("-\N{MINUS SIGN}0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "+")
+# No date is written: equal results give equal files.
+METADATA: dict[str, dict[str, str | None]] = {
+    "png": {"Software": "indent-sim"},
+    "svg": {"Date": None},
+    "pdf": {"CreationDate": None},
+}
 MAX_MARKED_POINTS = 40  # A line with more points has no markers.
-# Width of a letter and height of a line in a legend [inches].
-LETTER_WIDTH = 0.07
-LINE_HEIGHT = 0.2
+MAX_STACKED_NAMES = 30  # A legend beside a panel with more names has columns.
+LEGEND_MARGIN = 0.6  # Least height above and below a legend beside a panel [inches].
 LEGEND_LEFT = 0.6  # Left margin of a legend below all panels [inches].
-# Width of the handle before a name [inches], and least number of letters of a line.
+# Widths of a small letter and of the handle before a name, height of the labels below a panel and
+# their width to the left of it, and height of a colour bar under it, at the standard font size
+# [inches].
+LETTER_WIDTH = 0.07
 HANDLE_WIDTH = 0.45
-MIN_LINE_LETTERS = 12
-COLUMN_GAP = 0.15  # Gap between two columns of a legend [inches].
-MAX_STACKED_NAMES = 6  # A legend under a panel with more names has columns.
-# Height of tick labels and axis label below a panel, their width to the left of it, and height of a
-# colour bar under it, at the standard font size [inches].
 AXIS_LABEL_HEIGHT = 0.58
 AXIS_LABEL_WIDTH = 0.75
 BAR_HEIGHT = 0.12
-BarPosition = Literal["right", "bottom"]
+MIN_LINE_LETTERS = 12  # Texts are broken into lines of so many letters at least.
+MM_PER_INCH = 25.4
+POINTS_PER_INCH = 72.0
+BarPosition = Literal["right", "bottom", "beside"]
 TITLE_LETTERS_PER_INCH = 9.0
 # Longer texts are shortened.
 MAX_SUBTITLE_LETTERS = 200
@@ -74,11 +81,24 @@ RC_PARAMETERS: PlotStyle = {
     "legend.framealpha": 0.85,  # A long line of text may cross a steep curve.
     "text.usetex": False,  # Titles are users' texts, and LaTeX would execute commands in them.
     "svg.hashsalt": "indent-sim",  # Equal results give equal files.
-    **{"axes.titlesize": "medium", "axes.formatter.limits": (-3, 4), "lines.linewidth": 1.6},
-    **{"legend.fontsize": "small", "legend.edgecolor": "none"},
+    "axes.titlesize": "medium",
+    "axes.formatter.limits": (-3, 4),
+    "axes.formatter.use_mathtext": True,  # A common power of ten is "×10⁻³" instead of "1e-3".
+    "lines.linewidth": 1.6,
+    "legend.fontsize": "small",
+    "legend.edgecolor": "none",
     **dict.fromkeys(("axes.spines.top", "axes.spines.right", "legend.fancybox"), False),
     **dict.fromkeys(("axes.edgecolor", "xtick.color", "ytick.color"), GREY),
     **dict.fromkeys(("axes.labelcolor", "text.color", "xtick.labelcolor", "ytick.labelcolor"), INK),
+}
+
+# Lengths at the standard font size [points]; they grow with the letters.
+RC_LENGTHS = {
+    **dict.fromkeys(("xtick.major.size", "ytick.major.size"), 3.5),
+    **dict.fromkeys(("xtick.minor.size", "ytick.minor.size"), 2.0),
+    **dict.fromkeys(("xtick.major.pad", "ytick.major.pad"), 3.5),
+    "axes.labelpad": 4.0,
+    "axes.titlepad": 6.0,
 }
 
 
@@ -90,7 +110,8 @@ def new_figure(size: tuple[float, float] = (9.2, 4.8), font: float = FONT_SIZE) 
         warnings.filterwarnings("ignore", "Unable to import Axes3D")
         import matplotlib
         from matplotlib.figure import Figure
-    with matplotlib.rc_context(RC_PARAMETERS | {"font.size": font}):
+    lengths = {name: length * font / FONT_SIZE for name, length in RC_LENGTHS.items()}
+    with matplotlib.rc_context(RC_PARAMETERS | lengths | {"font.size": font}):
         yield Figure(figsize=size, layout="constrained")
 
 
@@ -103,82 +124,93 @@ def start_at_zero(axes: Axes, *curves: np.ndarray) -> None:
     axes.set_ylim(1.08 * lowest, 1.08 * highest if highest > 0 else 1)
 
 
-def draw_legend_panel(
-    axes: Axes, labelled_axes: Axes, columns: int = 1, max_width: float = np.inf
-) -> None:
-    """Draw the legend of a panel in a panel of its own, where it hides nothing.
-
-    Parameters
-    ----------
-    axes
-        The panel for the legend.
-    labelled_axes
-        The panel whose curves are named.
-    columns
-        Number of columns.
-    max_width
-        Width [inches] beyond which names are broken into lines.
-    """
-    axes.axis("off")
-    handles, names = labelled_axes.get_legend_handles_labels()
-    names = wrap_names(names, max_width)
-    axes.legend(handles, names, loc="upper left", ncol=columns, borderaxespad=0, borderpad=0.2)
-
-
-def wrap_names(names: Sequence[str], max_width: float) -> list[str]:
-    """Break the names of a legend into lines that fit into a width [inches] with their handles."""
-    letters_per_line = (max_width / (current_font_size() / FONT_SIZE) - HANDLE_WIDTH) / LETTER_WIDTH
-    wrap_width = max(MIN_LINE_LETTERS, letters_per_line)
-    return [
-        "\n".join(textwrap.wrap(name, int(wrap_width))) if len(name) > letters_per_line else name
-        for name in names
-    ]
-
-
-def draw_legend_under(axes: Axes) -> None:
-    """Draw the legend of a panel below it, not wider than the panel; the layout reserves its room.
-
-    Legends of panels side by side begin at the same height, because their panels end at the same.
-    """
-    from matplotlib.transforms import ScaledTranslation
-
+def draw_legend_right(axes: Axes, labelled_axes: Axes) -> None:
+    """Draw the legend of a panel right of another panel; the figure grows by its size."""
     figure = axes.get_figure()
-    scale = current_font_size() / FONT_SIZE
-    panel_width = _panel_width(axes)
-    handles, names = axes.get_legend_handles_labels()
+    handles, names = labelled_axes.get_legend_handles_labels()
     if not names:
         return
-    names = wrap_names(names, panel_width)
-    longest = max(len(line) for name in names for line in name.split("\n"))
-    columns = int(
-        np.clip(
-            panel_width / (COLUMN_GAP + HANDLE_WIDTH + LETTER_WIDTH * longest) / scale,
-            1,
-            len(names),
-        )
-    )
-    offset = ScaledTranslation(0, -AXIS_LABEL_HEIGHT * scale, figure.dpi_scale_trans)
-    axes.legend(
+    legend = axes.legend(
         handles,
         names,
         loc="upper left",
-        ncol=columns if len(names) > MAX_STACKED_NAMES else 1,
-        bbox_to_anchor=(0, 0),
-        bbox_transform=axes.transAxes + offset,
+        bbox_to_anchor=(1, 1),
+        ncol=-(-len(names) // MAX_STACKED_NAMES),
+    )
+    legend_width, legend_height = legend.get_window_extent().size / figure.dpi
+    width, height = figure.get_size_inches()
+    figure.set_size_inches(width + legend_width, max(height, legend_height + LEGEND_MARGIN))
+
+
+def draw_legend_under(axes: Axes) -> float:
+    """Draw the legend of a panel below it, not wider than it, and return its height [inches].
+
+    The layout reserves its room. Legends of panels side by side begin at the same height, because
+    their panels end at the same.
+    """
+    handles, names = axes.get_legend_handles_labels()
+    width = _panel_width(axes)
+    draw = partial(
+        axes.legend,
+        handles,
+        _wrap_names(names, width),
+        loc="upper left",
+        bbox_to_anchor=(0, -AXIS_LABEL_HEIGHT),
+        bbox_transform=_inches_below(axes),
         borderaxespad=0,
         borderpad=0,
     )
+    if not names:
+        return 0.0
+    return float(_draw_in_columns(draw, width).get_window_extent().height / axes.get_figure().dpi)
+
+
+def draw_figure_legend(figure: Figure, labelled_axes: Axes) -> None:
+    """Draw the legend of a panel below all panels; the figure grows by its height."""
+    handles, names = labelled_axes.get_legend_handles_labels()
+    if not names:
+        return
+    width, height = figure.get_size_inches()
+    draw = partial(
+        figure.legend,
+        handles,
+        names,
+        loc="lower left",
+        bbox_to_anchor=(LEGEND_LEFT / width, 0),
+        borderaxespad=0,
+    )
+    legend = _draw_in_columns(draw, width - LEGEND_LEFT)
+    legend_height = legend.get_window_extent().height / figure.dpi
+    figure.set_size_inches(width, height + legend_height)
+    _reserve_margin(figure, below=legend_height)
+
+
+def _draw_in_columns(draw: Callable[..., Legend], width: float) -> Legend:
+    """Draw a legend with as many columns as fit into a width [inches], and return it."""
+    legend = draw(ncol=1)
+    column_width = legend.get_window_extent().width / legend.figure.dpi
+    names = legend.get_texts()
+    gap = legend.columnspacing * names[0].get_fontsize() / POINTS_PER_INCH
+    legend.remove()
+    return draw(ncol=int(np.clip((width + gap) / (column_width + gap), 1, len(names))))
+
+
+def _wrap_names(names: Sequence[str], width: float) -> list[str]:
+    """Break the names of a legend into lines that fit into a width [inches] with their handles."""
+    return [_wrap_text(name, width - HANDLE_WIDTH * _font_scale()) for name in names]
 
 
 def draw_panel_title(axes: Axes, title: str) -> None:
     """Draw a small title above a panel, broken into lines by the width of the panel."""
-    letters = _panel_width(axes) / (LETTER_WIDTH * current_font_size() / FONT_SIZE)
-    lines = [
-        part
-        for line in title.split("\n")
-        for part in textwrap.wrap(line, max(MIN_LINE_LETTERS, int(letters)))
-    ]
-    axes.set_title("\n".join(lines), loc="left", fontsize="small", color=GREY)
+    width = _panel_width(axes)
+    wrapped_title = "\n".join(_wrap_text(line, width) for line in title.split("\n"))
+    axes.set_title(wrapped_title, loc="left", fontsize="small", color=GREY)
+
+
+def _wrap_text(text: str, width: float) -> str:
+    """Break a small text into lines that fit into a width [inches]."""
+    letters = int(width / (LETTER_WIDTH * _font_scale()))
+    return "\n".join(textwrap.wrap(text, max(MIN_LINE_LETTERS, letters)))
 
 
 def _panel_width(axes: Axes) -> float:
@@ -189,7 +221,7 @@ def _panel_width(axes: Axes) -> float:
         return float(axes.get_window_extent().width / figure.dpi)
     return float(
         figure.bbox.width / figure.dpi / spec.get_gridspec().ncols
-        - AXIS_LABEL_WIDTH * current_font_size() / FONT_SIZE
+        - AXIS_LABEL_WIDTH * _font_scale()
     )
 
 
@@ -207,55 +239,36 @@ def draw_colour_bar(
     label
         Label of the bar.
     where
-        "right" of all panels, as high as they are, or at the "bottom" of the only panel.
+        "right" of all panels, as high as they are; at the "bottom" of the only panel; or "beside"
+        the only panel, which is true to scale and smaller than its place.
     """
     figure = panels[0].get_figure()
     if where == "right":
-        bar = figure.colorbar(drawn, ax=list(panels), label=label, aspect=25, **look)
+        look |= {"ax": list(panels), "aspect": 25}
+    elif where == "beside":
+        look["cax"] = panels[0].inset_axes((1.07, 0.0, 0.07, 1.0), label="<colorbar>")
     else:
-        below = _axes_below(panels[0])
-        bar = figure.colorbar(drawn, cax=below, orientation="horizontal", label=label, **look)
+        look["orientation"] = "horizontal"
+        look["cax"] = panels[0].inset_axes(
+            (0, -AXIS_LABEL_HEIGHT - BAR_HEIGHT, 1, BAR_HEIGHT),
+            transform=_inches_below(panels[0]),
+            label="<colorbar>",
+        )
+    bar = figure.colorbar(drawn, label=label, **look)
     bar.outline.set_visible(False)
     return bar
 
 
-def _axes_below(axes: Axes) -> Axes:
-    """Return low axes under other ones, of the same width, below their axis label."""
-    from matplotlib.transforms import Bbox
+def _inches_below(axes: Axes) -> Any:
+    """Return a transform from the width of a panel, and from inches above its lower edge.
 
-    scale = current_font_size() / FONT_SIZE
+    The inches are those of the standard font size, and larger with larger letters.
+    """
+    from matplotlib.transforms import Affine2D, ScaledTranslation, blended_transform_factory
 
-    def place(_: Axes, renderer: Any) -> Any:
-        figure = axes.get_figure()
-        box = axes.get_position()
-        inch = figure.dpi / figure.bbox.height
-        top = box.y0 - AXIS_LABEL_HEIGHT * scale * inch
-        return Bbox.from_extents(box.x0, top - BAR_HEIGHT * scale * inch, box.x1, top)
-
-    below = axes.inset_axes((0, -0.3, 1, 0.1), label="<colorbar>")
-    below.set_axes_locator(place)
-    return below
-
-
-def draw_figure_legend(figure: Figure, labelled_axes: Axes) -> None:
-    """Draw the legend of a panel below all panels; the figure grows by its height."""
-    handles, names = labelled_axes.get_legend_handles_labels()
-    width, height = map(float, figure.get_size_inches())
-    scale = current_font_size() / FONT_SIZE
-    longest = max(map(len, names), default=0)
-    columns = int(np.clip(width / ((0.5 + LETTER_WIDTH * longest) * scale), 1, max(1, len(names))))
-    legend_height = (0.15 + LINE_HEIGHT * -(-len(names) // columns)) * scale
-    figure.set_size_inches(width, height + legend_height)
-    _reserve_margin(figure, below=legend_height)
-    anchor = LEGEND_LEFT / width, legend_height / (height + legend_height)
-    figure.legend(
-        handles,
-        names,
-        loc="upper left",
-        bbox_to_anchor=anchor,
-        ncol=columns,
-        borderaxespad=0,
-        borderpad=0.2,
+    inches = Affine2D().scale(_font_scale()) + axes.get_figure().dpi_scale_trans
+    return blended_transform_factory(
+        axes.transAxes, inches + ScaledTranslation(0, 0, axes.transAxes)
     )
 
 
@@ -269,11 +282,11 @@ def _reserve_margin(figure: Figure, above: float = 0.0, below: float = 0.0) -> N
     engine.set(rect=(x, low, wide, top - low))  # type: ignore[union-attr, call-arg]
 
 
-def current_font_size() -> float:
-    """Return the font size of the current figure [points]."""
+def _font_scale() -> float:
+    """Return the font size of the current figure, relative to the standard one."""
     from matplotlib import rcParams
 
-    return float(rcParams["font.size"])
+    return float(rcParams["font.size"]) / FONT_SIZE
 
 
 def draw_title(figure: Figure, title: str, subtitle: str) -> None:
@@ -344,35 +357,17 @@ def svg_element(draw: Callable[[Path], None]) -> str:
     return text.replace("<svg ", '<svg role="img" ', 1)
 
 
-def _format_powers(figure: Figure) -> None:
-    """Write the common power of ten of linear axes as "×10⁻³" instead of "1e-3"."""
-    from matplotlib.ticker import ScalarFormatter
-
-    class Numbers(ScalarFormatter):
-        def get_offset(self) -> str:
-            return _power_text(super().get_offset())
-
-    for axes in figure.axes:
-        for axis in (axes.xaxis, axes.yaxis):
-            if type(axis.get_major_formatter()) is ScalarFormatter:
-                axis.set_major_formatter(Numbers(useMathText=False))
-
-
-def _power_text(offset: str) -> str:
-    """Return matplotlib's offset text "1e-3+2e2" with printed powers: "×10⁻³+2×10²"."""
-    powers = re.sub(
-        r"e([-+\N{MINUS SIGN}]?\d+)", lambda match: f"×10{match[1].translate(SUPERSCRIPTS)}", offset
-    )
-    return re.sub(r"(?<![\d.])1(?=×)", "", powers)
-
-
 def apply_layout(figure: Figure) -> None:
     """Fix the places of all panels by matplotlib's constrained layout.
 
     An axis whose tick labels would touch gets fewer of them. The layout is computed twice: with
     fewer labels, or with panels true to scale, it needs other margins than before.
+
+    Raises
+    ------
+    UsageError
+        The texts leave no room for the panels.
     """
-    _format_powers(figure)
     place_panels(figure)
     thin_tick_labels(figure)
     place_panels(figure)
@@ -380,22 +375,37 @@ def apply_layout(figure: Figure) -> None:
 
 
 def place_panels(figure: Figure) -> None:
-    """Place all panels by the layout of the figure; nothing is done if the layout is fixed."""
-    engine = figure.get_layout_engine()
-    if engine is not None:
-        engine.execute(figure)
+    """Place all panels by the layout of the figure; UsageError if the texts leave no room."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", ".*axes sizes collapsed to zero", UserWarning)
+        try:
+            figure.get_layout_engine().execute(figure)  # type: ignore[union-attr]
+        except UserWarning:
+            width = figure.get_figwidth() * MM_PER_INCH
+            raise UsageError(
+                f"the texts leave no room for the panels in a width of {width:.0f} mm",
+                "increase --width, or decrease --font-size",
+            ) from None
 
 
 def thin_tick_labels(figure: Figure) -> None:
-    """Reduce the tick labels of linear axes until they do not touch."""
+    """Fix the numbers of ticks of linear axes so that their labels do not touch.
+
+    Otherwise the numbers of ticks would depend on the font size of the program that draws the
+    figure.
+    """
+    from matplotlib.ticker import MaxNLocator
+
     for axes in figure.axes:
-        if not axes.axison:
-            continue
         for axis in (axes.xaxis, axes.yaxis):
-            bins = MAX_TICKS
-            while axis.get_scale() == "linear" and bins > 1 and _has_touching_labels(axis):
-                axes.locator_params(axis=axis.axis_name, nbins=bins)
+            locator = axis.get_major_locator()
+            if not isinstance(locator, MaxNLocator):
+                continue
+            bins = int(np.clip(axis.get_tick_space(), 1, MAX_TICKS))
+            locator.set_params(nbins=bins)
+            while bins > 1 and _has_touching_labels(axis):
                 bins -= 1
+                locator.set_params(nbins=bins)
 
 
 def _has_touching_labels(axis: Any) -> bool:
@@ -434,7 +444,9 @@ def save(figure: Figure, path: Path | str, dpi: float | None = None) -> None:
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", r"Glyph \d+ .*missing from", UserWarning)
         apply_layout(figure)
-        _write_picture(figure, path, kind, dpi or DPI[kind])
+        picture = io.BytesIO()
+        figure.savefig(picture, format=kind, dpi=dpi or DPI[kind], metadata=METADATA[kind])
+    write_atomically(path, picture.getvalue(), sync=False)
 
 
 def _refuse_too_many_pixels(figure: Figure, dpi: float) -> None:
@@ -446,15 +458,3 @@ def _refuse_too_many_pixels(figure: Figure, dpi: float) -> None:
         raise UsageError(
             f"{size} are too many for a picture", f"--dpi {int(max_dpi)} is possible at this size"
         )
-
-
-def _write_picture(figure: Figure, path: Path, kind: str, dpi: float) -> None:
-    """Write a figure without a date, so that equal results give equal files."""
-    metadata: PlotStyle = {
-        "png": {"Software": "indent-sim"},
-        "svg": {"Date": None},
-        "pdf": {"CreationDate": None},
-    }
-    picture = io.BytesIO()
-    figure.savefig(picture, format=kind, dpi=dpi, metadata=metadata[kind])
-    write_atomically(path, picture.getvalue(), sync=False)

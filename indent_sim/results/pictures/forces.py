@@ -90,20 +90,13 @@ def draw_overlay(runs: Sequence[Results], path: Path | str) -> None:
         draw_force_indentation(runs[0], path)
         return
     runs, names = sort_and_name(runs)
-    columns = -(-len(runs) // 30)  # At most 30 names fit into a column of the legend.
-    legend_width = columns * (0.7 + figures.LETTER_WIDTH * max(map(len, [ERROR_LABEL, *names])))
-    with figures.new_figure(
-        (PANELS_WIDTH + legend_width, max(PANELS_HEIGHT, 0.19 * len(runs) / columns + 0.6))
-    ) as figure:
-        panel_names = ["force", *(["a"] if _runs_with_radius(runs) else [])]
-        widths = [*[PANELS_WIDTH / len(panel_names)] * len(panel_names), legend_width]
-        panels: dict[str, Axes] = figure.subplot_mosaic(
-            [[*panel_names, "names"]], width_ratios=widths
-        )
+    panel_names = ["force", *(["a"] if _runs_with_radius(runs) else [])]
+    with figures.new_figure((PANELS_WIDTH, PANELS_HEIGHT)) as figure:
+        panels: dict[str, Axes] = figure.subplot_mosaic([panel_names])
         draw_forces(panels["force"], runs, None, names)
         if "a" in panels:
             _draw_radius(panels["a"], runs, None)
-        figures.draw_legend_panel(panels["names"], panels["force"], columns)
+        figures.draw_legend_right(panels[panel_names[-1]], panels["force"])
         save(figure, path)
 
 

@@ -27,10 +27,6 @@ from indent_sim.results.result_files import Report
 # Width and height of a panel [inches], and the width of a single panel.
 PANEL_SIZE = (4.6, 3.5)
 SINGLE_PANEL_WIDTH = 6.4
-# The time axis is logarithmic if the last time is so many times the first visible one.
-LOG_RATIO = 1e3
-# A force or depth is visible from this fraction of its largest value on.
-MIN_VISIBLE_FRACTION = 1e-3
 FILM_STATES = 5  # A film shows about so many states.
 LIMIT_STYLES = ("--", ":")  # Limits before, and after all flow and relaxation.
 
@@ -167,14 +163,18 @@ def first_visible_time(results: Results) -> float:
         np.nan_to_num(results["delta" if results.report.get("control") == "force" else "force"])
     )
     later = results["t"] > 0
-    is_visible = later & (size >= MIN_VISIBLE_FRACTION * size.max(initial=0.0))
+    # A force or depth is visible from this fraction of its largest value on.
+    min_visible_fraction = 1e-3
+    is_visible = later & (size >= min_visible_fraction * size.max(initial=0.0))
     return float(results["t"][np.argmax(is_visible if is_visible.any() else later)])
 
 
 def _spans_decades(results: Results) -> bool:
     """Return whether most of a history would be at the left end of a linear time axis."""
     t = results["t"]
-    return bool(t[0] >= 0 and t[-1] > 0 and t[-1] > LOG_RATIO * first_visible_time(results))
+    # The time axis is logarithmic if the last time is so many times the first visible one.
+    log_ratio = 1e3
+    return bool(t[0] >= 0 and t[-1] > 0 and t[-1] > log_ratio * first_visible_time(results))
 
 
 def film_steps(results: Results, steps: Sequence[int]) -> list[int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -40,21 +41,22 @@ PANEL_OPTIONS = {
     "limits": ("--limits", (*PRESSURE_PANELS, *MAP_PANELS)),
     "zoom": ("--zoom", MAP_PANELS),
 }
-MM = 1 / 25.4  # One millimetre in inches.
+MM = 1 / figures.MM_PER_INCH  # One millimetre in inches.
 PANEL_WIDTH = 4.4  # Default width of a panel [inches].
 LINE_ASPECT = 0.72  # Ratio of height to width of panels of curves.
 # First estimate of the height of labels, numbers and colour bars around the panels of a line
 # [inches]; the layout then finds the height that they need.
 LABELS_HEIGHT = 1.6
+NAME_HEIGHT = 0.2  # Height of a line of a legend in that estimate.
 LAYOUT_PASSES = 2  # The second pass knows the heights of the panels from the first.
 MAX_MAPS_IN_ROW = 4
 MAX_FILM_COLUMNS = 6
 MAX_LINE_COLUMNS = 3
 MAX_PANELS = 40
 T = TypeVar("T")
-MIN_CELL_WIDTH = 1.5  # Least width of a panel in a layout at the standard font size [inches].
-# Least widths of panels at the standard font size [inches].
-MIN_LINE_PANEL_WIDTH = 2.6
+# Least widths of panels at the standard font size [inches]. In a narrower panel the vertical axis
+# is shorter than its name. Several maps in a row have one colour bar right of them.
+MIN_PANEL_WIDTH = 2.6
 MIN_MAP_WIDTH = 1.8
 LabelledStep = tuple[Results, float, str]  # Result, step, and label.
 
@@ -112,10 +114,13 @@ class PlotRequest:
         most
             Largest number of panels.
         """
-        columns = (
-            self.width * MM / (narrowest * self.font / figures.FONT_SIZE) if self.width else most
-        )
+        columns = self.width * MM / (narrowest * self.font_scale) if self.width else most
         return int(np.clip(columns, 1, most))
+
+    @property
+    def font_scale(self) -> float:
+        """Font size, relative to the standard one."""
+        return self.font / figures.FONT_SIZE
 
     @property
     def file_name(self) -> str:
@@ -177,11 +182,24 @@ class _Panel:
 
 @dataclass(frozen=True)
 class _Row:
-    """Panels of one size in lines and columns, with their ratio of height to width."""
+    """Panels of one size in lines and columns.
+
+    Attributes
+    ----------
+    lines, columns
+        Numbers of lines and columns.
+    aspect
+        Ratio of height to width of the panels.
+    min_panel_width
+        Least width of a panel with its labels at the standard font size [inches].
+    draw
+        Draws the panels and returns their axes.
+    """
 
     lines: int
     columns: int
     aspect: float
+    min_panel_width: float
     draw: Callable[[SubFigure], Sequence[Axes]]
 
 
@@ -232,17 +250,10 @@ def requested_figure(runs: Sequence[Results], request: PlotRequest) -> Iterator[
         if request.layout
         else _automatic_rows(runs, names, request)
     )
-    width = (
-        request.width * MM
-        if request.width
-        else PANEL_WIDTH * min(MAX_LINE_COLUMNS, max(row.columns for row in rows))
-    )
-    labels_height = LABELS_HEIGHT + figures.LINE_HEIGHT * (len(runs) + len(request.what))
+    width = _picture_width(request, rows)
+    labels_height = LABELS_HEIGHT + NAME_HEIGHT * (len(runs) + len(request.what))
     heights = [
-        row.lines
-        * (row.aspect * width / row.columns + labels_height)
-        * request.font
-        / figures.FONT_SIZE
+        row.lines * (row.aspect * width / row.columns + labels_height * request.font_scale)
         for row in rows
     ]
     with figures.new_figure((width, sum(heights)), request.font) as figure:
@@ -268,6 +279,23 @@ def requested_figure(runs: Sequence[Results], request: PlotRequest) -> Iterator[
         for axes in true_scale_axes:
             axes.set_aspect("equal")
         yield figure
+
+
+def _picture_width(request: PlotRequest, rows: Sequence[_Row]) -> float:
+    """Return the width of a picture [inches]; UsageError if it is too small for its letters."""
+    columns = max(row.columns for row in rows)
+    min_width = request.font_scale * max(row.columns * row.min_panel_width for row in rows)
+    if request.width is None:
+        return max(PANEL_WIDTH * min(MAX_LINE_COLUMNS, columns), min_width)
+    width = request.width * MM
+    if width < min_width:
+        panels = "panels" if columns == 1 else f"{columns} panels side by side"
+        fitting_font = math.floor(10 * request.font * width / min_width) / 10
+        raise UsageError(
+            f"{panels} with letters of {request.font:g} pt need --width "
+            f"{math.ceil(min_width / MM)}, or --font-size {fitting_font:g}"
+        )
+    return width
 
 
 def _row_height(row: _Row, part: SubFigure, panels: Sequence[Axes], dpi: float) -> float:
@@ -376,7 +404,7 @@ def _automatic_rows(
                     MIN_MAP_WIDTH, MAX_FILM_COLUMNS if panel_kind == "film" else MAX_MAPS_IN_ROW
                 )
                 map_rows.append(_map_row(maps, max_columns))
-    max_columns = request.max_columns(MIN_LINE_PANEL_WIDTH, MAX_LINE_COLUMNS)
+    max_columns = request.max_columns(MIN_PANEL_WIDTH, MAX_LINE_COLUMNS)
     columns = (
         2
         if len(single_panels) == 4 and max_columns > 2
@@ -399,13 +427,6 @@ def _requested_rows(
         raise UsageError(
             f"--layout {count}x{columns} has room for {count * columns} panels; these are "
             f"{len(panels)}"
-        )
-    min_width = MIN_CELL_WIDTH * request.font / figures.FONT_SIZE
-    if request.width and request.width * MM < columns * min_width:
-        min_width_mm = columns * min_width / MM
-        raise UsageError(
-            f"{columns} panels side by side with letters of {request.font:g} pt need --width "
-            f"{min_width_mm:.0f}"
         )
     return [_panel_row(part, columns) for part in _split_rows(panels, columns)]
 
@@ -523,7 +544,7 @@ def _panel_row(panels: Sequence[_Panel], columns: int) -> _Row:
             unused.remove()
         return places[: len(panels)]
 
-    return _Row(1, columns, aspect, into)
+    return _Row(1, columns, aspect, MIN_PANEL_WIDTH, into)
 
 
 def _map_row(maps: FieldRow | PressureMaps, max_columns: int) -> _Row:
@@ -538,10 +559,14 @@ def _map_row(maps: FieldRow | PressureMaps, max_columns: int) -> _Row:
         ).ravel()
         for unused in axes[len(maps.steps) :]:
             unused.remove()
-        maps.draw(list(axes[: len(maps.steps)]))
-        return list(axes[: len(maps.steps)])
+        used = list(axes[: len(maps.steps)])
+        maps.draw(used)
+        if is_shared:
+            for panel in used:
+                panel.label_outer()
+        return used
 
-    return _Row(lines, columns, maps.aspect, into)
+    return _Row(lines, columns, maps.aspect, MIN_MAP_WIDTH, into)
 
 
 def _split_rows(panels: Sequence[T], max_columns: int) -> list[Sequence[T]]:

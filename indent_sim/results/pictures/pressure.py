@@ -40,21 +40,8 @@ PRESSURE_VIEW = 1.5  # Half-width of the view around the tip, in contact radii.
 # A pressure above this fraction of the median inside the contact is contact; below it, it may be an
 # oscillation of the solution.
 PRESSED_FRACTION = 0.02
-# Number of elements next to a slope discontinuity of the tip within which the computed pressure
-# depends on the mesh, because the exact pressure is infinite there; these points are not drawn.
-DISCONTINUITY_ELEMENTS = 1.5
-# The same next to the end of a tip, where the singularity is r^(-1/2) and not logarithmic.
-TIP_END_ELEMENTS = 4.0
-# A singularity up to so many contact radii is in contact: the radius of a row is that of nodes.
-CONTACT_RADIUS_FACTOR = 1.02
-# Middle nodes of deformed elements are this close to the midpoint, relative to the element.
-MIDDLE_NODE_TOLERANCE = 0.1
-# A depth below this fraction of the largest one is 0: the search for a force of 0 ends near it.
-ZERO_DEPTH_RTOL = 1e-6
 # Darkest colour of the map, behind labels that may be outside of the body.
 LABEL_BACKGROUND = "#00224e"
-# Colour bar beside a map: left, bottom, width and height relative to the map.
-COLOUR_BAR_BOX = (1.07, 0.0, 0.07, 1.0)
 
 
 @dataclass(frozen=True)
@@ -149,11 +136,14 @@ class ContactSurface:
         order = np.argsort(self.x)
         x = self.x[order]
         tau = self.shear[order]
+        # Middle nodes of deformed elements are this close to the midpoint, relative to
+        # the element.
+        middle_node_tolerance = 0.1
         if (
             len(x) % 2
             and (
                 np.abs(x[1::2] - (x[:-2:2] + x[2::2]) / 2)
-                <= MIDDLE_NODE_TOLERANCE * (x[2::2] - x[:-2:2])
+                <= middle_node_tolerance * (x[2::2] - x[:-2:2])
             ).all()
         ):
             x = x[1::2]
@@ -204,11 +194,7 @@ def contact_surface(results: Results, step: float) -> ContactSurface:
             if is_pulled.any()
             else float(np.hypot(np.ptp(x), np.ptp(y)))
         )
-    singularities = tuple(
-        (place, excluded_radius)
-        for place, excluded_radius in _pressure_singularities(results, step)
-        if place <= CONTACT_RADIUS_FACTOR * a
-    )
+    singularities = _pressure_singularities(results, step, a)
     shear = surface["shear"][is_known] if "shear" in surface else None
     stick_radii = results.table.get("stick_radius", np.zeros(len(results)))[results["step"] == step]
     return ContactSurface(
@@ -229,8 +215,13 @@ def position_label(name: str, runs: Sequence[Results]) -> str:
     return f"{name} (deformed at finite strain)" if any(deformed) else name
 
 
-def _pressure_singularities(results: Results, step: float) -> tuple[tuple[float, float], ...]:
-    """Return radii at which a sharp tip makes the pressure infinite, with their excluded widths."""
+def _pressure_singularities(
+    results: Results, step: float, a: float
+) -> tuple[tuple[float, float], ...]:
+    """Return radii in the contact at which a sharp tip makes the pressure infinite, with widths.
+
+    Within these widths points are not drawn.
+    """
     peak = results.table.get("p_max", np.zeros(len(results)))[results["step"] == step]
     if not len(peak) or np.isfinite(peak[0]) or (scene := scene_of(results.path)) is None:
         return ()
@@ -238,10 +229,31 @@ def _pressure_singularities(results: Results, step: float) -> tuple[tuple[float,
     mesh = scene.mesh
     size = mesh.h_contact if isinstance(mesh.h_contact, float) else 0.0
     element_sizes = {True: mesh.h_axis or size, False: mesh.h_edge or size}
-    radii = [radius for radius, _ in tip.slope_discontinuities()]
+    # A singularity up to so many contact radii is in contact: the radius of a row is that of
+    # nodes.
+    contact_radius_factor = 1.02
+    radii = [r for r, _ in tip.slope_discontinuities() if r <= contact_radius_factor * a]
     end = max_radius(tip)
+    # Points that are not drawn take up at most this fraction of the contact radius: with few
+    # elements in the contact nothing would be left otherwise.
+    max_excluded_fraction = 0.5
+    # A width is excluded on both sides of its radius.
+    max_width = max_excluded_fraction * a / (2 * max(1, len(radii)))
+    # Number of elements next to a slope discontinuity of the tip within which the computed
+    # pressure depends on the mesh, because the exact pressure is infinite there; these points
+    # are not drawn.
+    discontinuity_elements = 1.5
+    # The same next to the end of a tip, where the singularity is r^(-1/2) and not
+    # logarithmic.
+    tip_end_elements = 4.0
     return tuple(
-        (r, (TIP_END_ELEMENTS if r >= end else DISCONTINUITY_ELEMENTS) * element_sizes[r == 0])
+        (
+            r,
+            min(
+                (tip_end_elements if r >= end else discontinuity_elements) * element_sizes[r == 0],
+                max_width,
+            ),
+        )
         for r in radii
     )
 
@@ -401,7 +413,7 @@ class PressureMaps:
         self,
         panels: Sequence[Axes],
         some: slice = slice(None),
-        where: BarPosition | Literal["beside"] = "right",
+        where: BarPosition = "right",
         aspect: float = 1.0,
     ) -> None:
         """Draw some of the maps with one colour bar.
@@ -413,8 +425,7 @@ class PressureMaps:
         some
             The maps to be drawn.
         where
-            Position of the colour bar: right of all panels, at the bottom of the only panel, or
-            "beside" a map in a place of another shape.
+            Position of the colour bar.
         aspect
             Ratio of height to width of the panels, at least 1.
         """
@@ -431,12 +442,7 @@ class PressureMaps:
             drawn = self._draw_map(axes, contact, length, pressure, (low, top), aspect)
             draw_panel_title(axes, panel_title(run, step, words))
         ticks = [tick for tick in MaxNLocator(5).tick_values(low, top) if low <= tick <= top]
-        if where == "beside":  # The bar is as high as the map, which is true to scale.
-            bar_axes = panels[0].inset_axes(COLOUR_BAR_BOX, label="<colorbar>")
-            bar = panels[0].figure.colorbar(drawn, cax=bar_axes, label=pressure.label, ticks=ticks)
-            bar.outline.set_visible(False)  # type: ignore[operator, unused-ignore]
-        else:
-            draw_colour_bar(panels, drawn, pressure.label, where, ticks=ticks)
+        draw_colour_bar(panels, drawn, pressure.label, where, ticks=ticks)
 
     def _colour_range(self, pressure: Axis) -> tuple[float, float]:
         """Return the smallest and the largest pressure shown.
@@ -500,7 +506,6 @@ class PressureMaps:
             strict=True,
         ):
             set_limits(length(middle - half), length(middle + half))
-        axes.locator_params(nbins=5)
         axes.set(
             xlabel=length.label,
             ylabel=Axis(position_label("y", self._runs), unit=length.unit).label,
@@ -588,6 +593,9 @@ def panel_title(results: Results, step: float, words: str, apart: str = ", ") ->
 def depth_text(results: Results, step: float) -> str:
     """Return the depth of a step as text, in the unit of the picture."""
     delta = results["delta"][results["step"] == step]
-    if len(delta) and abs(delta[0]) < ZERO_DEPTH_RTOL * np.nanmax(np.abs(results["delta"])):
+    # A depth below this fraction of the largest one is 0: the search for a force of 0 ends
+    # near it.
+    zero_depth_rtol = 1e-6
+    if len(delta) and abs(delta[0]) < zero_depth_rtol * np.nanmax(np.abs(results["delta"])):
         delta = np.zeros(1)
     return axis_of_column("delta", [results]).value_text(delta[0]) if len(delta) else "?"

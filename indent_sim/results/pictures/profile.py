@@ -15,7 +15,6 @@ from indent_sim.results.result_scene import contacts_per_body, scene_of
 from indent_sim.results.tip_geometry import section
 
 PROFILE_VIEW = 3.0  # Half-width of the view around the tip, in contact radii or depths.
-TRUE_SCALE_RATIO = 0.12  # Heights are magnified if the view is lower than this times its width.
 
 
 @dataclass(frozen=True)
@@ -143,7 +142,9 @@ def draw_profiles(axes: Axes, shown: Sequence[tuple[Results, float, str, object]
         xlim=length([middle - half_width, middle + half_width]),
         ylim=length([low - margin, high + 3 * margin]),
     )
-    is_true_scale = (high - low) > TRUE_SCALE_RATIO * 2 * half_width
+    # Heights are magnified if the view is lower than this times its width.
+    true_scale_ratio = 0.12
+    is_true_scale = (high - low) > true_scale_ratio * 2 * half_width
     if is_true_scale:  # The view is extended to fill the panel, and shows more of the tip.
         axes.set_aspect("equal", adjustable="datalim")
     axes.set(

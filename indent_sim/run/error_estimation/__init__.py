@@ -1,1 +1,1 @@
-"""Estimate of the error of every row from auxiliary runs of the same scene."""
+"""A posteriori error estimation: the error of every row from auxiliary runs of the same scene."""

@@ -48,7 +48,7 @@ def states_by_step(states: States) -> StatesByStep:
 
 
 def coarsen_scene(scene: Scene, ratio: float) -> Scene:
-    """The same scene with all element sizes multiplied by `ratio`."""
+    """Return the scene with all element sizes multiplied by `ratio`."""
     physics = scene.physics
     sizes = resolution.coarsened_sizes(
         scene.sizes, ratio, physics.domain.height, is_column=physics.is_porous_column
@@ -88,18 +88,18 @@ def coarser_scene(scene: Scene, previous_scene: Scene | None = None) -> tuple[fl
 
 
 def refine_scene(scene: Scene, ratio: float) -> Scene:
-    """The same scene with element sizes divided by `ratio`, or an imported mesh refined once."""
+    """Return the scene with element sizes divided by `ratio`, or an imported mesh refined once."""
     level = scene.sizes.refinements
     return coarsen_scene(scene, 1 / ratio) if level is None else _set_refinements(scene, level + 1)
 
 
 def _set_refinements(scene: Scene, refinements: int) -> Scene:
-    """The same scene on the same imported mesh with this number of uniform refinements."""
+    """Return the scene on the same imported mesh with this number of uniform refinements."""
     return replace(scene, sizes=resolution.refined_sizes(scene.sizes, refinements))
 
 
 def halve_penalty(scene: Scene) -> Scene | None:
-    """The same scene with half the penalty stiffness; None without a penalty."""
+    """Return the scene with half the penalty stiffness; None without a penalty."""
     law = scene.physics.contact
     if not isinstance(law, Penalty):
         return None
@@ -109,7 +109,7 @@ def halve_penalty(scene: Scene) -> Scene | None:
 
 
 def halve_increments(scene: Scene) -> Scene | None:
-    """The same scene in increments half as long; None where the result does not depend on them."""
+    """Return the scene in increments half as long; None if the result does not depend on them."""
     physics = scene.physics
     if not physics.depends_on_step_size:
         return None
@@ -119,7 +119,7 @@ def halve_increments(scene: Scene) -> Scene | None:
 
 
 def double_bath_ramp(scene: Scene) -> Scene | None:
-    """The same scene with a bath that rises for twice as long; None where no bath does."""
+    """Return the scene with a bath that rises for twice as long; None if no bath does."""
     ramp = scene.physics.bath_ramp
     return scene.replace_physics(bath_ramp=2 * ramp) if ramp else None
 

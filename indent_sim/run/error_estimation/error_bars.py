@@ -1,11 +1,11 @@
 """Half-widths of the error bars of a run's rows, from one run on a coarser mesh.
 
 Elements of the size h give a number f, elements of the size q h the number f_q. If the error falls
-as h^p, Richardson extrapolation gives the error |f_q - f|/(q^p - 1) of f. Roache's grid convergence
-index multiplies it by the factor of safety 3 if only two meshes are known, since nothing then tests
-the assumed order. Two meshes may agree by accident (which elements touch changes from step to step,
-and the difference passes through zero). Therefore every bar has a lower bound: a fraction of the
-error that a mesh of this resolution has in general.
+as h^p with the convergence rate p, Richardson extrapolation gives the error |f_q - f|/(q^p - 1) of
+f. Roache's grid convergence index multiplies it by the factor of safety 3 if only two meshes are
+known, since nothing then tests the assumed order. Two meshes may agree by accident (which elements
+touch changes from step to step, and the difference passes through zero). Therefore every bar has a
+lower bound: a fraction of the error that a mesh of this resolution has in general.
 
     force    max(SAFETY_FACTOR |F_q - F|/(q^p - 1), MIN_ERROR_FRACTION C n^-p F', edge F')
              + corners F', with F' = |F| + SAFETY_FACTOR F_a, C = ERROR_CONSTANT and
@@ -292,12 +292,9 @@ class ErrorBars:
 
     def _theory_distance(self, state: State) -> float:
         """|F - F_theory| [force] where theory is exact for the body at this depth, else 0."""
-        theory = self._scene.exact_theory
-        solution = (
-            theory.solution_at_depth(state.delta / self._scales.depth)
-            if theory and state.delta > 0
-            else None
-        )
+        if self._scene.exact_theory is None or state.delta <= 0:
+            return 0.0
+        solution = self._scene.theory_solution(state.delta / self._scales.depth)
         return abs(state.force - solution.force * self._scales.force) if solution else 0.0
 
     def _depth_error(self, state: State, error: float) -> float | None:

@@ -91,7 +91,7 @@ def _frictionless_scene(scene: Scene) -> Scene | None:
 
 
 def _direct_solver_scene(scene: Scene) -> Scene | None:
-    """The same scene with a direct solver, which allows friction; None if it exceeds the memory."""
+    """Return the scene with a direct solver; None if it exceeds the memory."""
     physics = scene.physics
     domain = scene.physics.domain
     is_linear = physics.small_strain and physics.gap == "reference"
@@ -134,7 +134,7 @@ def _sticking_scene(scene: Scene) -> Scene:
 def _scene_to_depth(
     scene: Scene, depth: float, steps: int, slip_reference: SlipReference = "implicit"
 ) -> Scene:
-    """The same scene loaded to a depth in equal steps."""
+    """Return the scene loaded to a depth in equal steps."""
     depths = tuple(float(value) for value in np.linspace(0.0, depth, steps + 1)[1:])
     return scene.replace_physics(
         path=LoadPath("depth", depths), deltas=depths, slip_reference=slip_reference

@@ -30,7 +30,6 @@ MIN_FORCE_FRACTION = 1e-6
 # Bounds of the ratio by which the next mesh is finer.
 MIN_REFINEMENT = 1.3
 MAX_REFINEMENT = 2.5
-REFINEMENT_MARGIN = 1.1  # factor by which the next mesh is finer than the estimate requires
 
 # Returns the scene with this number of elements in the contact radius.
 Resolve = Callable[[float | None], Scene]
@@ -134,9 +133,11 @@ def adaptive_refinement(
 
 def refinement_ratio(error_ratio: float) -> float:
     """Ratio of element sizes that reduces the error to `error_ratio` times its value."""
+    # Factor by which the next mesh is finer than the estimate requires.
+    refinement_margin = 1.1
     return float(
         min(
-            max(REFINEMENT_MARGIN * error_ratio ** (-1 / ORDER_OF_CONVERGENCE), MIN_REFINEMENT),
+            max(refinement_margin * error_ratio ** (-1 / ORDER_OF_CONVERGENCE), MIN_REFINEMENT),
             MAX_REFINEMENT,
         )
     )

@@ -53,13 +53,6 @@ from indent_sim.scene.prescribed_history import remaining_modulus_fraction
 
 # Friction coefficients that are tried if a scene has no friction.
 SAMPLE_FRICTIONS: tuple[Friction, ...] = (0.1, 0.3, "stick")
-# Smallest radius of a wall around a flat punch, relative to that of the punch. At a ratio of 1 the
-# whole body is compressed, which is another problem.
-MIN_WALL_RATIO = 1.01
-# The range of friction extends beyond the sampled one by half of its width and this relative force.
-RANGE_MARGIN = 1e-3
-# The search for a significant surface tension begins at this fraction of E* delta.
-FIRST_TENSION_FRACTION = 0.01
 # Radius of the edge of a flat punch at finite strain, relative to that of the punch: a sharper edge
 # cannot be solved. The effect of finite strain depends little on it: for nu = 0.3 and
 # delta/a = 0.1 it is 1.18 to 1.23 % with edges of 0.005 to 0.1, and 1.6 % with a sharp edge.
@@ -92,7 +85,10 @@ def _wall_variant(v: SceneVariants, x: float) -> Config:
 
 def _largest_inverse_wall_radius(v: SceneVariants) -> float:
     """Inverse radius of the smallest wall in which the tip fits."""
-    return 1 / (MIN_WALL_RATIO * v.tip.radius) if isinstance(v.tip, FlatPunch) else inf
+    # Smallest radius of a wall around a flat punch, relative to that of the punch. At a ratio
+    # of 1 the whole body is compressed, which is another problem.
+    min_wall_ratio = 1.01
+    return 1 / (min_wall_ratio * v.tip.radius) if isinstance(v.tip, FlatPunch) else inf
 
 
 def _strip_with_distant_walls(v: SceneVariants) -> Config:
@@ -202,7 +198,9 @@ def _tension_ratio(v: SceneVariants, tension: float) -> float:
 def _first_tension(v: SceneVariants) -> float:
     """Surface tension at which the search of the threshold begins."""
     physics = v.scene.physics
-    return FIRST_TENSION_FRACTION * physics.material.E_star * physics.scales.pressure * v.delta
+    # The search for a significant surface tension begins at this fraction of E* delta.
+    first_tension_fraction = 0.01
+    return first_tension_fraction * physics.material.E_star * physics.scales.pressure * v.delta
 
 
 def _no_slip_source(v: SceneVariants) -> str:
@@ -222,7 +220,10 @@ def _no_slip_range(v: SceneVariants) -> tuple[float, float, float]:
         v.force_ratio(v.contact_variant(friction=friction), v.contact_variant()) - 1
         for friction in SAMPLE_FRICTIONS
     ]
-    half_range = (max(changes) - min(changes)) / 2 + RANGE_MARGIN
+    # The range of friction extends beyond the sampled one by half of its width and this
+    # relative force.
+    range_margin = 1e-3
+    half_range = (max(changes) - min(changes)) / 2 + range_margin
     known: Any = v.known_no_slip
     change = known.percent / 100 if known else changes[-1]
     return min(change, *changes) - half_range, max(change, *changes) + half_range, change
@@ -477,19 +478,19 @@ EFFECTS: dict[str, Cases] = {
         ),
     ),
     "surface_tension": (
-        Absent(
-            "there is no theory of surface tension in plane strain",
-            when=lambda v: v.is_plane_strain,
-        ),
-        Absent(
-            "a mesh from a file has no surface tension",
-            when=lambda v: isinstance(v.config.body, MeshFromFile),
-        ),
         Comparison(
             "the body with its surface tension relative to one without{v.stand_in_text}",
             lambda v: v.plain_scene,
             lambda v: v.replace_plain_body(surface_tension=0.0),
             when=lambda v: v.config.body.surface_tension,
+        ),
+        Unknown(
+            "not estimated: a mesh from a file cannot have a surface tension",
+            when=lambda v: isinstance(v.config.body, MeshFromFile),
+        ),
+        Unknown(
+            "not estimated: there is no theory of surface tension in plane strain",
+            when=lambda v: v.is_plane_strain,
         ),
         Unknown(
             "there is no theory of this tip and body",

@@ -27,8 +27,6 @@ from indent_sim.theory.solution import SOLUTION_ERRORS
 # Ratio of successive values of a varied parameter. An effect that exceeds the tolerance only
 # between two of them is not found.
 FIRST_STEP_RATIO = 1.5
-# The ratio shrinks to this value towards parameters for which a scene cannot be solved.
-MIN_STEP_RATIO = 1.03
 # A parameter is varied by at most this factor in either direction.
 MAX_PARAMETER_RANGE = 1e6
 # A parameter is varied until the force has changed by this fraction.
@@ -293,10 +291,13 @@ class _ThresholdSearch:
                 )
         samples = [(x, change)]
         step = FIRST_STEP_RATIO
+        # The ratio shrinks to this value towards parameters for which a scene cannot be
+        # solved.
+        min_step_ratio = 1.03
         while (
             abs(change) < MAX_FORCE_CHANGE
             and x < min(self._max_value, self._initial * MAX_PARAMETER_RANGE)
-            and step > MIN_STEP_RATIO
+            and step > min_step_ratio
         ):
             factor = step if abs(change) > self._tolerance / 10 else step**2
             next_x = min(x * factor, self._max_value)

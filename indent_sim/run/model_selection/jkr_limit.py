@@ -8,8 +8,6 @@ from indent_sim.theory.layer import Layer
 from indent_sim.theory.punches import LayerPunches
 from indent_sim.theory.roots import increasing_root
 
-# The search for the contact radius with adhesion begins above that without, by this fraction.
-RADIUS_MARGIN = 1e-3
 # Depths of that search are at least this fraction of the prescribed depth.
 MIN_DEPTH_FRACTION = 1e-6
 
@@ -26,11 +24,14 @@ class JkrLimit:
     def force_ratio(self, work: float) -> float:
         """Force with a work of adhesion, relative to that without, at the same depth."""
         jkr = Jkr(self._punches, work / self._work_unit)
+        # The search for the contact radius with adhesion begins above that without, by
+        # this fraction.
+        radius_margin = 1e-3
         # The contact radius of the stable equilibrium is larger than that without adhesion.
         radius = increasing_root(
             lambda a: max(jkr.equilibrium_at(a).delta, MIN_DEPTH_FRACTION * self._delta),
             self._delta,
-            self._nonadhesive.a * (1 + RADIUS_MARGIN),
+            self._nonadhesive.a * (1 + radius_margin),
             self._punches.max_radius,
         )
         return jkr.equilibrium_at(radius).force / self._nonadhesive.force

@@ -40,10 +40,6 @@ from indent_sim.scene.scene import Scene, resolve
 # Forces that agree to this relative tolerance count as equal. The first row of the largest force
 # is used, because a prescribed force is often held.
 FORCE_TOLERANCE = 1e-6
-# Fluid does not flow any more after this multiple of the diffusion time H^2/D.
-EQUILIBRATION_FACTOR = 1e3
-# Smaller pressures of a bath, relative to E, are zero.
-NEGLIGIBLE_BATH_PRESSURE = 1e-9
 # First and second elastic limit of each effect.
 LIMITS = {"drainage": ("drained", "undrained"), "rate": ("unrelaxed", "relaxed")}
 TIME_EFFECTS: dict[str, Cases] = {
@@ -84,8 +80,10 @@ class TransientVariants(SceneVariants):
         self.physics = scene.physics
         # A bath always lies between these values.
         bath_values = scene.physics.drainage.bath_values
+        # Smaller pressures of a bath, relative to E, are zero.
+        negligible_bath_pressure = 1e-9
         self.has_bath = any(
-            abs(region.material.bath_pressure(value)) > NEGLIGIBLE_BATH_PRESSURE
+            abs(region.material.bath_pressure(value)) > negligible_bath_pressure
             for region in scene.physics.permeable_regions
             for value in bath_values
         )
@@ -245,8 +243,10 @@ class TransientVariants(SceneVariants):
         t = self._largest_force_row.t
         delta = self._largest_force_row.delta
         drainage = self._transient_scene.drainage or Drainage()
+        # Fluid does not flow any more after this multiple of the diffusion time H^2/D.
+        equilibration_factor = 1e3
         duration = (
-            EQUILIBRATION_FACTOR * self.physics.body.height**2 / largest_diffusivity(self.physics)
+            equilibration_factor * self.physics.body.height**2 / largest_diffusivity(self.physics)
         )
         hold = Loading(history=((0.0, delta), (duration, delta)), times=(duration,), per_doubling=2)
         constant_bath = replace(drainage, bath=drainage.bath_at(t or 0.0))

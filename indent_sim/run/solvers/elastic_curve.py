@@ -20,12 +20,6 @@ from indent_sim.scene.scene import Scene
 from indent_sim.theory.punches import contact_radius
 from indent_sim.theory.solution import SOLUTION_ERRORS
 
-# The error bars of depths above this fraction of the largest one count.
-DEEP_FRACTION = 0.5
-# An adhesive contact is as wide as one without adhesion at this multiple of its depth.
-ADHERING_DEPTH = 1.6
-PUNCH_COUNT = 40  # number of flat punches
-
 
 @dataclass(frozen=True)
 class ElasticForces:
@@ -112,10 +106,12 @@ def _relative_error(scene: Scene, states_found: list[State], depths: np.ndarray)
     )
     # The error of a row depends on the rows before it.
     estimated = [error_bars.add_error_estimate(state) for state in states_found]
+    # The error bars of depths above this fraction of the largest one count.
+    deep_fraction = 0.5
     deep_states = [
         state
         for state in estimated
-        if state.delta > DEEP_FRACTION * depths[-1] and np.isfinite(state.force_error or 0.0)
+        if state.delta > deep_fraction * depths[-1] and np.isfinite(state.force_error or 0.0)
     ]
     return max(((state.force_error or 0.0) / state.force for state in deep_states), default=0.0)
 
@@ -156,10 +152,15 @@ def flat_punches(
         equilibrium.solve(deepest / scales.depth)
     punches = punches_of(scene, equilibrium)
     try:
-        widest = contact_radius(punches, ADHERING_DEPTH * deepest / scales.depth)
+        # An adhesive contact is as wide as one without adhesion at this multiple of its
+        # depth.
+        adhering_depth = 1.6
+        widest = contact_radius(punches, adhering_depth * deepest / scales.depth)
     except SOLUTION_ERRORS:
         widest = 0.999 * punches.max_radius
-    radii = np.geomspace(max(min_ratio * widest, punches.min_radius), widest, PUNCH_COUNT)
+    # number of flat punches.
+    punch_count = 40
+    radii = np.geomspace(max(min_ratio * widest, punches.min_radius), widest, punch_count)
     rows = [punches.punch_of_radius(float(a)) for a in radii]
     units = (
         scales.depth,

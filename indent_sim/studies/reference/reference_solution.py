@@ -22,7 +22,6 @@ from indent_sim.studies.study_file import StudyFile
 DEPTH_TOLERANCE = 1e-9  # relative
 MAX_DEPTHS = 200  # theory is evaluated at no more depths than these
 DEPTH_FACTOR = 1.3  # the depth of a prescribed force differs from its prediction by less than this
-PEAK_RADII = 200  # the pressure of theory is sampled at so many radii to find its peak
 NO_COMPARISON_NOTE = (
     "every run solves another problem, so that no run is compared with another; curves.csv and "
     "curves.png have the curves"
@@ -323,7 +322,9 @@ def result_curve(results: Results) -> ReferenceCurve:
 
 def _peak_pressure(solution: Any) -> float:
     """Return the largest pressure; NaN where it is infinite (a sharp edge or apex)."""
-    radii = solution.a * np.linspace(0, 1, PEAK_RADII + 1)
+    # The pressure of theory is sampled at so many radii to find its peak.
+    peak_radii = 200
+    radii = solution.a * np.linspace(0, 1, peak_radii + 1)
     with np.errstate(all="ignore"):
         p = np.asarray(solution.pressure(radii), dtype=float)
     is_unbounded = p[:-1].max() > 1.5 * p[2:-2].max()

@@ -1,4 +1,4 @@
-"""The last lines of a run: its row of interest, the loop of a path that comes back, and units."""
+"""Last lines of a run: its row of interest, the hysteresis loop of a cycle, and units."""
 
 from __future__ import annotations
 
@@ -58,8 +58,10 @@ def test_forces_of_plane_strain_are_per_length() -> None:
 
 
 def test_a_body_that_relaxes_ends_with_its_largest_force_and_its_loop() -> None:
-    """In along F = delta, out along F = max(0, 2 delta - 1): the loop is 1/2 - 1/4, half of the
-    work of loading.
+    """The last lines give the largest force and the area of the hysteresis loop.
+
+    Loading along F = delta and unloading along F = max(0, 2 delta - 1) leave a loop of 1/2 - 1/4,
+    which is half of the work of loading.
     """
     way_in = np.linspace(0.0, 1.0, 11)
     out = way_in[-2::-1]
@@ -73,8 +75,10 @@ def test_a_body_that_relaxes_ends_with_its_largest_force_and_its_loop() -> None:
 
 
 def test_the_error_of_the_loop_is_that_of_its_lines() -> None:
-    """F = delta^2 in, nothing out: the area is 1/3; the trapezoid rule over n steps is off by 1/(6
-    n^2).
+    """The stated error of the loop's area is that of the trapezoid rule.
+
+    Loading along F = delta^2 has the work 1/3, off by 1/(6 n^2) with n increments; unloading is the
+    straight line back from the last row.
     """
     way_in = np.linspace(0.0, 1.0, 11)
     rows = states(np.append(way_in, 0.0), np.append(way_in**2, 0.0), np.arange(12.0))

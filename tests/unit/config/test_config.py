@@ -1,4 +1,4 @@
-"""Scene files: what is read, what is written back, and where errors say they come from."""
+"""Scene files: what is read, what is written back, and the position that errors name."""
 
 from __future__ import annotations
 
@@ -246,9 +246,7 @@ def test_all_errors_of_a_file_come_together():
 
 
 def test_mistakes_of_every_kind_come_together():
-    """Misspelt sections and what stands in them, quantities, numbers, what contradicts itself, and
-    overrides.
-    """
+    """Mistakes of every kind are reported together, each with its key and line."""
     text = (
         SCENE.replace("material:", "materal:")
         .replace("nu: 0.3", "nu: 0.7")

@@ -1,6 +1,4 @@
-"""Fluid in the pores in a scene file: what is refused, with its key and what would be right, and
-what it becomes.
-"""
+"""Pore fluid in a scene file: refusals with key and remedy, and the decided scene."""
 
 from __future__ import annotations
 
@@ -107,9 +105,7 @@ def test_a_scene_comes_back_from_its_own_text() -> None:
 
 
 def test_quantities_and_scales() -> None:
-    """Lengths become heights and pressures E; times stay, but for the begin of the history, which
-    is 0.
-    """
+    """Lengths are scaled by the height, pressures by E; times only lose the history's begin."""
     flow = {"diffusivity": "40 um^2/s"}
     drainage = {"base": {"conductance": "2 um/(kPa s)"}, "bath": [[3, "1 kPa"], [4, "500 Pa"]]}
     body = {"shape": "cylinder", "radius": "20 um", "height": "0.01 mm"}
@@ -140,9 +136,7 @@ def test_quantities_and_scales() -> None:
 
 
 def test_every_step_is_a_row() -> None:
-    """Steps double from the first one on, in a piece that moves up to a twentieth; a jump is a row
-    of its own.
-    """
+    """Increments double from the first one on, up to a twentieth of a segment; a jump is a row."""
     path = resolve(
         config_from_mapping(SCENE | {"loading": {"history": HISTORY, "per_doubling": 3}})
     ).physics.path
@@ -208,8 +202,10 @@ def test_what_is_doubtful_is_said() -> None:
 
 
 def test_a_sudden_force_on_a_closed_column_comes_with_the_first_step() -> None:
-    """Nothing gives way before the fluid does, to a force or a depth; between free sides, or with
-    storage, it does.
+    """A sudden load on a body that cannot yield at once comes in the first increment.
+
+    Free sides or storage let the body yield at once. A sudden depth of a closed body would take an
+    infinite force.
     """
     punch = {"shape": "flat_punch", "radius": 2.0}
     sudden = {"force_history": [[0, 0.1], [1, 0.1]]}

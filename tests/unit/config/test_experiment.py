@@ -1,6 +1,4 @@
-"""The experiment section: what is refused, with its key and what would be right, and what stands in
-for a loading.
-"""
+"""The experiment section: refusals with key and remedy, and what replaces a loading."""
 
 from __future__ import annotations
 
@@ -270,9 +268,7 @@ def test_times_of_forces_on_a_whole_body_pass_the_other_steps() -> None:
 
 
 def test_a_soft_spring_keeps_the_tip_back() -> None:
-    """z = 1 through a compliance of 1e3: the depth is where the spring balances a half-space, far
-    below 1.
-    """
+    """With a soft cantilever the depth is where the spring balances the force of the half-space."""
     given = {
         "experiment": {"cantilever": {"stiffness": 1e-3}},
         "loading": {"history": [[0, 0], [1, 1.0]]},

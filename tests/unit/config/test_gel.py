@@ -1,6 +1,4 @@
-"""Gels in a scene file: what is refused, with its key and what would be right, and what they
-become.
-"""
+"""Gels in a scene file: refusals with key and remedy, and the decided scene."""
 
 from __future__ import annotations
 
@@ -131,7 +129,10 @@ def test_a_bath_comes_within_some_steps() -> None:
 
 @pytest.mark.parametrize("h", [0.02, 0.1, 0.3])
 def test_how_soon_a_bath_comes_is_no_matter_of_the_mesh(h: float) -> None:
-    """A 75th of the time that fluid takes through the contact, followed in eight steps at least."""
+    """The automatic bath ramp does not depend on the element size, and is resolved by 8 increments.
+
+    It is 1/75 of the time that fluid takes to diffuse through the contact.
+    """
     scene = found(mesh={"h_contact": h})
     physics = scene.physics
     assert physics.bath_ramp == pytest.approx(
@@ -170,8 +171,9 @@ def test_a_bath_ramp_of_a_bath_that_is_there_already_is_said_to_be_of_no_use() -
 @pytest.mark.parametrize("bath", [0.0, -0.013])
 @pytest.mark.parametrize("chi", [0.2, 0.37, 0.6])
 def test_a_gel_at_rest_in_its_own_bath_is_not_warned_of_it(chi: float, bath: float) -> None:
-    """The first case of a report, and its like: the stretch of free swelling is found to rounding
-    alone.
+    """A gel at its free swelling stretch in its own bath causes no warning.
+
+    The stretch of free swelling is known only to rounding.
     """
     scene = resolve(
         config_from_mapping(
@@ -202,9 +204,16 @@ def test_a_gel_at_rest_in_its_own_bath_is_not_warned_of_it(chi: float, bath: flo
 
 
 def test_contact_is_expected_where_the_gel_has_swollen() -> None:
-    """Held sideways it rises by 0.3788 of its height: as a tip that deep."""
+    """The predicted contact radius of a swelling gel is that of a tip pressed in by its rise.
+
+    Held sideways, this gel rises by 0.3788 of its height.
+    """
     swollen = found().plan.prediction["a"]
     rubber = {"model": "neo_hookean", "mu": 1 / 1.4, "nu": 0.49285}
-    pressed = resolve(config_from_mapping({k: v for k, v in SCENE.items() if k != "drainage"} | {
-        "material": rubber, "loading": {"delta": 0.3788}})).plan.prediction["a"]  # fmt: skip
+    pressed = resolve(
+        config_from_mapping(
+            {k: v for k, v in SCENE.items() if k != "drainage"}
+            | {"material": rubber, "loading": {"delta": 0.3788}}
+        )
+    ).plan.prediction["a"]
     assert swollen == pytest.approx(pressed, rel=1e-3)

@@ -1,6 +1,4 @@
-"""Malformed scenes: each is refused with exit code 3, at its line, under its key, in words that
-help.
-"""
+"""Malformed scenes are refused with exit code 3, line, key and a helpful message."""
 
 from __future__ import annotations
 
@@ -48,33 +46,33 @@ output:
 
 
 def edited(old: str, new: str) -> str:
-    """The scene with one thing changed."""
+    """Return the scene with one replacement."""
     assert SCENE.count(old) == 1
     return SCENE.replace(old, new)
 
 
 def tip(lines: str) -> str:
-    """The scene with another tip."""
+    """Return the scene with another tip."""
     return edited("shape: paraboloid\n  R: 1.0", lines)
 
 
 def matter(lines: str) -> str:
-    """The scene with another material."""
+    """Return the scene with another material."""
     return edited("model: linear_elastic\n  E: 1.0\n  nu: 0.3", lines)
 
 
 def body(lines: str) -> str:
-    """The scene with another body."""
+    """Return the scene with another body."""
     return edited("shape: box\n  size: [1.0, 1.0, 1.0]\n  base: fixed\n  sides: free", lines)
 
 
 def round_body(lines: str, over: str = "shape: plate") -> str:
-    """The scene with a body about an axis and a tip on it."""
+    """Return the scene with an axisymmetric body and a tip on its axis."""
     return body(lines).replace("shape: paraboloid\n  R: 1.0\n  center: [0.5, 0.5]", over)
 
 
 def choices(section: str, parameter: str = "") -> list[str]:
-    """What a section may choose, or those of them that have this parameter."""
+    """Names of all kinds of a section, or of those that have a parameter."""
     kinds = types_by_tag(field_types(Config)[section], section_tags()[section])
     return [name for name, kind in kinds.items() if not parameter or parameter in field_names(kind)]
 

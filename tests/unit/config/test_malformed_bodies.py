@@ -1,4 +1,4 @@
-"""Bodies that cannot be: each is refused with exit code 3, under its key, in words that help."""
+"""Impossible bodies are refused with their exit code, key and a helpful message."""
 
 from __future__ import annotations
 

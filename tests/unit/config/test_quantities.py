@@ -1,6 +1,4 @@
-"""Quantities in a scene: the same digits as in one system of units, and for wrong ones a message
-that helps.
-"""
+"""Quantities with units: the same digits as in one system of units, and helpful messages."""
 
 from __future__ import annotations
 
@@ -44,7 +42,7 @@ loading: {delta: 0.5}
 
 
 def a_scene(chance: random.Random) -> dict:
-    """A scene of numbers with a few digits, in units chosen at random."""
+    """A scene of random numbers with four digits, in random units."""
 
     def number(low: float, high: float) -> float:
         return float(f"{chance.uniform(low, high):.4g}")
@@ -71,7 +69,7 @@ def a_scene(chance: random.Random) -> dict:
 
 
 def with_units(value, key: str, units: dict, chance: random.Random):
-    """The same scene, every number with a dimension in a unit of its own."""
+    """The same scene with most numbers of a dimension in random units."""
     if isinstance(value, dict):
         return {name: with_units(part, name, units, chance) for name, part in value.items()}
     if isinstance(value, list):
@@ -88,7 +86,7 @@ def with_units(value, key: str, units: dict, chance: random.Random):
 
 @pytest.mark.parametrize("seed", range(30))
 def test_mixed_units_give_the_digits_of_one_system(seed):
-    """Every number to the last bit, and with the numbers the resolved config that is written."""
+    """Mixed units give every number to the last bit, in the config and in the resolved config."""
     chance = random.Random(seed)
     plain = a_scene(chance)
     mixed = with_units(plain, "", plain["units"], chance)
@@ -191,9 +189,9 @@ def test_forces_on_a_strip_are_per_length():
     ],
 )
 def test_springs_of_a_strip_are_per_length(given, value):
-    """In um and nN 1 kPa is 1 nN/um^2.
+    """The spring constant of a strip is per length, and so a pressure.
 
-    Where every force is per length, a spring's constant F/d is a pressure.
+    In um and nN, 1 kPa is 1 nN/um^2.
     """
     text = BASE.replace("cylinder, radius: 30", "strip, width: 30").replace(
         "{shape: cone, half_angle: 70, tip_radius: 0.05}", "{shape: sphere, R: 5}"
@@ -227,7 +225,7 @@ def test_times_are_in_seconds():
 
 
 def test_experiments_take_them_too():
-    """Rows of numbers with a dimension each, times in seconds, frequencies in 1/s."""
+    """Histories, relaxation times and frequencies take quantities with units."""
     relaxation, history = (
         "material.relaxation={prony: [[0.4, 100 ms]]}",
         "loading={history: [[0, 0], [2 s, 200 nm]]}",
@@ -255,9 +253,7 @@ def test_experiments_take_them_too():
 
 
 def test_relative_uncertainties_have_no_unit():
-    """`stiffness` and `R` have units where they are the cantilever's and the tip's, here they are
-    parts of those.
-    """
+    """The relative uncertainties `stiffness` and `R` of a calibration take no unit."""
     text = BASE.replace("cylinder, radius: 30, height: 10", "half_space").replace(
         "{shape: cone, half_angle: 70, tip_radius: 0.05}", "{shape: paraboloid, R: 5 um}"
     )
@@ -292,7 +288,7 @@ def test_files_and_editors_take_them(tmp_path):
 
 @dataclass(frozen=True)
 class Draining:
-    """Keys that no section has: what flows and relaxes has times in its dimensions."""
+    """Section with keys of every kind of dimension that contains a time."""
 
     D: Annotated[float, Unit("length^2/time")]
     permeability: Annotated[float, Unit("length^2/(pressure time)")]
@@ -317,7 +313,7 @@ SI = {"length": 1e-6, "force": 1e-9}  # um and nN
     ],
 )
 def test_times_are_converted_as_lengths_and_forces_are(name, given, in_SI, powers):
-    """Times to seconds, in which plain numbers are meant."""
+    """Quantities with a time are converted to seconds and to the units of the scene."""
     convert = Conversion({"units": {"length": "um", "force": "nN"}})
     length, force, _ = powers
     hint = field_types(Draining)[name]
@@ -345,7 +341,7 @@ def test_every_number_of_a_row_has_its_own_unit():
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_scaling_knows_time(dim):
-    """By the dimensions, written out; and back again."""
+    """Scaling and its inverse follow the dimensions, written out here by hand."""
     scales = Scales(2.0, 3.0, dim, time=5.0)
     given = Draining(
         D=7.0,

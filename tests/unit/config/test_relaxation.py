@@ -1,6 +1,4 @@
-"""Relaxation in a scene file: what is refused, with its key and what would be right, and how it is
-followed.
-"""
+"""Relaxation in a scene file: refusals with key and remedy, and the increments in time."""
 
 from __future__ import annotations
 
@@ -33,25 +31,51 @@ TWO = [{"thickness": 0.5, "material": SOFT | {"relaxation": ALL}}, {"thickness":
     [
         ({"loading": {"delta": 0.02}}, "material.relaxation", "needs a load path in time"),
         ({"material": NEO}, "material.relaxation.of", "depends on the volume; use mooney_rivlin"),
-        ({"body": SCENE["body"] | {"layers": TWO}}, "body.layers[0].material.relaxation.of", "of: shear"),
+        (
+            {"body": SCENE["body"] | {"layers": TWO}},
+            "body.layers[0].material.relaxation.of",
+            "of: shear",
+        ),
         ({"contact": {"method": "nitsche"}}, "contact.method", "stress of the body, which relaxes"),
-        ({"contact": {"adhesion": {"work": 1e-3, "range": 0.1}}}, "contact.adhesion", "not verified"),
+        (
+            {"contact": {"adhesion": {"work": 1e-3, "range": 0.1}}},
+            "contact.adhesion",
+            "not verified",
+        ),
         ({"solver": {"method": "theory"}}, "solver.method", "no relaxation of the shear modulus"),
         ({"solver": {"method": "condensed"}}, "solver.method", "bulk modulus does not"),
-        ({"experiment": {"frequencies": [1.0]}}, "experiment.frequencies", "needs an elastic load curve"),
-        ({"experiment": {"cantilever": {"stiffness": 1.0}}}, "experiment.cantilever", "needs an elastic curve"),
-        ({"material": RUBBER | {"relaxation": ALL}}, "material.relaxation.of", "of: shear"),
-        ({"material": SOFT | {"relaxation": ALL}, "contact": {"friction": 0.3}}, "relaxation.of", "of: shear"),
         (
-            {"material": SOFT | {"relaxation": {"power_law": {"exponent": 0.2, "time": 1.0}, "of": "shear"}},
-             "loading": {"history": [[0, 0.02], [1, 0.02]]}},
+            {"experiment": {"frequencies": [1.0]}},
+            "experiment.frequencies",
+            "needs an elastic load curve",
+        ),
+        (
+            {"experiment": {"cantilever": {"stiffness": 1.0}}},
+            "experiment.cantilever",
+            "needs an elastic curve",
+        ),
+        ({"material": RUBBER | {"relaxation": ALL}}, "material.relaxation.of", "of: shear"),
+        (
+            {"material": SOFT | {"relaxation": ALL}, "contact": {"friction": 0.3}},
+            "relaxation.of",
+            "of: shear",
+        ),
+        (
+            {
+                "material": SOFT
+                | {"relaxation": {"power_law": {"exponent": 0.2, "time": 1.0}, "of": "shear"}},
+                "loading": {"history": [[0, 0.02], [1, 0.02]]},
+            },
             "loading.history",
             "power law is infinite",
         ),
-        ({"body": {"shape": "box", "size": [2.0, 2.0, 1.0]}, "solver": {"linear": "iterative"}}, "solver.linear",
-         "are factorized"),
+        (
+            {"body": {"shape": "box", "size": [2.0, 2.0, 1.0]}, "solver": {"linear": "iterative"}},
+            "solver.linear",
+            "are factorized",
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_does_not_go_with_shear_that_relaxes_is_refused(
     sections: dict[str, Any], key: str, words: str
 ) -> None:

@@ -1,6 +1,4 @@
-"""Values of another shape than a key's: sections and lists in place of numbers and words, at every
-key there is.
-"""
+"""Values of a wrong shape, such as a list in place of a number, at every key."""
 
 from __future__ import annotations
 
@@ -30,7 +28,7 @@ SECTIONS = {
 
 @pytest.mark.parametrize("section", sorted({section for section, _ in SECTIONS}))
 def test_a_value_of_another_shape_is_an_error_in_words(section: str) -> None:
-    """Never a traceback: `drainage: {tip: {}}`, a section in place of a word, was a KeyError."""
+    """A value of any other shape is accepted or is a ConfigError, and never another exception."""
     for _, kind in (one for one in SECTIONS if one[0] == section):
         tags = {
             name: schema.default_of(kind, name)

@@ -1,4 +1,4 @@
-"""The search for the depth of a force, on curves that are known."""
+"""Load control: the search of the depth of a prescribed force, on known curves."""
 
 from __future__ import annotations
 
@@ -11,9 +11,7 @@ from indent_sim.fe.path.load_control import LoadControl, predict_depth
 
 
 class Curve:
-    """A body whose force is a formula; it counts how often it is asked, and gives way no deeper
-    than `end`.
-    """
+    """A body whose force is a formula of the depth, down to `end`; it counts its evaluations."""
 
     def __init__(self, force_at: Callable[[float], float], end: float = math.inf):
         self.force_at, self.end = force_at, end
@@ -27,7 +25,7 @@ class Curve:
 
 @pytest.mark.parametrize("exponent", [1.0, 1.5, 2.0])
 def test_a_power_law_is_predicted_exactly_from_two_points(exponent: float) -> None:
-    """Punch, paraboloid, cone: after two rows the first try is right, to rounding."""
+    """A power law is predicted exactly after two rows, as for punch, paraboloid and cone."""
     body = Curve(lambda delta: 3.0 * delta**exponent)
     control = LoadControl(body, deepest=1.0)
     for force in (1e-4, 2e-4):
@@ -51,8 +49,9 @@ def test_a_power_law_is_predicted_exactly_from_two_points(exponent: float) -> No
 )
 @pytest.mark.parametrize("expected", [1e-6, 0.02, 0.9])
 def test_any_increasing_curve(force_at: Callable[[float], float], expected: float) -> None:
-    """From a good or bad first guess, up and down; a dozen tries is what bisection alone would not
-    do in.
+    """Any increasing curve is solved from a good or bad first guess in at most 25 evaluations.
+
+    Bisection alone would take more.
     """
     body = Curve(force_at)
     control = LoadControl(body, deepest=1 - 1e-12)
@@ -75,7 +74,7 @@ def test_more_than_the_body_bears() -> None:
 
 
 def test_where_equilibria_end() -> None:
-    """The solver's own reason is told then."""
+    """Where equilibria end below the force the search fails; the reason is the solver's."""
     body = Curve(lambda delta: delta, end=0.3)
     control = LoadControl(body, deepest=1.0)
     assert not control.find_depth(0.5, expected=0.4) and control.failure == "" and body.delta == 0.3
@@ -83,8 +82,9 @@ def test_where_equilibria_end() -> None:
 
 
 def test_where_equilibria_end_on_the_way_out() -> None:
-    """A body with memory sets out from the row again each time and is stopped again: one try, and
-    the solver's own reason.
+    """A path-dependent body whose unloading ends above the force fails after one trial.
+
+    Each trial starts from the row again and would be stopped at the same depth.
     """
     body = Curve(lambda delta: max(delta, 0.3))
     control = LoadControl(
@@ -97,15 +97,19 @@ def test_where_equilibria_end_on_the_way_out() -> None:
 
 
 def test_prediction_far_from_what_is_known_is_no_polynomial() -> None:
-    """Three points within 2 % say nothing of the curvature four decades away."""
+    """A force far from the known points is predicted by a power law and not by a parabola.
+
+    Three points within 2 % do not determine the curvature four decades away.
+    """
     points = [(1.0 + n * 0.01, (1.0 + n * 0.01) ** (2 / 3) * (1 + 1e-9 * n**2)) for n in range(3)]
     assert predict_depth(1e4, points) == pytest.approx(1e4 ** (2 / 3), rel=0.01)
     assert predict_depth(1.0, []) is None
 
 
 def test_a_curve_that_begins_with_a_pull_is_searched_from_there() -> None:
-    """F = -2 + delta^(1/2): at delta = 0 the tip pulls with 2, and pushes with nothing at delta =
-    4.
+    """A curve that begins with a tensile force is searched from its first touch.
+
+    For F = -2 + delta^(1/2), the force at first touch is -2, and zero at delta = 4.
     """
     reached: list[float] = []
 
@@ -120,7 +124,7 @@ def test_a_curve_that_begins_with_a_pull_is_searched_from_there() -> None:
 
 @pytest.mark.parametrize("sunk", [-0.3, 0.0, 0.05])
 def test_a_curve_that_has_moved_is_found_again(sunk: float) -> None:
-    """A paraboloid's, on a surface that has risen or sunk since: by secants, wherever it begins."""
+    """The secant search finds the depth on a surface that has moved, from any start slope."""
     body = Curve(lambda delta: 3.0 * max(delta - sunk, 0.0) ** 1.5)
     control = LoadControl(body, deepest=1.0)
     for slope in (0.5, 2.0, 0.0):
@@ -130,6 +134,6 @@ def test_a_curve_that_has_moved_is_found_again(sunk: float) -> None:
 
 
 def test_a_body_that_stays_where_it_was_has_not_come_to_its_force() -> None:
-    """It has the force that it held before, at another time: that is no answer."""
+    """A body that does not move fails, although it still holds the prescribed force."""
     control = LoadControl(lambda delta: (0.01, 0.2), deepest=1.0)
     assert not control.find_by_secant(0.01, 0.1, 1.0)

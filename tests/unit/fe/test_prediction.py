@@ -1,4 +1,4 @@
-"""What is expected at a depth, against the exact fields of a paraboloid on a half-space."""
+"""Extrapolated trial pressure, against the exact fields of a paraboloid on a half-space."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ R, H = 1.0, 0.001  # of the tip, and of an element
 
 
 def trial(r: np.ndarray, depth: float) -> np.ndarray:
-    """Pressure over E* inside of the contact radius, minus gap over H outside (Hertz; Johnson 1985,
-    3.42).
+    """Hertz's pressure over E* inside the contact, minus gap over H outside.
+
+    Johnson, Contact Mechanics (1985), eq. 3.42.
     """
     a = np.sqrt(R * depth)
     inside = np.sqrt(np.maximum(a**2 - r**2, 0.0))
@@ -28,8 +29,9 @@ def edge(values: np.ndarray, r: np.ndarray) -> float:
 
 @pytest.mark.parametrize("step", [2, 3, 5, 9])
 def test_the_edge_of_a_paraboloid_is_foreseen(step: int) -> None:
-    """Within a sixth of the way that the edge goes in the step; by the line of gap and pressure two
-    thirds beyond.
+    """The extrapolated contact edge is off by at most a sixth of its motion in the increment.
+
+    A linear extrapolation of gap and pressure overshoots by two thirds of the motion.
     """
     r, depths = np.linspace(0.0, 0.2, 20001), [0.001 * (step - 1), 0.001 * step]
     depth = 0.001 * (step + 1)
@@ -45,7 +47,10 @@ def test_the_edge_of_a_paraboloid_is_foreseen(step: int) -> None:
 
 
 def test_a_tip_that_goes_back_leaves_the_edge_behind() -> None:
-    """The pressure beside the edge is a root of the depth: its square is a line."""
+    """During unloading the extrapolated contact edge is exact.
+
+    The pressure next to the edge grows as a root of the depth, so that its square is linear.
+    """
     r, depths = np.linspace(0.0, 0.2, 20001), [0.010, 0.009]
     trials = [trial(r, before) for before in depths]
     found = predict_trial_pressure(trials, depths, 0.008, max(values.max() for values in trials))

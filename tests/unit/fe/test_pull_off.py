@@ -1,4 +1,4 @@
-"""The search for the largest pull between rows, on curves in closed form."""
+"""Search for the largest pull between rows, on curves in closed form."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ JKR_DEPTH = (pi * WORK) ** (2 / 3)
 
 
 def jkr(delta: float) -> float | None:
-    """JKR's force on the branch of wide contacts, by bisection of delta(a); None beyond its fold."""
+    """JKR force at a depth on the branch of wide contacts, by bisection; None beyond its fold."""
 
     def depth(a: float) -> float:
         return a**2 - sqrt(2 * pi * WORK * a)
@@ -40,9 +40,9 @@ def jkr(delta: float) -> float | None:
 
 
 def punch(end: float, curved: float) -> Curve:
-    """A tip that is pulled harder and harder until it lets go of -1 at a depth.
+    """Curve whose pull grows until the tip lets go at -1, at the depth `end`.
 
-    Next to that depth the force goes as the root of the distance, within `curved` of it.
+    Next to `end` the force follows the root of the distance; `curved` is the range of that root.
     """
 
     def force(delta: float) -> float | None:
@@ -53,13 +53,13 @@ def punch(end: float, curved: float) -> Curve:
 
 
 def at(curve: Curve, delta: float) -> PullPoint:
-    """The place of a curve at a depth."""
+    """Equilibrium of a curve at a depth, as a point of the search."""
     force = curve(delta)
     return PullPoint(delta, 0.0, force or 0.0, a=0.0 if force is None else 1.0)
 
 
 def way_out(curve: Curve, depths: Sequence[float]) -> UnloadingBranch:
-    """What is kept of rows at some depths."""
+    """Unloading branch of rows at some depths."""
     way = UnloadingBranch()
     for delta in depths:
         way = way.with_point(at(curve, float(delta)))
@@ -67,7 +67,7 @@ def way_out(curve: Curve, depths: Sequence[float]) -> UnloadingBranch:
 
 
 def searched(curve: Curve, depths: Sequence[float], tolerance: float) -> LargestPull:
-    """The largest pull between rows at some depths."""
+    """Largest pull between rows at some depths."""
     bracket = way_out(curve, depths).bracket
     assert bracket is not None
     return find_largest_pull(
@@ -80,7 +80,10 @@ def searched(curve: Curve, depths: Sequence[float], tolerance: float) -> Largest
 def test_jkrs_pull_off_is_found_wherever_the_rows_lie(
     spacing: float, most: int, tolerance: float
 ) -> None:
-    """-3/2 pi w R, within its own error; rows half a unit apart are up to 9 % off."""
+    """The pull-off of JKR, -3/2 pi w R, is found within the stated error, wherever the rows lie.
+
+    Rows half a unit apart alone would be off by up to 9 %.
+    """
     off_rows = []
     for offset in np.linspace(0, 1, 40):
         depths = (1 + spacing * (offset - np.arange(6 / spacing))) * JKR_DEPTH
@@ -95,10 +98,10 @@ def test_jkrs_pull_off_is_found_wherever_the_rows_lie(
 @pytest.mark.parametrize("spacing", [0.3, 0.1])
 @pytest.mark.parametrize("curved", [0.05, 0.2, 1.0])
 def test_a_tip_that_lets_go_while_it_is_pulled_harder(spacing: float, curved: float) -> None:
-    """The pull at the fold is inside the error that is told.
+    """The largest pull at a fold lies within the stated error.
 
-    A square root gives away half of what is missing for every factor of four in depth: the search
-    ends with the number of its equilibria, and says how well it knows.
+    Next to the fold the force is a square root of the distance: every factor of four in depth
+    halves the missing force, so that the search ends with its limit of equilibria.
     """
     for end in np.linspace(-0.6, -0.5, 30):
         found = searched(
@@ -110,9 +113,10 @@ def test_a_tip_that_lets_go_while_it_is_pulled_harder(spacing: float, curved: fl
 
 
 def test_a_minimum_in_front_of_a_fold_is_not_passed_over() -> None:
-    """Rows on both sides of JKR's minimum, the outer one right before the fold, and one beyond it.
+    """A minimum between two rows is found although a third row lies beyond the fold.
 
-    Bisection towards the fold alone would end there, with half of the pull.
+    The outer row of the minimum lies right before the fold; bisection towards the fold alone would
+    end there, with half of the pull.
     """
     fold = -(3 / 4) * JKR_DEPTH
     depths = np.array([4 * JKR_DEPTH, 3.0 * JKR_DEPTH, fold * 0.999, 3 * fold])
@@ -147,9 +151,7 @@ def test_a_depth_that_is_lost_where_the_tip_has_been_further_out_ends_the_search
 
 
 def test_every_equilibrium_is_found_on_the_way_out() -> None:
-    """From a place that is nearer to the tip's turn, at a time in between, on the side of the
-    bracket.
-    """
+    """Every equilibrium of the search is reached by unloading, inside the bracket."""
     ways = []
 
     def go(begin: PullPoint, end: PullPoint, delta: float) -> PullPoint:
@@ -163,7 +165,6 @@ def test_every_equilibrium_is_found_on_the_way_out() -> None:
 
 
 # ---- which rows are searched between
-# -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -211,7 +212,7 @@ def test_the_largest_pull_of_the_ways_out_needs_rows_on_both_sides(
 
 @pytest.mark.parametrize("stopped", range(1, 7))
 def test_what_is_kept_goes_on_as_before(stopped: int) -> None:
-    """A walk that stops after any row and goes on with what it has kept knows the same bracket."""
+    """An unloading branch restored from its search points goes on with the same bracket."""
     places = [
         (-0.1, -0.1),
         (0.1, 1.0),

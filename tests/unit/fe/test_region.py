@@ -1,4 +1,4 @@
-"""The part of triangles where a linear function is positive, against polygons that are cut."""
+"""Area of the parts of triangles where a linear function is positive, against cut polygons."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from indent_sim.fe.postprocessing.contact_area import _positive_area
 
 
 def cut_area(corners: np.ndarray, values: np.ndarray) -> float:
-    """The polygon left of one triangle (3, 2), corner by corner, by the shoelace formula."""
+    """Area of the positive polygon of one triangle (3, 2), by the shoelace formula."""
     points = []
     around = [*zip(corners, values, strict=True), (corners[0], values[0])]
     for (here, p), (there, q) in pairwise(around):
@@ -24,8 +24,9 @@ def cut_area(corners: np.ndarray, values: np.ndarray) -> float:
 
 
 def test_parts_of_triangles() -> None:
-    """None, one, two and three corners in contact, as many corners anyhow round: 1e-12 is round-off
-    of 200 areas.
+    """The area is that of the cut polygons, with none to three corners in contact.
+
+    1e-12 is the round-off of 200 areas.
     """
     draw = np.random.default_rng(1)
     corners, values = draw.normal(size=(200, 1, 3, 2)), draw.normal(size=(200, 1, 3))

@@ -1,4 +1,4 @@
-"""Roughness of a pressure that is given: smooth ones have none, a saw-tooth has its height."""
+"""Roughness of given pressures: none for smooth ones, the amplitude for a saw-tooth."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ def triangles(count: int) -> np.ndarray:
 
 
 def found(X: np.ndarray, pressure: np.ndarray, tip: object = BALL) -> float:
-    """The roughness of a pressure at nodes, which touch a tip where it is above zero."""
+    """Roughness of a nodal pressure that is in contact where it is positive."""
     distance = np.hypot(X[..., 0], X[..., 1] if X.shape[2] == 3 else 0.0)
     return roughness(build_patches(X), pressure, pressure > 0, distance, tip)  # type: ignore[arg-type]
 
 
 def hertz(X: np.ndarray) -> np.ndarray:
-    """(1 - r^2)^(1/2), zero beyond."""
+    """Pressure (1 - r^2)^(1/2), and zero beyond r = 1."""
     return np.sqrt(np.maximum(1 - (X[..., :-1] ** 2).sum(axis=-1), 0.0))
 
 
@@ -55,8 +55,10 @@ def test_a_quadratic_pressure_has_none(X: np.ndarray) -> None:
     "X", [section(6), section(12), triangles(12)], ids=["coarse", "section", "triangles"]
 )
 def test_a_hertzian_pressure_is_smooth_but_for_its_rim(X: np.ndarray) -> None:
-    """The polynomial's own error: (h/a)^3 times the third derivative, 7 at r = 0.6, over 48, on
-    five elements in a.
+    """The roughness of Hertz's pressure is below 1 %, the error of the fitted polynomial.
+
+    That error is (h/a)^3/48 times the third derivative, which is 7 at r = 0.6, with five elements
+    in a.
     """
     assert found(X, hertz(X)) < 0.01
 
@@ -74,7 +76,10 @@ def test_a_saw_tooth_from_facet_to_facet_has_its_height() -> None:
 
 
 def test_a_saw_tooth_on_triangles_is_seen() -> None:
-    """Midpoints up and down at random: a quadratic takes six of the nine numbers of a patch."""
+    """A random saw-tooth of 10 % at the midpoints of triangles has a roughness above 5 %.
+
+    The quadratic polynomial takes up six of the nine numbers of a patch.
+    """
     X = triangles(16)
     keys = {
         key: sign
@@ -89,9 +94,7 @@ def test_a_saw_tooth_on_triangles_is_seen() -> None:
 
 
 def test_a_contact_that_opens_over_an_element_inside_is_rough() -> None:
-    """A hole of two facets; one as wide as the ring of contact beside it is another contact, with
-    rims of its own.
-    """
+    """A hole of two facets inside the contact is rough; a wider one separates two contacts."""
     X = section(40)
     r = X[..., 0]
     pressure = hertz(X)
@@ -106,7 +109,7 @@ def test_a_hole_in_triangles_is_rough() -> None:
 
 
 def test_creases_of_a_tip_are_left_out() -> None:
-    """A pressure with a kink where a punch begins to be round."""
+    """A kink of the pressure at a slope discontinuity of the tip does not count as roughness."""
     X, punch = section(40), FlatPunch(radius=1.0, edge_radius=0.5)
     kinked = 1.0 + np.maximum(X[..., 0] - 0.505, 0.0) - 2 * (X[..., 0] > 1.0)
     assert found(X, kinked, punch) < 1e-12 < 1e-3 < found(X, kinked)

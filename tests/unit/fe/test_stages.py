@@ -1,4 +1,4 @@
-"""The stages of a step in time on du/dt = -u, whose solution is known."""
+"""Stages of the time integration on du/dt = -u, whose solution is known."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from indent_sim.fe.terms.time_integration import sdirk2_stages
 
 
 def decayed(time: float, steps: int) -> float:
-    """u at a time from u = 1; each stage is backward Euler from where it sets out."""
+    """Return u at a time from u = 1; each stage is a backward Euler step."""
     u = 1.0
     for _ in range(steps):
         one = before = u
@@ -21,8 +21,9 @@ def decayed(time: float, steps: int) -> float:
 
 
 def test_two_stages_are_of_second_order() -> None:
-    """Half the step, a quarter of the error, to a tenth of a step; ten steps are 1.5e-4 off, with
-    the other root of the same order 3.8e-3.
+    """Half the time step leaves a quarter of the error.
+
+    Ten steps are 1.5e-4 off; with the other root of the second-order condition they are 3.8e-3 off.
     """
     errors = [abs(decayed(1.0, steps) - math.exp(-1.0)) for steps in (10, 20)]
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05)

@@ -1,4 +1,4 @@
-"""The step rule of a load path, and the walk on a body that is a formula: no solver."""
+"""Step size control and load stepping on a body whose force is a formula."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from indent_sim.fe.path.load_segment import LoadPoint
 from indent_sim.fe.path.load_stepping import LoadStepper
 from indent_sim.fe.path.solver_statistics import SolverStatistics
 from indent_sim.fe.path.step_size_control import (
@@ -40,9 +39,7 @@ def test_a_failed_step_is_halved_and_the_parts_are_equal() -> None:
 
 
 def test_a_step_that_does_not_move_on_is_given_up() -> None:
-    """Two numbers side by side, and a step that fails between them: half of it is no step, and
-    would work for ever.
-    """
+    """A failed step between two neighbouring numbers is given up, because it cannot be halved."""
     rule = StepSizeControl()
     at = 300.0
     target = float(np.nextafter(at, inf))
@@ -90,9 +87,7 @@ def test_a_target_is_given_up_after_many_failures_and_not_by_chance_of_its_size(
 
 @given(tries=st.lists(st.tuples(st.integers(0, 300), st.booleans()), max_size=20))
 def test_iterations_lost_on_the_way_to_a_target_are_bounded(tries: list[tuple[int, bool]]) -> None:
-    """Whatever works in between: by FUTILE and what the last try cost; and the next target has as
-    many again.
-    """
+    """Iterations lost in failed steps to one target are bounded; the next target starts anew."""
     rule, lost, at = StepSizeControl(), 0, 0.0
     rule.begin_target(1.0)
     for cost, found in tries:
@@ -110,8 +105,9 @@ def test_iterations_lost_on_the_way_to_a_target_are_bounded(tries: list[tuple[in
 
 
 class Spring:
-    """F = delta^2; it solves no step longer than `reach`, and with `memory` going back wears it
-    out.
+    """A body with F = delta^2 that solves no step longer than `reach`.
+
+    With `memory`, unloading wears it out by the way back.
     """
 
     def __init__(self, reach: float = inf, memory: bool = False):
@@ -155,7 +151,7 @@ class Spring:
         self.accepted = self.depth
 
     def extrapolate(self, depth: float, earlier: Any) -> None:
-        """A guess that would be taken for history if it were not kept apart."""
+        """Set a guess that would count as unloading if it were taken for an accepted state."""
         self.depth = 1e3
 
     def state_values(self) -> dict[str, Any]:
@@ -189,7 +185,7 @@ def test_a_force_is_found_within_the_tolerance() -> None:
 
 
 def test_with_memory_no_try_of_a_force_wears_the_body_out() -> None:
-    """Every try begins at the last row: what the tries before went back by is forgotten."""
+    """Trials of load control leave no trace in a path-dependent body: each starts from the row."""
     body = Spring(memory=True)
     states = walked(body, "force", 2.0, 3.0)
     assert [state.force for state in states] == pytest.approx([2.0, 3.0], rel=1e-9)
@@ -206,32 +202,32 @@ def test_a_resumed_walk_with_memory_goes_the_whole_way() -> None:
 
 
 def test_a_hold_is_cut_in_time() -> None:
-    """A step of no length in depth is cut where time passes, and its parts are as long as the
-    whole.
-    """
+    """A hold that fails in one increment is divided evenly in time."""
     body = Spring()
-    walk = LoadStepper(body)  # type: ignore[arg-type]
-    assert walk._step_to(LoadPoint(1.0)) == 1
+    times, branches = (0.0, 1.0), ("approach", "hold")
+    path = LoadPath("depth", (1.0, 1.0), times, branches, start_time=0.0)
+    rows = LoadStepper(body).states(path, lambda step: False)  # type: ignore[arg-type]
+    assert next(rows).substeps == 1
     body.longest_time = 0.3
-    assert walk._step_to(LoadPoint(1.0, 1.0)) == 4
-    walk._accept_pending()
+    assert [row.substeps for row in rows] == [4]
     assert body.steps == pytest.approx([0.0, 0.25, 0.25, 0.25, 0.25])
     assert (body.depth, body.accepted) == (1.0, 1.0)
 
 
 def test_a_ramp_in_time_goes_straight() -> None:
-    """Depth and time keep step, whichever of them made a step too long."""
+    """Depth and time of a divided ramp remain proportional."""
     body = Spring(reach=0.6)
-    walk = LoadStepper(body)  # type: ignore[arg-type]
-    assert walk._step_to(LoadPoint(1.0, 4.0)) == 2
-    walk._accept_pending()
+    path = LoadPath("depth", (1.0,), (4.0,), ("approach",), start_time=0.0)
+    rows = LoadStepper(body).states(path, lambda step: False)  # type: ignore[arg-type]
+    assert [row.substeps for row in rows] == [2]
     assert body.steps == pytest.approx([2.0, 2.0])
 
 
 @pytest.mark.parametrize("reach", [inf, 0.7])
 def test_what_is_remembered_knows_neither_guesses_nor_cuts(reach: float) -> None:
-    """Worn by what it went back, 1.5, however a step was found: from a guess, in parts, or after
-    one that failed.
+    """The wear of a path-dependent body does not depend on guesses, divided or failed steps.
+
+    The tip goes back by 1.5 in total.
     """
     body = Spring(reach, memory=True)
     walked(body, "depth", 1.0, 2.0, 3.0, 2.0, 2.5, 2.0)
@@ -244,7 +240,7 @@ def test_what_is_remembered_knows_neither_guesses_nor_cuts(reach: float) -> None
 def test_rows_close_together_are_predicted_from_the_last_three(
     control: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """And no more than these are kept for a resume, however many there were."""
+    """A row is extrapolated from the last three rows, and only these are kept for a resume."""
     body, seen = Spring(), []
     monkeypatch.setattr(
         body,
@@ -261,7 +257,7 @@ def test_rows_close_together_are_predicted_from_the_last_three(
 
 
 def test_a_long_way_of_which_each_longer_step_fails_is_walked() -> None:
-    """Steps above 0.3 never work: each doubling fails, and two steps after it do not."""
+    """A target is reached although every step above 0.3 fails, after each doubling."""
     rule, at, failures = StepSizeControl(), 0.0, 0
     rule.begin_target(20.0)
     while (goal := rule.next_target(at, 20.0)) is not None and at < 20.0:

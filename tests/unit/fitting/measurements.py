@@ -1,4 +1,4 @@
-"""Measurements made up: noise of known covariance on curves of known scenes."""
+"""Synthetic measurements: noise of known covariance on curves of known scenes."""
 
 from __future__ import annotations
 
@@ -34,21 +34,22 @@ def scene(body=None, nu: float = 0.45, tip=None, depth: float = 0.1, **more) -> 
 
 
 def relaxing(terms, body=None, **more) -> Config:  # type: ignore[no-untyped-def]
-    """The same of matter that relaxes."""
+    """The same scene with a relaxing material, pressed in by a ramp."""
     material = {"model": "linear_elastic", "E": 1.0, "nu": 0.45, "relaxation": {"prony": terms}}
     return scene(body, material=material, loading={"history": [[0, 0], [1, 0.1]]}, **more)
 
 
 def drawn(noise: Noise, n: int, draw: np.random.Generator) -> np.ndarray:
-    """Noise of variance 1 (n,)."""
+    """Noise of variance 1, shape (n,)."""
     rho, before = noise.rho, int(20 * max(noise.tau, 1))
     slow = lfilter([np.sqrt(1 - rho**2)], [1, -rho], draw.standard_normal(n + before))[before:]
     return np.sqrt(noise.w) * draw.standard_normal(n) + np.sqrt(1 - noise.w) * slow
 
 
 def covariance(noise: Noise | None, n: int) -> np.ndarray:
-    """Of noise of variance 1 (n, n); None: of a spectrum 1/f, which no process of one correlation
-    time has.
+    """Covariance (n, n) of noise of variance 1; None stands for a spectrum 1/f.
+
+    No process with a single correlation time has such a spectrum.
     """
     if noise is None:
         size = LONGEST * n
@@ -61,6 +62,6 @@ def covariance(noise: Noise | None, n: int) -> np.ndarray:
 def measured(
     truth: ForwardModel, theta, x: np.ndarray, noise: np.ndarray, c: float = 0.013, t=None
 ):  # type: ignore[no-untyped-def]
-    """Forces on a tilted baseline, with noise of one per cent of the largest."""
+    """Forces on a tilted baseline, with noise of one per cent of the largest force."""
     force = truth(np.asarray(theta, dtype=float), x - c, t)
     return force + force.max() * (0.01 * noise + 0.3 + 0.05 * x / x.max())

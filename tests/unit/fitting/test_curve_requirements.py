@@ -1,4 +1,4 @@
-"""The scene of a curve: its modulus, and its path from first touch on."""
+"""The scene by which a curve is judged: its modulus, and its path from first contact on."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def curve(tmp_path):  # type: ignore[no-untyped-def]
 
 
 def asked(monkeypatch):  # type: ignore[no-untyped-def]
-    """The scenes that are asked what they require, in place of the answer."""
+    """Scenes for which `require` is called; it returns nothing here."""
     scenes: list = []
     monkeypatch.setattr(curve_requirements, "require", lambda config, within: scenes.append(config))
     return scenes
@@ -60,7 +60,10 @@ def test_a_layer_taken_for_a_half_space_needs_its_thickness(curve, monkeypatch):
 
 
 def test_a_history_is_the_way_of_the_approach(curve, monkeypatch):
-    """First touch at 0.013 of a way at an even pace of 0.1 a second."""
+    """The history of the judged scene begins at first contact and has the measured rate.
+
+    First contact is at 0.013 on a ramp of 0.1 per second.
+    """
     scenes, config = asked(monkeypatch), relaxing([[0.5, 0.6]], HALF_SPACE)
     require_for_curve(config, curve(config), 0.01)
     first, (t, delta) = scenes[0].loading.history

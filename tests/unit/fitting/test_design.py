@@ -1,6 +1,4 @@
-"""Designs: the interval that is expected before a measurement is the spread of fits to curves that
-are made up.
-"""
+"""Experimental design: predicted intervals are the spread of fits to synthetic curves."""
 
 from __future__ import annotations
 
@@ -21,13 +19,13 @@ HELD_BODY = scene(HALF_SPACE, material=relaxing(SLS).material, **HELD)
 
 
 def half_width(found: Design, key: str) -> float:
-    """Half an interval, relative."""
+    """Half the width of an interval, relative to its value."""
     stated = found.parameters[key]
     return 0.5 * (stated.high - stated.low) / stated.value
 
 
 def spread(config: Config, found: Design, fits: int) -> np.ndarray:
-    """1.96 deviations of the coordinates (k,) that fits to the designed curve in its noise give."""
+    """1.96 standard deviations of the coordinates (k,) in fits to the designed curve with noise."""
     measurement = _plan_measurement(config, tuple(found.parameters), ForwardModelCache())
     made, draw = (
         measurement.expected_estimate(found.points, found.noise).model.samples,
@@ -42,19 +40,29 @@ def spread(config: Config, found: Design, fits: int) -> np.ndarray:
 
 
 def test_the_expected_interval_is_the_spread_of_forty_fits():
-    """1.3 is 2.3 deviations of the spread of 40."""
+    """The predicted interval of the modulus is the spread of 40 fits.
+
+    The tolerance of 30 % is 2.3 deviations of the spread of 40.
+    """
     found = design_measurement(scene(), ["material.E"], 0.01, 300)
     assert half_width(found, "material.E") == pytest.approx(spread(scene(), found, 40)[0], rel=0.3)
 
 
 @pytest.mark.verify
-@pytest.mark.parametrize("config, keys", [
-    (scene(), ["material.E"]),
-    (scene(experiment={"cantilever": {"stiffness": 0.3}}), ["material.E"]),
-    (HELD_BODY, ["material.E", f"{TERM}[0]", f"{TERM}[1]"]),
-], ids=["E", "cantilever", "relaxation"])  # fmt: skip
+@pytest.mark.parametrize(
+    "config, keys",
+    [
+        (scene(), ["material.E"]),
+        (scene(experiment={"cantilever": {"stiffness": 0.3}}), ["material.E"]),
+        (HELD_BODY, ["material.E", f"{TERM}[0]", f"{TERM}[1]"]),
+    ],
+    ids=["E", "cantilever", "relaxation"],
+)
 def test_expected_intervals_are_the_spread_of_a_hundred_fits(config, keys):
-    """1.3 is four deviations of the spread of 100; measured 0.95 to 1.08."""
+    """The predicted intervals are the spread of 100 fits.
+
+    A factor of 1.3 is four deviations of the spread of 100; 0.95 to 1.08 were measured.
+    """
     found = design_measurement(config, keys, 0.005, 300)
     measurement = _plan_measurement(config, tuple(keys), ForwardModelCache())
     for parameter, wide in zip(
@@ -66,7 +74,10 @@ def test_expected_intervals_are_the_spread_of_a_hundred_fits(config, keys):
 
 
 def test_half_the_noise_or_four_times_the_points_halve_an_interval():
-    """Exactly where an interval is small: to its square, and to 1/N of samples on a line."""
+    """Half the noise or four times the points halve an interval.
+
+    This holds for small intervals, up to their square and to 1/N of the samples.
+    """
     one, quiet, many = (
         design_measurement(scene(), ["material.E"], *how)
         for how in ((0.01, 300), (0.005, 300), (0.01, 1200))
@@ -92,7 +103,10 @@ def test_what_is_tied_is_wider_by_as_much_as_is_said():
 
 
 def test_keys_that_no_curve_tells_apart_are_not_identifiable():
-    """The force of a half-space is E/(1 - nu^2) sqrt(R) times a function of the depth."""
+    """Modulus and radius on a half-space are reported as not identifiable together.
+
+    The force is E/(1 - nu^2) sqrt(R) times a function of the depth.
+    """
     found = design_measurement(scene(HALF_SPACE), ["material.E", "indenter.R"], 0.01, 300)
     assert not found.identifiable and found.words.startswith(
         "Not identifiable: material.E and indenter.R"
@@ -102,7 +116,11 @@ def test_keys_that_no_curve_tells_apart_are_not_identifiable():
 
 
 def test_what_helps_is_solved_with_the_noise_of_the_same_instrument():
-    """A deeper curve of a half-space: 2^1.5 times the force, and an interval narrower by as much."""
+    """A change that multiplies the force narrows the interval by the same factor, at equal noise.
+
+    For a paraboloid on a half-space, twice the depth gives 2^1.5 times the force, and twice the
+    radius 2^0.5 times.
+    """
     found = design_measurement(scene(HALF_SPACE), ["material.E"], 0.01, 300)
     assert [one.change for one in found.helps] == [
         {"loading.delta": 0.2},
@@ -133,17 +151,23 @@ def test_a_hold_tells_of_relaxation_and_a_change_that_cannot_be_says_why():
 
 
 def test_the_baseline_is_as_long_as_it_has_to_be():
-    """Contact point and modulus of a paraboloid are told apart by the baseline: no fifth of a depth
-    is enough.
+    """The proposed baseline is longer than a fifth of the depth and at most 1.5 depths.
+
+    It is the baseline that separates the contact point of a paraboloid from its modulus.
     """
     found = design_measurement(scene(HALF_SPACE), ["material.E"], 0.01, 300)
     assert 0.3 < found.baseline <= 1.5
 
 
-@pytest.mark.parametrize("keys, problem", [
-    (["loading.delta"], "cannot be found from a measured curve"), (["material.Q"], "is not a number of the scene"),
-    (["contact.epsilon_n"], "is not a number"), ([""], "cannot be found from a measured curve"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "keys, problem",
+    [
+        (["loading.delta"], "cannot be found from a measured curve"),
+        (["material.Q"], "is not a number of the scene"),
+        (["contact.epsilon_n"], "is not a number"),
+        ([""], "cannot be found from a measured curve"),
+    ],
+)
 def test_keys_that_tell_nothing_are_refused(keys, problem):
     with pytest.raises(ConfigError, match=problem):
         design_measurement(scene(), keys, 0.01, 300)

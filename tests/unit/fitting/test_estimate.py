@@ -1,6 +1,4 @@
-"""Estimates of made-up curves: the truth lies in its interval, wrong models are found, nonsense is
-refused.
-"""
+"""Estimates of synthetic curves: coverage of the truth, detection of wrong models, refusals."""
 
 from __future__ import annotations
 
@@ -39,7 +37,7 @@ X, T = np.linspace(-0.1, 0.1, N), np.linspace(0, 2, N)
 
 
 def judged(estimate: Estimate, config) -> ModelAssessment:  # type: ignore[no-untyped-def]
-    """The verdict, other models asked where something stands against the scene."""
+    """Assessment of an estimate, with alternative models where something contradicts the scene."""
     seen, bends, baseline = (
         fit_depth_ranges(estimate),
         find_residual_trend(estimate),
@@ -51,7 +49,10 @@ def judged(estimate: Estimate, config) -> ModelAssessment:  # type: ignore[no-un
 
 
 def test_twenty_white_curves_hold_their_modulus_and_their_contact_point():
-    """Of 95 % intervals 20 hold fewer than 15 once in 3000."""
+    """At least 15 of 20 intervals of 95 % contain the modulus, and as many the contact point.
+
+    Fewer than 15 happen once in 3000 by chance.
+    """
     forces, draw, inside, near = (
         ForwardModel(scene(), ["material.E"], DEEPEST),
         np.random.default_rng(1),
@@ -84,8 +85,9 @@ def test_without_noise_the_truth_comes_back():
 
 
 def test_a_profile_of_a_parabola_is_its_interval(monkeypatch):
-    """One modulus: a parabola to a few per cent of the interval, of seven values a side joined by
-    lines.
+    """The profile interval of one modulus is the linear one to 5 %.
+
+    The profile is nearly a parabola, interpolated linearly between seven values on each side.
     """
     monkeypatch.setattr(profile_likelihood, "WIDE_HALF_WIDTH", 0.0)
     forces = ForwardModel(scene(), ["material.E"], DEEPEST)
@@ -101,7 +103,10 @@ def test_a_profile_of_a_parabola_is_its_interval(monkeypatch):
 
 
 def test_a_wide_interval_follows_its_profile_and_ends_at_a_bound():
-    """Modulus and Poisson ratio of a layer are hardly apart: nu ends at 1/2, and E where nu does."""
+    """The profile interval of nu ends at 1/2, and that of E is narrower than the linear one.
+
+    Modulus and Poisson ratio of a layer are nearly indistinguishable in its force.
+    """
     forces = ForwardModel(scene(), ["material.E", "material.nu"], DEEPEST)
     force = measured(forces, [0.3, 0.45], X, 2 * drawn(WHITE, N, np.random.default_rng(12)))
     plain = fit_model(forces, Samples(X, force), OriginOptions())
@@ -143,8 +148,10 @@ def test_adhesion_and_modulus_together():
 
 
 def test_a_clear_snap_in_tells_the_contact_point_to_a_sample():
-    """Between the same two samples as the truth, whose middle it is; alone the rest of the curve
-    would say a sample.
+    """A clear snap-in determines the contact point to half a sample.
+
+    The truth lies in the middle between two samples; the rest of the curve alone would give a full
+    sample.
     """
     config = scene(HALF_SPACE, experiment={"adhesion": {"work": 0.002}})
     forces, x = (
@@ -161,20 +168,29 @@ def test_a_clear_snap_in_tells_the_contact_point_to_a_sample():
 
 
 def test_the_interval_of_a_correlated_curve_is_wide():
-    """Naive intervals hold the truth in a third of the curves of AR 10: these are four times as
-    wide.
+    """Strongly correlated noise widens the interval by more than 2.5.
+
+    Intervals for white noise contain the truth in only a third of such curves and would have to be
+    four times as wide.
     """
     forces, draw = ForwardModel(scene(), ["material.E"], DEEPEST), np.random.default_rng(5)
-    sd = [fit_model(forces, Samples(X, measured(forces, [0.0], X, drawn(noise, N, draw))), OriginOptions()).sd[0]
-          for noise in (WHITE, NOISES["AR 10"])]  # fmt: skip
+    sd = [
+        fit_model(
+            forces, Samples(X, measured(forces, [0.0], X, drawn(noise, N, draw))), OriginOptions()
+        ).sd[0]
+        for noise in (WHITE, NOISES["AR 10"])
+    ]
     assert sd[1] > 2.5 * sd[0]
 
 
-@pytest.mark.parametrize("name, truth", [
-    ("thickness", scene({"shape": "layer", "height": 0.46})),
-    ("adhesion", scene(HALF_SPACE, experiment={"adhesion": {"work": 0.0012}})),
-    ("relaxation", relaxing([[0.6, 0.3]], HALF_SPACE)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "name, truth",
+    [
+        ("thickness", scene({"shape": "layer", "height": 0.46})),
+        ("adhesion", scene(HALF_SPACE, experiment={"adhesion": {"work": 0.0012}})),
+        ("relaxation", relaxing([[0.6, 0.3]], HALF_SPACE)),
+    ],
+)
 def test_a_wrong_model_is_named_and_its_interval_spans_the_truth(name, truth):
     config, draw = scene(HALF_SPACE), np.random.default_rng(6)
     forces, made = (
@@ -188,8 +204,10 @@ def test_a_wrong_model_is_named_and_its_interval_spans_the_truth(name, truth):
 
 
 def test_a_snap_in_slow_noise_is_asked_about():
-    """A pull-off of 20 % falls by nine deviations of the changes in AR 10 noise, whose own falls
-    ask once in 1000.
+    """A pull-off of 20 % in slow noise is noticed, and slow noise alone is not.
+
+    The pull-off falls by nine deviations of the changes of the noise, whose own falls are noticed
+    once in 1000 curves.
     """
     truth, draw = (
         scene(HALF_SPACE, experiment={"adhesion": {"work": 0.0018}}),
@@ -243,7 +261,7 @@ def test_an_error_of_the_force_moves_a_modulus_by_as_much():
 
 
 def hopeless() -> dict[str, tuple[np.ndarray, str]]:
-    """Forces of which nothing can be learned, with the reason."""
+    """Forces from which nothing can be learned, with the reason."""
     draw = np.random.default_rng(9)
     noise, rise = draw.standard_normal(N), np.maximum(X, 0) ** 1.5
     return {
@@ -279,8 +297,9 @@ def test_a_force_that_is_counted_the_other_way_is_said_so():
 
 
 def test_a_layer_of_a_thickness_that_waves_hardly_see_is_named():
-    """1.4 at a contact of 0.3: without the direction of another power no model was asked, and E was
-    25 % too large.
+    """A thickness of 1.4 at a contact radius of 0.3 is named as cause, and E is covered.
+
+    Without the test for another exponent no model was tried, and E was 25 % too large.
     """
     config, made = (
         scene(HALF_SPACE),
@@ -294,7 +313,7 @@ def test_a_layer_of_a_thickness_that_waves_hardly_see_is_named():
 
 
 def test_a_modulus_known_to_a_large_factor_is_refused():
-    """Modulus and contact point of the first tenth of a contact in noise of half its force."""
+    """The first tenth of a contact in noise of half its force is refused."""
     forces = ForwardModel(scene(), ["material.E"], DEEPEST)
     x = np.linspace(-0.1, 0.03, 120)
     force = measured(forces, [0.0], x, 8 * drawn(NOISES["AR 10"], 120, np.random.default_rng(14)))
@@ -308,21 +327,21 @@ def test_means_of_blocks_keep_equal_times_and_the_deepest_samples():
 
 
 FAMILIES = {
-    "layer .45": (scene(LAYER), 0.1), "layer .5": (scene(LAYER, nu=0.5), 0.1),
+    "layer .45": (scene(LAYER), 0.1),
+    "layer .5": (scene(LAYER, nu=0.5), 0.1),
     "half-space": (scene(HALF_SPACE, nu=0.3), 0.1),
     "cone": (scene(HALF_SPACE, nu=0.3, tip={"shape": "cone", "half_angle": 60.0}), 0.1),
     "sphere": (scene(LAYER, nu=0.5, tip={"shape": "sphere", "R": 1.0}), 0.1),
     "roller": (scene({"shape": "layer", "height": 0.7, "base": "roller"}, nu=0.4), 0.1),
-}  # fmt: skip
+}
 
 
 @pytest.mark.verify
 def test_coverage_of_three_hundred_curves():
-    """95 % intervals of 300 curves: 92 to 98 % hold the truth, a few per cent are refused or
-    wrongly not explained.
+    """Intervals of 95 % contain the truth in 92 to 98 % of 300 curves of six scenes.
 
-    Six families, half of the curves with white noise, a quarter each with AR 3 and half-and-half AR
-    10.
+    A few per cent of the curves are refused or wrongly not explained. Half of them have white
+    noise, a quarter each AR 3 and half-and-half AR 10.
     """
     draw, inside, unexplained, refused = np.random.default_rng(20), 0, 0, 0
     kinds = [NOISES["white"], NOISES["AR 3"], NOISES["white"], NOISES["mixed 10"]]
@@ -350,9 +369,9 @@ def test_coverage_of_three_hundred_curves():
 
 @pytest.mark.verify
 def test_coverage_of_adhesion_and_of_known_relaxation():
-    """40 curves each: fewer than 33 of 95 % intervals hold the truth once in 400.
+    """At least 33 of 40 intervals of 95 % contain the truth for adhesion and known relaxation.
 
-    The third has a clear snap-in.
+    Fewer happen once in 400 by chance. The third case has a clear snap-in.
     """
     adhering = scene(HALF_SPACE, experiment={"adhesion": {"work": 0.001}})
     known = relaxing([[0.6, 0.3]], HALF_SPACE)
@@ -384,18 +403,19 @@ def test_coverage_of_adhesion_and_of_known_relaxation():
 
 WRONG = {
     "thickness": [scene({"shape": "layer", "height": height}) for height in (0.46, 1.4)],
-    "adhesion": [scene(HALF_SPACE, experiment={"adhesion": {"work": work}}) for work in (0.0012, 0.003)],
+    "adhesion": [
+        scene(HALF_SPACE, experiment={"adhesion": {"work": work}}) for work in (0.0012, 0.003)
+    ],
     "relaxation": [relaxing([[g, 0.3]], HALF_SPACE) for g in (0.3, 0.6)],
-}  # fmt: skip
+}
 
 
 @pytest.mark.verify
 def test_wrong_models_that_leave_seven_deviations_are_seen():
-    """Hertz on what is not: the truth is covered or the curve not explained in 90 %, the right
-    model named in half.
+    """Wrong models are covered or detected in 90 %, and the right one is named in half.
 
-    Counted where the best wrong fit of the curve without noise leaves sqrt(r'V^-1 r) of seven
-    deviations of the noise.
+    Hertz's model is fitted to layers, adhesion and relaxation. Counted are cases in which the best
+    wrong fit to the curve without noise leaves sqrt(r'V^-1 r) of seven deviations.
     """
     config, draw = scene(HALF_SPACE), np.random.default_rng(40)
     forces, counted, fair, named = ForwardModel(config, ["material.E"], DEEPEST), 0, 0, 0

@@ -1,4 +1,4 @@
-"""A fit of files: entries, tables and pictures, a folder that is gone on with, and what is refused."""
+"""Fits of files: entries, tables and pictures, continued folders, and what is refused."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ FORCES = ForwardModel(REQUEST.config, ["material.E"], 1.3)
 
 
 def write(path: Path, E: float = 2.0, seed: int = 0) -> Path:
-    """A curve in nm and pN, with a decimal comma."""
+    """Write a curve in nm and pN with a decimal comma."""
     force = measured(FORCES, [np.log(E)], X, drawn(WHITE, N, np.random.default_rng(seed)), c=0.1)
     rows = "".join(f"{1e3 * x:.5f};{1e3 * f:.5f}\n" for x, f in zip(X, force, strict=True))
     path.write_text("depth [nm];force [pN]\n" + rows.replace(".", ","))
@@ -41,13 +41,13 @@ def write(path: Path, E: float = 2.0, seed: int = 0) -> Path:
 
 
 def fitted(paths: list[Path], folder: Path, request: FitRequest = REQUEST, **how) -> CurveFits:  # type: ignore[no-untyped-def]
-    """The fit of some files."""
+    """Fit some files into a folder."""
     return fit_curves(paths, request, folder, **how)
 
 
 @pytest.fixture
 def curves(tmp_path: Path) -> Path:
-    """A folder of three curves, and what is none."""
+    """A folder of three curves and three files without a usable curve."""
     folder = tmp_path / "curves"
     folder.mkdir()
     for k, E in enumerate((1.0, 2.0, 4.0)):

@@ -1,6 +1,4 @@
-"""Fits of matter with a memory: tables along a measured way are the scene's runs, and the truth
-comes back.
-"""
+"""Fits of time-dependent materials: forces along a measured path, and coverage of the truth."""
 
 from __future__ import annotations
 
@@ -32,8 +30,9 @@ X = np.minimum(DEPTH * T / RAMP, DEPTH)
 
 
 def porous(fine: int = 1, **more):  # type: ignore[no-untyped-def]
-    """A draining layer on a coarse mesh, four elements in contact, in few steps: half a second a
-    run; `fine` times as many elements and steps.
+    """A draining layer on a coarse mesh, with four elements in the contact radius.
+
+    `fine` multiplies the numbers of elements and of increments.
     """
     loading = {"history": [list(corner) for corner in WAY.corners], "per_doubling": 2 * fine}
     return scene(
@@ -47,7 +46,7 @@ def table() -> ForwardModel:
 
 
 def run(config, t: np.ndarray) -> np.ndarray:  # type: ignore[no-untyped-def]
-    """The forces of a run at times, straight between its rows."""
+    """Forces of a run at given times, interpolated between its rows."""
     document = to_mapping(config)
     document["loading"]["times"] = t.tolist()
     return np.array(
@@ -59,9 +58,10 @@ def run(config, t: np.ndarray) -> np.ndarray:  # type: ignore[no-untyped-def]
 
 
 def test_a_table_is_the_run_of_other_numbers():
-    """E scales; ln D lies between nodes 0.4 apart.
+    """Interpolated forces of other parameters are those of a run, to 6e-3 of the largest.
 
-    At rows of its own the run has other steps: 4e-3 of the force.
+    E scales the force, and ln D lies between nodes that are 0.4 apart. A run with rows of its own
+    has other increments, which contribute 4e-3.
     """
     forces, t = table(), np.array([0.05, 0.1, 0.12, 0.2, 0.5, 1.0, 3.0])
     theta = np.log([3.0, 0.17])
@@ -78,7 +78,10 @@ def test_a_table_is_the_run_of_other_numbers():
 
 @pytest.mark.verify
 def test_the_truth_comes_back_with_another_first_touch():
-    """40 intervals of 95 %: fewer than 33 hold their truth once in 400."""
+    """At least 33 of 40 intervals of 95 % contain E and D, with an unknown contact point.
+
+    Fewer happen once in 400 by chance.
+    """
     forces, draw, inside = table(), np.random.default_rng(1), np.zeros(2)
     truth = forces.initial_coordinates + np.array([0.3, -0.2])
     pure = forces(truth, X, T)
@@ -93,14 +96,14 @@ def test_the_truth_comes_back_with_another_first_touch():
 
 
 def curve_of(fine: int, seed: int) -> MeasuredCurve:
-    """A curve that a run of its own makes, with half a per cent of noise, first touch at 0.3."""
+    """Curve of a run with half a per cent of noise and first contact at 0.3."""
     force = np.interp(T, np.append(0, GRADED), np.append(0, run(porous(fine), GRADED)), left=0.0)
     force = force + 0.005 * force.max() * drawn(WHITE, len(T), np.random.default_rng(seed)) + 0.01
     return MeasuredCurve("made up", force, X + 0.3, None, T + 7.0, parts=curve_parts(X))
 
 
 def followed(fine: int, seed: int):  # type: ignore[no-untyped-def]
-    """The entry of such a curve, from a scene whose E and D are off by 2 and 3."""
+    """Parameters fitted to such a curve, from a scene whose E and D are off by 2 and 3."""
     request = FitRequest(porous(fine, E=2.0, flow={"diffusivity": 0.3}), (E, D), curve_part="all")
     entry = fit_curve(curve_of(fine, seed), request, ForwardModelCache()).entry
     assert entry["status"] == "done" and entry["explained"], entry["reason"] or entry["cause"]
@@ -108,8 +111,9 @@ def followed(fine: int, seed: int):  # type: ignore[no-untyped-def]
 
 
 def test_a_curve_is_followed_along_its_own_way():
-    """Four elements in contact: forces that jump by 0.8 % where one joins, and a diffusivity off by
-    some per cent.
+    """E and D are recovered to 3 % and 8 % on four elements in the contact radius.
+
+    The force jumps by 0.8 % where a further element comes into contact.
     """
     found = followed(1, 2)
     assert found[E]["value"] == pytest.approx(1.0, rel=0.03)
@@ -118,8 +122,9 @@ def test_a_curve_is_followed_along_its_own_way():
 
 @pytest.mark.verify
 def test_a_hold_behind_a_cantilever():
-    """The way of the base is z = delta + F/k; the spring gives by a third of the depth at first and
-    less later.
+    """E and D are recovered from the motion of a cantilever's base, z = delta + F/k.
+
+    The spring yields by a third of the depth at first and by less later.
     """
     k, t = 5.0, GRADED
     force = np.interp(T, np.append(0, t), np.append(0, run(porous(2), t)), left=0.0)
@@ -141,8 +146,9 @@ def test_a_hold_behind_a_cantilever():
 
 
 def test_shear_that_relaxes_at_constant_volume_is_lee_and_radok():
-    """At nu 0.5 all moduli relax alike: the run on a mesh against theory, 1 % by its six elements
-    in contact.
+    """Shear relaxation at nu = 0.5 gives the forces of relaxation of all moduli by theory.
+
+    The tolerance is 1 %, for six elements in the contact radius.
     """
     terms, t = [[0.5, 0.3]], np.array([0.05, 0.1, 0.15, 0.3, 0.6, 1.0])
     material = {
@@ -178,7 +184,10 @@ def test_corners_of_a_measured_way():
 
 
 def test_what_scales_the_force_and_what_a_fit_does_not_follow():
-    """A permeability has a pressure in its unit: with it E is no factor of the force."""
+    """E scales the force unless a permeability, which contains a pressure, is given.
+
+    Gels and draining scenes without a path in time are refused.
+    """
     assert pressure_keys(porous()) == [E]
     assert pressure_keys(porous(flow={"permeability": 0.1})) == [E, "material.flow.permeability"]
     with pytest.raises(ConfigError, match="needs a load path in time"):

@@ -1,4 +1,4 @@
-"""Noise against dense matrices and against its own draws."""
+"""Noise against dense covariance matrices and its own random samples."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from indent_sim.fitting.inference.noise import (
 
 
 def dense(noise: Noise, n: int) -> np.ndarray:
-    """V (n, n)."""
+    """Covariance V, shape (n, n)."""
     return noise.w * np.eye(n) + (1 - noise.w) * toeplitz(noise.rho ** np.arange(n))
 
 
@@ -33,7 +33,10 @@ def test_banded_products_are_those_of_the_dense_matrix(noise):
 
 
 def test_samples_that_count_as_one():
-    """The variance of a mean is s2 samples/n: the row sums of V, but for its ends."""
+    """The variance of a mean follows from the integrated correlation time.
+
+    Reference: the sum of the dense V; its ends contribute tau/n.
+    """
     noise, n = Noise(8, 0.3), 4000
     assert (
         abs(dense(noise, n).sum() / n / noise.integrated_correlation_time - 1) < 0.005
@@ -53,9 +56,9 @@ def test_white_noise_gives_the_textbook_covariance():
 
 @pytest.mark.parametrize("name", NOISES)
 def test_intervals_of_a_line_hold_its_slope(name):
-    """95 % of 100 intervals: fewer than 86 of 100 happen once in 4000.
+    """At least 86 of 100 intervals of 95 % contain the slope of a line.
 
-    Not knowing the noise costs up to a third.
+    Fewer happen once in 4000 by chance. Unknown noise widens the intervals by up to a third.
     """
     n, noise, draw = 300, NOISES[name], np.random.default_rng(4)
     J = np.column_stack([np.ones(n), np.linspace(-1, 1, n)])
@@ -82,8 +85,9 @@ def test_the_grid_ends_at_a_quarter_of_the_record():
 
 
 def test_gains_by_accident_are_uniform():
-    """p of columns that say nothing: below 0.1 in a tenth of 200 draws, 5 to 38 in all but one case
-    of 10^4.
+    """The p-value of columns without information is uniform; that of a real column is tiny.
+
+    Of 200 draws 5 to 38 lie below 0.1, in all but one case of 10^4.
     """
     draw, x = np.random.default_rng(6), np.linspace(-1, 1, 80)
     J, extra = np.column_stack([np.ones(80), x]), np.column_stack([x**2, x**3])

@@ -1,6 +1,4 @@
-"""The scene as a function of depth and parameters, against its own theory at other depths and
-parameters.
-"""
+"""Forward model of a scene, against theory at other depths and parameters."""
 
 from __future__ import annotations
 
@@ -27,7 +25,7 @@ DEPTHS = np.array([1e-4, 0.001, 0.01, 0.03, 0.1, 0.13])
 
 
 def by_theory(config, depths=DEPTHS) -> np.ndarray:  # type: ignore[no-untyped-def]
-    """Theory's forces in the scene's units."""
+    """Theory's forces in the units of the scene."""
     given = plan_elastic_run(config, DEEPEST).scene
     scales = given.physics.scales
     curve = given.plan.theory.contact.solutions_at_depths(
@@ -42,7 +40,6 @@ def by_theory(config, depths=DEPTHS) -> np.ndarray:  # type: ignore[no-untyped-d
     [
         {"shape": "paraboloid", "R": 1.0},
         {"shape": "cone", "half_angle": 60.0},
-        # fmt: skip
         {"shape": "sphere", "R": 0.8},
         {"shape": "flat_punch", "radius": 0.3},
     ],
@@ -88,8 +85,14 @@ def test_a_body_thinner_than_the_depth_has_no_table():
 
 
 def test_roles_and_numbers_of_keys():
-    layers = {"shape": "layer", "height": 1.4, "layers": [{"thickness": 0.4}, {"thickness": 1.0, "material": {
-        "model": "linear_elastic", "E": 5.0, "nu": 0.3}}]}  # fmt: skip
+    layers = {
+        "shape": "layer",
+        "height": 1.4,
+        "layers": [
+            {"thickness": 0.4},
+            {"thickness": 1.0, "material": {"model": "linear_elastic", "E": 5.0, "nu": 0.3}},
+        ],
+    }
     config = scene(layers, experiment={"adhesion": {"work": 0.01}})
     keys = [
         "material.E",
@@ -105,8 +108,11 @@ def test_roles_and_numbers_of_keys():
     ]
     assert pressure_keys(scene()) == ["material.E"] and len(pressure_keys(config)) == 2
     assert number_at(config, "body.layers[1].material.E") == 5.0
-    for key, problem in [("material.Q", "is not a number of the scene"), ("body.shape", "is 'layer', not a number"),
-                         ("body.layers[7].thickness", "is not a number of the scene")]:  # fmt: skip
+    for key, problem in [
+        ("material.Q", "is not a number of the scene"),
+        ("body.shape", "is 'layer', not a number"),
+        ("body.layers[7].thickness", "is not a number of the scene"),
+    ]:
         with pytest.raises(ConfigError, match=problem):
             parameters_of(config, [key], DEEPEST)
     with pytest.raises(ConfigError, match="twice"):
@@ -114,7 +120,7 @@ def test_roles_and_numbers_of_keys():
 
 
 def test_two_layers_move_by_their_own_moduli():
-    """F(E_1, E_2) is homogeneous of degree one, and right where both are interpolated."""
+    """F(E_1, E_2) of two layers is homogeneous of degree one and agrees with theory."""
 
     def two(top, below):  # type: ignore[no-untyped-def]
         part = {"model": "linear_elastic", "nu": 0.4}
@@ -124,7 +130,6 @@ def test_two_layers_move_by_their_own_moduli():
                 "height": 1.2,
                 "layers": [
                     {"thickness": t, "material": part | {"E": E}}
-                    # fmt: skip
                     for t, E in ((0.4, top), (0.8, below))
                 ],
             }
@@ -144,7 +149,7 @@ def test_two_layers_move_by_their_own_moduli():
     "held", [{"cantilever": {"stiffness": 0.5}}, {"frame": {"compliance": 2.0}}]
 )
 def test_a_spring_gives_way_by_its_force(held):
-    """z = delta + F/k at the same force."""
+    """The motion of a base over a spring is z = delta + F/k at the same force."""
     rigid, soft = (
         ForwardModel(scene(experiment=more), [], DEEPEST)
         for more in ({"frame": {"compliance": 0.0}}, held)
@@ -189,7 +194,7 @@ def test_relaxation_while_the_contact_grows_is_lee_and_radok():
 
 
 def test_a_linear_rise_relaxes_exactly_at_any_times():
-    """F_el = t under one term: F = (1 - g) t + g tau (1 - exp(-t/tau))."""
+    """A linear elastic force relaxes exactly: F = (1 - g) t + g tau (1 - exp(-t/tau))."""
     law, t = ShearRelaxation((0.7,), (0.4,)), np.array([0.0, 0.1, 0.15, 0.9, 3.0])
     exact = 0.3 * t + 0.7 * 0.4 * -np.expm1(-t / 0.4)
     np.testing.assert_allclose(law.force_relaxation(t)(t), exact, rtol=1e-12)
@@ -200,7 +205,7 @@ def test_a_linear_rise_relaxes_exactly_at_any_times():
 
 
 def test_a_spring_on_a_relaxing_body_balances():
-    """z = delta + F/k at every time, of the force that belongs to these depths."""
+    """Over a spring on a relaxing body z = delta + F/k holds at every time."""
     terms = [[0.5, 0.2]]
     soft = ForwardModel(relaxing(terms, experiment={"cantilever": {"stiffness": 1.0}}), [], DEEPEST)
     rigid = ForwardModel(relaxing(terms), [], DEEPEST)

@@ -1,6 +1,4 @@
-"""Bodies from mesh files: what is read, what is refused and in which words, and what refinement
-leaves as it is.
-"""
+"""Bodies from mesh files: what is read, refused with which message, and kept by refinement."""
 
 from __future__ import annotations
 
@@ -19,7 +17,7 @@ from indent_sim.config.scene_file import load, loads
 from indent_sim.mesh import mesh_import
 from indent_sim.mesh.grid import boundary_facets, iterate_facets
 from indent_sim.mesh.imported_domain import ImportedDomain, first_contact_height, refine_domain
-from indent_sim.mesh.imported_mesh import ImportedMesh
+from indent_sim.mesh.imported_mesh import ImportedMesh, boundary_cells_of
 from indent_sim.mesh.uniform_refinement import refined_once
 from indent_sim.model.imported_body import MeshFromFile, MeshSurfaces
 from indent_sim.model.tips import Paraboloid
@@ -48,7 +46,7 @@ def piece(
     has_material: bool = True,
     **others: Any,
 ) -> ImportedMesh:
-    """What is read of a body that is written into a file."""
+    """Imported mesh of a body that is first written to a file."""
     write(folder / name, body)
     source = MeshFromFile(name, kinematics, surfaces, **others)
     return mesh_import.import_mesh(str(folder), source, has_material)
@@ -57,7 +55,7 @@ def piece(
 def scene(
     folder: Path, name: str = "part.msh", kinematics: str = "axisymmetric", *settings: str
 ) -> Scene:
-    """The scene of a file in a folder."""
+    """Scene of a mesh file in a folder."""
     (folder / "scene.yaml").write_text(
         SCENE.format(file=name, kinematics=kinematics), encoding="utf-8"
     )
@@ -65,7 +63,7 @@ def scene(
 
 
 def volume(found: ImportedMesh) -> float:
-    """The volume, or the area, of all cells together."""
+    """Volume or area of all cells together."""
     corners = found.grid.points[found.grid.cells]
     return float(np.linalg.det(corners[:, 1:] - corners[:, :1]).sum()) / (
         2 if found.dim == 2 else 6
@@ -73,7 +71,6 @@ def volume(found: ImportedMesh) -> float:
 
 
 # ---- what is read
-# ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["part.msh", "part.inp"])
@@ -114,7 +111,7 @@ def test_sets_of_points_name_the_facets_between_them(tmp_path: Path) -> None:
 def test_the_copy_of_a_piece_is_the_piece(
     tmp_path: Path, body: dict[str, Any], kinematics: Any
 ) -> None:
-    """Coordinates are written with all their digits, so that the hash, of all bytes, is the same."""
+    """A mesh written as text and imported again has the same hash, which is that of all bytes."""
     body["points"][:, :2] *= 1 / 3
     found = piece(tmp_path, body, kinematics, has_material=False, regions={"gel": None})
     source = MeshFromFile("copy.msh", kinematics, SURFACES, regions={"gel": None})  # type: ignore[dict-item]
@@ -124,7 +121,7 @@ def test_the_copy_of_a_piece_is_the_piece(
 
 
 def test_a_material_of_no_cell_makes_no_region(tmp_path: Path) -> None:
-    """As where every layer has its own: the scene warns of it."""
+    """A material that no cell has makes no region, as where every layer has its own."""
     assert piece(tmp_path, section(), regions={"gel": None}).region_names == ("gel",)
 
 
@@ -132,27 +129,24 @@ def test_a_material_of_no_cell_makes_no_region(tmp_path: Path) -> None:
 def test_half_of_a_symmetric_section_is_cut_where_the_tip_stands(
     tmp_path: Path, indenter: str
 ) -> None:
-    """Its contact has one side, and the size of an overlap: not none."""
+    """A half section with the tip at its edge gets a contact radius and no reference theory."""
     write(tmp_path / "part.msh", section())
     found = scene(tmp_path, "part.msh", "plane_strain", f"indenter={indenter}", "body.sides=free")
     assert found.sizes.a > 0 and not found.plan.theory
 
 
 def test_the_order_of_corners_is_not_the_shape(tmp_path: Path) -> None:
-    """A cell whose corners go round the other way is turned over; only one that overlaps a
-    neighbour is inverted.
-    """
+    """A cell with reversed corners is turned over; only overlapping cells are inverted."""
     body = section()
     body["cells"][::2] = body["cells"][::2, ::-1]
     assert volume(piece(tmp_path, body)) == pytest.approx(2.0, rel=1e-12)
 
 
 # ---- surfaces without names
-# ------------------------------------------------------------------------------------------
 
 
 def without_names(body: dict[str, Any]) -> dict[str, Any]:
-    """The same cells alone, as gmsh writes them where no Physical Curve or Surface was asked for."""
+    """Return the cells without groups, as gmsh writes them where no group was asked for."""
     return body | {"facets": {}, "regions": {}}
 
 
@@ -161,7 +155,10 @@ def without_names(body: dict[str, Any]) -> dict[str, Any]:
 def test_cells_alone_have_the_surfaces_that_their_names_would_give(
     tmp_path: Path, name: str, body: dict[str, Any], kinematics: Any
 ) -> None:
-    """All that faces up, down and sideways; those of a box are its four named faces."""
+    """Without groups, surfaces are found by the direction in which they face.
+
+    A box has the four named faces, and a tilted base is refused with a hint.
+    """
     body["points"][:, -1 if kinematics == "3d" else 1] += (
         body["points"][:, 0] / 10
     )  # tilted: the base is not level
@@ -209,7 +206,7 @@ def test_names_that_a_file_without_any_cannot_have(tmp_path: Path) -> None:
 
 
 def test_a_surface_by_where_it_faces_leaves_what_has_a_name(tmp_path: Path) -> None:
-    """Half of the top has the name of the base's rest: the contact is the other half."""
+    """A surface found by its direction leaves out facets that belong to a group."""
     body = section()
     body["facets"] = {"half": body["facets"]["top"][:4]}
     found = piece(tmp_path, body, "plane_strain", surfaces=MeshSurfaces(sides="half"))
@@ -227,7 +224,6 @@ def test_what_faces_up_or_down_at_two_heights_must_be_named(tmp_path: Path) -> N
 
 
 # ---- refinement
-# ------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("body", "kinematics"), [(section(), "axisymmetric"), (block(), "3d")])
@@ -246,7 +242,10 @@ def test_refinement_keeps_the_body_and_its_surfaces(
 
 
 def test_refinement_puts_new_corners_on_midside_nodes(tmp_path: Path) -> None:
-    """A quadratic arc through (0, 0), (0.5, 0.06), (1, 0): the corners of the refined top."""
+    """Refinement of quadratic cells places new corners on their midside nodes.
+
+    The top is a quadratic arc through (0, 0), (0.5, 0.06) and (1, 0).
+    """
     points = np.array(
         [
             (0, -1),
@@ -302,7 +301,6 @@ def test_refinement_puts_new_corners_on_midside_nodes(tmp_path: Path) -> None:
 
 
 # ---- the skin of a body
-# ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -311,7 +309,7 @@ def test_refinement_puts_new_corners_on_midside_nodes(tmp_path: Path) -> None:
 def test_a_scene_of_the_skin_is_that_of_the_body(
     tmp_path: Path, body: dict[str, Any], kinematics: Any
 ) -> None:
-    """Sizes, choices and pins are those of the whole mesh; and the whole is put where the skin is."""
+    """The boundary cells of a mesh give the sizes, choices, pins and grid of the whole mesh."""
     body["regions"] = {
         "gel": np.flatnonzero(np.arange(len(body["cells"])) % 3),
         "rest": np.arange(0),
@@ -321,7 +319,7 @@ def test_a_scene_of_the_skin_is_that_of_the_body(
     whole = scene(tmp_path, "part.msh", kinematics, regions, "mesh.refinements=1")
     config = load(tmp_path / "scene.yaml", (regions, "mesh.refinements=1"))
     assert isinstance(config.body, MeshFromFile)
-    skin = mesh_import.import_boundary_cells(str(tmp_path), config.body, True)
+    skin = boundary_cells_of(mesh_import.import_mesh(str(tmp_path), config.body, True))
     found = resolve(config, piece=skin)
     assert found.sizes == whole.sizes and found.plan.choices == whole.plan.choices
     assert (
@@ -353,13 +351,10 @@ def test_facets_in_lots_are_all_facets_and_neighbours_stay_together(body: dict[s
 
 
 # ---- where the tip touches
-# -------------------------------------------------------------------------------------------
 
 
 def test_first_touch_of_a_slope_is_beside_the_axis(tmp_path: Path) -> None:
-    """z = x/10 under r^2/(2 R), R = 1: z - f is largest at x = R/10, 0.005 above the place under
-    the axis.
-    """
+    """First contact on a slope z = x/10 under a paraboloid lies 0.005 higher, at x = R/10."""
     body = section()
     body["points"][:, 0] -= 1
     body["points"][:, 1] += body["points"][:, 0] / 10 * (1 + body["points"][:, 1])
@@ -368,7 +363,7 @@ def test_first_touch_of_a_slope_is_beside_the_axis(tmp_path: Path) -> None:
 
 
 def test_any_height_is_the_same_scene(tmp_path: Path) -> None:
-    """z up, any z: a body at z = 3 is the body at z = 0, and a length unit is a length unit."""
+    """A body at z = 3 gives the scene of the same body at z = 0."""
     body = section()
     write(tmp_path / "part.msh", body)
     low = scene(tmp_path)
@@ -380,8 +375,9 @@ def test_any_height_is_the_same_scene(tmp_path: Path) -> None:
 
 
 def test_facets_that_look_like_a_curved_surface_are_told_of(tmp_path: Path) -> None:
-    """z = -x^2/4 in facets of h = 1/4: each sags by h^2/16 = 1/256, where a depth of 0.02 is what
-    is asked for.
+    """Facets of a curved surface are warned of, with their sagitta h^2/16.
+
+    For z = -x^2/4 and h = 1/4 it is 1/256, beside a depth of 0.02.
     """
     body = section(1.0, 1.0, 4, 4)
     body["points"][:, 1] -= body["points"][:, 0] ** 2 / 4 * (1 + body["points"][:, 1])
@@ -398,7 +394,6 @@ def test_facets_that_look_like_a_curved_surface_are_told_of(tmp_path: Path) -> N
 
 
 # ---- what is refused
-# -------------------------------------------------------------------------------------------------
 
 
 def _pulled(body: dict[str, Any]) -> None:
@@ -441,7 +436,7 @@ def _sideways(body: dict[str, Any]) -> None:
 
 
 def _stepped(body: dict[str, Any]) -> None:
-    """A notch from the wall: its floor and the top lie above one another."""
+    """Cut a notch into the wall, so that its floor lies below the top."""
     x, z = body["points"][body["cells"]].mean(axis=1)[:, :2].T
     body["cells"] = body["cells"][~((x > 1) & (z > -0.75) & (z < -0.5))]
     body["regions"] = {"gel": np.arange(len(body["cells"]))}
@@ -601,8 +596,9 @@ def test_points_are_real_and_corners_are_whole(
 def test_an_abaqus_file_that_its_reader_mistakes_is_refused(
     tmp_path: Path, old: str, new: str, words: str
 ) -> None:
-    """meshio keeps the last of several lists of nodes, and gives the first ELSET to the first
-    block.
+    """Abaqus files that meshio misreads are refused.
+
+    It keeps the last of several lists of nodes, and gives the first ELSET to the first block.
     """
     path = write(tmp_path / "part.inp", section())
     path.write_text(path.read_text(encoding="utf-8").replace(old, new), encoding="utf-8")
@@ -611,7 +607,7 @@ def test_an_abaqus_file_that_its_reader_mistakes_is_refused(
 
 
 def test_a_file_in_several_pieces_is_refused(tmp_path: Path) -> None:
-    """meshio keeps the cells of the last one alone."""
+    """A VTU file in several pieces is refused, because meshio keeps the last one alone."""
     path = write(tmp_path / "part.vtu", section())
     text = path.read_bytes()
     begin, end = text.index(b"<Piece"), text.index(b"</Piece>") + len(b"</Piece>")
@@ -621,7 +617,6 @@ def test_a_file_in_several_pieces_is_refused(tmp_path: Path) -> None:
 
 
 # ---- files of strangers
-# ----------------------------------------------------------------------------------------------
 
 
 def test_links_lead_nowhere(tmp_path: Path) -> None:
@@ -634,7 +629,7 @@ def test_links_lead_nowhere(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("word", ["*INCLUDE", "include", "*IN*CLUDE ", "\n *Include"])
 def test_an_abaqus_file_includes_no_other(tmp_path: Path, word: str) -> None:
-    """Its reader takes all of these for the keyword."""
+    """An include in an Abaqus file is refused in every spelling that its reader accepts."""
     (tmp_path / "part.inp").write_text(f"*NODE\n{word}, INPUT=/etc/passwd\n", encoding="utf-8")
     with pytest.raises(ConfigError, match="includes another file"):
         scene(tmp_path, "part.inp")
@@ -705,9 +700,7 @@ NOT_REAL = [references, words, complex_numbers]
 
 
 def with_numbers(folder: Path, kept: Callable[[h5py.File], None]) -> None:
-    """An XDMF file whose points are kept in some way in the HDF5 file beside it; another one has
-    them as they were.
-    """
+    """XDMF file whose points are stored by `kept` in its HDF5 file; a copy has them unchanged."""
     write(folder / "part.xdmf", section())
     shutil.copy(folder / "part.h5", folder / "other.h5")
     with h5py.File(folder / "part.h5", "a") as store:
@@ -731,9 +724,7 @@ def test_an_hdf5_file_has_its_numbers_itself(
 
 
 def test_no_link_on_the_way_to_numbers_leads_out(tmp_path: Path) -> None:
-    """Each level is looked at: a group may be a link as well. And its reader takes any element for
-    a DataItem.
-    """
+    """Links out of the HDF5 file are refused at every level and in every XML element."""
     with_numbers(tmp_path, lambda store: store.update(away=h5py.ExternalLink("other.h5", "/")))
     text = (tmp_path / "part.xdmf").read_text(encoding="utf-8")
     text = text.replace("/data0", "/away/data0").replace("DataItem", "Anything")

@@ -1,6 +1,4 @@
-"""The modelled part: what its outline encloses, how far its walls are, which facets lie on which
-surface.
-"""
+"""Model domain: area of its outline, distances of its walls, and facets on its surfaces."""
 
 from __future__ import annotations
 
@@ -24,7 +22,10 @@ def part_of(outline: tuple[Side, ...]) -> ModelDomain:
 
 @pytest.mark.parametrize(("symmetry", "copies"), [("full", 1), ("half", 2), ("quarter", 4)])
 def test_copies_of_the_outline_are_the_whole_cross_section(symmetry: str, copies: int) -> None:
-    """Arcs are circles: pi R^2 and lx ly to rounding, whatever is cut away."""
+    """The area of the model domain times the symmetry factor is that of the body.
+
+    Arcs are exact: pi R^2 and lx ly are reproduced to rounding.
+    """
     for body, area in (
         (CYLINDER, pi * CYLINDER["radius"] ** 2),
         (BOX, BOX["size"][0] * BOX["size"][1]),
@@ -36,7 +37,7 @@ def test_copies_of_the_outline_are_the_whole_cross_section(symmetry: str, copies
 
 @pytest.mark.parametrize("body", [CYLINDER, BOX])
 def test_what_is_modelled_lies_where_x_and_y_grow(body: dict[str, Any]) -> None:
-    """From the mirror planes, which run through the tip."""
+    """The model domain extends from the mirror planes, through the tip, to larger x and y."""
     for symmetry, planes in (("half", 1), ("quarter", 2)):
         base = scene(body, mesh={"symmetry": symmetry, "h_contact": 0.2})
         lows = [low for low, _ in base.physics.domain.extent[:2]]
@@ -96,7 +97,10 @@ def test_facets_are_on_the_surface_that_holds_their_corners() -> None:
 
 
 def test_a_chord_between_points_of_an_arc_is_no_surface() -> None:
-    """Four points of a half circle in two triangles: the chord between them is no boundary."""
+    """A chord between distant points of an arc is not a boundary facet.
+
+    Two triangles over four points of a half circle have such a chord in common.
+    """
     half = sqrt(0.5)
     points = np.array([[1.0, 0.0], [half, half], [-half, half], [-1.0, 0.0]])
     arc = Side("top", (1.0, 0.0), (-1.0, 0.0), center=(0.0, 0.0))
@@ -112,9 +116,7 @@ QUARTER = Side("top", (1.0, -1.0), (0.0, 0.0), center=(0.0, -1.0))  # of the cir
 
 
 def test_an_arc_is_no_further_than_its_ends() -> None:
-    """Points of its circle beyond them are as far as the nearer end; rounding at the ends
-    themselves.
-    """
+    """The distance from an arc is that from its nearer end for points beyond it."""
     angle = np.radians([0.0, 30.0, 90.0, 120.0, -90.0])
     away = QUARTER.distance(np.cos(angle), -1 + np.sin(angle))
     assert away == pytest.approx([0, 0, 0, 2 * np.sin(np.radians(15)), sqrt(2)], abs=1e-15)
@@ -131,7 +133,10 @@ def test_an_arc_is_no_further_than_its_ends() -> None:
     ],
 )
 def test_the_section_of_a_round_body_encloses_its_volume(body: dict, volume: float) -> None:
-    """pi h (3 b^2 + h^2)/6, from the outline's points by Pappus' rule; arcs by 2000 chords: 1e-6."""
+    """The outline of a spherical body encloses pi h (3 b^2 + h^2)/6 by Pappus' rule.
+
+    Arcs are replaced by 2000 chords, which leaves an error below 1e-6.
+    """
     part = scene(body, mesh={"h_contact": 0.2}).physics.domain
     scale = {"ball": 2.0 if body.get("base") else 1.0, "cap": body.get("height", 0.0)}[
         body["shape"]
@@ -150,7 +155,7 @@ def test_the_section_of_a_round_body_encloses_its_volume(body: dict, volume: flo
 
 
 def test_the_halves_of_a_ball_are_two_surfaces() -> None:
-    """Both are arcs of one circle: each facet is on the one whose ends are around it."""
+    """Top and base of a ball are arcs of one circle; each facet lies on the arc around it."""
     part = scene({"shape": "ball", "radius": 1.0, "base": "fixed"}).physics.domain
     angle = np.radians([-90.0, -45.0, 0.0, 45.0, 90.0])
     points = np.vstack(
@@ -167,8 +172,9 @@ def test_the_halves_of_a_ball_are_two_surfaces() -> None:
 
 @pytest.mark.parametrize("radius", [1.0, 1e6])
 def test_a_chord_is_lifted_to_the_sphere(radius: float) -> None:
-    """Along the radius: -r^2/(radius + root) there, to rounding of the height itself beside a far
-    larger ball.
+    """Points of chords are projected onto the sphere -r^2/(radius + root).
+
+    The height keeps its relative digits next to a far larger radius, too.
     """
     r = np.array([1e-6, 1e-3, 0.1, 0.6])
     z = -r * r / (radius + np.sqrt(radius**2 - r * r))

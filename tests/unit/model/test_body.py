@@ -1,4 +1,4 @@
-"""Round bodies: the ball of a cap, the edge of its base, what is modelled of a ball."""
+"""Spherical bodies and ellipsoidal inclusions: sizes, edges, distances and overlaps."""
 
 from __future__ import annotations
 
@@ -23,8 +23,9 @@ TINY = 1e-14  # rounding of numbers near 1
     ("base_radius", "height"), [(2.0, 1.0), (1.0, 1.0), (1.0, 3.0), (100.0, 1.0)]
 )
 def test_a_cap_stands_on_its_base_radius(base_radius: float, height: float) -> None:
-    """Its foot is on the ball about (0, -radius), at its height; where it overhangs it is as wide
-    as the ball.
+    """The base edge of a cap lies on its sphere, at its height and base radius.
+
+    Where the cap overhangs, its lateral extent is the radius of the sphere.
     """
     dome = Cap(base_radius, height).spherical_body
     r, z = dome.base_edge
@@ -37,9 +38,7 @@ def test_a_cap_stands_on_its_base_radius(base_radius: float, height: float) -> N
 
 @pytest.mark.parametrize("angle", [10.0, 90.0, 150.0])
 def test_a_contact_angle_is_between_base_and_surface(angle: float) -> None:
-    """At the foot the surface is normal to the ball's radius there, which turns from the axis by
-    the contact angle.
-    """
+    """At the base edge the sphere's radius is turned from the axis by the contact angle."""
     dome = Cap(2.0, contact_angle=angle).spherical_body
     r, z = dome.base_edge
     assert np.degrees(np.arctan2(r, z + dome.radius)) == pytest.approx(angle, rel=1e-12)
@@ -56,7 +55,10 @@ def test_half_a_ball_stands_for_one_between_plates() -> None:
 
 
 def test_what_is_seen_from_above_has_equal_areas() -> None:
-    """The mean of r^2 over the disc of the widest section: midpoints give it to 1e-5."""
+    """The points of the top represent equal areas of the projected disc.
+
+    The mean of r^2 is then half the squared radius; midpoints give it to 1e-5.
+    """
     dome = SphericalBody(2.0, 3.0, "cap")
     x, y = dome.top_points()
     assert np.mean(x**2 + y**2) == pytest.approx(dome.max_section_radius**2 / 2, rel=1e-5)
@@ -72,7 +74,7 @@ def test_pieces_share_approach_and_energy() -> None:
     )
 
 
-# ---- inclusions: where they end ------------------------------------------------------------
+# ---- inclusions: where they end
 
 MATTER = LinearElastic(E=1.0, nu=0.3)
 PLACE = (0.1, -0.2, 0.3)
@@ -87,7 +89,7 @@ POINTS = (
 
 
 def on_unit_ball(count: int) -> np.ndarray:
-    """Points spread evenly (count, 3): a spiral of the golden angle."""
+    """Evenly spread points (count, 3) of the unit sphere: a spiral of the golden angle."""
     z, turn = 1 - (2 * np.arange(count) + 1) / count, np.pi * (3 - np.sqrt(5)) * np.arange(count)
     return np.column_stack(
         [np.sqrt(1 - z * z) * np.cos(turn), np.sqrt(1 - z * z) * np.sin(turn), z]
@@ -98,7 +100,10 @@ def on_unit_ball(count: int) -> np.ndarray:
     "semi_axes", [(1.0, 1.0, 1.0), (0.3, 0.5, 0.9), (1.0, 1.0, 0.1), (0.02, 1.0, 0.5)]
 )
 def test_an_ellipsoid_ends_where_its_surface_is(semi_axes: tuple[float, ...]) -> None:
-    """Nearest and farthest of 4e5 points of it, 0.006 apart, along all axes and along two: 1e-4."""
+    """Distances to an ellipsoid are those to the nearest and farthest of 4e5 surface points.
+
+    The points are 0.006 apart, which leaves 1e-4 of the farthest distance.
+    """
     found = EllipsoidInclusion(PLACE, semi_axes, MATTER)
     surface = np.array(PLACE) + on_unit_ball(400_000) * semi_axes
     for point in POINTS:
@@ -113,7 +118,7 @@ def test_an_ellipsoid_ends_where_its_surface_is(semi_axes: tuple[float, ...]) ->
 
 
 def test_an_ellipsoid_of_equal_semi_axes_is_a_ball() -> None:
-    """Whatever is asked of either, to rounding; the distance of many points at once too."""
+    """An ellipsoid with equal semi-axes has all distances of the ball, to rounding."""
     ball, round_ = (
         BallInclusion(PLACE, 0.4, MATTER),
         EllipsoidInclusion(PLACE, (0.4, 0.4, 0.4), MATTER),
@@ -154,7 +159,7 @@ BLUNT = EllipsoidInclusion((0.0, 0.0, 0.0), (0.5, 0.3, 0.1), MATTER)
     ],
 )
 def test_inclusions_overlap_where_they_are_nearer(other: Inclusion, gap: float) -> None:
-    """Than their distance along an axis; either asks the other."""
+    """Two inclusions overlap within a gap that is at least their distance, asked either way."""
     for one, two in ((BLUNT, other), (other, BLUNT)):
         assert one.overlaps(two, gap + 1e-6)
         assert not gap or not one.overlaps(two, gap - 1e-6)

@@ -1,4 +1,4 @@
-"""What contact laws say of themselves."""
+"""Properties of contact laws."""
 
 from __future__ import annotations
 

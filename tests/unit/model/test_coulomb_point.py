@@ -1,6 +1,4 @@
-"""Coulomb's law at a point: against its variational form, a path in small steps, and UFL against
-numpy.
-"""
+"""Coulomb's law at a point: its variational form, a path, and UFL against numpy."""
 
 from __future__ import annotations
 
@@ -26,8 +24,9 @@ TRACTIONS = [(0.3, 0.1), (-0.02, 0.05), (0.0, -2.0), (0.08, 0.06)]
 @pytest.mark.parametrize("t_hat", TRACTIONS)
 @pytest.mark.parametrize("p", [0.0, 0.3, 5.0])
 def test_the_traction_is_the_nearest_within_the_bound(t_hat: tuple[float, float], p: float) -> None:
-    """Of all tractions no longer than friction p none is nearer to the trial one; a grid of angles
-    and lengths.
+    """The traction is the projection of the trial traction onto the disc of Coulomb's bound.
+
+    Reference: the nearest point on a grid of angles and lengths.
     """
     point = CoulombPoint(0.4, p, t_hat)
     t = [point.traction_ratio * c for c in t_hat]
@@ -47,8 +46,9 @@ def test_no_traction_of_stick_is_bounded() -> None:
 
 
 def test_heat_is_traction_times_way_at_constant_pressure() -> None:
-    """A spring epsilon_t drags a point with p = 2 along x: it slips by what the spring does not
-    give.
+    """The dissipation at constant pressure is friction p times the slip.
+
+    A tangential stiffness epsilon_t drags the point along x at p = 2.
     """
     friction, p, epsilon_t, moved = 0.3, 2.0, 50.0, 0.1
     point = CoulombPoint(friction, p, [epsilon_t * moved])
@@ -63,8 +63,9 @@ def test_heat_is_traction_times_way_at_constant_pressure() -> None:
 
 
 def test_what_leaves_rubs_with_half_its_pressure() -> None:
-    """Over a way of 0.1, of which a third is left, with friction 0.3 and a pressure that falls from
-    2 to 0.
+    """A point that separates dissipates with the mean of its pressures.
+
+    A third of a way of 0.1 is left, with friction 0.3 and a pressure that falls from 2 to 0.
     """
     assert dissipation_on_separation(0.3, 2.0, [0.1], 2 / 3) == pytest.approx(
         0.3 * 1.0 * 0.1 / 3, rel=1e-12
@@ -72,7 +73,7 @@ def test_what_leaves_rubs_with_half_its_pressure() -> None:
 
 
 def test_a_gap_that_closes_or_opens() -> None:
-    """Rows: came into contact, stays out, stays in, left."""
+    """New contact and passed gap of points that close, stay open, stay closed and open."""
     opening, p_hat = np.array([0.01, 0.01, -0.02, -0.02]), np.array([1.0, -1.0, 1.0, -3.0])
     is_new = is_new_contact(opening, 0.1)
     assert is_new.tolist() == [1.0, 1.0, 0.0, 0.0]

@@ -1,6 +1,4 @@
-"""An experiment without units: the same numbers whatever units the scene came in; the points of a
-history.
-"""
+"""Nondimensional experiments do not depend on the units of the scene; points of a history."""
 
 from __future__ import annotations
 
@@ -22,9 +20,7 @@ def numbers(part: Any) -> list[float]:
 
 
 def in_units(length: float, force: float, dim: int) -> Experiment:
-    """One experiment in units of so many meters and newtons, in plane strain newtons per meter;
-    times in seconds.
-    """
+    """One experiment in units of so many meters and newtons; in plane strain newtons per meter."""
     work = force / length if dim == 3 else force  # energy per area: pressure times length
     return Experiment(
         JKRAdhesion(2e-3 / work, 3e-9 / length),
@@ -37,7 +33,10 @@ def in_units(length: float, force: float, dim: int) -> Experiment:
 
 @pytest.mark.parametrize(("dim", "pieces"), [(3, 1), (3, 2), (2, 1)])
 def test_units_go_away(dim: int, pieces: int) -> None:
-    """The unit of pressure follows from those of length and force."""
+    """A nondimensional experiment is the same for every choice of units.
+
+    A spring that yields by w under a force f still does so without units.
+    """
     height, E = 1e-5, 1e3  # [m], [Pa]
     found = []
     for length, force in ((1.0, 1.0), (1e-6, 1e-9)):
@@ -54,7 +53,7 @@ def test_units_go_away(dim: int, pieces: int) -> None:
 
 
 def test_a_history_has_a_row_at_every_point() -> None:
-    """At a jump one before and one after; from rest none before; and its own times become points."""
+    """A history has a row at every point, two at a jump, and its own times become points."""
     points = ((0.0, 0.5), (1.0, 0.5), (1.0, 0.2), (3.0, 0.0))
     history = Loading(history=points, times=(0.25, 2.0)).prescribed_history
     assert (

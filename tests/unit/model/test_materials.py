@@ -1,4 +1,4 @@
-"""The constants of a material law: what they say of each other, and what is refused."""
+"""Constants of material laws: their relations, and what is refused."""
 
 from __future__ import annotations
 
@@ -29,14 +29,18 @@ def test_small_strain_modulus(law: Any, mu: float) -> None:
 
 
 def test_kappa_says_what_nu_says() -> None:
-    """kappa = 2 mu (1 + nu) / (3 (1 - 2 nu))."""
+    """A law given by kappa has the constants of the same law given by nu.
+
+    kappa = 2 mu (1 + nu) / (3 (1 - 2 nu)).
+    """
     law = Gent(mu=1.0, Jm=9.0, kappa=2 * 1.3 / 3 / 0.4).canonical()
     assert law.constants == pytest.approx(Gent(mu=1.0, Jm=9.0, nu=0.3).constants, rel=1e-14)
 
 
 def surface_compliance(C11: float, C13: float, C33: float, C44: float) -> float:
-    """w k/p of a half-space from its decaying waves: v' = A v for u_r, u_z, sigma_rz, sigma_zz of
-    wavenumber k = 1.
+    """w k/p of an anisotropic half-space from its decaying waves at wavenumber k = 1.
+
+    The waves solve v' = A v for u_r, u_z, sigma_rz and sigma_zz.
     """
     A = np.array(
         [
@@ -142,6 +146,6 @@ def test_what_is_wrong_is_said(case: str) -> None:
 
 
 def test_a_bulk_modulus_lost_beside_the_shear_modulus_is_refused():
-    """kappa/mu = 1e-17 is below rounding: nu would be -1 and E nothing."""
+    """A ratio kappa/mu below rounding is refused, because nu would be -1 and E zero."""
     with pytest.raises(ValueError, match="nu would be -1"):
         Gent(mu=1e17, Jm=1.0, kappa=1.0).canonical()

@@ -1,4 +1,4 @@
-"""Drucker's condition: laws known to be stable, and one whose loss is known by hand."""
+"""Drucker's stability: laws known to be stable, and known points of instability."""
 
 from __future__ import annotations
 
@@ -36,8 +36,9 @@ STABLE = {
 
 
 def test_convex_laws_that_stiffen_steeply() -> None:
-    """sum mu_i/alpha_i exp(alpha_i e) is convex wherever every mu_i alpha_i > 0, also where it
-    overflows.
+    """Ogden laws with every mu_i alpha_i > 0 are stable, also where the energy overflows.
+
+    sum mu_i/alpha_i exp(alpha_i e) is then convex.
     """
     draw = np.random.default_rng(25)
     for _ in range(40):
@@ -54,16 +55,16 @@ def test_convex_laws_that_stiffen_steeply() -> None:
 
 @pytest.mark.parametrize("name", STABLE)
 def test_stable_laws(name: str) -> None:
-    """Each energy is a sum of convex functions of the logarithmic strains: exp(alpha e) with
-    positive factors, or an increasing convex function of such a sum.
-    """
+    """Laws whose energy is convex in the logarithmic strains have no instability."""
     assert stability_losses(STABLE[name].energy_of_stretches, 0.7) == []
 
 
 def test_negative_C01_is_lost_where_it_is_by_hand() -> None:
-    """Equibiaxial, psi = 2 C10 e^2x + C10 e^-4x + C01 (2 e^-2x + e^4x); its second derivative along
-    the path vanishes where 8 C10 (x^2 + 2 x^-4) + C01 (8 x^-2 + 16 x^4) = 0, and across it, 4
-    C10 s^2 + 4 C01 s^-2 = 0, later. 1 %: the stretches that are tried.
+    """A Mooney-Rivlin law with C01 < 0 is lost in equibiaxial tension where it is by hand.
+
+    The second derivative of psi = 2 C10 e^2x + C10 e^-4x + C01 (2 e^-2x + e^4x) along the path
+    vanishes where 8 C10 (x^2 + 2 x^-4) + C01 (8 x^-2 + 16 x^4) = 0; across it, 4 C10 s^2 + 4 C01
+    s^-2 = 0 follows later. The tolerance of 1 % is the spacing of the stretches that are tried.
     """
     law = MooneyRivlin(C10=0.5, C01=-0.05, nu=0.5)
     found = {
@@ -76,7 +77,10 @@ def test_negative_C01_is_lost_where_it_is_by_hand() -> None:
 
 
 def test_gent_ends_at_its_limit() -> None:
-    """Uniaxial, stretch^2 + 2/stretch - 3 = Jm. 1 %: the stretches that are tried."""
+    """A Gent law is lost at its limit, stretch^2 + 2/stretch - 3 = Jm in uniaxial tension.
+
+    The tolerance is the spacing of the stretches that are tried.
+    """
     (tension,) = (
         loss.stretch
         for loss in stability_losses(Gent(mu=1.0, Jm=2.0, nu=0.5).energy_of_stretches, 1.0)
@@ -86,7 +90,7 @@ def test_gent_ends_at_its_limit() -> None:
 
 
 def test_the_scene_warns() -> None:
-    """Where the law is lost within reach, and not where it is not."""
+    """A scene warns of an instability within its strains, and of none beyond them."""
     sphere, deep = {"shape": "sphere", "R": 1.0}, {"delta": 0.4, "steps": 1}
     soft = {"model": "mooney_rivlin", "C10": 0.5, "C01": -0.05, "nu": 0.5}
     warned = scene(WALLED, material=soft, indenter=sphere, loading=deep).plan.warnings
@@ -101,9 +105,7 @@ def test_the_scene_warns() -> None:
 
 @pytest.mark.parametrize("b", [1e-9, 1.0, 30.0, 1e4])
 def test_fung_has_no_warning(b: float) -> None:
-    """exp(b (I1 - 3)) is convex in logarithmic strains for every b > 0, also where no number holds
-    it.
-    """
+    """Fung's law has no warning: exp(b (I1 - 3)) is convex for every b > 0."""
     law = Fung(mu=1.0, b=b, nu=0.45)
     assert instability_warnings(law, 2.0) == []
     assert (
@@ -113,9 +115,10 @@ def test_fung_has_no_warning(b: float) -> None:
 
 @pytest.mark.parametrize("nu", [-0.3, -0.1])
 def test_a_compressed_auxetic_body_is_warned_of(nu: float) -> None:
-    """Along l = exp(e) all round psi = 3 mu/2 (l^2 - 1) - 3 mu e + 9/2 lame_lambda e^2, whose
-    second derivative by e, 6 mu l^2 + 9 lame_lambda, is zero where the warning says (three
-    digits are told), and only for nu < 0.
+    """An auxetic neo-Hookean body is warned of where isotropic compression is unstable.
+
+    Along l = exp(e) the energy is psi = 3 mu/2 (l^2 - 1) - 3 mu e + 9/2 lame_lambda e^2; its second
+    derivative 6 mu l^2 + 9 lame_lambda vanishes only for nu < 0. The warning has three digits.
     """
     law, quiet = NeoHookean(E=1.0, nu=nu), NeoHookean(E=1.0, nu=0.3)
     (warned,) = instability_warnings(law, 1.5)
@@ -127,7 +130,10 @@ def test_a_compressed_auxetic_body_is_warned_of(nu: float) -> None:
 
 
 def test_the_strain_grows_with_the_tip() -> None:
-    """A sphere's slope at a = 0.6 R is 0.75; a thin layer's own compression counts too."""
+    """The largest strain is the slope of a sphere at the contact edge, or a thin layer's strain.
+
+    At a = 0.6 R the slope is 0.75.
+    """
     assert largest_strain(Sphere(R=1.0), 0.6, 0.2, 10.0) == pytest.approx(0.75, rel=0.02)
     assert largest_strain(Sphere(R=1.0), 0.6, 0.2, 0.25) == pytest.approx(-np.log(0.2), rel=1e-12)
     assert set(DEFORMATION_MODES) == {"uniaxial", "equibiaxial", "planar"}

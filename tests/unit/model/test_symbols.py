@@ -1,6 +1,4 @@
-"""The glossary is complete: no name in YAML, CSV or the states without a meaning, a sign and a
-dimension.
-"""
+"""The glossary has a meaning, a symbol and a dimension for every name in YAML and CSV."""
 
 from __future__ import annotations
 
@@ -10,7 +8,7 @@ import re
 from typing import get_args, get_origin
 
 import pytest
-from reference_pages import config_markdown
+from reference_pages import config_page
 
 from indent_sim.config import schema
 from indent_sim.config.json_schema import json_schema, sections_and_kinds
@@ -27,17 +25,25 @@ from indent_sim.studies.reference import scoreboard
 
 
 def yaml_fields() -> list[tuple[str, type, str]]:
-    """Section, dataclass and name of every key of the scene file; keys inside, and those of items,
-    are of their own.
+    """Section, dataclass and name of every key of the scene file.
+
+    Keys inside a key and keys of list items have their own entries.
     """
     found = [("", Config, name) for name in Config.model_fields]
     for section, kinds in schema.sections().items():
         for kind in kinds:
             inside = {name: bare_type(hint) for name, hint in field_types(kind).items()}
+            innermost = {
+                name: bare_type(hint)
+                for owner in inside.values()
+                if dataclasses.is_dataclass(owner)
+                for name, hint in field_types(owner).items()
+            }
             owners = [
                 (section, kind),
                 *((section, hint) for hint in inside.values()),
                 *inside.items(),
+                *innermost.items(),
             ]
             lists = {
                 name: bare_type(hint)
@@ -58,46 +64,53 @@ def yaml_fields() -> list[tuple[str, type, str]]:
     return list(dict.fromkeys(found))
 
 
-@pytest.mark.parametrize(("section", "kind", "name"), yaml_fields())
-def test_every_key_has_a_meaning(section, kind, name):
-    symbol = lookup(name, section)
-    assert symbol and symbol.meaning, f"add {name} to indent_sim/model/symbols.py"
-    unit = unit_of(field_types(kind)[name])
-    if unit:
-        assert symbol.dimension == unit.text
+def test_every_key_has_a_meaning():
+    """Every key of the scene file has a glossary entry, with the dimension of its unit."""
+    missing = []
+    for section, kind, name in yaml_fields():
+        symbol = lookup(name, section)
+        unit = unit_of(field_types(kind)[name])
+        if not symbol or not symbol.meaning or (unit and symbol.dimension != unit.text):
+            missing.append((section, kind.__name__, name))
+    assert missing == [], "add them to indent_sim/model/symbols.py"
 
 
-@pytest.mark.parametrize(("section", "kind"), [("", Config), *sections_and_kinds()])
-def test_what_has_a_dimension_is_marked_with_it(section, kind):
-    """Quantities are converted, and numbers scaled, by the marks."""
-    for name, hint in field_types(kind).items():
-        assert unit_of(hint) or lookup(name, section).dimension in ("1", "word"), (
-            f"mark {name} of {kind} with its unit"
-        )
+def test_what_has_a_dimension_is_marked_with_it():
+    """Every key whose glossary entry has a dimension is marked with a unit.
+
+    By these marks quantities are converted and scenes are scaled.
+    """
+    unmarked = [
+        (section, kind.__name__, name)
+        for section, kind in [("", Config), *sections_and_kinds()]
+        for name, hint in field_types(kind).items()
+        if not unit_of(hint) and lookup(name, section).dimension not in ("1", "word")
+    ]
+    assert unmarked == [], "mark them with their units"
 
 
-@pytest.mark.parametrize(
-    "name", [*STATE_COLUMNS, *DERIVED_COLUMNS, "force_error", *SURFACE_COLUMNS]
-)
-def test_every_column_has_a_meaning(name):
-    assert name in SYMBOLS, f"add {name} to indent_sim/model/symbols.py"
+def test_every_column_has_a_meaning():
+    """Every column of the row table and the surface table has a glossary entry."""
+    columns = [*STATE_COLUMNS, *DERIVED_COLUMNS, "force_error", *SURFACE_COLUMNS]
+    assert [name for name in columns if name not in SYMBOLS] == []
 
 
-@pytest.mark.parametrize(
-    "name", ["index", "run", *study_table.STUDY_COLUMNS, *scoreboard.SCOREBOARD_COLUMNS]
-)
-def test_every_column_of_a_study_has_a_meaning(name):
-    assert lookup(name, "study"), f"add {name} to indent_sim/model/symbols.py"
+def test_every_column_of_a_study_has_a_meaning():
+    """Every column of a study's table and scoreboard has a glossary entry."""
+    columns = ["index", "run", *study_table.STUDY_COLUMNS, *scoreboard.SCOREBOARD_COLUMNS]
+    assert [name for name in columns if not lookup(name, "study")] == []
 
 
-@pytest.mark.parametrize("name", [*fit_table.FIRST_COLUMNS, *fit_table.LAST_COLUMNS])
-def test_every_column_of_a_fit_has_a_meaning(name):
-    assert lookup(name, "fit"), f"add {name} to indent_sim/model/symbols.py"
+def test_every_column_of_a_fit_has_a_meaning():
+    """Every column of a fit's table has a glossary entry."""
+    columns = [*fit_table.FIRST_COLUMNS, *fit_table.LAST_COLUMNS]
+    assert [name for name in columns if not lookup(name, "fit")] == []
 
 
-@pytest.mark.parametrize("name", [*study_file.STUDY_KEYS, *parameter_points.RANGE_KEYS, "zip"])
-def test_every_key_of_a_study_has_a_meaning(name):
-    assert lookup(name, "study"), f"add {name} to indent_sim/model/symbols.py"
+def test_every_key_of_a_study_has_a_meaning():
+    """Every key of a study file and of its ranges has a glossary entry."""
+    keys = [*study_file.STUDY_KEYS, *parameter_points.RANGE_KEYS, "zip"]
+    assert [name for name in keys if not lookup(name, "study")] == []
 
 
 @pytest.mark.parametrize("kind", [State, Surface])
@@ -141,7 +154,7 @@ def test_the_json_schema_knows_walls_tags_and_defaults():
 
 
 def test_the_page_of_the_scene_file_says_which_sections_another_may_replace():
-    """As a scene of layers with their own materials has no section of its own for one."""
+    """The page of the scene file marks `material` as replaceable by materials of layers."""
     layers = [{"material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3}}]
     body, loading = {"shape": "half_space", "layers": layers}, {"history": [[0, 0], [1, 0.01]]}
     config_from_mapping(
@@ -149,19 +162,20 @@ def test_the_page_of_the_scene_file_says_which_sections_another_may_replace():
     )
     rows = [
         row.split(" | ")
-        for row in config_markdown().splitlines()
-        if "](#" in row and "**required**" in row
+        for row in config_page().splitlines()
+        if row.startswith("| [`") and "**required**" in row
     ]
-    unless = {
-        row[0].strip("| [`").split("`")[0]: "unless" in row[1]
-        for row in rows
-        if not row[0].endswith("[]")
-    }
+    unless = {row[0].strip("| [`").split("`")[0]: "unless" in row[1] for row in rows}
     assert {name for name, is_conditional in unless.items() if is_conditional} == {"material"}
 
 
+def test_the_page_of_the_scene_file_has_no_row_twice():
+    rows = [row for row in config_page().splitlines() if row.startswith("| `")]
+    assert len(rows) > 100 and len(rows) == len(set(rows))
+
+
 def test_the_page_of_the_scene_file_has_every_key():
-    page = config_markdown()
+    page = config_page()
     missing = [
         name
         for section, kind, name in yaml_fields()

@@ -1,4 +1,4 @@
-"""Tips as formulas: against theory's own shapes, against geometry, and numpy against UFL."""
+"""Tips as formulas: against theory's shapes, against geometry, and numpy against UFL."""
 
 from __future__ import annotations
 
@@ -53,19 +53,22 @@ POINTS = np.random.default_rng(1).uniform(-0.6, 0.6, (2, 400))
 
 @cache
 def gauss() -> tuple[np.ndarray, np.ndarray]:
-    """A rule of 2000 points from 0 to pi/2."""
+    """Nodes and weights of a Gauss rule of 2000 points from 0 to pi/2."""
     x, w = np.polynomial.legendre.leggauss(2000)
     return np.pi / 4 * (x + 1), np.pi / 4 * w
 
 
 def on_axis_plane(tip: Indenter, r: np.ndarray) -> np.ndarray:
-    """Height along x."""
+    """Height of a tip along x."""
     return np.asarray(tip.height(r, 0.0 * r), dtype=float)
 
 
 @pytest.mark.parametrize("tip", OF_REVOLUTION.values(), ids=OF_REVOLUTION)
 def test_height_has_the_abel_transform_of_theory(tip: Indenter) -> None:
-    """g(x) = x int_0^(pi/2) f'(x sin q) dq with f' from differences of the height, Gauss in q."""
+    """The height's Abel transform, by quadrature, is theory's shape of the tip.
+
+    g(x) = x int_0^(pi/2) f'(x sin q) dq, with f' from differences of the height.
+    """
     q, weight = gauss()
     known = theory_tip_shape(tip)
     assert known is not None
@@ -93,9 +96,7 @@ def test_height_is_convex_continuous_and_starts_at_the_apex(tip: Indenter) -> No
 
 @pytest.mark.parametrize("tip", SMOOTH.values(), ids=SMOOTH)
 def test_smooth_tips_have_a_continuous_slope(tip: Indenter) -> None:
-    """Second differences over a step h stay below h^2/radius; a corner would leave its jump times
-    h.
-    """
+    """Second differences of smooth tips are of the order h^2, as a kink's would not be."""
     x, y = POINTS
     h = 1e-4
     for a, b in ((1.0, 0.0), (0.0, 1.0), (0.6, 0.8)):
@@ -105,9 +106,9 @@ def test_smooth_tips_have_a_continuous_slope(tip: Indenter) -> None:
 
 @pytest.mark.parametrize("tip", TIPS.values(), ids=TIPS)
 def test_current_gap_vanishes_on_the_tip_and_is_a_length(tip: Indenter) -> None:
-    """Zero where depth = height; there, a step along the normal changes it by the step.
+    """The current gap is zero on the tip, and changes by a step along the normal there.
 
-    Open below, closed above.
+    It is positive below the tip and negative above its surface.
     """
     x, y = POINTS
     z = np.asarray(tip.height(x, y), dtype=float)
@@ -134,19 +135,14 @@ DEPTHS = np.linspace(-1.0, 8.0, 1801)
 
 @pytest.mark.parametrize("name", sorted(TIPS.keys() - {"sphere"}))
 def test_the_gap_falls_with_the_depth(name: str) -> None:
-    """Wherever a point is, however deep the tip: what it has passed does not come free again.
-
-    To rounding.
-    """
+    """The current gap of any point decreases monotonically with the depth, to rounding."""
     gap = TIPS[name].gap_current(*(c[:, None] for c in 3 * POINTS), DEPTHS)
     assert np.all(np.isfinite(gap)) and np.diff(gap).max() < 1e-12
 
 
 @pytest.mark.parametrize("edge", [1e-6, 0.3, 0.999999])
 def test_the_gap_of_a_punch_does_not_jump(edge: float) -> None:
-    """From under the flat to beside the wall, at any depth: it falls by the depth over half the
-    edge, smoothly.
-    """
+    """The current gap of a rounded punch has no jump from its flat to its wall, at any depth."""
     r = np.concatenate(
         [np.linspace(0, 1 - edge, 50), np.linspace(1 - edge, 1, 2000), np.linspace(1, 3, 50)]
     )
@@ -160,8 +156,9 @@ def test_the_gap_of_a_punch_does_not_jump(edge: float) -> None:
 
 
 def test_a_ball_is_whole_but_for_its_stem() -> None:
-    """The distance to the ball outside the stem's cone; on the axis falling with the depth, through
-    the center too.
+    """Outside the cone of the stem the current gap of a sphere is the distance to the ball.
+
+    On the axis it falls with the depth, through the center, too.
     """
     ball, angle = Sphere(1.3), np.radians(np.linspace(31, 180, 50))
     for distance in (0.7, 1.3, 2.0):
@@ -174,7 +171,7 @@ def test_a_ball_is_whole_but_for_its_stem() -> None:
 
 @pytest.mark.parametrize("name", ["sphere", "punch", "profile"])
 def test_the_end_of_a_tip_is_out_of_reach(name: str) -> None:
-    """Of one of a micrometre in a body of a metre too."""
+    """The height beyond the end of a tip is out of reach, also for a micrometre-sized tip."""
     small = {
         "sphere": Sphere(1e-6),
         "punch": FlatPunch(1e-6),
@@ -185,8 +182,9 @@ def test_the_end_of_a_tip_is_out_of_reach(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["sphere", "cone", "flat_punch", "pyramid", "triangle"])
 def test_current_gap_is_the_distance_to_the_surface(name: str) -> None:
-    """Against the nearest of many points of the surface: their spacing of 0.004 makes 0.004^2/(8
-    distance) at most.
+    """The current gap is the distance to the nearest of many points of the surface.
+
+    Their spacing of 0.004 leaves 0.004^2/(8 distance) at most.
     """
     tip = TIPS[name]
     lattice = np.linspace(-0.9, 0.9, 451)
@@ -212,13 +210,15 @@ def test_numpy_and_ufl_evaluate_alike(tip: Indenter) -> None:
 
 
 def ufl_value(expression: Any) -> float:
-    """The value of a UFL expression."""
+    """Value of a UFL expression."""
     return float(ufl.as_ufl(expression)(()))
 
 
 def test_hyperboloid_between_its_limits() -> None:
-    """Near the apex the paraboloid, to (r/b)^2/4 with b = R cot(half_angle); far away the cone, R
-    cot^2 lower, to b/r of that; and f + R cot^2 over r is on the hyperbola, to rounding.
+    """A hyperboloid is a paraboloid near its apex, a shifted cone far away, a hyperbola between.
+
+    The paraboloid holds to (r/b)^2/4 with b = R cot(half_angle), and the cone to b/r of the shift R
+    cot^2(half_angle).
     """
     tip, r = Hyperboloid(0.2, 50.0), np.geomspace(1e-9, 1e-3, 20)
     slope = 1 / np.tan(np.radians(50))
@@ -237,9 +237,7 @@ def test_hyperboloid_between_its_limits() -> None:
 
 
 def test_blunt_pyramid_between_its_limits() -> None:
-    """Far from the apex the faces of a sharp one, shifted; along a face's normal the profile of the
-    blunt cone.
-    """
+    """A blunt pyramid is a shifted sharp one far away, and the blunt cone along a face normal."""
     blunt, sharp, cone = Pyramid(60.0, tip_radius=0.1), Pyramid(60.0), Cone(60.0, 0.1)
     r = np.linspace(0, 1, 50)
     assert on_axis_plane(blunt, r) == approx(on_axis_plane(cone, r), abs=1e-14)
@@ -248,7 +246,7 @@ def test_blunt_pyramid_between_its_limits() -> None:
 
 
 def test_many_faces_are_a_cone() -> None:
-    """A regular polygon of 64 sides is a circle within 1 - cos(pi/64) = 0.12 %."""
+    """A pyramid of 64 faces is the cone within 1 - cos(pi/64) = 0.12 %."""
     x, y = POINTS
     assert Pyramid(70.0, faces=64).height(x, y) == approx(Cone(70.0).height(x, y), rel=1.3e-3)
 
@@ -262,10 +260,9 @@ def test_many_faces_are_a_cone() -> None:
     ],
 )
 def test_area_of_a_standard_pyramid(tip, area: float, tolerance: float) -> None:
-    """The area functions of ISO 14577-2, A = 24.49 h^2, 24.50 h^2 and 2.60 h^2, and pi radius^2 is
-    that area.
+    """Standard pyramids have the area functions of ISO 14577-2.
 
-    The tolerances are those of 65.27 degrees, and of the digits given.
+    They are 24.49 h^2, 24.50 h^2 and 2.60 h^2; the tolerances come from the digits of the angles.
     """
     assert np.pi * tip.radius_at(1.0) ** 2 == approx(area, rel=tolerance)
 
@@ -312,7 +309,7 @@ def test_pyramid_turns_with_its_rotation() -> None:
 def test_mirror_planes_of_a_pyramid(
     faces: int, rotation: float, mirrors: tuple[bool, bool]
 ) -> None:
-    """The planes through x and through y; the formula must agree with the shape."""
+    """The stated mirror planes through x and y are those of the height."""
     tip = Pyramid(70.0, faces=faces, rotation=rotation)
     x, y = POINTS
     assert (tip.has_mirror_plane(0.0), tip.has_mirror_plane(90.0)) == mirrors
@@ -322,8 +319,9 @@ def test_mirror_planes_of_a_pyramid(
 
 @pytest.mark.parametrize("tip", TIPS.values(), ids=TIPS)
 def test_radius_of_a_section(tip: Indenter) -> None:
-    """sqrt(area/pi) of the section, counted on a lattice: within 2 %, and where arcs are left out a
-    little more.
+    """radius_at is sqrt(area/pi) of the section, counted on a lattice to 2 %.
+
+    Where rounded edges are left out the tolerance is 15 %.
     """
     lattice = np.linspace(-1.5, 1.5, 1201)
     X, Y = np.meshgrid(lattice, lattice)
@@ -350,7 +348,7 @@ def test_impossible_profiles(points: Any, tip_radius: float, fragment: str) -> N
 
 
 def test_a_paraboloid_through_points() -> None:
-    """Straight pieces through 40 points are above the paraboloid by at most (1/40)^2/8R."""
+    """A profile through 40 points of a paraboloid is above it by at most (1/40)^2/8R."""
     r = np.linspace(0, 1, 41)
     tip = Profile(tuple((float(s), float(s * s / 2)) for s in r))
     tip.check_points()
@@ -360,8 +358,9 @@ def test_a_paraboloid_through_points() -> None:
 
 
 def test_a_hyperboloid_is_rounded_where_its_paraboloid_goes_over_into_its_cone() -> None:
-    """There its slope is 1/sqrt(2) of the cone's, the paraboloid's as large as the cone's: no mesh
-    with larger elements knows its largest pressure.
+    """The width of a hyperboloid's apex is where its slope is 1/sqrt(2) of the cone's.
+
+    Larger elements cannot resolve its largest pressure.
     """
     tip = Hyperboloid(0.1, 70.0)
     ((r, width),) = tip.slope_discontinuities()
@@ -371,7 +370,7 @@ def test_a_hyperboloid_is_rounded_where_its_paraboloid_goes_over_into_its_cone()
 
 
 def test_a_plate_is_a_plane() -> None:
-    """Its gap is the height below it, whatever the place."""
+    """The current gap of a plate is the distance below it at every place."""
     x, y = POINTS
     assert np.all(np.asarray(Plate().height(x, y)) == 0.0)
     assert np.array_equal(Plate().gap_current(x, y, x), -x)
@@ -382,7 +381,7 @@ def test_a_plate_is_a_plane() -> None:
     "tip", [Sphere(1.3), FlatPunch(1.0, 0.3), Profile(BITS), Cone(65.0), Paraboloid(1.3)]
 )
 def test_no_gap_is_written_beside_a_tip_that_ends(tip: Indenter) -> None:
-    """Out to its end, as far as geometry goes, the gap is what it was; beyond there is none."""
+    """The gap is kept up to the end of a tip and is NaN beyond it."""
     r = np.array([0.0, 0.5, 0.9, 1.7, 40.0])
     gap = np.asarray(tip.height(r, 0.0 * r), dtype=float) - 0.1
     ends = {"sphere": 1.3, "flat_punch": 1.0, "profile": 1.0}.get(tip.shape, np.inf)

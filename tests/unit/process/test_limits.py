@@ -1,4 +1,4 @@
-"""What the system does not let a process have is an expected failure with its exit code."""
+"""Limits of the system are expected failures with an exit code."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_other_failures_pass(error: Exception) -> None:
 
 
 class Error(RuntimeError):
-    """As petsc4py's."""
+    """Error like petsc4py's."""
 
     __module__ = "petsc4py.PETSc"
 
@@ -106,7 +106,7 @@ def test_signals_stop(number: signal.Signals) -> None:
 
 
 def test_nohup_is_honoured() -> None:
-    """A SIGHUP that is ignored stays ignored, inside and after, while the other signals stop."""
+    """An ignored SIGHUP stays ignored while the other signals are handled."""
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         with raise_on_signals():

@@ -1,4 +1,4 @@
-"""How long steps take, and how long the others will, by a clock that the test moves."""
+"""Progress estimate: duration of increments and the remaining time, on a simulated clock."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ from indent_sim.process.usage import ProgressEstimate, duration_text
 def test_a_step_has_its_own_time_and_the_rest_that_of_the_steps_so_far(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The first step, with mesh and compilers, tells nothing of the others."""
+    """The remaining time is estimated from all increments but the first one.
+
+    The first increment includes meshing and compilation.
+    """
     clock = iter([0.0, 60.0, 62.0, 66.0, 69.0])
     monkeypatch.setattr(usage.time, "monotonic", lambda: next(clock))
     pace = ProgressEstimate(last_step_end=next(clock))

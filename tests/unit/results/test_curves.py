@@ -1,4 +1,4 @@
-"""Smooth curves through rows, and the branches of a path."""
+"""Smooth curves through rows, and the branches of a load path."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from indent_sim.results.pictures import curves
 
 
 def test_a_smooth_curve_goes_through_its_points_and_never_beyond_them():
-    """On random steps up: no value outside those of the two neighbours."""
+    """A smooth curve goes through its points and is monotone between increasing ones."""
     chance = np.random.default_rng(0)
     for _ in range(50):
         x, y = np.cumsum(chance.uniform(0.1, 1, 8)), np.cumsum(chance.exponential(1, 8) ** 3)
@@ -20,7 +20,7 @@ def test_a_smooth_curve_goes_through_its_points_and_never_beyond_them():
 
 @pytest.mark.parametrize("power", [0.5, 1.0, 1.5, 2.0, 3.0])
 def test_a_power_law_is_a_curve_and_no_chords(power):
-    """Radius and force of a contact over the depth, at four points from first touch on: exact."""
+    """A power law through four points from first contact on is reproduced exactly."""
     x = np.array([0.0, 0.1, 0.4, 1.0])
     for places in (x, x[::-1]):
         fine_x, fine_y = curves.smooth_curve(places, places**power)
@@ -28,9 +28,7 @@ def test_a_power_law_is_a_curve_and_no_chords(power):
 
 
 def test_what_is_nearly_a_power_law_is_nearly_exact():
-    """Between nine points of a force that goes from delta^1.5 to delta^2.5: a fifth of the chords'
-    error.
-    """
+    """A force that turns from delta^1.5 to delta^2.5 has a fifth of the error of chords."""
     x = np.linspace(0, 1, 9)
     fine_x, fine_y = curves.smooth_curve(x, x**1.5 * (1 + x))
     exact = fine_x**1.5 * (1 + fine_x)

@@ -1,4 +1,4 @@
-"""The hold of a history, against exponentials and kinks that are known."""
+"""The hold of a history, on exponentials and kinks with known half times."""
 
 from __future__ import annotations
 
@@ -20,7 +20,11 @@ def history(t: np.ndarray, force: np.ndarray, branch: list[str]) -> Results:
 
 
 def test_half_of_an_exponential_is_over_after_its_time_times_ln_2() -> None:
-    """A ramp to t = 1, then a fall from 3 to 1 with tau = 0.2, then a retraction: rows 0.002 apart."""
+    """The half time of a hold with exponential decay of time tau is tau ln 2.
+
+    The force ramps to t = 1, falls from 3 to 1 with tau = 0.2, and is retracted; rows are 0.002
+    apart.
+    """
     held = np.linspace(0, 4, 2001)[1:]
     t = np.concatenate([[0, 1], 1 + held, [5.5, 6]])
     force = np.concatenate([[0, 3], 1 + 2 * np.exp(-held / 0.2), [0.5, 0]])

@@ -1,4 +1,4 @@
-"""Measured curves read from text of any kind: the numbers come back, or a reason does."""
+"""Measured curves from text files of any format: their numbers, or the reason of a refusal."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ DIGITS = {"rtol": 1e-8, "atol": 1e-8}
 
 
 def rows(separator: str, decimal: str = ".") -> str:
-    """The curve as lines of two numbers."""
+    """Rows of the curve as lines of two numbers."""
     lines = (f"{x:.9f}{separator}{y:.9f}" for x, y in zip(DEPTHS, FORCES, strict=True))
     return "\n".join(line.replace(".", decimal) for line in lines) + "\n"
 
 
 def read(text: str | bytes, **how):  # type: ignore[no-untyped-def]
-    """The curve of a text."""
+    """Read a curve from a text."""
     return read_text_curve(
         Path("curve.csv"), text if isinstance(text, bytes) else text.encode(), **how
     )
@@ -43,7 +43,6 @@ def read(text: str | bytes, **how):  # type: ignore[no-untyped-def]
         (";", "."),
         (";", ","),
         (",", "."),
-        # fmt: skip
         ("  ", "."),
         ("  ", ","),
         (" ; ", ","),
@@ -60,11 +59,18 @@ def test_any_separator_decimal_sign_and_header(separator, decimal, head, begin, 
     np.testing.assert_allclose(curve.force, FORCES, **DIGITS)
 
 
-@pytest.mark.parametrize("titles, units", [
-    ("Depth [um],Force (nN)", ("um", "nN")), ("Indentation (nm),Load (µN)", ("nm", "µN")),
-    ("indentation um,force nN", ("um", "nN")), ("z_mm,load_mN", ("mm", "mN")),
-    ("depth,force\n(um),(mN)", ("um", "mN")), ("delta,force", ("m", "N")), ("depth (measured),force", None),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "titles, units",
+    [
+        ("Depth [um],Force (nN)", ("um", "nN")),
+        ("Indentation (nm),Load (µN)", ("nm", "µN")),
+        ("indentation um,force nN", ("um", "nN")),
+        ("z_mm,load_mN", ("mm", "mN")),
+        ("depth,force\n(um),(mN)", ("um", "mN")),
+        ("delta,force", ("m", "N")),
+        ("depth (measured),force", None),
+    ],
+)
 def test_units_of_titles_stand_over_those_given(titles, units):
     if units is None:
         with pytest.raises(NoCurve, match="no column of depth among"):
@@ -177,20 +183,33 @@ def test_rows_that_lack_a_number_are_left_out():
 
 
 def hostile() -> dict[str, bytes]:
-    """Files that hold no curve, by what is wrong with them."""
+    """Files without a usable curve, by their defect."""
     good = rows(",")
     middle = good[: len(good) // 2]
     files = {
-        "empty": b"", "blank": b"\n \n\n", "binary": bytes(range(256)) * 50, "words": b"to be,or not\n" * 50,
-        "one column": b"1\n2\n3\n" * 20, "three columns": b"1,2,3\n" * 40, "no force": b"delta,width\n1,2\n3,4\n",
-        "ragged": (good + "1\n" + good).encode(), "word inside": (good + "1,abc\n" + good).encode(),
-        "all nan": b"delta,force\n" + b"nan,nan\n" * 40, "half": b"delta,force\n" + b"1,\n" * 40,
-        "long line": b"1," * 200_000, "utf-16 cut": b"\xff\xfe1\x002",
+        "empty": b"",
+        "blank": b"\n \n\n",
+        "binary": bytes(range(256)) * 50,
+        "words": b"to be,or not\n" * 50,
+        "one column": b"1\n2\n3\n" * 20,
+        "three columns": b"1,2,3\n" * 40,
+        "no force": b"delta,width\n1,2\n3,4\n",
+        "ragged": (good + "1\n" + good).encode(),
+        "word inside": (good + "1,abc\n" + good).encode(),
+        "all nan": b"delta,force\n" + b"nan,nan\n" * 40,
+        "half": b"delta,force\n" + b"1,\n" * 40,
+        "long line": b"1," * 200_000,
+        "utf-16 cut": b"\xff\xfe1\x002",
         "underscores": b"delta,force\n" + b"1_0,2\n" * 40,
-        "infinite": b"delta,force\n" + b"inf,1e999\n" * 40, "absurd": b"delta,force\n" + b"1e200,1e300\n" * 40,
-        "json": b'{"delta": [1, 2]}', "xml": b"<a>\n<b/>\n</a>\n", "quotes": b'"\n' * 30, "commas": b",,,,\n" * 30,
-        "header": b"delta,force\n", "cut number": (middle + "\n1e,2\n" + middle).encode(),
-    }  # fmt: skip
+        "infinite": b"delta,force\n" + b"inf,1e999\n" * 40,
+        "absurd": b"delta,force\n" + b"1e200,1e300\n" * 40,
+        "json": b'{"delta": [1, 2]}',
+        "xml": b"<a>\n<b/>\n</a>\n",
+        "quotes": b'"\n' * 30,
+        "commas": b",,,,\n" * 30,
+        "header": b"delta,force\n",
+        "cut number": (middle + "\n1e,2\n" + middle).encode(),
+    }
     return files
 
 
@@ -202,7 +221,7 @@ def test_a_file_without_a_curve_has_a_reason(name, data):
 
 
 def test_broken_files_at_random_end_in_a_curve_or_a_reason():
-    """Two hundred files that are cut, spliced or sprinkled with other bytes."""
+    """Randomly damaged files give finite numbers or a reason, and no other exception."""
     source, draw = rows(";", ",").encode(), np.random.default_rng(1)
     for _ in range(200):
         data = bytearray(b"depth [um];force [nN]\n" + source)

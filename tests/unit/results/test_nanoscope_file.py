@@ -1,4 +1,4 @@
-"""NanoScope files: what is made of the arrays of pyfmreader, whose place a stand-in takes."""
+"""NanoScope files, with a stand-in for the arrays of pyfmreader."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ N = 50
 
 
 def segment(way, volts):  # type: ignore[no-untyped-def]
-    """A part of a curve as pyfmreader keeps it: the way from the far end on, m, V and s."""
+    """Part of a curve as pyfmreader stores it, from the far end on, in m, V and s."""
     return SimpleNamespace(
         segment_formated_data={"height": way, "vDeflection": volts, "time": np.linspace(0, 0.98, N)}
     )
@@ -25,7 +25,7 @@ def segment(way, volts):  # type: ignore[no-untyped-def]
 
 @pytest.fixture
 def reader(monkeypatch, tmp_path):  # type: ignore[no-untyped-def]
-    """Read a file whose header and curves are given."""
+    """Read a file with a given header and given curves."""
 
     def read(header, swing=1.0, stiffness=None):  # type: ignore[no-untyped-def]
         way = np.linspace(0, 2e-6, N)

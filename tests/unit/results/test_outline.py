@@ -1,4 +1,4 @@
-"""The outline of a tip: its section lies on the tip, its surface has its edges."""
+"""Outline of a tip: its section lies on the tip, and its surface has the tip's edges."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from indent_sim.results.tip_geometry import half_section, section, tip_mesh
 )
 @pytest.mark.parametrize("degrees", [0.0, 37.0])
 def test_a_section_lies_on_the_tip(tip, degrees):
-    """The gap at the tip's own surface is 0: of its upper half, and its side where it ends."""
+    """The points of a section lie on the tip's surface and on its side where it ends."""
     s, z = half_section(tip, 0.6, degrees)
     x, y = s * np.cos(np.radians(degrees)), s * np.sin(np.radians(degrees))
     sharp = 0.02 if isinstance(tip, Profile) else 1e-9
@@ -39,9 +39,7 @@ def test_a_sphere_that_fits_is_whole():
 
 
 def test_the_surface_of_a_pyramid_has_its_edges():
-    """The farthest points at one height lie on the edges: cot(half_angle) s = z there with s the
-    inner radius.
-    """
+    """The surface of a pyramid contains its edges, at which the section is widest."""
     drawn = tip_mesh(Pyramid(70.0, 4), (0.0, 0.0), 1.0, "three_dimensional", 1)
     x, y, z = drawn.points.T
     assert np.tan(np.radians(70)) * z == pytest.approx(np.maximum(np.abs(x), np.abs(y)))

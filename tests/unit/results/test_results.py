@@ -1,6 +1,4 @@
-"""The result folder: what stands in it, whom it makes way for, and what a kill at any moment
-leaves.
-"""
+"""Result folders: their files, what they replace, and what a kill at any moment leaves."""
 
 from __future__ import annotations
 
@@ -17,8 +15,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made_results import (
+    BODY,
+    CELLS,
+    FILES,
+    POINTS,
+    REGIONS,
+    THIRD,
+    a_state,
+    names,
+    some_fields,
+    write_run,
+)
 
-from indent_sim.model.state import DERIVED_COLUMNS, ERROR_COLUMNS, STATE_COLUMNS, State, Surface
+from indent_sim.model.state import DERIVED_COLUMNS, ERROR_COLUMNS, STATE_COLUMNS
 from indent_sim.model.tips import Sphere
 from indent_sim.process.errors import (
     ConfigError,
@@ -38,36 +48,6 @@ from indent_sim.results.previous_run import previous_run
 from indent_sim.results.reader import read, rows_of
 from indent_sim.results.tip_geometry import tip_mesh
 from indent_sim.results.writer import ResultFolder
-
-THIRD = 1 / 3
-
-
-def a_state(step: int, **values) -> State:
-    surface = Surface(
-        x=np.array([0.0, 0.1]),
-        y=np.zeros(2),
-        u=np.array([[0, 0, -0.1], [0, 0, -0.05]]),
-        gap=np.array([0.0, 0.2]),
-        pressure=np.array([THIRD, 0.0]),
-        z=np.zeros(2),
-    )
-    state = State(
-        step, 0.1 * step, THIRD * step, 0.2, 1.5, 1e-5, 0.01, 4, 0.1 * step, surface=surface
-    )
-    return replace(state, **values)
-
-
-def write_run(target: Path, steps: int = 2, **options) -> None:
-    with ResultFolder(target, "title: x\n", **options) as run:
-        for step in range(1, steps + 1):
-            run.append(a_state(step))
-
-
-def names(path: Path) -> set[str]:
-    return {entry.name for entry in path.iterdir()}
-
-
-FILES = {"force_indentation.csv", "surface.csv", "config.yaml", "run.json"}
 
 
 class TestFiles:
@@ -112,7 +92,7 @@ class TestFiles:
         assert json.loads(to_json(rows_of(states)))[0]["p_max"] is None
 
     def test_fields_of_a_step_without_a_row_are_not_shown(self, tmp_path):
-        """They are written before it: a run killed in between leaves them."""
+        """Fields without a row, as a run killed between the two leaves them, are not shown."""
         with ResultFolder(tmp_path / "run", "") as run:
             run.open_fields(*BODY, keep="all")
             for step in (1, 2):
@@ -127,8 +107,10 @@ class TestFiles:
 
     @pytest.mark.parametrize("empty", ["u", "gap", "pressure"])
     def test_a_surface_with_empty_cells_is_read(self, tmp_path, empty):
-        """Theory knows no u_x, beside a tip that ends there is no gap, under a sharp edge the
-        pressure is infinite.
+        """Empty cells of a surface table are read as NaN.
+
+        Theory has no u_x, there is no gap beyond the end of a tip, and the pressure is infinite
+        under a sharp edge.
         """
         state = a_state(1)
         values = getattr(state.surface, empty).copy()
@@ -140,7 +122,7 @@ class TestFiles:
 
     @pytest.mark.parametrize("empty", ["p_max", *ERROR_COLUMNS])
     def test_a_row_with_an_empty_cell_is_resumed(self, tmp_path, empty):
-        """p_max of a cone is empty, and so is its error."""
+        """A row with an empty p_max or error, as under a cone, is resumed."""
         values = {name: 0.1 for name in ERROR_COLUMNS} | {empty: float("nan")}
         with ResultFolder(tmp_path / "out", "title: x\n", columns=ERROR_COLUMNS) as run:
             run.append(a_state(1, **values))
@@ -152,7 +134,7 @@ class TestFiles:
         )
 
     def test_a_table_of_fewer_errors_goes_on_with_its_own_columns(self, tmp_path):
-        """As an older version of this program left it."""
+        """A table of an older version, with fewer error columns, is continued as it is."""
         with (
             suppress(NotConverged),
             ResultFolder(tmp_path / "run", "", columns=("force_error",)) as run,
@@ -254,7 +236,7 @@ class TestPlace:
         assert names(tmp_path) == {name}
 
     def test_a_result_inside_a_result(self, tmp_path):
-        """Each may be run again without harm to the other."""
+        """A result and another one inside it can each be replaced without harm to the other."""
         for place, steps in (("run", 3), ("run/inner", 2), ("run", 4), ("run/inner", 1)):
             write_run(tmp_path / place, steps)
         assert len(read(tmp_path / "run")) == 4 and len(read(tmp_path / "run" / "inner")) == 1
@@ -407,7 +389,7 @@ class TestFullDisk:
         assert names(tmp_path) == {"file"} and (tmp_path / "file").read_text() == "old"
 
     def test_fields_that_do_not_fit_are_not_named(self, tmp_path, monkeypatch):
-        """Neither where the file of a state fails, nor where the line that names it does."""
+        """On a full disk fields.xdmf names no state that could not be written."""
         replace, pwrite = os.replace, os.pwrite
 
         def full(source, target):
@@ -443,9 +425,7 @@ class TestKills:
     def test_a_kill_amid_the_exchange_loses_neither(
         self, tmp_path, monkeypatch, stop, inside, earlier
     ):
-        """Stop before each rename of the exchange in turn; the next run finds the old results or
-        the new.
-        """
+        """A kill before any rename of the exchange leaves the old results or the new ones."""
         (tmp_path / "run").mkdir()
         if earlier:
             write_run(tmp_path / "run", earlier)
@@ -474,7 +454,7 @@ class TestKills:
             patch.setattr(output_folder.shutil, "move", counted(output_folder.shutil.move))
             with suppress(Kill):
                 claim.rename_into_place()
-        os.close(claim._lock_descriptor)
+        close_files_below(tmp_path)
         again = output_folder.OutputFolder(tmp_path / "run")
         rows = (
             len(read(tmp_path / "run")) if earlier or result_files.has_rows(tmp_path / "run") else 0
@@ -498,28 +478,16 @@ class TestKills:
         assert done
 
 
-POINTS = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, -1.0], [0.0, -1.0]])
-CELLS = np.array([[0, 1, 2], [0, 2, 3]])
-
-
-REGIONS = np.array([0, 1])
-TIP = tip_mesh(Sphere(R=1.0), (0.0,), 0.5, "axisymmetric", 1)
-BODY = (POINTS, CELLS, REGIONS, TIP)
-
-
-def some_fields(step: int, points: int = 4, cells: int = 2, dim: int = 2) -> dict[str, np.ndarray]:
-    counts, sizes = {"Node": points, "Cell": cells}, {"displacement": (dim,), "stress": (3, 3)}
-    shapes = {
-        name: (counts[center], *sizes.get(name, size)) for name, (center, _, size) in ARRAYS.items()
-    }
-    return {
-        name: step * np.arange(np.prod(shape, dtype=float)).reshape(shape)
-        for name, shape in shapes.items()
-    }
+def close_files_below(folder: Path) -> None:
+    """Close this process's files in a folder, as the kernel does when a process is killed."""
+    for descriptor in Path("/proc/self/fd").iterdir():
+        with suppress(OSError):
+            if descriptor.readlink().is_relative_to(folder):
+                os.close(int(descriptor.name))
 
 
 def kept_steps(folder: Path) -> list[int]:
-    """The steps that fields.xdmf names, as meshio reads it."""
+    """Steps that fields.xdmf names, as meshio reads it."""
     import meshio
 
     with meshio.xdmf.TimeSeriesReader(folder / "fields.xdmf") as reader:
@@ -528,7 +496,7 @@ def kept_steps(folder: Path) -> list[int]:
 
 
 def bytes_written() -> int:
-    """What this process has handed to the system so far."""
+    """Number of bytes that this process has written so far."""
     return int(re.findall(r"wchar: (\d+)", Path("/proc/self/io").read_text())[0])
 
 
@@ -571,8 +539,9 @@ class TestFields:
 
     @pytest.mark.parametrize("dim", [2, 3])
     def test_the_tip_is_a_second_mesh_that_comes_down(self, tmp_path, dim):
-        """On a sphere of radius 1 as drawn, and as deep at every state as the state says; by half
-        of the approach where half of the body is modelled.
+        """The tip is a second mesh that lies on a sphere of radius 1 at the depth of each state.
+
+        Where half of the body is modelled, it moves by half of the approach.
         """
         import meshio
 
@@ -594,7 +563,7 @@ class TestFields:
 
     @pytest.mark.parametrize("keep", ["all", "last"])
     def test_bytes_grow_with_the_states(self, tmp_path, keep):
-        """100 states more cost what 100 cost: 1.1 for the digits of the steps."""
+        """The bytes written grow linearly with the states; 1.1 allows for longer step numbers."""
         writer, costs = FieldWriter(tmp_path, *BODY, keep=keep), []
         for first in (101, 201):  # steps of three digits
             before = bytes_written()
@@ -671,7 +640,7 @@ class TestReading:
 
 
 def test_a_measured_curve_is_read_as_it_is(tmp_path):
-    """A table with depths and forces alone: numbered rows, no contact radius."""
+    """A table of depths and forces alone is read with numbered rows and no contact radius."""
     (tmp_path / "measured.csv").write_text("delta,force\n0.1,1\n0.2,3\n")
     found = read(tmp_path / "measured.csv")
     assert (
@@ -705,9 +674,7 @@ class TestCompare:
         "units", [{"length": "um", "force": "N"}, {"length": "mm", "force": "mN"}]
     )
     def test_results_in_other_units_are_refused(self, tmp_path, units):
-        """0.1 mm and 0.1 um are one number and no row in common; a result that says no units is
-        taken as it is.
-        """
+        """Results in other units are refused; a result without units is compared as it is."""
         for name, own in (("A", {"length": "mm", "force": "N"}), ("B", units), ("C", {})):
             write_run(tmp_path / name)
             report = json.loads((tmp_path / name / "run.json").read_text())
@@ -752,7 +719,7 @@ class TestCompare:
             compare(tmp_path / "A", tmp_path / "B", {"p_max": 1e-3})
 
     def test_tables_without_steps_are_matched_by_depth(self, tmp_path):
-        """As measured curves are, up and down: the second force of a depth belongs to the second."""
+        """Tables without steps are matched by depth and by the order of equal depths."""
         (tmp_path / "A").write_text("delta,force\n0.1,1\n0.2,3\n0.1,0.9\n")
         (tmp_path / "B").write_text("force,delta\n3,0.2\n1,0.1000000000001\n0.9,0.1\n")
         found = compare(tmp_path / "A", tmp_path / "B")
@@ -766,7 +733,7 @@ class TestCompare:
             compare(tmp_path / "A", tmp_path / "B").check()
 
     def curve(self, n: int, head: str = "step,delta,force,a") -> str:
-        """Rows of F = delta^1.5 to the depth 1."""
+        """Table of n rows of F = delta^1.5 up to the depth 1."""
         depths = np.arange(1, n + 1) / n
         if not head.startswith("step"):
             return head + "\n" + "".join(f"{d:.15g},{d**1.5:.15g}\n" for d in depths)
@@ -778,12 +745,19 @@ class TestCompare:
             )
         )
 
-    HISTORY = "step,t,delta,force,a,branch\n1,0,0,0,0,approach\n2,1,0.1,1,0.3,approach\n3,2,0.2,2,0.4,approach\n"
-    HISTORY += "4,2,0.1,0.8,0.3,retract\n5,3,0.1,0.6,0.3,hold\n"
+    HISTORY = """\
+step,t,delta,force,a,branch
+1,0,0,0,0,approach
+2,1,0.1,1,0.3,approach
+3,2,0.2,2,0.4,approach
+4,2,0.1,0.8,0.3,retract
+5,3,0.1,0.6,0.3,hold
+"""
 
     def test_histories_of_other_times_are_matched_by_time(self, tmp_path):
-        """At the rows of one time, at a jump by the row after it; between rows by chords; beyond
-        the other: alone.
+        """Histories are matched by time and interpolated by chords between their rows.
+
+        At a jump the row after it counts; rows beyond the other history stay unmatched.
         """
         A, B = tmp_path / "A", tmp_path / "B"
         A.write_text(self.HISTORY)
@@ -811,7 +785,7 @@ class TestCompare:
         assert compare(A, B).matched_by == "step"  # of the same times, as ever
 
     def test_a_history_of_an_earlier_version_is_compared_with_one_of_today(self, tmp_path):
-        """It stands in experiment.csv, beside the rows of its elastic curve."""
+        """A history in experiment.csv, as older versions wrote it, is compared with a newer one."""
         new, old = tmp_path / "new", tmp_path / "old"
         for result in (new, old):
             result.mkdir()
@@ -829,7 +803,7 @@ class TestCompare:
         assert compare(new, old).differences == ("step 5: force 0.6 and 0.5 differ by 0.17",)
 
     def test_rows_at_other_depths_are_interpolated(self, tmp_path):
-        """Power laws come back exactly; a depth beyond the other's range is alone."""
+        """Rows at other depths are interpolated: power laws exactly, and none beyond the range."""
         A, B = tmp_path / "A", tmp_path / "B"
         A.write_text(self.curve(20))
         B.write_text(self.curve(7))
@@ -851,7 +825,7 @@ class TestCompare:
         assert compare(A, B, 1e-6).differences == (f"delta 1.5 is only in {B}",)
 
     def test_a_measured_curve_is_interpolated_by_chords(self, tmp_path):
-        """What chords miss is said: h^2/8 of the second derivative, largest at the shallowest row."""
+        """The stated interpolation error is that of chords, h^2/8 times the second derivative."""
         A, B = tmp_path / "A.csv", tmp_path / "B"
         A.write_text(
             self.curve(400, "depth [nm],force [nN]")
@@ -873,10 +847,15 @@ class TestCompare:
         )
         assert found.interpolation is None
 
-    ROWS = "t,z,delta,force,a,branch\n,0.1,0.1,1,,approach\n,0.1,0.1,1.1,,hold\n,0.05,0.05,0,,retract\n"
+    ROWS = """\
+t,z,delta,force,a,branch
+,0.1,0.1,1,,approach
+,0.1,0.1,1.1,,hold
+,0.05,0.05,0,,retract
+"""
 
     def test_experiments_are_matched_by_row(self, tmp_path):
-        """Words are the same or not, an empty cell is an empty cell, and every column counts."""
+        """Experiments are compared row by row, including words and empty cells."""
         first, second = tmp_path / "experiment.csv", tmp_path / "other.csv"
         first.write_text(self.ROWS)
         second.write_text(self.ROWS)
@@ -900,9 +879,7 @@ class TestCompare:
             read(first)
 
     def test_results_are_equal_only_with_their_experiments(self, tmp_path):
-        """Of two results their experiment.csv and dynamic.csv are compared too; what one alone has
-        is not.
-        """
+        """The tables experiment.csv and dynamic.csv are compared where both results have them."""
         tables = {
             "force_indentation.csv": self.HEADER + "1,0.1,1,0.5\n",
             "experiment.csv": self.ROWS,
@@ -941,7 +918,7 @@ class TestCompare:
 
 
 def test_the_time_of_a_state_is_its_own_where_time_passes(tmp_path: Path) -> None:
-    """Of two rows of one time, at a jump, the second is a last digit later; a resumed file goes on."""
+    """The second of two states at one time, at a jump, is written one last digit later."""
     points, cells = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, -1.0]]), np.array([[0, 1, 2]])
     tip = tip_mesh(Sphere(R=1.0), (0.0,), 1.0, "axisymmetric", 1)
     fields = {"displacement": np.zeros((3, 2))}

@@ -1,4 +1,4 @@
-"""Error bars from companions, on curves whose error is known because it was put there."""
+"""Error bars from companion runs, on synthetic curves of known error."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def scene(**sections: Any) -> Scene:
 
 
 def states(error: float, steps: range = range(1, 5), flip: int = 0) -> list[State]:
-    """Forces that are wrong by this share; at step `flip` the other way round."""
+    """States whose forces are wrong by a relative error, of opposite sign at the step `flip`."""
     return [
         State(
             k,
@@ -81,14 +81,15 @@ def with_theory(base: Scene, theory: Theory | None) -> Scene:
 def bars_of(
     base: Scene, run: list[State], other: CoarserRun, soft: list[State] | None = None
 ) -> np.ndarray:
-    """The bars of a scene that no theory knows: its curves are made up."""
+    """Error bars of synthetic curves, for a scene without reference theory."""
     bars = ErrorBars(with_theory(base, None), other, soft)
     return np.array([bars.add_error_estimate(state).force_error for state in run])
 
 
 def test_a_bar_holds_an_error_that_falls_as_expected() -> None:
-    """Two forces whose error falls as h^RATE: the bar is Roache's index, SAFETY times the error,
-    whatever the ratio of their meshes, coarser or (of a mesh from a file) finer.
+    """The error bar of a force that converges as h^q is SAFETY_FACTOR times its error.
+
+    This is Roache's grid convergence index, for any ratio of the meshes, coarser or finer.
     """
     for ratio in (REFINEMENT_RATIO, 1.3, 2.5, 0.5):
         relative = bars_of(scene(accuracy=0.001), states(ERROR), companion(ratio=ratio)) / np.array(
@@ -98,8 +99,9 @@ def test_a_bar_holds_an_error_that_falls_as_expected() -> None:
 
 
 def test_an_accidental_crossing_gives_no_tiny_bar() -> None:
-    """At one step run and companion are equal, both wrong by what such elements cost at the median:
-    the floor holds.
+    """Where run and companion cross by accident, the lower bound keeps the error inside the bar.
+
+    Both are wrong by the median error of such elements at that step.
     """
     base = scene(accuracy=0.01)
     assert base.plan.resolution is not None
@@ -113,8 +115,9 @@ def test_an_accidental_crossing_gives_no_tiny_bar() -> None:
 
 
 def test_meshes_that_agree_leave_the_error_of_their_elements() -> None:
-    """Equal at every step by accident: the same share of what n elements let expect, of force,
-    radius and pressure, for any ratio of the meshes.
+    """If both meshes agree, the bars of force, radius and p_max are their lower bounds.
+
+    The bounds depend on the elements in the contact radius and not on the ratio of the meshes.
     """
     same = [replace(state, p_max=2.0) for state in states(0.0)]
     for ratio in (REFINEMENT_RATIO, 2.0, 0.5):
@@ -131,9 +134,10 @@ def test_meshes_that_agree_leave_the_error_of_their_elements() -> None:
 
 @pytest.mark.parametrize("shape", ["flat_punch", "paraboloid"])
 def test_a_sharp_edge_in_three_dimensions_is_told_by_its_elements(shape: str) -> None:
-    """All meshes end at the edge and are off in the same way: where they agree the bar is a quarter
-    of the elements there over the radius. Not of a punch in a section, nor of a tip without an
-    edge.
+    """Under a sharp punch in three dimensions the bar is a quarter of the edge elements over a.
+
+    All meshes end at the edge and are off in the same way, so that they agree. A section and a tip
+    without an edge have no such part.
     """
     tip = {"shape": shape} | ({"radius": 0.3} if shape == "flat_punch" else {"R": 1.0})
     solid = {"shape": "box", "size": [3.0, 3.0, 1.0]}
@@ -163,8 +167,9 @@ def test_a_sharp_edge_in_three_dimensions_is_told_by_its_elements(shape: str) ->
 
 
 def test_corners_that_are_left_coarse_come_on_top() -> None:
-    """Of an incompressible box bonded at its base and free at its sides, whose corners no companion
-    refines.
+    """The error of corners that no companion refines is added to the bar.
+
+    The body is an incompressible box, bonded at its base and free at its sides.
     """
     soft = {"model": "linear_elastic", "E": 1.0, "nu": 0.4999}
     base = scene(body={"shape": "box", "size": [2.0, 2.0, 1.0]}, material=soft)
@@ -178,7 +183,10 @@ def test_corners_that_are_left_coarse_come_on_top() -> None:
 
 
 def test_the_companion_of_a_run_is_coarser_or_its_last_attempt() -> None:
-    """One companion; a mesh from a file has other levels of refinement alone."""
+    """The companion is a coarser run, or the attempt before a refined run.
+
+    A mesh from a file has only other levels of refinement.
+    """
     base, before = scene(accuracy=0.001), scene(accuracy=0.01)
     ratio, other = coarser_scene(base)
     assert ratio == REFINEMENT_RATIO and other.sizes.h_contact == pytest.approx(
@@ -195,9 +203,7 @@ def test_the_companion_of_a_run_is_coarser_or_its_last_attempt() -> None:
 
 
 def test_no_bar_is_narrower_than_the_distance_from_exact_theory() -> None:
-    """Run and companions agree on a force that is 5 % too large; where theory is not exact it has
-    no say.
-    """
+    """The bar is at least the distance from exact theory, and ignores theory that is not exact."""
     least = (
         MIN_ERROR_FRACTION * ERROR_CONSTANT[2] * error_decay(required_elements(0.01, 2)) * 1.2
     )  # a little fewer elements in the first contact
@@ -222,9 +228,7 @@ def test_no_bar_is_narrower_than_the_distance_from_exact_theory() -> None:
 
 
 def test_rows_with_few_elements_have_bars_of_their_own_error() -> None:
-    """On a uniform mesh the first steps have few elements in their contact and errors that the last
-    does not share; the factor from a difference to a bar is one for all.
-    """
+    """On a uniform mesh the first rows, with few elements, have wider bars that hold the error."""
     base = scene(mesh={"h_contact": 0.01, "h_far": 0.25})
     law = [float((a / 0.01) ** -ORDER_OF_CONVERGENCE) for a in (0.05 * k**0.5 for k in EXACT)]
 
@@ -252,9 +256,7 @@ def test_out_of_contact_there_is_no_error() -> None:
 
 
 def test_a_contact_that_no_mesh_finds_has_less_force_than_a_deeper_one() -> None:
-    """Pressed in and without force: what the force may be is that of the next depth at which the
-    companion has one.
-    """
+    """The bar of a missed contact is the force at the next depth with one."""
     missed = [
         replace(state, force=0.0, a=0.0) if state.step < 2 else state for state in states(0.0)
     ]
@@ -269,9 +271,9 @@ def test_a_contact_that_no_mesh_finds_has_less_force_than_a_deeper_one() -> None
 
 
 def test_radius_and_peak_have_bars_of_their_own() -> None:
-    """A peak that differs between run and companion by the power that is assumed has SAFETY times
-    its error as a bar; a radius is read off to a share of an element; a peak that no mesh knows
-    has no bar.
+    """p_max has SAFETY_FACTOR times its error as bar, and a radius a share of an element.
+
+    A p_max that no mesh knows has no bar.
     """
     base = scene()
     exact = states(0.0)
@@ -301,7 +303,10 @@ def test_the_error_of_a_depth_is_that_of_its_force_over_the_slope() -> None:
 
 
 def test_the_error_of_a_penalty_is_extrapolated() -> None:
-    """Body and penalty as two springs in series: 1/F is linear in 1/epsilon_n, and F is 2 % low."""
+    """The error by a penalty follows from half the stiffness, because 1/F is linear in 1/epsilon_n.
+
+    Body and penalty act as two springs in series, and the force is 2 % low.
+    """
     low = 0.02
     own, soft = (
         [replace(s, force=s.force / (1 + k * low / (1 - low))) for s in states(0.0)] for k in (1, 2)
@@ -316,7 +321,11 @@ def test_the_error_of_a_penalty_is_extrapolated() -> None:
 
 
 def test_a_companion_with_a_softer_penalty_says_more_than_the_error() -> None:
-    """Companion of a refined run is the attempt before, whose penalty had a third of the stiffness."""
+    """The error of enforcement takes the stiffness of the companion's own penalty into account.
+
+    The companion of a refined run is the attempt before it, whose penalty had a third of the
+    stiffness.
+    """
     base, low = scene(contact={"method": "penalty"}), 0.02
     law = base.physics.contact
     before = base.replace_physics(contact=replace(law, epsilon_n=law.stiffness / 3))
@@ -334,7 +343,7 @@ def test_a_companion_with_a_softer_penalty_says_more_than_the_error() -> None:
 
 
 def test_with_prescribed_forces_the_depths_differ_and_say_the_same() -> None:
-    """A body whose force is c delta^1.5: the same curves, read at equal depths or at equal forces."""
+    """Error bars under load control equal those under depth control for F = c delta^1.5."""
     depths = {k: (EXACT[k] / 1.6) ** (2 / 3) for k in EXACT}
 
     def walked(error: float, control: str) -> list[State]:
@@ -367,9 +376,7 @@ DRAINING: dict[str, Any] = {
 
 
 def test_films_are_counted_once() -> None:
-    """Run and companion are low by what their films take, and by nothing else: the mesh's part is
-    its floor, as of two equal runs, and the film's part is the error.
-    """
+    """A known film error on both meshes is counted once, beside the mesh's lower bound."""
     lost = {1.0: 0.01, REFINEMENT_RATIO: 0.023}  # relative, by the size of the elements
 
     def film_error(state: State, coarser: float = 1.0) -> float:
@@ -388,7 +395,7 @@ def test_films_are_counted_once() -> None:
 
 
 def test_a_bath_that_comes_in_twice_the_time_says_what_its_ramp_costs() -> None:
-    """Of first order: what the doubled ramp changes is the error, and the bar SAFETY times that."""
+    """A bath ramp of twice the time changes the force by the error of the ramp, of first order."""
     base = with_theory(scene(**DRAINING), None)
     bars = ErrorBars(base, CoarserRun(REFINEMENT_RATIO, states(0.0)), bath=states(-0.02))
     for state in states(0.0):
@@ -407,13 +414,10 @@ def test_a_coarser_scene_is_coarser_everywhere() -> None:
 
 
 # ---- what accuracy chooses
-# ------------------------------------------------------------------------------------------
 
 
 def test_presets_and_their_order() -> None:
-    """Ten times the accuracy costs 10^(1/RATE) times the elements in a radius, where the fewest do
-    not rule.
-    """
+    """Ten times the accuracy takes 10^(1/q) times the elements in the contact radius."""
     assert scene(accuracy="accurate").sizes == scene(accuracy=PRESETS["accurate"]).sizes
     assert required_elements(1e-4, 2) / required_elements(1e-3, 2) == pytest.approx(
         10 ** (1 / ORDER_OF_CONVERGENCE)
@@ -421,7 +425,7 @@ def test_presets_and_their_order() -> None:
 
 
 def test_every_step_sees_the_same_number_of_elements() -> None:
-    """The size at the edge of any contact on the path is the same share of its radius."""
+    """The element size at the edge of every contact on the path is the same share of its radius."""
     base = scene(accuracy=0.01, loading={"delta": 0.01, "steps": 20})
     assert base.plan.resolution is not None and base.plan.theory is not None
     radii = np.array(
@@ -472,9 +476,7 @@ def test_sizes_that_do_not_fit_the_scene(mesh: dict[str, float], key: str) -> No
     [((0.02, 0.05), "single step from rest"), ((0.001, 0.05), "more of them may")],
 )
 def test_more_steps_are_advised_where_they_help(paths: tuple[float, float], said: str) -> None:
-    """The first row is one step from rest, whatever the path: an accuracy it cannot have is not to
-    be had by more.
-    """
+    """More increments are advised, except for the error of the first one."""
     base = scene(accuracy=0.01, contact={"method": "auto", "friction": "stick"})
     rows = states(0.0, range(1, 3))
     budgets = [

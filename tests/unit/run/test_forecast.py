@@ -1,4 +1,4 @@
-"""What `plan` counts beside a run is what the run solves beside it, scene by scene."""
+"""The auxiliary runs that `plan` counts are those that a run solves."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ Said = tuple[Any, ...]
 
 
 def said(scene: Scene) -> Said:
-    """All of a scene that its cost depends on; depths to round-off."""
+    """Everything of a scene that its cost depends on; depths to round-off."""
     physics = scene.physics
     return (
         scene.sizes,
@@ -80,7 +80,7 @@ def said(scene: Scene) -> Said:
 
 
 def reached(scene: Scene) -> list[State]:
-    """Rows of all depths of a scene, as a run would have them."""
+    """Rows at all depths of a scene, as a run would have them."""
     depths = [delta * scene.physics.scales.depth for delta in scene.physics.deltas]
     return [
         State(k, delta, max(delta, 0.0) ** 1.5, 0.1, 0, 0, 0, 1, 0.0)
@@ -98,9 +98,9 @@ def test_the_companions_that_are_planned_are_those_that_are_run(
     solved: list[Said] = []
     monkeypatch.setattr(pipeline, "backend", lambda: None)
     monkeypatch.setattr(
-        pipeline.SimulationDriver,
-        "_elastic_states",
-        lambda self, other: solved.append(said(other)) or reached(other),
+        pipeline,
+        "states",
+        lambda other, *_, **__: solved.append(said(other)) or reached(other),
     )
     run = pipeline.SimulationDriver(config, None, None, tmp_path, None, False, with_stick, False)
     bars = run._error_bars(RefinementLevel(scene))

@@ -1,4 +1,4 @@
-"""What becomes of a config before its run: its identity, its cost, its mistakes."""
+"""Planned runs: identity, cost and mistakes of a config."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_error_bars_cost_seconds() -> None:
 
 
 def test_a_plan_tells_all_mistakes_at_once() -> None:
-    """A scene that cannot exist in two ways: both are said, where `Prospect.of` says the first."""
+    """A plan reports all mistakes of a scene, where resolving it reports the first one."""
     config = config_from_mapping(
         SCENE | {"solver": {"method": "theory"}, "loading": {"delta": 3.0, "steps": 1}}
     )
@@ -61,8 +61,9 @@ def test_a_plan_tells_all_mistakes_at_once() -> None:
 
 
 def test_what_was_left_out_is_not_asked_for() -> None:
-    """A history that never touches gives a relaxing body the time that it needs: one mistake, and
-    with it others.
+    """Mistakes that follow from another one are not reported with it.
+
+    A history that never touches is the one mistake, and the time of relaxation is not asked for.
     """
     relaxing = {
         "model": "linear_elastic",

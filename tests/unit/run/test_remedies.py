@@ -1,6 +1,4 @@
-"""Remedies of a path that ended too early: which are tried, in which order, and what is said of
-them.
-"""
+"""Remedies of a path that ended early: their order, their cost and their report."""
 
 from __future__ import annotations
 
@@ -32,7 +30,7 @@ def configured(**sections: Any) -> tuple[Config, Scene]:
 
 
 def walk_to(ends: dict[float, int], iterations: int = 10) -> Any:
-    """A walk that comes to a step by the edge radius of its scene, elsewhere to the first."""
+    """Load stepping that ends at a step given by the scene's edge radius, else at the first."""
 
     def walk(scene: Scene) -> Iterator[State]:
         last = ends.get(
@@ -69,7 +67,10 @@ def test_the_first_that_helps_is_the_last_that_is_tried() -> None:
 
 
 def test_all_tries_cost_no_more_than_the_run() -> None:
-    """Of 15 iterations the first try takes 20, with its last row, and none begins after it."""
+    """No remedy begins after the remedies have used as many iterations as the run.
+
+    Of 15 iterations the first try takes 20, with its last row.
+    """
     config, scene = configured()
     said = try_remedies(remedies(config, scene), 3, 15, resolve, walk_to({}))
     assert said == "; tried: indenter.edge_radius: 0.3 ends after delta = 0.5"

@@ -1,4 +1,4 @@
-"""The config that reproduces a run: what docs/conventions.md says stays `auto`, and nothing else."""
+"""The config that reproduces a run: what docs/results.md says stays `auto`, and nothing else."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ CHANGES = [
 
 @pytest.mark.parametrize("contact", ["auto", "penalty", "augmented_lagrangian"])
 def test_a_resume_blames_the_key_that_was_changed(contact: str, tmp_path: Path) -> None:
-    """Whatever the program decides otherwise because of it; there and back."""
+    """A refused resume names the key that was changed, whatever else follows from it."""
     scenes = [
         (PLAIN, change)
         for change in CHANGES

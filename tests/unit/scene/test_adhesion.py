@@ -1,4 +1,4 @@
-"""What a scene says of a tip that adheres: refusals by name, and elements for the cohesive zone."""
+"""Scenes of an adhesive tip: refusals, and elements that resolve the cohesive zone."""
 
 from __future__ import annotations
 
@@ -47,7 +47,10 @@ def test_no_range_points_to_its_limit() -> None:
 
 
 def test_a_missing_range_names_the_smallest_on_this_mesh() -> None:
-    """h = 1.5 l with l = (pi/4) E* range^2/work."""
+    """The refusal of a missing range names the smallest one that the mesh resolves.
+
+    That is h = 1.5 l with l = (pi/4) E* range^2/work.
+    """
     with pytest.raises(ConfigError, match="is missing") as refusal:
         sticky(None, mesh={"h_contact": 0.01})
     smallest = (4 / pi * WORK * 0.01 / 1.5 / E_STAR) ** 0.5
@@ -80,7 +83,7 @@ def test_two_elements_or_more_in_the_cohesive_zone(reach: float) -> None:
 
 
 def test_a_sharp_cone_has_elements_for_its_wider_contact() -> None:
-    """It pulls the body up around it: JKR's contact is twice that of a tip that does not adhere."""
+    """The element sizes of an adhesive cone fit JKR's wider contact."""
     tip, loading = {"shape": "cone", "half_angle": 70.0}, {"delta": 0.02}
     plain = scene(WALLED, indenter=tip, loading=loading)
     found = sticky(indenter=tip, loading=loading)
@@ -93,8 +96,10 @@ def test_a_sharp_cone_has_elements_for_its_wider_contact() -> None:
 
 
 def test_elements_are_counted_in_the_contact_that_adhesion_makes() -> None:
-    """A blunt cone's is several times wider than without, where it is pushed by 0.02: 0.92 elements
-    would be.
+    """No warning counts elements in the narrower contact without adhesion.
+
+    A blunt cone pulls the body up; the contact at a depth of 0.02 would have 0.92 elements without
+    it.
     """
     scene_of = {
         "body": CYLINDER | {"radius": 4.0, "height": 2.0},
@@ -108,8 +113,9 @@ def test_elements_are_counted_in_the_contact_that_adhesion_makes() -> None:
 
 
 def test_forces_size_the_mesh_for_the_contact_that_they_hold() -> None:
-    """Without force JKR's contact has (6 pi work R^2/K)^(1/3), K = 4 E*/3: the half-space's, on a
-    thick body.
+    """A prescribed force of zero sizes the mesh for JKR's contact radius.
+
+    On a half-space it is (6 pi work R^2/K)^(1/3) with K = 4 E*/3.
     """
     found = sticky(body=THICK, loading={"forces": [0.0]})
     a = found.sizes.a * found.physics.scales.length
@@ -117,8 +123,9 @@ def test_forces_size_the_mesh_for_the_contact_that_they_hold() -> None:
 
 
 def test_what_is_known_of_the_pull_beforehand() -> None:
-    """Maugis-Dugdale on a body that pulls as a half-space does, JKR's -3/2 pi work R there, neither
-    elsewhere.
+    """The predicted pull-off is Maugis-Dugdale's and JKR's on a thick body, and none elsewhere.
+
+    JKR's is -3/2 pi work R.
     """
     thick, thin = (
         sticky(body=THICK).plan.adhesion,
@@ -202,8 +209,10 @@ def test_the_attraction_is_the_slope_of_its_energy_and_its_integral_the_work() -
 @pytest.mark.parametrize("model", ["linear_elastic", "neo_hookean"])
 @pytest.mark.parametrize("body", [{"shape": "half_space"}, WALLED], ids=["half_space", "layer"])
 def test_nothing_presses_but_the_attraction(body: Any, model: str) -> None:
-    """JKR: a tip let go, a0^3 = 9 pi work R^2/(2 E*), delta = a0^2/(3 R); one held where it first
-    touches, force = -4/3 pi work R; both in closed form, up to digits of the mesh sizes' radius.
+    """Predictions of a free tip and of a tip held at first touch are JKR's closed forms.
+
+    A free tip has a0^3 = 9 pi work R^2/(2 E*) and delta = a0^2/(3 R); a held one has the force -4/3
+    pi work R.
     """
     given = {"body": body, "material": {"model": model, "E": 1.0, "nu": 0.3}}
     free, held = (

@@ -1,6 +1,4 @@
-"""When theory solves a scene instead of a mesh, why it does not where it does not, and what is said
-then.
-"""
+"""Scenes that theory solves instead of a mesh, and the reasons why it does not solve others."""
 
 from __future__ import annotations
 
@@ -107,8 +105,9 @@ def test_a_plate_is_no_tip_for_a_flat_top(body: dict[str, Any]) -> None:
 
 
 def test_what_can_be_told_at_a_look() -> None:
-    """Whether the mesher is forked before anything is resolved: never for a scene that theory
-    solves.
+    """Whether a scene needs a mesh is known before it is resolved.
+
+    The mesher is started by it, and never for a scene that theory solves.
     """
 
     def config(*changes: str) -> Any:
@@ -124,7 +123,7 @@ def test_what_can_be_told_at_a_look() -> None:
 
 
 def test_its_depths_are_the_config_s_to_the_last_digit() -> None:
-    """The unit of length of a half-space is a power of two."""
+    """The depths of a half-space keep all digits, as its length scale is a power of two."""
     found = scene(HALF_SPACE, loading={"deltas": [0.0037, 0.0111]})
     L = found.physics.scales.length
     assert [delta * L for delta in found.physics.deltas] == [0.0037, 0.0111]
@@ -142,13 +141,10 @@ def test_infinite_pressures_are_empty() -> None:
 
 
 # ---- usual formulas
-# --------------------------------------------------------------------------------------------
 
 
 def test_gao_and_perriot_barthel_stand_beside_a_coating() -> None:
-    """Each is the half-space's force with its own modulus; the substrate's own thickness does not
-    matter.
-    """
+    """Gao's and Perriot-Barthel's formulas of a coating are Hertz's with a modulus of their own."""
     found = scene(COATED)
     film, substrate = StackLayer(0.1, 10.0, 0.3), StackLayer(inf, 1.0, 0.3)
     hertz = 4 / 3 * gao_modulus(film, substrate, 0.1) * 0.01**1.5
@@ -165,7 +161,7 @@ def test_dimitriadis_stands_beside_a_single_layer(body: dict[str, Any]) -> None:
 
 
 def test_at_a_force_the_formulas_give_depths() -> None:
-    """And these depths give the force."""
+    """At a force the formulas give depths, which give the force again."""
     theory = scene(LAYER).plan.theory
     assert theory is not None
     depth = theory.formula_value("Dimitriadis", 0.01, force=0.002)
@@ -186,7 +182,10 @@ def test_where_no_formula_belongs_there_is_none() -> None:
 
 @pytest.mark.parametrize(("contrast", "stated"), [(1.0, 1e-8), (1e4, 1e-8), (1e5, 3.2e-6)])
 def test_theory_states_what_it_loses_to_contrast(contrast: float, stated: float) -> None:
-    """2e-6 was measured on a substrate 1e5 times softer."""
+    """Theory states an error that grows with the contrast of the layers' moduli.
+
+    2e-6 was measured on a substrate 1e5 times softer.
+    """
     layers = [
         BodyLayer(0.1, LinearElastic(E=contrast, nu=0.3)),
         BodyLayer(inf, LinearElastic(E=1.0, nu=0.3)),
@@ -196,15 +195,15 @@ def test_theory_states_what_it_loses_to_contrast(contrast: float, stated: float)
 
 
 # ---- the finite body that stands for a layer
-# ---------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("base", ["fixed", "roller"])
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.5])
 @pytest.mark.parametrize("delta", [1e-4, 1e-2, 0.2])
 def test_the_stated_error_of_the_wall_is_theorys(base: str, nu: float, delta: float) -> None:
-    """The force with a wall at the chosen radius and without one, worked out anew; at most 1e-3 of
-    it.
+    """The stated truncation error is theory's force with the wall over that without it.
+
+    It is at most 1e-3.
     """
     found = scene(
         LAYER | {"base": base},
@@ -227,7 +226,7 @@ def test_the_stated_error_of_the_wall_is_theorys(base: str, nu: float, delta: fl
 
 
 def test_a_tip_without_theory_has_a_wall_too() -> None:
-    """Also where the contact is wider than theory knows."""
+    """A tip without theory, or a contact wider than theory's, gets a truncated domain, too."""
     pyramid = scene(LAYER, indenter={"shape": "pyramid", "half_angle": 65}).physics
     assert (
         pyramid.body.shape == "box"
@@ -247,7 +246,9 @@ def test_a_tip_without_theory_has_a_wall_too() -> None:
 
 @pytest.mark.parametrize("shape", ["layer", "half_space"])
 def test_a_body_that_changes_with_time_is_wide_enough_for_all_it_becomes(shape: str) -> None:
-    """Undrained, or with its shear relaxed, it is incompressible: on a slippery base felt eight
+    """A time-dependent body is truncated as far away as an incompressible one.
+
+    Undrained, or with relaxed shear, it is incompressible, and on a roller base the wall acts eight
     times as far away.
     """
     body = {"shape": shape} | ({"height": 1.0, "base": "roller"} if shape == "layer" else {})
@@ -270,8 +271,9 @@ def test_a_body_that_changes_with_time_is_wide_enough_for_all_it_becomes(shape: 
 
 
 def test_a_film_far_thinner_than_its_contact_is_cut_off_with_what_lies_below() -> None:
-    """Beyond the contacts that theory of layers knows; at least as wide as without it, where the
-    contact is known.
+    """A very thin coating is truncated at least as far away as the bare body.
+
+    Its contact is wider than the theory of layers covers.
     """
     film = [{"thickness": 1e-4, "material": STIFF}, {}]
     blunt = {"shape": "cone", "half_angle": 70.3, "tip_radius": 2.0}

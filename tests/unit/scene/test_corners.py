@@ -1,6 +1,4 @@
-"""Which corners a contact feels, how finely they are meshed, and that gmsh is told the same sizes
-as everybody.
-"""
+"""Corner singularities: which ones a contact feels, their mesh, and the sizes given to gmsh."""
 
 from __future__ import annotations
 
@@ -57,7 +55,10 @@ def test_given_sizes_are_left_alone() -> None:
 
 
 def test_coarse_corners_are_doubted() -> None:
-    """0.53 % on elements of a quarter of the height, where the mesh is fine elsewhere."""
+    """Coarse elements at a corner are warned of where the mesh is fine elsewhere.
+
+    Elements of a quarter of the height cost 0.53 % of the force.
+    """
     coarse = scene(CYLINDER, material=SOFT, indenter=PLATE, mesh={"h_contact": 0.02, "h_far": 0.25})
     assert any("corners" in said for said in coarse.plan.warnings)
     for quiet in (scene(CYLINDER, material=SOFT, indenter=PLATE), scene(CYLINDER), scene(BOX)):
@@ -91,8 +92,9 @@ def test_corners_shrink_with_the_accuracy_and_grow_in_companions() -> None:
 
 
 def test_what_refined_corners_still_cost_is_known() -> None:
-    """A tenth of what all else may cost, by design: a companion does not show it, whose elements at
-    corners are as small as those in its contact at most.
+    """The error of refined corners is a tenth of the allowed error, by design.
+
+    A companion run does not show it, because its elements at corners are hardly larger.
     """
     base = scene(CYLINDER, material=SOFT, indenter=PLATE, accuracy=0.001)
     physics, fineness = base.physics, base.plan.resolution
@@ -127,9 +129,7 @@ def test_a_size_of_corners_that_are_not_there_is_refused() -> None:
 
 
 def test_in_three_dimensions_edges_stay_coarse_and_the_bars_know() -> None:
-    """Lines of small elements would cost more than they give; what the corners cost the force comes
-    to its bar.
-    """
+    """In three dimensions edges are not refined, and their error is part of the error bar."""
     wide, far = (
         scene(
             BOX, material=SOFT, indenter=WIDE, loading={"delta": delta, "steps": 1}, accuracy=0.01
@@ -142,7 +142,7 @@ def test_in_three_dimensions_edges_stay_coarse_and_the_bars_know() -> None:
 
 @pytest.mark.parametrize("body", [CYLINDER, MIXED, {**CYLINDER, "sides": "fixed"}])
 def test_gmsh_is_told_the_same_sizes(body: dict[str, Any]) -> None:
-    """The formula, read by Python at random points, against the numpy function."""
+    """The size formula for gmsh, evaluated at random points, is the size function of numpy."""
     base = scene(
         body, material=SOFT, indenter={"shape": "flat_punch", "radius": 0.7}, accuracy=0.01
     )
@@ -159,8 +159,9 @@ def test_gmsh_is_told_the_same_sizes(body: dict[str, Any]) -> None:
 
 
 def test_a_body_that_overhangs_its_base_has_a_notch_there() -> None:
-    """Whatever nu and the support; an edge of at most a right angle counts where it is bonded and
-    nu > 0.
+    """A cap that overhangs its base has a notch there, for every nu and support.
+
+    An edge of at most a right angle is singular where it is bonded and nu > 0.
     """
     found = {}
     for angle, base, nu in product((60, 150), ("fixed", "roller"), (0.0, 0.3)):
@@ -175,9 +176,9 @@ def test_a_body_that_overhangs_its_base_has_a_notch_there() -> None:
 
 @pytest.mark.parametrize("angle", [60, 90, 150])
 def test_what_a_corner_at_the_foot_costs_knows_no_unit_of_length(angle: float) -> None:
-    """A cap twice as large with twice the contact has the same corner, twice as far away, and none
-    costs more than was ever measured: a tenth of the force, with elements as large as its
-    distance.
+    """The error of a corner at a cap's base scales with the body and is at most 10 %.
+
+    10 % was the largest measured, with elements as large as the corner's distance.
     """
     body = {"shape": "cap", "base_radius": 1.0, "contact_angle": angle}
     part = scene(body, material=SOFT).physics.domain
@@ -201,9 +202,7 @@ def _doubled(value: Any) -> Any:
 
 
 def test_a_corner_within_half_a_height_of_the_contact_does_not_fade() -> None:
-    """As measured: what it costs there depends on the contact by its radius over the corner's
-    distance alone.
-    """
+    """Within half a height of the contact the error of a corner does not depend on its distance."""
     body = {"shape": "cap", "base_radius": 1.0, "contact_angle": 60}
     part = scene(body, material=SOFT).physics.domain
     (at,) = corners(part, (0.0, 0.0), 1.0, 0.4999)

@@ -1,8 +1,9 @@
-"""A warning and its number are one thing: what is said, stated and budgeted comes from one list."""
+"""Model warnings: text, stated number and error budget come from one list."""
 
 from __future__ import annotations
 
 from itertools import pairwise
+from math import sqrt
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from mesh_files import section, write
 from indent_sim.config.scene_file import config_from_mapping, to_mapping
 from indent_sim.model.contact import Penalty
 from indent_sim.model.linear_elasticity import LinearElastic
+from indent_sim.model.state import State
 from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid
 from indent_sim.run.error_estimation.coarser_run import CoarserRun
 from indent_sim.run.error_estimation.error_bars import ErrorBars
@@ -48,7 +50,7 @@ NUMBERS = {
 
 
 def document(**sections: Any) -> dict[str, Any]:
-    """A paraboloid on a thick cylinder; `sections` replace whole sections of that."""
+    """Mapping of a paraboloid on a thick cylinder; `sections` replace whole sections."""
     given: dict[str, Any] = {
         "body": {"shape": "cylinder", "radius": 2.0, "height": 1.0},
         "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3},
@@ -59,7 +61,7 @@ def document(**sections: Any) -> dict[str, Any]:
 
 
 def scene(**sections: Any) -> Scene:
-    """That scene, decided."""
+    """Resolved scene of that mapping."""
     return resolve(config_from_mapping(document(**sections)))
 
 
@@ -87,21 +89,55 @@ def test_nothing_speaks_against_a_theory_that_is_exact() -> None:
 
 
 def test_a_last_row_without_contact_has_no_error() -> None:
-    """What is stated is of the last row; the deepest one, which the penalty costs something, comes
-    before.
-    """
+    """The stated error is that of the last row, also if it has no contact."""
     found = scene(**SCENES["penalty"], loading={"deltas": [0.01, -0.01]})
     errors = {doubt.key: doubt.force_error for doubt in found.plan.model_warnings}
     assert errors["penalty"] == 0.0 and "force_error" not in found.plan.prediction
+
+
+ELASTIC = {"model": "linear_elastic", "E": 1.0, "nu": 0.3}
+SERIES = {"prony": [[0.5, 0.1]]}
+IN_TIME: dict[str, dict[str, Any]] = {
+    "draining": {"flow": {"diffusivity": 1.0}},
+    "relaxing in shear": {"relaxation": SERIES | {"of": "shear"}},
+    "relaxing as a whole, on the elastic curve": {"relaxation": SERIES | {"of": "all"}},
+}
+
+
+@pytest.mark.parametrize("name", IN_TIME)
+@pytest.mark.parametrize("first_depth", [0.01, 0.0025, None], ids=str)
+def test_only_rows_are_too_shallow(name: str, first_depth: float | None) -> None:
+    """The elements are compared with the contact of the shallowest row, by Hertz, and not with the
+    shallower ones of time steps before it. A history without times names no row in advance.
+    """
+    h, deepest = 0.03, 0.01
+    times = {} if first_depth is None else {"times": [first_depth / deepest, 2.0]}
+    found = scene(
+        body={"shape": "cylinder", "radius": 5.0, "height": 5.0},
+        material=ELASTIC | IN_TIME[name],
+        mesh={"h_contact": h},
+        loading={"history": [[0.0, 0.0], [1.0, deepest], [2.0, deepest]]} | times,
+    )
+    if found.history_on_curve and first_depth is None:
+        pytest.skip("its rows are interpolated between points of the curve")
+    said = [warning for warning in found.plan.warnings if "at the shallowest" in warning]
+    if first_depth in (None, deepest):
+        assert said == []
+        return
+    (warning,) = said
+    elements = float(warning.split("only ")[1].split()[0])
+    # Two digits are printed, and the body of the height 5 is not a half-space: a differs by 1 %.
+    assert elements == pytest.approx(sqrt(first_depth) / h, rel=0.05)
 
 
 @pytest.mark.parametrize(
     "tip", [Paraboloid(R=2.0), Cone(half_angle=70.0), Cone(half_angle=70.0, tip_radius=2.0)]
 )
 def test_the_strain_is_a_fifth_of_the_slope_at_the_edge(tip: Indenter) -> None:
-    """Tabor's; the slope by a central difference of the tip's own height.
+    """The characteristic strain is Tabor's fifth of the tip's slope at the contact edge.
 
-    A rounded apex is a ball, here taken for its paraboloid: 1.2 % at 0.15 of its radius.
+    The slope is a central difference of the height. A rounded apex is taken for its paraboloid,
+    which is off by 1.2 % at 0.15 of its radius.
     """
     a, step = 0.3, 1e-6
     slope = (float(tip.height(a + step, 0.0)) - float(tip.height(a - step, 0.0))) / (2 * step)
@@ -113,9 +149,10 @@ def test_the_strain_under_a_punch_knows_its_depth() -> None:
 
 
 def test_what_a_penalty_costs() -> None:
-    """Of a contact that fills the body from wall to wall: a spring lambda + 2 mu in series with
-    epsilon_n, of which no more than all is lost, and little of which in proportion to lambda + 2
-    mu.
+    """The force loss of a penalty is that of a spring lambda + 2 mu in series with epsilon_n.
+
+    The contact fills the body from wall to wall. The loss is below 1 and, for a stiff penalty,
+    proportional to lambda + 2 mu.
     """
     depth, a, little = 0.01, 50.0, {}
     for nu in (0.0, 0.3, 0.45):
@@ -143,9 +180,12 @@ def test_without_contact_only_that_is_said() -> None:
 
 def test_the_error_budget_has_the_doubt_of_the_finite_body() -> None:
     found = scene(**SCENES["half_space"])
-    bars = ErrorBars(found, CoarserRun(1.6, [], found))
+    row = State(1, 0.01, 2.0, 0.1, 0, 0, 0, 1, 0.0)
+    bars = ErrorBars(found, CoarserRun(1.6, [row], found))
+    bars.add_error_estimate(row)
     (doubt,) = (doubt for doubt in found.plan.model_warnings if doubt.key == "truncation")
-    assert bars._truncation == doubt.force_error == found.plan.prediction["truncation_error"]
+    assert bars.budgets[0].truncation == doubt.force_error * row.force
+    assert doubt.force_error == found.plan.prediction["truncation_error"]
 
 
 LAYERS = [
@@ -175,9 +215,7 @@ OWN = {
 def test_a_material_that_nothing_has_is_named_and_read_by_nothing(
     body: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Choices, sizes and expectations are those of the scene without it, and so is the record of
-    the run.
-    """
+    """An unused material is warned of, and changes neither the scene nor the record of the run."""
     write(tmp_path / "gel.msh", section())
     monkeypatch.chdir(tmp_path)
     lacking, having = (

@@ -1,6 +1,4 @@
-"""Films beside drained faces: what they cost, which elements resolve them, and what is said where
-none do.
-"""
+"""Drainage films at drained faces: their error, their elements, and their warnings."""
 
 from __future__ import annotations
 
@@ -39,9 +37,10 @@ def drained_faces(found: Scene) -> list[str]:
 @pytest.mark.parametrize("over", [0.0, 1.0])
 @pytest.mark.parametrize("h", [0.1, 1.0, 10.0])
 def test_the_excess_is_that_of_a_row_of_elements(over: float, h: float) -> None:
-    """A half-space of linear elements of the height h (D t)^(1/2), in 400 backward steps: what
-    leaves is the exact length and an excess that is at most as large as said, and not much
-    smaller. Its time steps cost 2e-3.
+    """The estimated excess outflow bounds that of a half-space of linear elements closely.
+
+    Linear elements of the height h (D t)^(1/2) are solved in 400 backward Euler steps, which cost
+    2e-3.
     """
     cells, steps, D = 400, 400, 1.0
     dt = 1.0 / steps
@@ -110,7 +109,7 @@ def test_every_drained_face_has_its_elements() -> None:
 
 
 def test_a_mesh_has_the_elements_of_its_film() -> None:
-    """Beside the face elements are as large as asked for, within half."""
+    """The elements at a drained face have the requested height within 50 %."""
     found = scene()
     grid = found.grid()
     top = grid.points[(grid.points[:, 1] == 0) & (grid.points[:, 0] < found.sizes.fine_radius), 0]
@@ -154,7 +153,7 @@ def test_a_film_needs_a_contact_size() -> None:
 
 
 def test_rows_know_what_has_changed_before_them() -> None:
-    """Of a ramp, a hold and a ramp back: two changes, the second as far as it has come."""
+    """Every row lists the changes of a history before it, the last one as far as it has come."""
     loading = {"history": [[0, 0], [1, 0.02], [2, 0.02], [3, 0.01]], "times": [0.5, 2.0, 2.5]}
     rows = path_rows(scene(loading=loading).physics.path)
     assert [row.value for row in rows] == pytest.approx([0.5, 1.0, 0.75])

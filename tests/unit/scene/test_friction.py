@@ -1,4 +1,4 @@
-"""What a scene says of friction: refusals by name, the anchor, and what stick would change."""
+"""Scenes with friction: refusals, the slip reference, and the effect of no slip."""
 
 from __future__ import annotations
 
@@ -89,9 +89,7 @@ def test_new_contact_sticks_half_way_where_it_matters(friction: float | str, anc
 
 
 def test_a_run_says_the_friction_that_it_had() -> None:
-    """The config written beside the results is that of the run, epsilon_t included; without
-    friction it stays auto.
-    """
+    """The written config has the friction of the run with its epsilon_t, or auto without it."""
     rough, smooth = config({"friction": "stick"}), config({})
     contact = explicit_config(rough, resolve(rough)).contact
     assert contact.friction == "stick" and contact.epsilon_t == contact.epsilon_n
@@ -99,7 +97,7 @@ def test_a_run_says_the_friction_that_it_had() -> None:
 
 
 def test_epsilon_t_is_measured_in_the_scenes_units() -> None:
-    """The same scene with lengths in thousandths and pressures in millionths."""
+    """epsilon_t has the units of the scene."""
     small = scene({"friction": 0.3, "epsilon_t": 7.0}).physics
     large = scene(
         {"friction": 0.3, "epsilon_t": 7.0 * 1e6 / 1e3},
@@ -112,8 +110,9 @@ def test_epsilon_t_is_measured_in_the_scenes_units() -> None:
 
 
 def test_what_stick_would_change() -> None:
-    """Exactly on a half-space, a range on a bonded layer, nothing where friction is modelled or
-    nothing is known.
+    """The no-slip effect is exact on a half-space, a range on a bonded layer, and else unknown.
+
+    It is not stated where friction is modelled.
     """
     exact = scene({}, body={"shape": "half_space"}).plan.stick
     assert exact and exact.percent == pytest.approx(1.6213, abs=1e-4)
@@ -144,14 +143,17 @@ SPHERE = {"shape": "sphere", "R": 1.0}
     ids=["finite strain", "current gap", "half-space"],
 )
 def test_beyond_small_strain_stick_has_no_number(beyond: dict[str, Any]) -> None:
-    """The ball would gain 10.0 %, solved, where the map at small strain knows of less than five."""
+    """Beyond small strain the no-slip effect has no number, and --error-bars is advised.
+
+    The sphere would gain 10.0 %, where the map at small strain has less than five.
+    """
     said = scene(**({"contact": {}} | beyond)).plan.stick
     assert said and said.is_noticeable and (said.percent, said.low, said.high) == (None, None, None)
     assert "%" not in said.sentence and "--error-bars" in said.sentence
 
 
 def test_what_error_bars_do_not_solve_they_do_not_promise() -> None:
-    """They need a factored body."""
+    """--error-bars is advised only where the no-slip effect is solved: on a factorized body."""
     box = {
         "body": {"shape": "box", "size": [8.0, 8.0, 1.0], "base": "fixed"},
         "mesh": {"h_contact": 0.2},
@@ -164,7 +166,7 @@ def test_what_error_bars_do_not_solve_they_do_not_promise() -> None:
 
 
 def test_what_would_not_tell_at_small_strain_is_not_said() -> None:
-    """Nearly incompressible and thick: it would hardly slip anyway."""
+    """A thick and nearly incompressible body has no stated no-slip effect."""
     material = {"model": "neo_hookean", "E": 1.0, "nu": 0.49}
     assert scene({}, material=material, loading={"delta": 0.001}).plan.stick is None
 
@@ -176,7 +178,10 @@ def test_a_change_that_rounds_to_nothing_has_no_sign_and_no_range() -> None:
 
 
 def test_a_cone_is_looked_up_at_its_own_radius() -> None:
-    """1.72 %, solved, at 2.21 thicknesses, between two columns of the cone's map."""
+    """The no-slip effect of a cone lies in its range of the map, at its own contact radius.
+
+    1.72 % was solved at 2.21 thicknesses, between two columns of the map.
+    """
     wide = {"body": CYLINDER | {"radius": 12.0}, "indenter": {"shape": "cone", "half_angle": 80.0}}
     said = scene({}, material=SOFT | {"nu": 0.4}, loading={"delta": 0.4}, **wide).plan.stick
     assert said and said.low is not None and said.high is not None
@@ -188,8 +193,9 @@ HALF_SPACE = {"shape": "half_space"}
 
 @pytest.mark.parametrize(("friction", "force"), [("stick", 1.016213), (0.3, 1.01446)])
 def test_what_friction_changes_on_a_half_space(friction: float | str, force: float) -> None:
-    """By superposed punches, to their last digit; said where theory has the very problem, and
-    nowhere else.
+    """The friction correction on a half-space is that of superposed punches.
+
+    It is stated where theory has this very problem.
     """
     known = scene({"friction": friction}, body=HALF_SPACE).plan.friction
     assert known and known.force == pytest.approx(force, abs=2e-5)
@@ -225,8 +231,9 @@ def test_where_nobody_knows_what_friction_changes(unknown: dict[str, Any]) -> No
 def test_a_surface_that_would_pull_slips_a_little(
     nu: float, h: float, friction: float | str
 ) -> None:
-    """Elements that see how a surface stuck beside a sharp edge would pull have no equilibrium
-    without a bound.
+    """No slip under a sharp edge becomes a large friction where elements resolve the tension.
+
+    Without a bound of the traction there is no equilibrium there.
     """
     punch = {"shape": "flat_punch", "radius": 0.1}
     found = scene(
@@ -250,7 +257,7 @@ def test_a_surface_that_would_pull_slips_a_little(
 def test_elements_that_cross_the_edge_see_the_rim_that_would_pull(
     nu: float, dim: int, is_seen: bool
 ) -> None:
-    """The facets of a solid do at 0.1, however large they are, and no longer at 0.4: measured."""
+    """Facets in three dimensions see the tensile rim at nu = 0.1, and not at 0.4, as measured."""
     sizes = SimpleNamespace(punch_edge=0.1, h_edge=0.01)
     assert (tensile_rim_width(FlatPunch(0.1), nu, sizes, dim) > 0) == is_seen  # type: ignore[arg-type]
 
@@ -262,8 +269,9 @@ def test_elements_that_cross_the_edge_see_the_rim_that_would_pull(
 def test_a_surface_held_too_softly_is_refused(
     method: str, smallest: float, friction: float | str
 ) -> None:
-    """It would slip where it should stick, and the force be that without friction; the remedy works
-    as it is.
+    """A too small epsilon_t is refused, and the smallest value in the remedy is accepted.
+
+    The surface would slip where it should stick, and the force would be that without friction.
     """
     mesh = {"h_contact": 0.01}
     with pytest.raises(ConfigError, match=f"below {smallest:g} ") as refusal:
@@ -290,8 +298,10 @@ def test_a_surface_held_too_softly_is_refused(
 def test_what_the_tangential_stiffness_costs_is_said(
     contact: dict[str, Any], said: str | None
 ) -> None:
-    """Penalty: measured at 5 E*/a, 0.30 to 0.49 of it; at 130 E*/h_contact and ten elements, 0.09
-    of it.
+    """The loss by epsilon_t is warned of, with the share that was measured for a penalty.
+
+    At 5 E*/a, 0.30 to 0.49 of the friction's force is lost; at 130 E*/h_contact and ten elements,
+    0.09.
     """
     warnings = scene({"friction": "stick", **contact}, mesh={"h_contact": 0.01}).plan.warnings
     found = [words for words in warnings if "friction" in words]

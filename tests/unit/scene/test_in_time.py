@@ -1,6 +1,4 @@
-"""What is said of scenes in time before they are followed: times, limits, and the elastic body they
-are near.
-"""
+"""Scenes in time: their characteristic times, limits, and the elastic body that they approach."""
 
 from __future__ import annotations
 
@@ -38,7 +36,7 @@ def of(*args: Any, **sections: Any) -> TimePrediction:
 
 
 def test_times_of_a_body_that_drains() -> None:
-    """a^2/D and so on, of the contact and the elements that the plan says."""
+    """The diffusion times are a^2/D of the contact, of its elements and of the height."""
     planned = scene()
     found, L, a = planned.plan.time, planned.physics.scales.length, planned.plan.prediction["a"]
     assert (found.D, found.way, found.method) == (pytest.approx(2.0), "steps", "SDIRK2")
@@ -51,7 +49,7 @@ def test_times_of_a_body_that_drains() -> None:
 
 
 def test_limits_on_a_half_space() -> None:
-    """Hertz with nu as given, and with 0.5 at the same shear modulus."""
+    """The limits on a half-space are Hertz's, drained and with nu = 0.5 at equal shear modulus."""
     found = of(body={"shape": "half_space"})
     assert found.limits["drained"] == pytest.approx(
         paraboloid_force(DEPTH, 1.0, E_star(1.0, 0.2)), rel=1e-9
@@ -62,7 +60,7 @@ def test_limits_on_a_half_space() -> None:
 
 
 def test_the_depth_of_a_force_has_limits_too() -> None:
-    """Hertz: F of the depth is the force, with either body."""
+    """The limits of the depth of a force are Hertz's depths of both bodies."""
     force = paraboloid_force(DEPTH, 1.0, E_star(1.0, 0.2))
     found = of(loading={"force_history": [[0, 0], [1, force]]}, body={"shape": "half_space"})
     assert found.limits["drained"] == pytest.approx(DEPTH, rel=1e-6)
@@ -103,8 +101,9 @@ def test_surfaces_that_nobody_tabled_have_no_estimate() -> None:
 
 
 def test_times_of_a_body_that_relaxes() -> None:
-    """Half of the shear modulus at one time: at once nothing, at last half of an incompressible
-    body's force.
+    """The limits of shear relaxation are the unrelaxed force and half of it.
+
+    Half of the shear modulus of an incompressible body relaxes, at one time.
     """
     law = {"model": "linear_elastic", "E": 1.0, "nu": 0.5}
     law |= {"relaxation": {"prony": [[0.2, 0.1], [0.3, 1.0]], "of": "shear"}}
@@ -139,7 +138,7 @@ def test_what_is_left_falls_from_one_to_nothing() -> None:
 
 @pytest.mark.parametrize(("alpha", "storage"), [(1.0, 0.0), (0.8, 0.5)])
 def test_undrained_across_an_axis_of_isotropy(alpha: float, storage: float) -> None:
-    """Where it is isotropic the two formulas are one."""
+    """The undrained law of a transversely isotropic body contains the isotropic one."""
     flow = Flow(permeability=1.0, alpha=alpha, storage=storage)
     plain: Any = undrained_law(LinearElastic(E=1.0, nu=0.2, flow=flow))
     like = TransverselyIsotropic(E=1.0, E_z=1.0, nu=0.2, nu_z=0.2, G_z=1 / 2.4, flow=flow)

@@ -1,6 +1,4 @@
-"""Config -> Scene: what is refused, what is warned of, and that each choice gives the reason for
-itself.
-"""
+"""From Config to Scene: refusals, warnings, and choices with their reasons."""
 
 from __future__ import annotations
 
@@ -20,9 +18,7 @@ BODIES: dict[str, dict[str, Any]] = {
 
 
 def scene(kinematics: str = "axisymmetric", **sections: Any) -> Scene:
-    """A paraboloid of radius 2 on ELASTIC, pressed in by 0.02; `sections` replace whole sections of
-    that.
-    """
+    """A paraboloid of radius 2 pressed in by 0.02; `sections` replace whole sections."""
     given: dict[str, Any] = {
         "body": BODIES[kinematics],
         "material": {"model": "linear_elastic", "E": 5.0, "nu": 0.3},
@@ -87,7 +83,7 @@ class TestLinear:
         assert caught.value.key == "solver.method"
 
     def test_theory_has_no_linear_systems_whatever_is_said_of_a_mesh(self):
-        with pytest.raises(ConfigError, match="solver.linear, solver.rtol"):
+        with pytest.raises(ConfigError, match=r"solver\.linear, solver\.rtol"):
             scene(mesh={"h_contact": 0.1}, solver={"linear": "iterative", "method": "theory"})
 
     def test_auto_factors_what_is_small_and_iterates_where_that_is_cheaper(self):
@@ -132,8 +128,9 @@ class TestMesh:
 
 
 class TestStrain:
-    """0.05 of characteristic strain is a ball at a = R/4, whose force differs by some per cent
-    between the strains.
+    """The limit of small strain, 0.05 of characteristic strain: a sphere at a = R/4.
+
+    There its force differs by some per cent between the strain measures.
     """
 
     def said(
@@ -158,8 +155,9 @@ class TestStrain:
         ids=["cone", "pyramid", "profile", "sphere", "flat_punch"],
     )
     def test_small_strain_ends_with_the_slope_at_the_edge_of_contact(self, sharp, blunt):
-        """cot 76 degrees = 0.25, pyramids a tenth flatter than their faces; a punch at a sixth of
-        its radius.
+        """Small strain is warned of beyond a slope of 0.25 = cot 76 degrees at the contact edge.
+
+        Pyramids count a tenth flatter than their faces, and a punch at a sixth of its radius.
         """
         assert "small strain" in self.said(**sharp)
         assert "small strain" not in self.said(**blunt)
@@ -207,7 +205,10 @@ def test_the_half_space_is_refused_without_a_percentage_of_its_own():
 
 @pytest.mark.parametrize("width", [8.0, 7.974162139218347, 1.2345678912345, 0.70000000000123])
 def test_the_middle_is_found_whatever_the_digits_of_the_width(width):
-    """Lengths are rounded to 12 digits, the tip's place and the body's middle each for itself."""
+    """A tip in the middle gives a symmetric model for every number of digits of the width.
+
+    Lengths are rounded to 12 digits, the tip's position and the middle each on its own.
+    """
     strip = {"shape": "strip", "width": width, "height": 1.1, "sides": "roller"}
     box = {"shape": "box", "size": [width, width / 3, 1.1]}
     for body, symmetry in ((strip, "half"), (box, "quarter")):
@@ -229,7 +230,10 @@ def test_the_middle_is_found_whatever_the_digits_of_the_width(width):
     "tip", [{"shape": "sphere", "R": 1e-6}, {"shape": "flat_punch", "radius": 1e-5}]
 )
 def test_elements_larger_than_a_tip_are_refused(tip):
-    """Their force was up to sixty times too large; sizes left to the program resolve the tip."""
+    """Elements larger than the tip's radius are refused; automatic sizes resolve the tip.
+
+    The force was up to sixty times too large.
+    """
     with pytest.raises(ConfigError, match="are larger than the tip's radius"):
         scene(indenter=tip, loading={"delta": 0.01, "steps": 1}, mesh={"h_contact": 0.01})
     assert scene(indenter=tip, loading={"delta": 0.01, "steps": 1}, mesh={}).sizes.min_size < 1e-5
@@ -260,7 +264,10 @@ def test_a_pressure_without_a_peak_says_where(tip, where):
 
 
 def test_layers_on_a_half_space_end_where_its_finite_body_does():
-    """The last one is as thick as the films leave room for: 1e-9 is the rounding of sizes."""
+    """The last layer of a truncated half-space has the thickness that the films leave.
+
+    1e-9 is the rounding of sizes.
+    """
     matter = [{"model": "linear_elastic", "E": E, "nu": 0.3} for E in (3.0, 1.0)]
     body = {
         "shape": "half_space",

@@ -1,4 +1,4 @@
-"""Element sizes beneath tips that go deep into a body whose surface slides along them."""
+"""Element sizes below tips that go deep into a body whose surface slides along them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ROD = {"shape": "flat_punch", "radius": 1.0, "edge_radius": 1.0}
 
 
 def sizes(depth: float, tip: dict[str, Any] = ROD, **sections: Any) -> Sizes:
-    """Sizes [tip radii] beneath a tip so deep in a block of rubber 20 radii high."""
+    """Element sizes [tip radii] below a tip in a block of rubber 20 radii high."""
     scene = resolve(
         config_from_mapping(
             {
@@ -36,8 +36,10 @@ def sizes(depth: float, tip: dict[str, Any] = ROD, **sections: Any) -> Sizes:
 
 
 def test_what_slides_outwards_is_meshed_finely_beneath_a_deep_rod() -> None:
-    """At five radii the disc of a tenth of the radius covers all of its end: it has as many
-    elements as the end had.
+    """Below a deep rod the elements at the axis are refined.
+
+    At a depth of five radii a disc of a tenth of the radius is spread over the whole end of the
+    rod.
     """
     shallow, deep = sizes(0.9), sizes(5.0)
     assert shallow.h_axis is None

@@ -1,10 +1,9 @@
-"""What theory knows of each tip, that the depth of a force is that depth, and that nothing is
-worked out twice.
-"""
+"""Reference theories: of every tip, for prescribed forces, and evaluated only once."""
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from typing import Any, get_args
 
 import numpy as np
@@ -33,6 +32,7 @@ from indent_sim.scene.reference_theory import half_space_theory, layer_theory, r
 from indent_sim.scene.scene import Scene, resolve
 from indent_sim.scene.tip_theories import TIP_THEORIES, theory_tip_shape
 from indent_sim.theory.contact_curve import ContactCurve
+from indent_sim.theory.solution import Solution
 
 GEL = LinearElastic(E=1.0, nu=0.3)
 CYLINDER = Cylinder(2.0, 1.0, sides="roller")
@@ -59,12 +59,12 @@ SCENE: dict[str, Any] = {
 
 
 def scene(**sections: Any) -> Scene:
-    """A paraboloid on a layer between frictionless walls, three depths, the last not the deepest."""
+    """A paraboloid on a layer between frictionless walls; the middle of three depths is deepest."""
     return resolve(config_from_mapping(SCENE | sections))
 
 
 def test_every_tip_is_in_the_table() -> None:
-    """A tip that theory does not know has no row, and this list says so."""
+    """Every tip has a theory; a tip without one would have to be listed here."""
     assert set(get_args(Indenter)) - set(TIP_THEORIES) == set()
 
 
@@ -77,7 +77,7 @@ def test_theory_sees_the_tip_end_where_it_ends(tip: Indenter) -> None:
 
 @pytest.mark.parametrize("tip", SHARP.values(), ids=SHARP)
 def test_layer_and_closed_form_agree_on_a_half_space(tip: Indenter) -> None:
-    """The two entries of one tip: Sneddon's integral against the formula."""
+    """Sneddon's integral of a tip gives the closed formula of its force."""
     theory, closed = (
         half_space_theory(tip, [Layer(None, GEL)]),
         half_space_force(tip, 0.01, GEL.E_star),
@@ -100,9 +100,11 @@ def test_the_depth_of_a_force_is_that_depth(
 
 @pytest.mark.parametrize("delta", [1e-6, 1e-3, 0.1, 10.0])
 def test_hyperboloid_on_a_half_space(delta: float) -> None:
-    """F = E* cot [(a^2 - b^2) arctan(a/b) + a b], delta = a cot arctan(a/b), b = R cot: Sneddon's
-    integral of the tip by hand. Its terms cancel to (a/b)^3, here to 1e-9 of them at most, so
-    1e-6 there; 1e-9 is theory's own.
+    """A hyperboloid on a half-space has the force of Sneddon's integral by hand.
+
+    F = E* cot [(a^2 - b^2) arctan(a/b) + a b] and delta = a cot arctan(a/b) with b = R cot. The
+    terms cancel to (a/b)^3, here to 1e-9 of them at most: hence 1e-6; elsewhere 1e-9 is theory's
+    own error.
     """
     R, slope = 0.2, 1 / np.tan(np.radians(50))
     theory = half_space_theory(Hyperboloid(R, 50.0), [Layer(None, GEL)], 2 * np.sqrt(R * delta))
@@ -129,8 +131,9 @@ def test_plane_strain_knows_sharp_tips_alone() -> None:
 
 
 def test_half_space_forces_of_blunt_tips() -> None:
-    """A rounding of 1e-6 of the depth is not felt: 1e-5; inside one of the contact's size the tip
-    is a sphere.
+    """A tiny rounding leaves a cone's force, and a large one gives that of a sphere.
+
+    A rounding of 1e-6 of the depth changes less than 1e-5.
     """
     found, closed = (
         half_space_force(Cone(60.0, 1e-7), 0.1, 1.0),
@@ -157,38 +160,26 @@ def test_half_space_forces_of_blunt_tips() -> None:
     ],
     ids=["plain", "penalty", "accuracy", "soft", "half_space", "hyperelastic"],
 )
-def test_theory_is_asked_once_for_each_depth(
+def test_theory_solves_the_same_depths_once(
     monkeypatch: pytest.MonkeyPatch, sections: dict[str, Any]
 ) -> None:
-    """Sizes, choices, doubts and prediction of one resolve want the same contacts; each is marched
-    to once.
-    """
-    asked: Counter[tuple[ContactCurve, float]] = Counter()
-    march = ContactCurve.solutions_at_depths
+    """Sizes, choices, warnings and prediction of one scene ask for the same contacts."""
+    solved: Counter[tuple[ContactCurve, tuple[float, ...]]] = Counter()
+    solve = ContactCurve.solutions_at_depths
 
-    def counted(layer: ContactCurve, deltas: Any) -> Any:
-        asked.update((layer, float(delta)) for delta in deltas if delta > 0)
-        return march(layer, deltas)
+    def counted(curve: ContactCurve, deltas: Sequence[float]) -> list[Solution]:
+        solved[curve, tuple(deltas)] += 1
+        return solve(curve, deltas)
 
     monkeypatch.setattr(ContactCurve, "solutions_at_depths", counted)
     found = scene(**sections)
-    assert found.plan.theory and set(asked.values()) == {1}
-    depths = {delta for layer, delta in asked if layer == found.plan.theory.contact}
-    assert set(found.physics.deltas) <= depths
-    assert (
-        len(depths) <= 3 + 2 * 7
-    )  # a penalty that costs much wants seven more, at the deepest contact and the last
-    before = asked.total()
-    assert np.all(
-        np.array(
-            [
-                solution.force
-                for solution in found.plan.theory.solutions_at_depths(found.physics.deltas) or []
-            ]
-        )
-        > 0
-    )
-    assert asked.total() == before
+    theory = found.plan.theory
+    assert theory and set(solved.values()) == {1}
+    depths = [deltas for curve, deltas in solved if curve == theory.contact]
+    # A penalty that costs much wants eight contacts at the deepest depth and at the last one.
+    assert 0 < sum(map(len, depths)) <= 3 + 2 * 8
+    assert all(map(theory.solutions_at_depths, depths))
+    assert set(solved.values()) == {1}
 
 
 @pytest.mark.parametrize(
@@ -196,7 +187,10 @@ def test_theory_is_asked_once_for_each_depth(
     [(Paraboloid(1.0), 2 / 3), (Sphere(1.0), 2 / 3), (Plate(), 2.0), (FlatPunch(0.1), 2.0)],
 )
 def test_curvatures_add_over_a_round_body(tip: Indenter, R: float) -> None:
-    """1/R of the tip and 1/2 of the body; a sharp tip, and any over a flat top, is its own."""
+    """The relative curvature is the sum of those of tip and spherical body.
+
+    A sharp tip keeps its own, and so does every tip over a flat top.
+    """
     dome = SphericalBody(2.0, 1.0, "cap")
     assert relative_tip(tip, dome) == Paraboloid(pytest.approx(R))  # type: ignore[arg-type]
     assert relative_tip(tip, CYLINDER) is tip and relative_tip(Cone(70.0), dome) == Cone(70.0)
@@ -204,8 +198,9 @@ def test_curvatures_add_over_a_round_body(tip: Indenter, R: float) -> None:
 
 @pytest.mark.parametrize("shape", ["cap", "ball"])
 def test_theory_of_a_round_body_is_never_exact(shape: Any) -> None:
-    """A layer for a cap, a half-space for a ball; a contact of 1e-3 feels as much of the layer:
-    Hertz to 0.2 %.
+    """Theory of a spherical body is Hertz with relative curvature, and is not exact.
+
+    A contact of 1e-3 feels as much of the layer, hence 0.2 %.
     """
     body = SphericalBody(1e3, 1.0, "cap") if shape == "cap" else SphericalBody(1.0, 2.0, "ball")
     tip: Indenter = Paraboloid(1.0)

@@ -1,4 +1,4 @@
-"""Which runs of a study answer the same question."""
+"""Cases of a study: which of them answer the same question."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ vary:
     ],
 )
 def test_another_surface_is_another_question(varied: str, questions: int, tmp_path: Path) -> None:
-    """A method or a mesh is another answer to the same one; friction changes what is asked."""
+    """Cases that differ in friction or adhesion answer other questions than in method or mesh."""
     study = tmp_path / "study.yaml"
     study.write_text(f"{SCENE}  {varied}\n")
     found = cases.resolve_cases(study_file.read(study))[0]
@@ -39,7 +39,7 @@ def test_another_surface_is_another_question(varied: str, questions: int, tmp_pa
 
 
 def test_another_experiment_is_another_run(tmp_path: Path) -> None:
-    """On one curve: works differ in what they come to, so runs are not shared; equal ones are."""
+    """Cases of other works of adhesion are other runs; equal cases share one."""
     study = tmp_path / "study.yaml"
     study.write_text(
         f"{SCENE}  experiment: [{{adhesion: {{work: 1.0e-3}}}}, {{adhesion: {{work: 2.0e-3}}}}, "
@@ -96,7 +96,7 @@ RELAXING = "model: linear_elastic, E: 1, nu: 0.3, relaxation: {prony: [[0.5, 1]]
     ],
 )
 def test_an_error_says_of_which_run_it_is(runs: str, names: list[str], tmp_path: Path) -> None:
-    """Where it lies in what runs share, and only some of them have it."""
+    """An error names the runs that have it where only some of the cases do."""
     study = tmp_path / "study.yaml"
     study.write_text(
         runs.replace("BODY", SHARED + RELAXING).replace("TIMED", "{history: [[0, 0], [1, 0.1]]}")
@@ -122,7 +122,7 @@ vary:
 
 
 def test_a_table_has_quantities_as_numbers_in_the_units_of_the_scene(tmp_path: Path) -> None:
-    """Also of what is refused, and in sections: 1 kPa was text, which nothing can plot."""
+    """Quantities stand in the table as numbers in the units of the scene, also of refused cases."""
     study = tmp_path / "study.yaml"
     study.write_text(f"{MIXED}tolerance: 0.01\n")
     found, refused = cases.resolve_cases(study_file.read(study))

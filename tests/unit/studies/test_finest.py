@@ -1,6 +1,4 @@
-"""The finest run of a study, which the others are compared with: by unknowns, then by penetration,
-and named.
-"""
+"""The finest run of a study, with which others are compared: unknowns first, then penetration."""
 
 from __future__ import annotations
 
@@ -19,7 +17,10 @@ base:
   indenter: {shape: paraboloid, R: 1.0}
   loading: {delta: 0.01, steps: 1}
 vary:
-  contact: [{method: penalty, epsilon_n: 10}, {method: penalty, epsilon_n: 1000}, {method: active_set}]
+  contact:
+    - {method: penalty, epsilon_n: 10}
+    - {method: penalty, epsilon_n: 1000}
+    - {method: active_set}
   mesh.h_contact: [0.05, 0.04]
 """
 PENETRATION = (1e-3, 1e-5, 1e-4)  # of the three laws, the softest first
@@ -27,7 +28,7 @@ FORCE = (0.9, 1.0, 1.1)
 
 
 def results(number: int, dofs: int) -> Results:
-    """The result of a law on a mesh with so many unknowns."""
+    """Result of a contact law on a mesh with a number of unknowns."""
     names = {
         "step": 1.0,
         "delta": 0.01,
@@ -44,8 +45,9 @@ def results(number: int, dofs: int) -> Results:
 
 
 def test_among_equal_meshes_the_least_penetration_is_the_reference(tmp_path: Path) -> None:
-    """It was the run with the largest one: a penalty that lets the tip sink in has the wrong force
-    on any mesh.
+    """Among equal meshes the run with the least penetration is the reference.
+
+    A soft penalty has the wrong force on every mesh.
     """
     path = tmp_path / "study.yaml"
     path.write_text(STUDY)

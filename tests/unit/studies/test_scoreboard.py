@@ -1,6 +1,4 @@
-"""Published values in a study: what its file may say, and who is wrong; nothing is meshed or solved
-here.
-"""
+"""Published values in a study: the keys of its file, and who is wrong; nothing is solved."""
 
 from __future__ import annotations
 
@@ -41,7 +39,7 @@ def study(
 
 
 def board(found: study_file.StudyFile, **columns: list[float]) -> list[scoreboard.Row]:
-    """The scoreboard where the first case has found these columns, the others nothing."""
+    """Scoreboard in which the first case has found these columns and the others nothing."""
     asked = cases.resolve_cases(found)[0]
     scoreboard.check_published_rows(found.named_cases, asked)
     table = {name: np.array(values) for name, values in columns.items()}
@@ -70,7 +68,10 @@ def found(force: float, error: float = 1e-6) -> dict[str, list[float]]:
 def test_who_is_wrong_is_judged_by_theory_of_the_same_body(
     published: float, ours: float, wrong: str, tmp_path: Path
 ) -> None:
-    """The source by its claim of 1e-4, we by our bar of 1e-6."""
+    """Theory of the same body decides who is wrong, by the stated errors of both.
+
+    The source claims 1e-4, and the run's error bar is 1e-6.
+    """
     (row,) = board(study(tmp_path, PUBLISHED.replace("1.4652e-3", repr(published))), **found(ours))
     assert row["wrong"] == wrong and row["exact"] == pytest.approx(HERTZ, rel=1e-9)
     assert row["exact_by"] == "half-space theory" and row["our_error"] == 1e-6
@@ -86,7 +87,10 @@ def test_a_row_is_found_by_its_depth(tmp_path: Path) -> None:
 
 
 def test_where_forces_are_prescribed_theory_is_asked_at_the_force(tmp_path: Path) -> None:
-    """p_max of Hertz at a force: 2 E* a/(pi R), a^3 = 3 F R/(4 E*), whatever depth the run found."""
+    """With a prescribed force, the exact p_max is that of Hertz at the force, not at the depth.
+
+    Reference: p_max = 2 E* a/(pi R) with a^3 = 3 F R/(4 E*).
+    """
     scene = SCENE.replace("deltas: [0.005, 0.01]", "force: 1.0e-3, steps: 1")
     a = (0.75e-3 * 0.91) ** (1 / 3)
     said = "{quantity: p_max, value: 0.06, claims: elements, within: 0.5, source: nobody}"
@@ -236,8 +240,7 @@ ROW_THAT_PULLS = {"step": 2, "delta": 0.01, "force": -3.9}
 def test_a_pull_off_has_the_bar_of_what_it_is_found_from(
     report: dict, bar: float | None, tmp_path: Path
 ) -> None:
-    """Without range the widest of the elastic curve, relative: 2 % of row 1; of a row that pulls
-    its own, and between rows that and what the search leaves."""
+    """The error bar of a pull-off is that of the curve, row or search it is found from."""
     study_of = study(tmp_path, "{quantity: pull_off, value: -4.0, claims: fit, source: nobody}")
     asked = cases.resolve_cases(study_of)[0]
     row = report.get("adhesion", {}).get("largest_pull", {"force": -4.0})

@@ -1,4 +1,4 @@
-"""Which row of a run stands in the table of its study."""
+"""The row of a run that stands in the table of its study."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ vary:
 
 
 def a_run(times: list[float] | None, force: list[float]) -> Results:
-    """A run of five rows, whose other numbers are 1, 2, 3, 4, 5 in every column."""
+    """Result of five rows whose other numbers are 1 to 5 in every column."""
     names = ("step", "delta", "a", "p_max", "penetration", "newton_iterations")
     table = {name: np.arange(1.0, len(force) + 1) for name in names} | {"force": np.array(force)}
     table["force_error"] = 0.01 * table["step"]
@@ -55,8 +55,9 @@ def a_run(times: list[float] | None, force: list[float]) -> Results:
 def test_a_history_is_told_by_its_largest_force(
     times: list[float] | None, force: list[float], told: int, tmp_path: Path
 ) -> None:
-    """Every number of the row in the table, and the bar behind `stated_error`, are those of one row
-    of the run.
+    """All numbers of a case, and its stated error, are those of one row.
+
+    In a history it is the row of the largest force, without times the last one.
     """
     path = tmp_path / "study.yaml"
     path.write_text(RAMPS)

@@ -1,6 +1,4 @@
-"""JKR from the frictionless curve: closed forms on a half-space, values of bonded layers, limits of
-Maugis' model.
-"""
+"""JKR from frictionless curves: closed forms, bonded layers, and limits of Maugis' model."""
 
 from __future__ import annotations
 
@@ -32,7 +30,7 @@ def jkr() -> Jkr:
 
 @pytest.mark.parametrize("a", [0.01, 0.07, 0.3])
 def test_both_branches_on_a_half_space(jkr: Jkr, a: float) -> None:
-    """Johnson, Kendall & Roberts 1971, stable and not."""
+    """Both branches on a half-space are those of Johnson, Kendall & Roberts (1971)."""
     found = jkr.equilibrium_at(a)
     assert found.delta == pytest.approx(
         a**2 / R - math.sqrt(2 * math.pi * WORK * a / E_STAR), rel=1e-10
@@ -52,7 +50,7 @@ def test_pull_off_by_force_and_by_depth(jkr: Jkr) -> None:
 
 @pytest.mark.parametrize(("nu", "h", "pull_off"), BONDED_PULL_OFF)
 def test_pull_off_of_bonded_layers(nu: float, h: float, pull_off: float) -> None:
-    """The five digits of the table."""
+    """The pull-off of bonded layers is that of a table, to its five digits."""
     layer = one_layer(Layer, profiles.paraboloid(1.0), E=1.0, nu=nu, h=h)
     found = Jkr(LayerPunches(layer), WORK).pull_off(math.inf)
     assert found.force / (math.pi * WORK) == pytest.approx(pull_off, abs=6e-6)
@@ -60,7 +58,10 @@ def test_pull_off_of_bonded_layers(nu: float, h: float, pull_off: float) -> None
 
 @pytest.mark.parametrize("k", [1e-4, 0.03, 1.0, 1e4])
 def test_a_spring_lets_go_where_the_slope_is_its_own(jkr: Jkr, k: float) -> None:
-    """dF/ddelta = -k by differences over 1e-5 of the radius; on the way back z falls no further."""
+    """A spring jumps off where dF/ddelta = -k; below that z has no stable equilibrium.
+
+    The slope is a difference over 1e-5 of the radius.
+    """
     found = jkr.pull_off(1 / k)
     near = [jkr.equilibrium_at(found.a * (1 + step)) for step in (-1e-5, 1e-5)]
     slope = (near[1].force - near[0].force) / (near[1].delta - near[0].delta)
@@ -77,9 +78,7 @@ def test_a_spring_lets_go_where_the_slope_is_its_own(jkr: Jkr, k: float) -> None
 
 @pytest.mark.parametrize("compliance", [0.0, 30.0, math.inf])
 def test_a_branch_from_samples(jkr: Jkr, compliance: float) -> None:
-    """The spline of a branch is its equilibria, to 1e-6 of the largest; below pull-off there is
-    none.
-    """
+    """The spline of a branch is its equilibria to 1e-6 of the largest; none lie below pull-off."""
     last = jkr.pull_off(compliance)
     lowest = last.force if math.isinf(compliance) else last.delta + compliance * last.force
     branch = jkr.stable_branch(-10 * lowest, compliance)
@@ -91,9 +90,10 @@ def test_a_branch_from_samples(jkr: Jkr, compliance: float) -> None:
 
 
 def test_beside_a_wall_every_contact_pulls() -> None:
-    """K' vanishes where the contact fills a cylinder with rollers: of the pull-off, at a tenth of
-    it, that is no news; against a wall a hundred times further away it changes by (a/W)^3,
-    about.
+    """A wall at ten contact radii changes the pull-off only by about (a/W)^3.
+
+    K' vanishes where the contact fills a cylinder with rollers. Reference: a wall a hundred times
+    farther away.
     """
     near, far = (
         one_layer(Layer, profiles.paraboloid(1.0), E=1.0, nu=0.3, h=10.0, wall=W)
@@ -109,7 +109,7 @@ def test_a_stiff_spring_is_depth_control_and_a_soft_one_force_control(jkr: Jkr) 
 
 
 def test_a_curve_known_at_some_radii() -> None:
-    """Exact K and P of a layer at 24 radii: what the fit alone costs the pull-off is below 1e-4."""
+    """Exact K and P at 24 radii give the pull-off to 1e-4."""
     layer = one_layer(Layer, profiles.paraboloid(1.0), E=1.0, nu=0.3, h=0.3)
     exact = LayerPunches(layer)
     a = np.linspace(0.01, 0.3, 24)
@@ -145,7 +145,7 @@ def test_maugis_between_dmt_and_jkr(parameter: float, force: float) -> None:
 
 
 def test_maugis_at_any_number() -> None:
-    """Monotonic from DMT's -2 to JKR's -3/2, however large or small the number is."""
+    """The pull-off grows monotonically from DMT's -2 to JKR's -3/2 for all Maugis numbers."""
     forces = [
         maugis_pull_off(10.0**power) for power in (-300, -30, -10, -5, -1, 1, 4, 5, 6, 8, 30, 300)
     ]
@@ -154,7 +154,7 @@ def test_maugis_at_any_number() -> None:
 
 
 def test_tabor_and_maugis_numbers() -> None:
-    """lambda = 2 s0 (R/(pi w K^2))^(1/3) with s0 = w/range, K = 4E*/3."""
+    """lambda = 2 s0 (R/(pi w K^2))^(1/3) with s0 = w/range and K = 4 E*/3."""
     reach = 0.01
     direct = 2 * WORK / reach * (R / (math.pi * WORK * (4 * E_STAR / 3) ** 2)) ** (1 / 3)
     assert maugis_lambda(WORK, reach, R, E_STAR) == pytest.approx(direct, rel=1e-12)

@@ -1,6 +1,4 @@
-"""Coulomb friction on a half-space against an independent solution, its limits, and its own
-equations.
-"""
+"""Coulomb friction on a half-space: an independent solution, limits, and convergence."""
 
 from __future__ import annotations
 
@@ -44,7 +42,10 @@ STICKS = {
 
 @pytest.mark.parametrize(("nu", "friction"), PUNCHES)
 def test_punches(nu: float, friction: float) -> None:
-    """2.5e-5: what 200 rings leave, and half the last digit given."""
+    """The force of a flat punch with friction is that of superposed punches.
+
+    2.5e-5 is the error of 200 rings and half of the last given digit.
+    """
     assert friction_correction(nu, friction).force == pytest.approx(
         PUNCHES[nu, friction], abs=2.5e-5
     )
@@ -52,14 +53,20 @@ def test_punches(nu: float, friction: float) -> None:
 
 @pytest.mark.parametrize("nu", PARABOLOIDS)
 def test_paraboloids(nu: float) -> None:
-    """7e-5: half the last digit given, and 2e-5."""
+    """The force of a paraboloid with friction is that of superposed punches.
+
+    7e-5 is half of the last given digit and 2e-5 of the rings.
+    """
     found = [friction_correction(nu, friction, 2.0).force for friction in FRICTIONS]
     assert found == pytest.approx(PARABOLOIDS[nu], abs=7e-5)
 
 
 @pytest.mark.parametrize(("nu", "friction"), STICKS)
 def test_stick_radius(nu: float, friction: float) -> None:
-    """To a ring: they are 0.015 wide at the axis, and finer outwards."""
+    """The stick radius under a flat punch is the reference to one ring.
+
+    Rings are 0.015 wide at the axis and narrower outwards.
+    """
     assert friction_correction(nu, friction).sticks == pytest.approx(
         STICKS[nu, friction], abs=0.012
     )
@@ -68,7 +75,7 @@ def test_stick_radius(nu: float, friction: float) -> None:
 @pytest.mark.parametrize("power", [1.0, 2.0, 3.5, math.inf])
 @pytest.mark.parametrize("nu", [-0.5, 0.0, 0.3])
 def test_between_no_friction_and_no_slip(nu: float, power: float) -> None:
-    """More friction, more force and a narrower contact, from exactly nothing on."""
+    """More friction gives more force and a narrower contact, from none to no slip."""
     none, *some = (
         friction_correction(nu, friction, power) for friction in (0.0, 1e-3, 0.1, 0.3, 1.0)
     )
@@ -83,18 +90,17 @@ def test_between_no_friction_and_no_slip(nu: float, power: float) -> None:
 @pytest.mark.parametrize("power", [1.0, 2.0, math.inf])
 @pytest.mark.parametrize("nu", [0.4, 0.45])
 def test_much_friction_does_not_slip(nu: float, power: float) -> None:
-    """Nearly all of the surface sticks at a friction of 3: the closed quadrature, to the rings'
-    2e-5.
-    """
+    """A friction coefficient of 3 gives the closed quadrature of no slip, to 2e-5."""
     assert friction_correction(nu, 3.0, power).force == pytest.approx(
         no_slip.force_ratio(nu, power), abs=2e-5
     )
 
 
 def test_little_friction_adds_its_own_share() -> None:
-    """Slip all over, q = f p of the frictionless p: to first order the force grows by f times what
-    q lifts, and Betti's theorem says it is the work of q along the frictionless surface, f beta
-    int p u_r.
+    """For small friction the force grows by f times the work of q along the surface.
+
+    The surface slips everywhere with q = f p; by Betti's theorem the growth is the work of q along
+    the frictionless surface, f beta int p u_r.
     """
     friction, nu = 1e-4, 0.2
     once, twice = (friction_correction(nu, f).force - 1 for f in (friction, 2 * friction))
@@ -108,7 +114,7 @@ def test_little_friction_adds_its_own_share() -> None:
 
 
 def test_rings_converge() -> None:
-    """Twice as many change the forces by less than 2e-5."""
+    """Twice as many rings change the forces by less than 2e-5."""
     coarse = [friction_correction(0.0, friction).force for friction in (0.1, 0.3, 1.0)]
     fine = [
         coulomb_friction.Rings(1 - (1 - np.linspace(0, 1, 401)) ** coulomb_friction.EDGE_GRADING)

@@ -1,6 +1,4 @@
-"""Drainage of a porous body under a tip, against values of another program, limits and a far-time
-law.
-"""
+"""Drainage of a porous body: values of another program, limits, and late times."""
 
 from __future__ import annotations
 
@@ -40,8 +38,9 @@ def draining(solid: PorousSolid, surface: Any = "drained") -> PoroelasticContact
     [(0.2, "drained", 0.1, 0.80510412), (0.3, "sealed", 1.0, 0.82467988)],
 )
 def test_force_of_a_flat_punch(nu: float, surface: Any, tau: float, ratio: float) -> None:
-    """F/F(0+) by the integral equation with 96 points and waves up to 800: eight digits are
-    printed.
+    """F/F(0+) of a flat punch is that of an integral equation, to its eight printed digits.
+
+    That program uses 96 points and wavenumbers up to 800.
     """
     last = 1 / (2 * (1 - nu))  # F(inf)/F(0+)
     assert last + (1 - last) * poroelastic_fraction_remaining(
@@ -65,9 +64,11 @@ def test_fluid_leaves_and_never_comes_back(nu: float, surface: Any) -> None:
 def test_the_last_of_a_drained_surface_goes_as_one_over_the_root_of_time(
     nu: float, undrained_nu: float
 ) -> None:
-    """g -> (1 - r)/(pi r) (1 + (c - 1) atan(sqrt c)/sqrt c)/sqrt(pi tau), c = r/(1 - r): the kernel
-    of waves far longer than the radius is a constant, an elementary integral; what is left out
-    is of the order 1/tau.
+    """At late times the remaining fraction falls as an elementary constant over sqrt(pi tau).
+
+    g -> (1 - r)/(pi r) (1 + (c - 1) atan(sqrt c)/sqrt c)/sqrt(pi tau) with c = r/(1 - r), because
+    the kernel is constant for waves much longer than the radius. The next term is of the order
+    1/tau.
     """
     r = (undrained_nu - nu) / (1 - nu)
     c = r / (1 - r)
@@ -80,8 +81,9 @@ def test_the_last_of_a_drained_surface_goes_as_one_over_the_root_of_time(
 
 @pytest.mark.parametrize("surface", SURFACES)
 def test_early_times_join_the_others(surface: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where both are good, three times before the change: 3e-4 is what the law of early times
-    leaves out.
+    """The early-time law and the integral equation agree at three times the change of methods.
+
+    3e-4 is what the early-time law neglects.
     """
     early = poroelastic_fraction_remaining(3e-4, 0.2, surface=surface)
     monkeypatch.setattr(poroelasticity, "SHORT_TIME", 1e-5)
@@ -111,7 +113,7 @@ def test_no_such_time_or_body(given: tuple[float, float, float]) -> None:
 
 
 def test_constants_without_storage() -> None:
-    """M_c = E (1 - nu)/((1 + nu)(1 - 2 nu)) = 1/0.9 here, so that D = 1."""
+    """Without storage M_c = E (1 - nu)/((1 + nu)(1 - 2 nu)) = 1/0.9, so that D = 1."""
     assert STOKES.confined_modulus == pytest.approx(1 / 0.9, rel=1e-14)
     assert STOKES.diffusivity == pytest.approx(1.0, rel=1e-14)
     assert STOKES.undrained_nu == 0.5
@@ -119,8 +121,10 @@ def test_constants_without_storage() -> None:
 
 
 def test_constants_of_ruhr_sandstone() -> None:
-    """Detournay & Cheng (1993), table 3: K = 13 GPa, K_u = 30 GPa, nu = 0.12, nu_u = 0.31, M = 41
-    GPa, alpha = 0.65, D = 5.3e-3 m^2/s at k/viscosity = 2e-13 m^4/(N s), to their two digits.
+    """The derived constants of Ruhr sandstone are those of Detournay & Cheng (1993), table 3.
+
+    K = 13 GPa, K_u = 30 GPa, nu = 0.12, nu_u = 0.31, M = 41 GPa, alpha = 0.65 and D = 5.3e-3 m^2/s
+    at k/viscosity = 2e-13 m^4/(N s), to their two digits.
     """
     solid = PorousSolid(
         E=2 * 13.3e9 * 1.12, nu=0.12, permeability=2e-13, alpha=0.65, storage=1 / 41e9
@@ -154,7 +158,10 @@ def test_no_such_solid(wrong: dict[str, float]) -> None:
     [(STOKES, 0.0075520868), (replace(STOKES, alpha=0.8, storage=0.5), 0.0060289991)],
 )
 def test_limits_of_a_layer_in_a_cylinder(solid: PorousSolid, first: float) -> None:
-    """Elastic layers with G and nu_u, or nu, by another program: eight digits are printed."""
+    """The limits of a layer are elastic layers with G and nu_u, or nu, of another program.
+
+    The tolerance is its eight printed digits.
+    """
     contact = draining(solid)
     assert contact.limit_forces(0.02) == pytest.approx((first, 0.0044524888), abs=5.1e-11)
     assert contact.force(0.02, 0.0) == pytest.approx(first, abs=5.1e-11)

@@ -1,6 +1,4 @@
-"""The usual film formulas: their constants, their limits, and how far they are from the exact
-solution.
-"""
+"""Film formulas: their constants, their limits, and their distance from the exact solution."""
 
 import math
 

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from scipy.special import jv
 
-from indent_sim.theory import hankel, profiles
+from indent_sim.theory import layer as theory_layer
+from indent_sim.theory import profiles, quadrature
 from indent_sim.theory.hankel import EvenKernel, Kernel, axisymmetric_kernel, contact_kernel
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.stack import Stack, StackLayer
@@ -57,21 +57,6 @@ def test_a_wide_contact_and_one_between_walls_have_the_kernel_itself(a, wall):
     assert kernel is axisymmetric_kernel(a, STACKS["rubber"], wall)
 
 
-def test_bessel_functions_are_those_of_scipy():
-    """Also beside zeros of J_0, where the recurrence divides by nearly nothing."""
-    x = np.concatenate([np.geomspace(1e-6, 44.0, 500), [2.404825557695773, 5.520078110286311]])
-    orders = 2 * np.arange(hankel.MAX_EVEN_POLYNOMIALS)[:, None]
-    found, expected = hankel._even_bessel(x, hankel.MAX_EVEN_POLYNOMIALS), jv(orders, x)
-    np.testing.assert_allclose(
-        found, expected, atol=1e-14
-    )  # of J_0(0) = 1: ninety steps, each rounded
-    small = (
-        np.broadcast_to(orders, expected.shape) > x
-    )  # there they have no zeros, and each has its own digits
-    seen = small & (np.abs(expected) > 1e-290)
-    np.testing.assert_allclose(found[seen], expected[seen], rtol=1e-12)
-
-
 @pytest.mark.parametrize("tip", [profiles.paraboloid(1.0), profiles.sphere(2.0)])
 def test_a_contact_that_nearly_reaches_a_wall_is_solved_to_its_digits(tip, monkeypatch):
     """On twice as many points it is the same, one alone or with others; a system of modes would
@@ -83,8 +68,8 @@ def test_a_contact_that_nearly_reaches_a_wall_is_solved_to_its_digits(tip, monke
         return layer.load_values(sizes, layer.linear_solutions(sizes.tolist(), sizes[-1]))
 
     known, alone = numbers(), [layer.solution_at_size(a) for a in sizes]
-    count = Layer._smooth_point_count
-    monkeypatch.setattr(Layer, "_smooth_point_count", lambda self, a: 2 * count(self, a))
+    rule = quadrature.gauss_legendre
+    monkeypatch.setattr(theory_layer, "gauss_legendre", lambda lo, hi, n: rule(lo, hi, 2 * n))
     finer = numbers()
     depth, force, stiffness, _ = known / finer - 1.0
     assert np.abs([depth, stiffness]).max() < 1e-7  # 6e-9 was seen; by modes 5e-5

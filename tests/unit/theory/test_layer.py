@@ -1,4 +1,4 @@
-"""Axisymmetric layer theory against converged reference numbers, limits and conservation laws."""
+"""Axisymmetric layers against converged reference numbers, limits and conservation laws."""
 
 import math
 import time
@@ -98,7 +98,7 @@ KAPPA = [
 
 
 def disc_integral(solution, breaks=()):
-    """2 pi ∫ p r dr, nodes crowded towards the ends of every panel."""
+    """2 pi int p r dr, with nodes crowded towards the ends of every panel."""
     u, w = np.polynomial.legendre.leggauss(60)
     u, w = 0.5 * (1.0 + u), 0.5 * w
     t, dt = u**2 * (3.0 - 2.0 * u), 6.0 * u * (1.0 - u)
@@ -304,6 +304,7 @@ def test_symbols():
     ) == pytest.approx(1 - free[1:], abs=1e-12)
     from scipy.special import jn_zeros
 
+    # The program takes the first 32 from scipy and the others from McMahon's expansion.
     assert bessel_j1_zeros(np.arange(1.0, 41.0)) == pytest.approx(jn_zeros(1, 40), rel=1e-14)
 
 
@@ -346,8 +347,9 @@ def test_impossible_tips_are_refused(make):
 
 
 def test_pressures_beside_several_kinks_make_the_force():
-    """Each kink has panels of its own in the pressure's integral; 1e-7 is left by the disc's 60
-    points per panel.
+    """The pressure between several kinks of a tip integrates to the force.
+
+    The quadrature here has 60 points per panel, which leaves 1e-7.
     """
     kinks = (0.03, 0.06, 0.09)
     tip = profiles.piecewise_linear(
@@ -361,9 +363,7 @@ def test_pressures_beside_several_kinks_make_the_force():
 
 
 def test_curvatures_of_tip_and_body_add():
-    """A paraboloid over a dome is one of the curvature 1/R = 1/2 + 1/2; a punch there is a plate up
-    to its edge.
-    """
+    """The curvatures of tip and spherical body add; a punch there is a plate up to its edge."""
     stack = Stack((StackLayer(1.0, 1.0, 0.3),), "fixed")
     known = Layer.from_stack(PARABOLOID, stack).solutions_at_depths([0.01])[0]
     for tip, dome in ((profiles.paraboloid(2.0), 2.0), (profiles.flat_plate(), 1.0), (PUNCH, 1.0)):
@@ -383,9 +383,7 @@ def test_curvatures_of_tip_and_body_add():
     "tip", [profiles.paraboloid(1.0), profiles.cone(70.0), profiles.flat_punch(0.2)]
 )
 def test_solutions_up_to_a_known_one_lie_on_the_curve(tip: profiles.Tip) -> None:
-    """What is found by the contact's size is what is found by the depth, to the 1e-11 of its
-    search.
-    """
+    """Contacts found by their size are those found by their depth, to the search's 1e-11."""
     contact = one_layer(Layer, tip, E=1.0, nu=0.3, h=0.5)
     (deepest,) = contact.solutions_at_depths([0.02])
     found = contact.solutions_up_to(deepest, 5)

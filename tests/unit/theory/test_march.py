@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -45,23 +46,39 @@ def numbers(found: list[Solution]) -> np.ndarray:
     return np.array(known)
 
 
+def one_by_one(contact: ContactCurve, deltas: Sequence[float]) -> list[Solution]:
+    """Contacts at depths, each sought alone: one depth is not interpolated."""
+    return [contact.solutions_at_depths([delta])[0] for delta in deltas]
+
+
+@pytest.fixture
+def curves(monkeypatch) -> list[ChebyshevContactCurve | None]:
+    """Interpolated curves that a test asks for; None where there is none."""
+    asked: list[ChebyshevContactCurve | None] = []
+    interpolate = ChebyshevContactCurve.interpolate
+
+    def recorded(*given):
+        asked.append(interpolate(*given))
+        return asked[-1]
+
+    monkeypatch.setattr(ChebyshevContactCurve, "interpolate", recorded)
+    return asked
+
+
 @pytest.mark.parametrize("name", SMOOTH)
-def test_many_depths_are_those_sought_one_by_one(name):
+def test_many_depths_are_those_sought_one_by_one(name, curves):
     contact, deepest = SMOOTH[name]
     deltas = list(deepest * np.arange(1, 121) / 120)
-    assert contact._interpolated_curve(deltas[0], deltas[-1], len(deltas)) is not None
     some = slice(0, None, 13)
-    found, expected = (
-        numbers(contact.solutions_at_depths(deltas)[some]),
-        numbers(contact._solve_one_by_one(deltas[some])),
-    )
-    np.testing.assert_allclose(found, expected, rtol=ROUNDING)
+    found = numbers(contact.solutions_at_depths(deltas)[some])
+    assert curves[-1] is not None
+    np.testing.assert_allclose(found, numbers(one_by_one(contact, deltas[some])), rtol=ROUNDING)
 
 
 @pytest.mark.parametrize("name", SMOOTH)
 def test_forces_are_met(name):
     contact, deepest = SMOOTH[name]
-    expected = contact._solve_one_by_one(list(deepest * np.linspace(0.1, 1.0, 60)))
+    expected = one_by_one(contact, deepest * np.linspace(0.1, 1.0, 60))
     found = contact.solutions_at_forces([one.force for one in expected])
     np.testing.assert_allclose(
         [one.delta for one in found], [one.delta for one in expected], rtol=ROUNDING
@@ -71,7 +88,7 @@ def test_forces_are_met(name):
 def test_pressure_and_surface_are_solved_for_when_asked():
     contact, deepest = SMOOTH["a sphere on a layer"]
     one = contact.solutions_at_depths(list(np.linspace(0.1, 1.0, 40) * deepest))[17]
-    expected = contact._solve_one_by_one([one.delta])[0]
+    (expected,) = one_by_one(contact, [one.delta])
     r = np.linspace(0.0, 2.0 * one.a, 50)
     np.testing.assert_allclose(
         one.pressure(r), expected.pressure(r), rtol=1e-9, atol=1e-9 * one.force / one.area
@@ -82,7 +99,7 @@ def test_pressure_and_surface_are_solved_for_when_asked():
 
 
 def no_polynomial() -> dict[str, ContactCurve]:
-    """Contacts that are no polynomials of their size, or need none."""
+    """Contacts that no polynomial of their size approximates, or that need none."""
     return {
         "a rim": Layer.from_stack(profiles.flat_punch(1.0, 0.3), RUBBER),
         "a punch": Layer.from_stack(profiles.flat_punch(1.0), RUBBER),
@@ -97,9 +114,11 @@ def no_polynomial() -> dict[str, ContactCurve]:
 
 
 @pytest.mark.parametrize("name", no_polynomial())
-def test_what_is_no_polynomial_is_sought_one_by_one(name):
+def test_what_is_no_polynomial_is_sought_one_by_one(name, curves):
     contact = no_polynomial()[name]
-    assert contact._interpolated_curve(0.001, 0.1, 500) is None
+    deltas = np.linspace(0.001, 0.1, 30).tolist()
+    assert [one.delta for one in contact.solutions_at_depths(deltas)] == pytest.approx(deltas)
+    assert not any(curves)
 
 
 def test_few_sizes_are_asked_for_where_few_depths_are_wanted():
@@ -112,7 +131,7 @@ def test_few_sizes_are_asked_for_where_few_depths_are_wanted():
             return super().linear_solutions(sizes, largest)
 
     counting = Counting(contact.tip, contact.scaled_stack, contact.E_star, contact.h, contact.wall)
-    sizes = [one.a / contact.h for one in contact._solve_one_by_one([0.1 * deepest, deepest])]
+    sizes = [one.a / contact.h for one in one_by_one(contact, [0.1 * deepest, deepest])]
     assert ChebyshevContactCurve.interpolate(counting, *sizes, max_sizes=15) is None
     assert len(asked) == 8  # what the first coefficients say of the others is believed
 
@@ -131,20 +150,19 @@ def test_a_depth_that_is_no_number_is_refused_among_many(wrong):
 
 
 def test_a_depth_that_is_not_found_is_an_error(monkeypatch):
-    """No wrong numbers are returned; `Theory` then solves for each depth on its own."""
+    """A depth that is not found raises an error; `Theory` then solves each depth on its own."""
     contact, deepest = SMOOTH["a film much thinner than the contact"]
-    monkeypatch.setattr(contact_curve, "MAX_SECANT_STEPS", 1)
+    monkeypatch.setattr(contact_curve, "SIZE_TOLERANCE", 1.0)  # one step of the search
     with pytest.raises(ArithmeticError, match="not found"):
         contact.solutions_at_depths(list(deepest * np.arange(1, 121) / 120))
 
 
 @pytest.mark.parametrize("name", SMOOTH)
 def test_all_contacts_at_once_are_those_one_by_one(name):
-    """Numbers and pressures of a row of sizes, worked out together, beside those that each contact
-    has.
-    """
+    """Numbers and pressures of many sizes at once are those of each contact alone."""
     contact, deepest = SMOOTH[name]
-    sampled = contact._interpolated_curve(0.2 * deepest, deepest, 120)
+    sizes = [one.a / contact.h for one in one_by_one(contact, [0.2 * deepest, deepest])]
+    sampled = ChebyshevContactCurve.interpolate(contact, *sizes, max_sizes=228)
     together, found = sampled.curve, sampled.linear_solutions
     expected = ContactCurve.load_values(contact, sampled.sizes, found)
     np.testing.assert_allclose(together.load_values(sampled.sizes, found), expected, rtol=ROUNDING)

@@ -1,6 +1,4 @@
-"""Flat punches of every radius: closed forms of the half-space, the layer's own flat punch, and
-curves from samples.
-"""
+"""Flat punches of every radius: the half-space, layers, and curves from samples."""
 
 from __future__ import annotations
 
@@ -23,7 +21,10 @@ def layer(tip: profiles.Tip, nu: float = 0.3, h: float = 1.0) -> Layer:
 
 
 def test_a_half_space() -> None:
-    """K = 2 E* a, and Hertz; a layer 1e6 contact radii thick differs by a/h."""
+    """On a half-space K = 2 E* a and the force is Hertz's.
+
+    The layer is 1e6 contact radii thick and differs by a/h.
+    """
     punch = LayerPunches(layer(profiles.paraboloid(1.0), h=1e5)).punch_of_radius(0.1)
     E_star = 1 / (1 - 0.3**2)
     assert punch.delta == pytest.approx(0.01, rel=1e-5)
@@ -37,7 +38,7 @@ def test_a_half_space() -> None:
     ("a", "nu", "kappa"), [(1, 0.3, 2.48352), (1, 0.5, 3.61874), (4, 0.45, 14.66383)]
 )
 def test_the_stiffness_is_that_of_a_flat_punch(a: float, nu: float, kappa: float) -> None:
-    """kappa = F/(2 E* a delta) of bonded layers, six digits."""
+    """The stiffness is kappa = F/(2 E* a delta) of bonded layers, to six digits."""
     punch = LayerPunches(layer(profiles.paraboloid(30.0), nu)).punch_of_radius(a)
     assert punch.stiffness == pytest.approx(2 * a / (1 - nu**2) * kappa, rel=3e-6)
 
@@ -48,8 +49,9 @@ def test_the_stiffness_is_that_of_a_flat_punch(a: float, nu: float, kappa: float
 )
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.5])
 def test_the_slope_of_the_curve_is_the_stiffness(tip: profiles.Tip, nu: float) -> None:
-    """dF = K ddelta and dK = K' da by central differences over 2e-4 of the radius, which cost its
-    square.
+    """dF = K ddelta and dK = K' da hold by central differences over 2e-4 of the radius.
+
+    The differences cost the square of that.
     """
     punches = LayerPunches(layer(tip, nu))
     for a in (0.05, 0.3, 1.0):
@@ -66,9 +68,7 @@ def test_the_slope_of_the_curve_is_the_stiffness(tip: profiles.Tip, nu: float) -
     "tip", [profiles.paraboloid(1.0), profiles.cone(70.0, 0.1), profiles.flat_punch(0.5, 0.3)]
 )
 def test_punches_from_samples(tip: profiles.Tip) -> None:
-    """From K and P at 20 radii of a layer what theory says between them; seven powers leave less
-    than 1e-4.
-    """
+    """K and P at 20 radii give theory's values between them to 1e-4, by seven powers."""
     exact = LayerPunches(layer(tip))
     a = np.linspace(0.02, 0.45, 20)
     samples = [exact.punch_of_radius(float(radius)) for radius in a]
@@ -88,7 +88,7 @@ def test_punches_from_samples(tip: profiles.Tip) -> None:
 
 
 def test_radii_beyond_the_end_of_a_tip_are_left_out() -> None:
-    """A mesh has elements beside a ball, where its g is no number."""
+    """Samples beyond the end of a tip, where its shape is not a number, are left out."""
     a, ball = np.linspace(0.02, 0.6, 30), profiles.sphere(0.4)
     under = a < 0.4
     assert not under.all()

@@ -1,4 +1,4 @@
-"""Viscoelastic indentation: closed forms of Lee-Radok and Ting, both against time stepping."""
+"""Viscoelastic indentation: closed forms of Lee-Radok and Ting, and time stepping."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def layer_of(h: float) -> tuple[Layer, ElasticCurve, float]:
     ],
 )
 def test_a_triangle_on_a_standard_linear_solid(t: float, force: float) -> None:
-    """Six digits, by an independent quadrature and by time stepping."""
+    """Ting's force of a triangular history is that of an independent quadrature, to six digits."""
     assert LeeRadokTing(SOLID, *TRIANGLE, HERTZ).response_at(t).force == pytest.approx(
         force, abs=6e-7
     )
@@ -86,7 +86,7 @@ def test_a_jump_at_the_beginning_has_two_sides() -> None:
 
 
 def test_a_ramp_on_a_power_law() -> None:
-    """F = C E0 t0^b (3/2) B(3/2, 1-b) v^(3/2) t^(3/2-b)."""
+    """A ramp on a power law has F = C E0 t0^b (3/2) B(3/2, 1-b) v^(3/2) t^(3/2-b)."""
     law, t, v = PowerLaw(0.3, 0.2), 0.7, 0.9
     exact = 2 * law.time**0.3 * 1.5 * beta(1.5, 0.7) * v**1.5 * t**1.2
     assert LeeRadokTing(law, [0, 1], [0, v], HERTZ).response_at(t).force == pytest.approx(
@@ -110,7 +110,10 @@ def test_a_power_law_is_a_sum_of_exponentials(exponent: float) -> None:
 def test_the_complex_modulus_is_the_transform_of_the_other(
     modulus: ShearRelaxation | PowerLaw,
 ) -> None:
-    """i omega int_0^inf (G - G_inf) e^(-i omega t) dt + G_inf; a power law along t = -i s/omega."""
+    """The complex modulus is the Fourier transform of the relaxation modulus.
+
+    i omega int_0^inf (G - G_inf) e^(-i omega t) dt + G_inf; for a power law along t = -i s/omega.
+    """
     omega = 1.7
     if isinstance(modulus, PowerLaw):
         x, step = np.linspace(-40, 5, 4000, retstep=True)  # s = e^x: int s^-b e^-s ds
@@ -138,8 +141,9 @@ def test_a_tip_that_comes_back_is_no_cycle() -> None:
 
 @pytest.mark.parametrize("h", [0.2, 1e3])
 def test_ting_and_time_stepping_agree(h: float) -> None:
-    """Quadrature of the elastic curve against direct stepping of contact on the compliance: 200
-    places and 150 steps a piece leave 1e-5 of the largest force.
+    """Ting's quadrature and time stepping on the compliance agree to 2e-5 of the largest force.
+
+    200 places and 150 steps in each segment leave 1e-5.
     """
     layer, curve, a = layer_of(h)
     times = [0.0, 0.5, 1.0, 1.1, 1.25, 1.5, 1.7, 1.9]
@@ -158,8 +162,9 @@ def test_ting_and_time_stepping_agree(h: float) -> None:
 
 
 def test_a_force_that_grows_follows_the_creep_compliance() -> None:
-    """F_el(delta(t)) = E int J(t-s) dF; of the solid E J = 2 - exp(-t/2), so a ramp F = f t has
-    F_el = f (2t - 2 + 2 exp(-t/2)).
+    """A growing force follows the creep compliance: F_el(delta(t)) = E int J(t-s) dF.
+
+    For this solid E J = 2 - exp(-t/2), so that a ramp F = f t has F_el = f (2t - 2 + 2 exp(-t/2)).
     """
     layer, curve, a = layer_of(1e3)
     f, times = 1e-3, [0.0, 0.5, 1.0]
@@ -176,7 +181,7 @@ def test_a_force_that_grows_follows_the_creep_compliance() -> None:
 
 
 def test_a_spring_between_tip_and_base() -> None:
-    """z = delta + c F at every time; a stiff one is depth control."""
+    """With a spring z = delta + c F at every time; a stiff spring is depth control."""
     layer, _, a = layer_of(0.2)
     surface, times, z = layer_surface(layer, a), [0.0, 1.0, 2.0, 3.0], [0.0, 0.01, 0.003, 0.01]
     soft = list(ViscoelasticTimeStepper(surface, SOLID, compliance=1.0).responses(times, z))
@@ -188,9 +193,7 @@ def test_a_spring_between_tip_and_base() -> None:
 
 
 def test_a_contact_that_is_no_disc() -> None:
-    """The same places in another order and without radii: active sets find what the disc's factor
-    does.
-    """
+    """Permuted places without radii, solved by active sets, give the forces of the disc."""
     layer = Layer.from_stack(
         profiles.paraboloid(1.0),
         Stack((StackLayer(1.0, 2.0, 0.0), StackLayer(math.inf, 2.0, 0.0)), None),
@@ -209,7 +212,7 @@ def test_a_contact_that_is_no_disc() -> None:
 
 
 def test_what_does_not_settle_is_no_pressure(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing is returned by a search that was cut off, nor by theory if the contact is a ring."""
+    """A search that is cut off, and a contact that is a ring, raise an error."""
     layer, _, a = layer_of(0.05)
     disc = layer_surface(layer, a)
     with pytest.raises(SearchNotConverged, match="no disc"):
@@ -230,7 +233,7 @@ def test_what_does_not_settle_is_no_pressure(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_pressures_at_round_off_settle() -> None:
-    """A place that neither pulls nor is open flips at every correction: that is a contact."""
+    """A place on the border between contact and gap is accepted and does not alternate for ever."""
     surface = RelaxingSurface(np.eye(3) + 0.1, np.array([0.0, 0.0, 1.0]), np.ones(3))
     p = SurfaceContactLCP(surface, surface.compliance).solve_pressures(
         np.array([-1.0, -1.0 / 11, 1.0])

@@ -1,4 +1,4 @@
-"""What is read off a theory's solution."""
+"""Quantities of a theory's solution."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ from indent_sim.theory.solution import no_contact
 
 
 def test_largest_pressure_of_hertz() -> None:
-    """2 E* a/(pi R) on the axis; 1e-8: the layer is 1e6 radii of contact deep."""
+    """The largest pressure of Hertz is 2 E* a/(pi R).
+
+    The layer is 1e6 contact radii deep.
+    """
     found = indent(Layer, profiles.paraboloid(1.0), 1e-4, E=1.0, nu=0.3, h=1e4)
     assert found.largest_pressure() == pytest.approx(
         2 * hs.E_star(1.0, 0.3) * 0.01 / math.pi, rel=1e-6
@@ -24,9 +27,7 @@ def test_largest_pressure_of_hertz() -> None:
 
 
 def test_largest_pressure_beside_a_rounded_edge() -> None:
-    """A punch whose edge is rounded presses hardest near the edge of the contact, not on the axis;
-    a dense scan finds no larger pressure and one within its own spacing.
-    """
+    """The largest pressure of a rounded punch lies near the edge and is that of a dense scan."""
     found = indent(Layer, profiles.flat_punch(0.3, 0.02), 0.01, E=1.0, nu=0.3, h=1.0)
     r = np.concatenate(
         [np.linspace(0.0, 0.8 * found.a, 401), np.linspace(0.8 * found.a, found.a, 4001)]
@@ -46,7 +47,7 @@ def test_largest_pressure_beside_a_rounded_edge() -> None:
     ],
 )
 def test_an_infinite_pressure_is_not_a_number(tip: Tip) -> None:
-    """Under a sharp apex or corner it grows as a logarithm, at a sharp edge as 1/sqrt."""
+    """An infinite pressure is NaN: under an apex, a corner or a sharp edge."""
     contact = Layer.from_stack(tip, stack_of([(1.0, 1.0, 0.3)]))
     assert math.isnan(contact.solutions_at_depths([0.01])[0].largest_pressure())
 

@@ -9,6 +9,7 @@ from theory_bodies import stack_of
 
 from indent_sim.theory import half_space as hs
 from indent_sim.theory import hankel, profiles, quadrature, strip
+from indent_sim.theory import layer as theory_layer
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.stack import Stack, StackLayer
 from indent_sim.theory.strip import Strip
@@ -56,7 +57,7 @@ def film(E, base_E=1.0, nu=0.3):
 
 
 def integral(f, edges, count=80):
-    """∫ f dr over panels, nodes crowded towards the ends of every one."""
+    """int f dr over panels, with nodes crowded towards the ends of every one."""
     u, w = np.polynomial.legendre.leggauss(count)
     u, w = 0.5 * (1.0 + u), 0.5 * w
     t, dt = u**2 * (3.0 - 2.0 * u), 6.0 * u * (1.0 - u)
@@ -65,22 +66,22 @@ def integral(f, edges, count=80):
     )
 
 
+def clear_caches():
+    """Forget all kernels and modes that were computed before."""
+    for module in (hankel, strip):
+        for value in vars(module).values():
+            if hasattr(value, "cache_clear"):
+                value.cache_clear()
+
+
 @pytest.fixture
 def refined(monkeypatch):
-    """Twice as many nodes of every quadrature, further out and closer to k = 0."""
-
-    def clear():
-        for cached in (hankel._layer_kernel, hankel._cylinder_kernel, hankel._wall_modes):
-            cached.cache_clear()
-        strip._strip_modes.cache_clear()
-        strip._layer_modes.cache_clear()
+    """Double the nodes of every quadrature, and extend it to smaller and larger wavenumbers."""
 
     def refine():
-        finest, smooth, nodes = (
-            Stack.min_wavenumber.fget,
-            Layer._smooth_point_count,
-            Strip._node_count,
-        )
+        finest = Stack.min_wavenumber.fget
+        rule = quadrature.gauss_legendre
+        nodes = Strip._node_count
         for name, value in {
             "POINTS_PER_PANEL": 36,
             "POINTS_PER_PHASE": 1.2,
@@ -89,13 +90,13 @@ def refined(monkeypatch):
         }.items():
             monkeypatch.setattr(quadrature, name, value)
         monkeypatch.setattr(Stack, "min_wavenumber", property(lambda self: 0.1 * finest(self)))
-        monkeypatch.setattr(Layer, "_smooth_point_count", lambda self, a: 2 * smooth(self, a))
+        monkeypatch.setattr(theory_layer, "gauss_legendre", lambda lo, hi, n: rule(lo, hi, 2 * n))
         monkeypatch.setattr(Strip, "_node_count", lambda self, a: 2 * nodes(self, a))
-        clear()
+        clear_caches()
 
     yield refine
     monkeypatch.undo()
-    clear()
+    clear_caches()
 
 
 # --- the compliance ---
@@ -316,20 +317,22 @@ def test_far_walls_and_sums_over_many_modes(monkeypatch):
         )
     with monkeypatch.context() as every_mode:  # 17 500 of them, one by one
         every_mode.setattr(quadrature, "SINGLE_MODES", 10**9)
-        hankel._cylinder_kernel.cache_clear()
+        clear_caches()
         direct = Layer.from_stack(tip, stack, 50.0).solutions_at_depths([0.05])[0].force
-    hankel._cylinder_kernel.cache_clear()
+    clear_caches()
     assert Layer.from_stack(tip, stack, 50.0).solutions_at_depths([0.05])[0].force == pytest.approx(
         direct, rel=1e-12
     )
 
 
-def test_rule_for_sums_is_exact_for_polynomials():
-    for first, end, count in [(33, 66, 18), (1000, 9000, 20), (5, 9, 20)]:
-        n, w = quadrature._gauss_sum(first, end, count)
-        every = np.arange(first, end) / end
-        for power in (0, 1, 7, min(35, 2 * len(n) - 1)):
-            assert w @ (n / end) ** power == pytest.approx(np.sum(every**power), rel=1e-12)
+@pytest.mark.parametrize("wall", [1.0, 60.0, 2000.0])
+def test_rule_for_sums_is_exact_for_polynomials(wall):
+    n, w = quadrature.wall_mode_nodes(1.0, wall)
+    every = np.arange(1, round(np.sum(w)) + 1)
+    assert len(n) < len(every) or wall == 1.0
+    for power in (0, 1, 7, 35):
+        expected = np.sum((every / every[-1]) ** power)
+        assert w @ (n / every[-1]) ** power == pytest.approx(expected, rel=1e-12)
 
 
 def test_thin_compressible_stacks_are_springs_in_series():

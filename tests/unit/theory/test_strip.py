@@ -1,6 +1,4 @@
-"""The plane-strain strip against its converged reference number, half-plane limits and conservation
-laws.
-"""
+"""Plane-strain strips: converged reference numbers, limits and conservation laws."""
 
 import math
 from dataclasses import replace
@@ -19,7 +17,7 @@ E_STAR = hs.E_star(1.0, 0.3)
 
 
 def width_integral(solution):
-    """∫_-a^a p dx, nodes crowded towards the middle and the edge."""
+    """int_-a^a p dx, with nodes crowded towards the middle and the edge."""
     u, w = np.polynomial.legendre.leggauss(150)
     u, w = 0.5 * (1.0 + u), 0.5 * w
     t, dt = u**3 * (10.0 - 15.0 * u + 6.0 * u**2), 30.0 * u**2 * (1.0 - u) ** 2
@@ -45,8 +43,9 @@ def test_small_contact_is_the_line_contact(wall):
 
 @pytest.mark.parametrize("wall", [None, 1.2])
 def test_a_contact_near_the_end_of_its_tip_knows_no_unit_of_length(wall):
-    """A ball touched to 0.99 of its radius; both are converged to 1e-11, which takes more nodes
-    towards the end.
+    """A contact at 0.99 of a sphere's radius does not depend on the unit of length, to 1e-11.
+
+    This takes more nodes towards the end of the tip.
     """
     known = indent(ps.Strip, profiles.sphere(1.0), 1.5, nu=0.3, wall=wall, **UNIT)
     far = wall and 1e3 * wall
@@ -114,7 +113,10 @@ def test_thin_strip_is_an_oedometer():
 
 @pytest.mark.parametrize("gap", [1e-15, 1e-11, 1e-9, 1e-8, 1e-6])
 def test_a_punch_that_nearly_fills_the_strip_is_an_oedometer(gap):
-    """F = 2 W E_oed delta/h between roller walls, of which a gap changes the square of gap/W."""
+    """A punch that nearly fills a strip between rollers has F = 2 W E_oed delta/h.
+
+    A gap changes it by the square of gap/W.
+    """
     E_oed = 0.7 / (1.3 * 0.4)
     found = indent(
         ps.Strip, profiles.flat_punch(1 - gap), 0.01, E=1.0, nu=0.3, h=2.0, wall=1.0, base="roller"

@@ -1,4 +1,4 @@
-"""A surface tension of any size, down to none that anybody could measure."""
+"""Surface tension of any size, down to the smallest."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from indent_sim.theory import surface_tension as tension_theory
 
 
 def force_and_radius(surface_tension: float, delta: float = 0.01) -> tuple[float, float]:
-    """The force and the contact radius of a paraboloid, R = 1, on a half-space, E = 1, nu = 0.3."""
+    """Force and contact radius of a paraboloid R = 1 on a half-space with E = 1 and nu = 0.3."""
     given: dict[str, Any] = {
         "body": {"shape": "half_space", "surface_tension": surface_tension},
         "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3},
@@ -30,13 +30,12 @@ def force_and_radius(surface_tension: float, delta: float = 0.01) -> tuple[float
 def test_a_tension_too_small_to_matter(
     surface_tension: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The force rises by 2.70 b/a, b = 2 gamma/E*: the limit of the exact curve, 2.6953 at b/a =
-    1.8e-3, 2.7004 at 1.8e-4.
+    """A tiny surface tension raises the force by 2.70 b/a with b = 2 gamma/E*.
 
-    4e-8 is a hydrogel's 40 mN/m on 1 GPa under a ball of 1 mm: the equation's kernel, far narrower
-    than two nodes have digits apart, was infinite there, and the search for the contact never
-    ended. 40 functions, in place of 100 whose solution takes seconds, find the radius within 4e-4
-    of it, and the force, which does not change with that to first order, within 1e-7.
+    2.70 is the limit of the exact curve: 2.6953 at b/a = 1.8e-3, 2.7004 at 1.8e-4. 4e-8 is a
+    hydrogel's 40 mN/m on 1 GPa under a ball of 1 mm; there the kernel is narrower than the spacing
+    of two nodes has digits. 40 functions instead of 100 find the radius within 4e-4 and the force,
+    which is stationary in it, within 1e-7.
     """
     monkeypatch.setattr(tension_theory, "MAX_FUNCTIONS", 40)
     force, a = force_and_radius(surface_tension)

@@ -2,7 +2,7 @@
 
 The pressure p_h = sum p_i psi_i uses hat functions psi_i of the nodes of the contact surface (in
 two dimensions vertices and midpoints, in three only vertices), so that p_i >= 0 implies p_h >= 0
-everywhere. The contact conditions hold at each node,
+everywhere. The Signorini conditions (KKT conditions of the contact problem) hold at each node,
 
     weighted gap G_i = int psi_i g dGamma >= 0,   p_i >= 0,   p_i G_i = 0.
 

@@ -38,6 +38,7 @@ from ufl.core.expr import Expr
 
 from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.facet_values import FacetValues, facet_nodes
+from indent_sim.fe.kernel_cache import compile_form
 from indent_sim.fe.quadrature import contact_quadrature
 from indent_sim.fe.terms.contact.gap import Gap
 from indent_sim.fe.terms.contact.multiplier import stiffness_scale
@@ -136,19 +137,21 @@ class Friction(Term):
                 0.0,
                 dissipation_on_separation(law.friction, p_before, step_slip, leave_fraction),
             )
-        self._dissipation = fem.form(body.contact_integral(heat))
+        self._dissipation = compile_form(body.contact_integral(heat))
         vertical = body.body_mesh.dim - 1
         side_tractions = [
             -normal.pressure * normal.gap.normal[axis] - self._traction_component(axis)
             for axis in range(vertical)
         ]
-        self._side_force_forms = [fem.form(body.contact_integral(push)) for push in side_tractions]
+        self._side_force_forms = [
+            compile_form(body.contact_integral(push)) for push in side_tractions
+        ]
         # The tangents of a reference gap are horizontal, so that friction has no vertical force
         is_reference_gap = body.scene.physics.gap == "reference"
         self._vertical_force_form = (
             None
             if is_reference_gap
-            else fem.form(body.contact_integral(-self._traction_component(vertical)))
+            else compile_form(body.contact_integral(-self._traction_component(vertical)))
         )
 
     def _slip(self, fraction: Expr | float) -> list[Expr]:

@@ -9,6 +9,7 @@ from ufl.core.expr import Expr
 from indent_sim.fe import compat
 from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.facet_values import facet_nodes
+from indent_sim.fe.kernel_cache import create_function_space
 from indent_sim.fe.nodal_assembly import sum_nodal_contributions
 from indent_sim.fe.shape_functions import interpolate_from_midpoints
 from indent_sim.fe.unknowns import DISPLACEMENT_ORDER, Field
@@ -57,7 +58,7 @@ class SurfaceMultiplier:
             self.vector = body.x
             self._node_dofs = body.unknowns.dofs("lam")[nodes]
         else:
-            space = compat.function_space(
+            space = create_function_space(
                 body.mesh, compat.lagrange_element(body.body_mesh.dim, DISPLACEMENT_ORDER)
             )
             self.lam = fem.Function(space)

@@ -13,6 +13,7 @@ from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
 from indent_sim.fe.discrete_body import Body
+from indent_sim.fe.kernel_cache import compile_form
 
 # The next multiplier from the present one and its projection
 MixingRule = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -42,8 +43,8 @@ class PressureProjection:
         test = ufl.TestFunction(space)
         # The zero volume term gives the dofs off the surface an entry on the diagonal
         diagonal = fem.Constant(body.mesh, 0.0) * trial * test * ufl.dx
-        mass = fem.form(body.contact_integral(trial * test) + diagonal)
-        self._load_form = fem.form(body.contact_integral(pressure * test))
+        mass = compile_form(body.contact_integral(trial * test) + diagonal)
+        self._load_form = compile_form(body.contact_integral(pressure * test))
         surface_dofs = fem.locate_dofs_topological(
             space, body.body_mesh.dim - 1, body.body_mesh.surfaces["top"]
         )

@@ -15,6 +15,7 @@ from dolfinx import fem
 from ufl.core.expr import Expr
 
 from indent_sim.fe.discrete_body import Body
+from indent_sim.fe.kernel_cache import compile_form
 from indent_sim.fe.symbolic_constants import symbolic_copy
 from indent_sim.fe.terms.contact.gap import Gap
 from indent_sim.fe.terms.contact.multiplier import SurfaceMultiplier, multiplier_field
@@ -67,7 +68,7 @@ class Traction(Term):
         self.pressure = -self._potential_slope
         self._multiplier_slope = ufl.diff(potential, lam) if self._solves_for_multiplier else None
         self.energy = body.contact_integral(potential)
-        self._force_form = fem.form(
+        self._force_form = compile_form(
             body.contact_integral(self._potential_slope * self.gap.depth_derivative)
         )
 

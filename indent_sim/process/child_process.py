@@ -1,0 +1,224 @@
+"""Calls in a child process: if a library crashes there, the caller gets an exception.
+
+A child process is a new Python interpreter that runs this module. It reads pickled calls from its
+standard input and writes pickled answers to its standard output.
+"""
+
+from __future__ import annotations
+
+import atexit
+import ctypes
+import os
+import pickle
+import resource
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from importlib import import_module
+from tempfile import TemporaryFile
+from typing import Any
+
+from indent_sim.process import usage
+from indent_sim.process.ranks import environment_without_launcher
+
+# The last error message is searched in so many bytes at the end of the printed output.
+CRASH_OUTPUT_BYTES = 4096
+
+
+class ProcessCrash(Exception):
+    """The child process ended before its answer.
+
+    The message continues a sentence whose subject is the process, such as "died of SIGSEGV"; it
+    quotes the last error message of the process. `exit_code` is that of a shell, 128 + n for
+    signal n.
+    """
+
+    def __init__(self, message: str, exit_code: int = 1):
+        super().__init__(message)
+        self.exit_code = exit_code
+
+
+class ChildProcess:
+    """A Python process that executes calls, one after another.
+
+    It ignores SIGINT, SIGTERM and SIGHUP, which its parent handles, and ends with its parent. If it
+    has ended, the next call starts another one. Its printed output is not shown; ProcessCrash
+    quotes an error message from it.
+
+    Parameters
+    ----------
+    *modules
+        Names of modules that the process imports when it starts.
+    inherited_files
+        Descriptors of files that stay open until the process ends.
+    """
+
+    def __init__(self, *modules: str, inherited_files: tuple[int, ...] = ()):
+        self._modules = modules
+        self._inherited_files = inherited_files
+        self._process: subprocess.Popen[bytes] | None = None
+        self._output: Any = None
+        self._is_busy = False
+
+    def start(self) -> None:
+        """Start the process, unless it exists and is idle.
+
+        Raises OSError if the system cannot start a process.
+        """
+        if self._process is not None and self._process.poll() is None and not self._is_busy:
+            return
+        self.stop()
+        search_path = os.pathsep.join(map(os.path.abspath, sys.path))
+        self._output = TemporaryFile()  # noqa: SIM115
+        self._process = subprocess.Popen(
+            # With -P, a file in the working directory is not imported in place of a library.
+            [sys.executable, "-P", "-m", __name__, *self._modules],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._output,
+            env=environment_without_launcher() | {"PYTHONPATH": search_path},
+            pass_fds=self._inherited_files,
+        )
+        # Stopping waits for the process, so that its CPU time is counted with that of the parent.
+        atexit.register(self.stop)
+
+    def begin_call(self, function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
+        """Begin a call in the process.
+
+        Parameters
+        ----------
+        function, arguments
+            The call; both are pickled.
+
+        Returns
+        -------
+        callable
+            Waits for the answer; to be called once. It returns or raises what the function
+            returned or raised. It raises ProcessCrash if the process ended before.
+
+        Raises
+        ------
+        OSError
+            If the system cannot start a process.
+        """
+        self.start()
+        self._is_busy = True
+        process = self._process
+        assert process is not None and process.stdin is not None
+        # A process that has just crashed is reported when its answer is received.
+        with suppress(BrokenPipeError):
+            pickle.dump((function, arguments), process.stdin, pickle.HIGHEST_PROTOCOL)
+            process.stdin.flush()
+        return lambda: self._receive_answer(process)
+
+    def fileno(self) -> int:
+        """File descriptor that becomes readable when the answer of a call has arrived."""
+        assert self._process is not None and self._process.stdout is not None
+        return self._process.stdout.fileno()
+
+    def stop(self) -> None:
+        """End the process."""
+        process = self._process
+        self._process = None
+        self._is_busy = False
+        if process is None:
+            return
+        atexit.unregister(self.stop)
+        process.kill()
+        assert process.stdin is not None and process.stdout is not None
+        # A call that the process has not read is lost.
+        with suppress(BrokenPipeError):
+            process.stdin.close()
+        process.stdout.close()
+        process.wait()
+        self._output.close()
+
+    def _receive_answer(self, process: subprocess.Popen[bytes]) -> Any:
+        """Wait for the answer of a call; see `begin_call`."""
+        if process is not self._process:
+            raise ProcessCrash("was stopped before its answer arrived")
+        assert process.stdout is not None
+        try:
+            answer, failure, cpu, memory = pickle.load(process.stdout)
+        except (EOFError, pickle.UnpicklingError):
+            crash = self._crash_error(process.wait())
+            self.stop()
+            raise crash from None
+        except BaseException:
+            # After a signal, or without memory for the answer, nobody waits for it any more.
+            self.stop()
+            raise
+        self._is_busy = False
+        usage.CHILD_USAGE.add_call(cpu, memory)
+        if failure is not None:
+            raise failure
+        return answer
+
+    def _crash_error(self, code: int) -> ProcessCrash:
+        """The exception for a process that ended with a return code of `subprocess`."""
+        ending = f"ended with exit code {code}"
+        if code < 0:
+            ending = f"died of {signal.Signals(-code).name}"
+        length = self._output.seek(0, os.SEEK_END)
+        self._output.seek(max(0, length - CRASH_OUTPUT_BYTES))
+        lines = self._output.read().decode("utf-8", "replace").splitlines()
+        errors = [line for line in lines if line.startswith("Error")]
+        if errors:
+            ending += f" ({errors[-1].partition(':')[2].strip()})"
+        return ProcessCrash(ending, 128 - code if code < 0 else code or 1)
+
+
+def call_in_child(function: Callable[..., Any], *arguments: Any) -> Any:
+    """Call a function in a process of its own; see `ChildProcess.begin_call`."""
+    process = ChildProcess()
+    try:
+        return process.begin_call(function, *arguments)()
+    finally:
+        process.stop()
+
+
+def _serve_calls() -> None:
+    """Execute calls in the child process until the parent closes the pipe."""
+    signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
+    _end_with_parent()
+    # A crash writes no core file.
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    # Libraries print to the file of stderr; their output would damage the answers.
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    for module in sys.argv[1:]:
+        # The first call reports what is missing.
+        with suppress(ImportError):
+            import_module(module)
+    idle_memory = usage.current_memory()
+    while True:
+        try:
+            function, arguments = pickle.load(sys.stdin.buffer)
+        except EOFError:
+            return
+        usage.reset_peak_memory()
+        start = time.process_time()
+        answer = None
+        failure = None
+        try:
+            answer = function(*arguments)
+        except Exception as error:
+            failure = error
+        cpu = time.process_time() - start
+        memory = max(0.0, usage.peak_memory() - idle_memory)
+        pickle.dump((answer, failure, cpu, memory), answers, pickle.HIGHEST_PROTOCOL)
+        answers.flush()
+
+
+def _end_with_parent() -> None:
+    """Let Linux kill this process when its parent is killed, also inside a call of a library."""
+    pr_set_pdeathsig = 1  # PR_SET_PDEATHSIG of linux/prctl.h
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
+
+
+if __name__ == "__main__":
+    _serve_calls()
