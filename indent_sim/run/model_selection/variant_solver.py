@@ -26,11 +26,16 @@ MAX_SECONDS_IN_TIME = 600.0
 MAX_SECONDS_3D = 120.0
 
 
+# Parts of a resolved scene on which its solution depends.
+PROBLEM_PARTS = ("physics", "sizes", "solver", "experiment", "history_on_curve", "relaxation")
+
+
 class VariantSolver:
     """Solver of the variants of a scene.
 
-    Every variant is solved once, by theory if that is exact for it, otherwise on a mesh. A variant
-    that cannot be solved raises NotConverged whenever it is asked for.
+    Every variant is solved once, by theory if that is exact for it, otherwise on a mesh. Two
+    configs that resolve to the same problem are one variant. A variant that cannot be solved raises
+    NotConverged whenever it is asked for.
     """
 
     def __init__(self) -> None:
@@ -50,26 +55,11 @@ class VariantSolver:
 
         NotConverged if the run would take too long.
         """
-
-        def solve() -> list[State]:
-            """Solve the load path of the variant."""
-            scene = self.theory_scene(config) or resolve(config)
-            _refuse_long_run(scene)
-            return list(states(scene, with_surface=False))
-
-        return self._solve_once("rows", config, solve)
+        return self._solve_variant("rows", config, _solve_path)
 
     def history(self, config: Config) -> HistoryResult:
         """Rows and report of the history of a variant, on its elastic load curve."""
-
-        def evaluate() -> HistoryResult:
-            """Evaluate the history."""
-            scene = self.theory_scene(config) or resolve(config)
-            return evaluate_with_units(
-                scene, condense(scene).equilibrium if scene.is_meshed else None
-            )
-
-        return self._solve_once("history", config, evaluate)
+        return self._solve_variant("history", config, _evaluate_history)
 
     def theory_scene(self, config: Config) -> Scene | None:
         """The variant solved by theory; None if theory is not exact for it."""
@@ -83,17 +73,27 @@ class VariantSolver:
                 return resolve(replace_sections(config, solver=by_theory))
             return None
 
-        return self._solve_once("theory", config, resolve_by_theory)
+        return self._compute_once(f"theory {config!r}", resolve_by_theory)
 
-    def _solve_once(self, kind: str, config: Config, solve: Callable[[], T]) -> T:
-        """Result of `solve`, which is called once for each kind of result of a variant.
+    def _solve_variant(self, kind: str, config: Config, solve: Callable[[Scene], T]) -> T:
+        """A kind of result of a variant."""
+
+        def solve_scene() -> T:
+            """The result of the resolved variant."""
+            scene = self.theory_scene(config) or resolve(config)
+            problem = " ".join(repr(getattr(scene, part)) for part in PROBLEM_PARTS)
+            return self._compute_once(f"{kind} {problem}", lambda: solve(scene))
+
+        return self._compute_once(f"{kind} {config!r}", solve_scene)
+
+    def _compute_once(self, key: str, compute: Callable[[], T]) -> T:
+        """Result of `compute`, which is called once for each key.
 
         Its failures, except BackendError, are stored as well, and raised as NotConverged.
         """
-        key = f"{kind} {config!r}"
         if key not in self._results:
             try:
-                self._results[key] = solve()
+                self._results[key] = compute()
             except BackendError:
                 raise
             except (IndentSimError, *SOLUTION_ERRORS) as error:
@@ -105,13 +105,8 @@ class VariantSolver:
         return result
 
 
-def is_fully_automatic(config: Config) -> bool:
-    """True if the program chooses the contact law and the mesh."""
-    return isinstance(config.contact, AutoContact) and config.mesh == MeshSettings()
-
-
-def _refuse_long_run(scene: Scene) -> None:
-    """Raise NotConverged if a table of effects cannot wait for the solution of a scene."""
+def _solve_path(scene: Scene) -> list[State]:
+    """Rows of a scene; NotConverged if a table of effects cannot wait for them."""
     seconds = scene.plan.prediction.get("seconds", 0.0)
     if scene.physics.is_time_dependent:
         if seconds > MAX_SECONDS_IN_TIME:
@@ -124,3 +119,14 @@ def _refuse_long_run(scene: Scene) -> None:
             f"a run in three dimensions would take about {seconds:.2g} s; run the scene with and "
             "without the effect instead"
         )
+    return list(states(scene, with_surface=False))
+
+
+def _evaluate_history(scene: Scene) -> HistoryResult:
+    """History of a scene on its elastic load curve."""
+    return evaluate_with_units(scene, condense(scene).equilibrium if scene.is_meshed else None)
+
+
+def is_fully_automatic(config: Config) -> bool:
+    """True if the program chooses the contact law and the mesh."""
+    return isinstance(config.contact, AutoContact) and config.mesh == MeshSettings()

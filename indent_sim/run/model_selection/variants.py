@@ -8,7 +8,7 @@ from itertools import accumulate
 from math import inf
 from typing import Any
 
-from indent_sim.config.scene_file import config_from_mapping, to_mapping
+from indent_sim.config.scene_file import to_mapping
 from indent_sim.config.scene_sections import SolverSettings, Source
 from indent_sim.config.schema import Config
 from indent_sim.model.gel import Gel
@@ -24,16 +24,6 @@ from indent_sim.scene import elastic_limit_laws
 # A scene as nested mappings, as in its file.
 Document = dict[str, Any]
 LawChange = Callable[[Material], Material]
-
-# Sections that a minimal document omits if they have only default values.
-DEFAULT_SECTIONS = ("units", "contact", "mesh", "solver", "output")
-# Any scene in which these sections have their default values.
-MINIMAL_SCENE: Document = {
-    "body": {"shape": "half_space"},
-    "indenter": {"shape": "sphere", "R": 1.0},
-    "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.0},
-    "loading": {"delta": 0.1},
-}
 
 
 def replace_sections(config: Config, **changes: Any) -> Config:
@@ -220,12 +210,9 @@ def _reset_gap(config: Config) -> Config:
 
 def minimal_document(config: Config) -> Document:
     """The scene as in its file, without sections that have only default values."""
-    defaults = to_mapping(config_from_mapping(MINIMAL_SCENE))
-    document = {
-        name: section for name, section in to_mapping(config).items() if section not in ({}, "")
-    }
+    defaults = {name: section.default for name, section in Config.model_fields.items()}
     return {
         name: section
-        for name, section in document.items()
-        if not (name in DEFAULT_SECTIONS and section == defaults.get(name))
+        for name, section in to_mapping(config).items()
+        if section != {} and getattr(config, name) != defaults[name]
     }
