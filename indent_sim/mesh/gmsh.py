@@ -17,7 +17,6 @@ from indent_sim.mesh.gmsh_geometry import (
     prescribe_sizes,
 )
 from indent_sim.mesh.grid import Grid, is_flat, named_surfaces, regions_of_cells
-from indent_sim.mesh.imported_domain import ImportedDomain, refine_domain
 from indent_sim.mesh.mesher_process import Gmsh, call_in_mesher, gmsh_session
 from indent_sim.mesh.model_domain import ModelDomain
 from indent_sim.mesh.sizes import Sizes
@@ -45,6 +44,9 @@ def start_meshing(domain: ModelDomain, sizes: Sizes) -> Callable[[], Grid]:
 
     A mesh from a file is refined in this process, without gmsh.
     """
+    # The mesher process imports this module and needs no imported meshes.
+    from indent_sim.mesh.imported_domain import ImportedDomain, refine_domain
+
     if isinstance(domain, ImportedDomain):
         return partial(refine_domain, domain, sizes)
     return call_in_mesher(mesh_domain, domain, sizes)
