@@ -83,7 +83,6 @@ RC_PARAMETERS: PlotStyle = {
     "svg.hashsalt": "indent-sim",  # Equal results give equal files.
     "axes.titlesize": "medium",
     "axes.formatter.limits": (-3, 4),
-    "axes.formatter.use_mathtext": True,  # A common power of ten is "×10⁻³" instead of "1e-3".
     "lines.linewidth": 1.6,
     "legend.fontsize": "small",
     "legend.edgecolor": "none",
