@@ -7,19 +7,13 @@ from math import pi
 import numpy as np
 from mpi4py import MPI
 
+from indent_sim.fe.measured_constants import EDGE_GAP_FRACTION, EDGE_STEP_GROWTH
 from indent_sim.fe.postprocessing.contact_sample import (
     ContactSample,
     ObservedBody,
     components_first,
 )
 from indent_sim.fe.quadrature import facet_lattice
-
-# Growth of the relative pressure step at the contact edge with gamma/(E* a)
-EDGE_STEP_GROWTH = 11.0
-# Fraction of the depth below which the gap at the edge of a tip counts as closed under surface
-# tension. It is twice the largest gap next to the edge of a punch, for gamma/(E* a) from 1e-4 to 20
-# and nu from 0 to 0.5.
-EDGE_GAP_FRACTION = 0.01
 
 
 def contact_area(
