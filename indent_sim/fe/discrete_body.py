@@ -21,18 +21,13 @@ from indent_sim.fe.constraints import (
     zero_bc,
 )
 from indent_sim.fe.facet_values import facet_nodes
+from indent_sim.fe.measured_constants import VOLUME_DEGREE
 from indent_sim.fe.mesh import BodyMesh
 from indent_sim.fe.quadrature import QUADRATURE_DEGREE
 from indent_sim.fe.surface import Trace
 from indent_sim.fe.unknowns import DISPLACEMENT_ORDER, Field, TimeLevel, Unknowns
 from indent_sim.mesh.model_domain import Region
 from indent_sim.scene.scene import Scene
-
-# Quadrature degree in the volume, by dimension. In three dimensions four points per cell are exact
-# for the strain energy of linear bodies. In hyperelastic bodies they change the force by a
-# thirtieth of its discretisation error (tests/physics/test_hyperelastic.py), and 14 points would
-# cost three times as much. In two dimensions the factors r and u_r/r need a higher degree.
-VOLUME_DEGREE = {2: 4, 3: 2}
 
 
 class Body:

@@ -12,8 +12,6 @@ from indent_sim.fe.shape_functions import MIDPOINT_VERTICES
 # Degree of the contact quadrature, by dimension: 11 points per edge, 25 per triangle, because the
 # contact pressure has a kink at the contact edge
 QUADRATURE_DEGREE = {2: 20, 3: 10}
-# Subdivisions of a facet edge by which the contact edge is found inside a facet, by dimension
-SUBDIVISIONS = {2: 32, 3: 8}
 
 
 @cache
@@ -30,8 +28,11 @@ def split_quadrature(dim: int) -> tuple[np.ndarray, np.ndarray]:
 
 @cache
 def facet_lattice(dim: int) -> tuple[np.ndarray, np.ndarray]:
-    """Equally spaced points (n, dim - 1) on the reference facet, and simplices between them."""
-    n = SUBDIVISIONS[dim]
+    """Equally spaced points (n, dim - 1) on the reference facet, and simplices between them.
+
+    The contact edge is found inside a facet by these subdivisions of its edges.
+    """
+    n = {2: 32, 3: 8}[dim]
     if dim == 2:
         return np.linspace(0, 1, n + 1)[:, None], np.column_stack(
             [np.arange(n), np.arange(1, n + 1)]

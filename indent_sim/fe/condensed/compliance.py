@@ -22,6 +22,7 @@ from petsc4py import PETSc
 
 from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.kernel_cache import compile_form
+from indent_sim.fe.measured_constants import BLOCK_SIZE
 from indent_sim.fe.surface import Trace
 from indent_sim.fe.terms.scene_terms import bulk_terms
 from indent_sim.fe.terms.weak_roller import WeakRollerBC
@@ -29,9 +30,6 @@ from indent_sim.mesh.grid import row_slices
 from indent_sim.mesh.reactions import SurfaceComponent
 from indent_sim.process.errors import NotConverged
 from indent_sim.process.usage import machine_memory
-
-# Right-hand sides that are solved at once; MUMPS's default of 32 takes a seventh longer
-BLOCK_SIZE = 128
 
 ComplianceColumns = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 OwnedDofs = tuple[np.ndarray, np.ndarray, np.ndarray]

@@ -19,14 +19,7 @@ from scipy.linalg import solve_triangular
 from scipy.linalg.lapack import dpotrf
 
 from indent_sim.fe.condensed.contact import CondensedContact
-
-# The punch that a mesh represents is larger than the radius of its last vertex, by this part of the
-# element inside the edge: (value at nu = 0, decrease per nu), by formulation. Measured against
-# theory on half-spaces and layers: 0.111 at nu = 0 and 0.092 at 0.3 (displacement), 0.059 at 0.45
-# and 0.050 at 0.5 (mixed), to 0.004 each.
-RADIUS_SHIFT = {"displacement": (0.111, 0.063), "mixed": (0.140, 0.180)}
-# Compliance of a node with those inside it fixed, relative to its own, below which it is round-off
-COMPLIANCE_TOLERANCE = 1e-8
+from indent_sim.fe.measured_constants import RADIUS_SHIFT
 
 
 def punches(contact: CondensedContact) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -53,9 +46,8 @@ def punches(contact: CondensedContact) -> tuple[np.ndarray, np.ndarray, np.ndarr
     C = compliance.C[np.ix_(order, order)]
     L, failed_at = dpotrf(C, lower=1)
     factored_count = failed_at - 1 if failed_at else len(C)
-    is_stiff = (
-        np.diag(L)[:factored_count] ** 2 <= COMPLIANCE_TOLERANCE * np.diag(C)[:factored_count]
-    )
+    # A smaller compliance of a node with those inside it fixed, relative to its own, is round-off
+    is_stiff = np.diag(L)[:factored_count] ** 2 <= 1e-8 * np.diag(C)[:factored_count]
     n = int(np.argmax(np.append(is_stiff, True)))
     right_hand_sides = np.column_stack([np.ones(n), heights[order][:n]])
     unit_solution, height_solution = (

@@ -35,8 +35,6 @@ QuadratureRule = tuple[np.ndarray, np.ndarray, np.ndarray]  # see `CondensedCont
 
 # Residual relative to the nodal forces at which Newton's method ends; a dense solve leaves less
 NODAL_FORCE_TOLERANCE = 1e-12
-# The same where round-off does not let the residual fall any further
-STAGNATION_TOLERANCE = 1e-10
 
 
 @dataclass(frozen=True)
@@ -158,9 +156,8 @@ class CondensedFriction:
             smallest_residual = min(residuals, default=np.inf)
             if not np.isfinite(residual):
                 return False
-            allowed = (
-                STAGNATION_TOLERANCE if residual >= smallest_residual else NODAL_FORCE_TOLERANCE
-            )
+            # Round-off may not let the residual fall any further
+            allowed = 1e-10 if residual >= smallest_residual else NODAL_FORCE_TOLERANCE
             if residual <= allowed * np.abs(load).max(initial=0.0) + zero_force:
                 contact.forces = load.reshape(-1, self._node_count)
                 return True

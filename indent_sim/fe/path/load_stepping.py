@@ -14,12 +14,17 @@ from typing import Any
 
 import numpy as np
 
+from indent_sim.fe.measured_constants import (
+    FINEST_TOLERANCE,
+    LARGEST_PARABOLA_STEP,
+    LONGEST_STEP_RANGES,
+    SNAP_STEP_RANGES,
+)
 from indent_sim.fe.path.equilibrium import Equilibrium
 from indent_sim.fe.path.failure import failed_state
 from indent_sim.fe.path.load_control import ForceDepth, LoadControl
 from indent_sim.fe.path.load_segment import LoadPoint, LoadSegment
 from indent_sim.fe.path.pull_off import (
-    FINEST_TOLERANCE,
     PullPoint,
     UnloadingBranch,
     find_largest_pull,
@@ -31,15 +36,6 @@ from indent_sim.fe.postprocessing.surface_table import surface_table
 from indent_sim.model.load_path import LoadPath
 from indent_sim.model.state import PullOff, State
 
-# Longest increment that starts from a parabola through three equilibria, relative to the depth.
-# Over longer ones the contact edge moves past too many nodes for a parabola; measured.
-LARGEST_PARABOLA_STEP = 0.13
-# Longest increment of an adhesive tip, and the longest one in which it may snap in or off, in units
-# of the range of the attraction. In a longer one Newton's method may converge to the other of two
-# stable states: measured at Maugis' lambda = 2, the tip snapped off too early in an increment of
-# five ranges.
-LONGEST_STEP_RANGES = 4.0
-SNAP_STEP_RANGES = 0.25
 # A tip that is lifted to measure its gap is far enough away if the body rises by less than one
 # fifth of the lift.
 CLEARANCE_FACTOR = 5.0

@@ -16,25 +16,10 @@ from dataclasses import dataclass, replace
 from math import inf, isfinite, sqrt
 from typing import Any
 
+from indent_sim.fe.measured_constants import FOLD_LENGTH_RATIO, LARGEST_RIPPLE, RIPPLE_FACTOR
 from indent_sim.process.errors import NotConverged
 
-# The force as a function of the depth has a ripple, as the edge of contact passes from element to
-# element. Its amplitude over the largest pull is RIPPLE_FACTOR over the square of the number of
-# elements in the cohesive zone or in the contact radius, whichever is smaller, and at most
-# LARGEST_RIPPLE. Measured as the largest deviation from a polynomial of degree 6 over 60 rows
-# around pull-off: factors of 0.002 to 0.02 with 0.7 to 11 elements at Maugis' lambda 0.5 to 2.5
-# (tests/physics/test_pull_off.py)
-RIPPLE_FACTOR = 0.02
-LARGEST_RIPPLE = 0.008
-# The search need not be finer than this, relative to the largest pull: with 11 elements in the
-# cohesive zone the force is known to 2e-4 (docs/verification.md)
-FINEST_TOLERANCE = 1e-4
 MOST_EQUILIBRIA = 24  # limit of a search; a smooth minimum takes one to eight
-GOLDEN_SECTION = (3 - sqrt(5)) / 2
-# Next to a fold the part of the bracket before the best point is divided only where it is so many
-# times as long as the part beyond. With 1 a search takes a third more equilibria, with 8 a
-# twentieth fewer, on the curves with a fold of tests/unit/fe/test_pull_off.py
-FOLD_LENGTH_RATIO = 4.0
 
 
 @dataclass(frozen=True)
@@ -267,7 +252,8 @@ class _Bracket:
         """Return the depth [length] of the next equilibrium of parabolic interpolation."""
         # An equilibrium so near to the best one tells nothing new
         if abs(parabola.delta - self.best.delta) < 0.05 * self.width:
-            return self.best.delta + GOLDEN_SECTION * (self._end_of_longer_part - self.best.delta)
+            golden_section = (3 - sqrt(5)) / 2
+            return self.best.delta + golden_section * (self._end_of_longer_part - self.best.delta)
         return parabola.delta
 
     def narrowed(self, point: PullPoint) -> _Bracket:

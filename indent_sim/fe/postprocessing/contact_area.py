@@ -7,6 +7,7 @@ from math import pi
 import numpy as np
 from mpi4py import MPI
 
+from indent_sim.fe.measured_constants import EDGE_GAP_FRACTION, EDGE_STEP_GROWTH
 from indent_sim.fe.postprocessing.contact_sample import (
     ContactSample,
     ObservedBody,
@@ -16,12 +17,6 @@ from indent_sim.fe.postprocessing.contact_sample import (
 from indent_sim.fe.quadrature import facet_lattice
 from indent_sim.model.tips import FlatPunch, sharp_edge_radius
 
-# Growth of the relative pressure step at the contact edge with gamma/(E* a)
-EDGE_STEP_GROWTH = 11.0
-# Fraction of the depth below which the gap at the edge of a tip counts as closed under surface
-# tension. It is twice the largest gap next to the edge of a punch, for gamma/(E* a) from 1e-4 to 20
-# and nu from 0 to 0.5.
-EDGE_GAP_FRACTION = 0.01
 # Relative distance from a tip's sharp edge within which a point of the mesh lies on it: coordinates
 # are rounded to 12 digits
 EDGE_TOLERANCE = 1e-9

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from mpi4py import MPI
 
+from indent_sim.fe.measured_constants import EDGE_STIFFNESS_FACTOR
 from indent_sim.fe.quadrature import contact_quadrature
 from indent_sim.fe.surface import Trace
 from indent_sim.model.tips import gap_current, gap_reference
@@ -15,12 +16,6 @@ from indent_sim.scene.scene import Scene
 
 # Pressures below this fraction of E* are round-off
 PRESSURE_ROUNDOFF = 1e-8
-# Stiffness that finds the contact edge, as a multiple of E*/h with the size h of the facet, by
-# formulation. Measured on 60 random layers between frictionless walls, with two to thirty elements
-# in the contact radius: the error of the contact radius is 0.01 h in the median, and in 95 % of the
-# rows below 0.03 h (displacement) and 0.05 h (mixed). With half of these values the radius is 0.04
-# h too large, with twice as much 0.03 h too small.
-EDGE_STIFFNESS_FACTOR = {"displacement": 4.0, "mixed": 6.0}
 
 
 class ObservedBody(Protocol):

@@ -26,16 +26,13 @@ from indent_sim.fe.postprocessing.penetration import overlap_depth
 from indent_sim.fe.postprocessing.roughness import build_patches, roughness
 from indent_sim.fe.quadrature import contact_quadrature, evaluation_points, facet_lattice
 
-# Under surface tension the contact edge is where the trial pressure is this fraction of its step
-EDGE_STEP_FRACTION = 0.3
-
 
 def contact_values(body: ObservedBody) -> dict[str, float]:
     """Contact values of the current state (collective).
 
     Under surface tension the pressure ends with a step, which the mesh spreads over elements and
-    about which nodal values oscillate. The contact edge is then where p_hat is EDGE_STEP_FRACTION
-    of the step, and the peak pressure is the largest mean over a facet.
+    about which nodal values oscillate. The contact edge is then where p_hat is 0.3 of the step, and
+    the peak pressure is the largest mean over a facet.
 
     Returns
     -------
@@ -80,7 +77,7 @@ def contact_values(body: ObservedBody) -> dict[str, float]:
         body, *lattice_points, trial_pressure
     )
     if is_tensed and (step := edge_pressure_step(body, size, pressure)):
-        size = contact_area(body, *lattice_points, trial_pressure - EDGE_STEP_FRACTION * step)
+        size = contact_area(body, *lattice_points, trial_pressure - 0.3 * step)
     if body.depth <= 0 and not _may_touch_unindented(body, sample.pressure):
         size = 0.0  # the computed contact is round-off
     a = body.scene.physics.domain.kinematics.contact_radius(size)

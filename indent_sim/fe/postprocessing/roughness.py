@@ -15,17 +15,8 @@ from typing import Any
 
 import numpy as np
 
+from indent_sim.fe.measured_constants import LARGEST_HOLE, RIM_RINGS
 from indent_sim.model.tips import Indenter
-
-# Facets between an assessed facet and the edge of the contact or a slope discontinuity, by the
-# number of nodes of a facet; the nearest belong to its patch. With two facets in three dimensions,
-# a ball on a cube (three elements in the contact radius, no friction) would have the roughness
-# 0.08, because elements that the edge of the contact crosses spread the pressure
-RIM_RINGS = {3: 2, 6: 3}
-# Facets of the largest hole in the contact that counts as an oscillation, by the number of nodes of
-# a facet. Under a rounded punch with friction (depth 0.24 thicknesses, nu 0.49, two steps) two
-# neighbouring elements opened, and the force was 1.6 % too small
-LARGEST_HOLE = {3: 4, 6: 12}
 
 
 @dataclass(frozen=True)

@@ -26,12 +26,9 @@ from ufl.core.expr import Expr
 from indent_sim.fe import compat
 from indent_sim.fe.constraints import support_and_pin_dofs, zero_bc
 from indent_sim.fe.kernel_cache import compile_form
+from indent_sim.fe.measured_constants import SURFACE_STIFFNESS
 from indent_sim.fe.problem import Problem
 from indent_sim.fe.terms.term import Term
-
-# Stiffness of the body to the shortest waves of its surface, in units of E*/h_contact, in the
-# preconditioner of the multiplier; 6 and 30 take more iterations
-SURFACE_STIFFNESS = 10.0
 
 
 class DisplacementStiffness:

@@ -8,13 +8,7 @@ from mpi4py import MPI
 from indent_sim.fe.solve.newton import Newton
 from indent_sim.fe.terms.contact.viscous_regularization import ViscousRegularization
 
-# The drag of a step is at least and at most this many times that of the step before
-DRAG_DECREASE = 0.5
-DRAG_INCREASE = 3.0
-# Limits of the steps, and of the Newton iterations of one; snaps took 15 to 40 steps of 1 to 8
-# iterations
-MOST_RELAXATION_STEPS = 60
-MOST_STEP_ITERATIONS = 12
+DRAG_INCREASE = 3.0  # The drag of a step is at most this many times that of the step before.
 
 
 def dynamic_relaxation(newton: Newton, regularization: ViscousRegularization) -> bool:
@@ -42,7 +36,8 @@ def dynamic_relaxation(newton: Newton, regularization: ViscousRegularization) ->
     state_before = problem.trial_state()
     drag = 2.0 * law.work / law.range**2
     traction = 0.0
-    for _ in range(MOST_RELAXATION_STEPS):
+    # Snaps took 15 to 40 steps.
+    for _ in range(60):
         # A rough solution is sufficient for a step on the way to the stable state
         distance = _relaxation_step(newton, regularization, drag, 1e-4)
         if distance is None:
@@ -58,7 +53,7 @@ def dynamic_relaxation(newton: Newton, regularization: ViscousRegularization) ->
         traction = drag * distance
         # With three times the curvature of the instability the minimum of the next step is nearby,
         # although that curvature still grows
-        drag = min(max(DRAG_DECREASE * drag, 3.0 * unstable_curvature), DRAG_INCREASE * drag)
+        drag = min(max(0.5 * drag, 3.0 * unstable_curvature), DRAG_INCREASE * drag)
     problem.set_trial_state(state_before)
     return False
 
@@ -73,7 +68,8 @@ def _relaxation_step(
     problem = newton.problem
     start = newton.problem.x.copy()
     regularization.set_drag(drag)
-    has_converged = newton.solve(rtol, MOST_STEP_ITERATIONS) and newton.is_stable
+    # Steps of snaps took one to eight iterations.
+    has_converged = newton.solve(rtol, 12) and newton.is_stable
     regularization.set_drag(0.0)
     if not has_converged:
         problem.body.set_solution(start)

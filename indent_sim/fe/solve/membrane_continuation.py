@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from indent_sim.fe.measured_constants import MEMBRANE_STIFFNESS
 from indent_sim.fe.solve.newton import Newton
-from indent_sim.fe.terms.surface_tension import MEMBRANE_STIFFNESS
 
 
 def membrane_continuation(newton: Newton, algorithm: Callable[[], bool]) -> Callable[[], bool]:

@@ -15,9 +15,6 @@ from mpi4py import MPI
 
 from indent_sim.scene.scene import Scene
 
-# Relative change of the multiplier at which the iteration ends, with a stiffness of E*/h_contact;
-# the force then has a relative error of 1e-7
-UZAWA_TOLERANCE = 1e-8
 FIRST_TOLERANCE = 0.1  # relative residual of the first solve, and of all others at most
 MOST_ITERATIONS = 500
 MIXING_DEPTH = 15  # number of earlier iterates that are used
@@ -82,8 +79,9 @@ def iterate(
     """
     law = scene.physics.contact
     unit = scene.physics.material.E_star / scene.sizes.h_contact
-    # With a small stiffness a small change of the multiplier does not mean a small gap
-    tolerance = UZAWA_TOLERANCE * min(1.0, law.stiffness / unit)  # type: ignore[union-attr]
+    # With a stiffness of E*/h_contact the force has a relative error of 1e-7. With a small one a
+    # small change of the multiplier does not mean a small gap
+    tolerance = 1e-8 * min(1.0, law.stiffness / unit)  # type: ignore[union-attr]
     smallest_change = float("inf")
     stagnant_iterations = 0
     mixing = Mixing(comm)

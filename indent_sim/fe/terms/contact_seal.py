@@ -16,25 +16,13 @@ from petsc4py import PETSc
 from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.facet_values import cell_heights, facet_nodes
 from indent_sim.fe.kernel_cache import compile_form
+from indent_sim.fe.measured_constants import OPEN_CONDUCTANCE_FACTOR
 from indent_sim.fe.nodal_assembly import sum_nodal_contributions
 from indent_sim.fe.terms.flow import FIELD_NAME
 from indent_sim.fe.terms.term import Term
 from indent_sim.fe.terms.time_integration import SDIRK2_GAMMA, Stage
 from indent_sim.fe.unknowns import TimeLevel
 from indent_sim.model.drainage import Conductance
-
-# Conductance of a drained vertex, relative to that of its own cells. The pressure there is 1e-8 of
-# that of a sealed vertex. Forces agree to 1e-7 for factors from 1e6 on, and no digits are lost up
-# to 1e10.
-OPEN_CONDUCTANCE_FACTOR = 1e8
-# Outflow of a vertex in a step in which the tip closes it, divided by its outflow in the first
-# stage of that step: the vertex is assumed to drain for half of the step. With the factor 1 + sqrt
-# 2 of an open vertex the pore pressure of that row had a spike of half the modulus, and forces of a
-# gel that swells against a sphere were up to 3 % too large, while steps a fourth as long left 0.1
-# %. With half of the step they are within 1.4 % at all times: late rows are more accurate (3 -> 0.9
-# %, 1 -> 0.2 %), early rows less (0.4 -> 0.8 and 1.4 %). Measured only on
-# configs/swelling_gel.yaml, per_doubling 4 compared with 16.
-CLOSING_STEP_FRACTION = 1 / (2 * SDIRK2_GAMMA)
 
 
 class ContactSeal(Term):
@@ -174,10 +162,15 @@ class ContactSeal(Term):
         stopped.
         """
         closed = (self._is_touching & ~self._was_touching)[: self._owned_count]
+        # A vertex that the tip closes in a step is assumed to drain for half of it. With the factor
+        # 1 + sqrt 2 of an open vertex the pore pressure of that row had a spike of half the
+        # modulus, and forces of a gel that swells against a sphere were up to 3 % too large, while
+        # steps a fourth as long left 0.1 %. With half of the step they are within 1.4 % at all
+        # times: late rows are more accurate (3 -> 0.9 %, 1 -> 0.2 %), early rows less (0.4 -> 0.8
+        # and 1.4 %). Measured only on configs/swelling_gel.yaml, per_doubling 4 compared with 16.
+        half_step = 1 / (2 * SDIRK2_GAMMA)
         return np.where(
-            closed,
-            (self._extrapolation_factor - CLOSING_STEP_FRACTION) * self._step_outflow_before,
-            0.0,
+            closed, (self._extrapolation_factor - half_step) * self._step_outflow_before, 0.0
         )
 
     def freeze(self) -> None:

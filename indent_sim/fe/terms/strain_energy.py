@@ -11,8 +11,9 @@ from mpi4py import MPI
 from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
-from indent_sim.fe.discrete_body import VOLUME_DEGREE, Body
+from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.kernel_cache import compile_expression, compile_form
+from indent_sim.fe.measured_constants import VOLUME_DEGREE
 from indent_sim.fe.symbolic_constants import symbolic_copy
 from indent_sim.fe.terms.inverted_elements import InvertedElements
 from indent_sim.fe.terms.term import Term

@@ -10,18 +10,9 @@ from dolfinx import fem
 from ufl.core.expr import Expr
 
 from indent_sim.fe.discrete_body import Body
+from indent_sim.fe.measured_constants import MEMBRANE_STIFFNESS
 from indent_sim.fe.terms.term import Term
 from indent_sim.model.hyperelasticity import NeoHookean
-
-# Quadrature degree of the surface: squares of slopes, at finite strain their square root
-SURFACE_DEGREE = 6
-
-# Shear modulus of a drop's surface membrane, as a fraction of gamma. It increases the force by
-# 0.45 times this fraction. Measured on a ball between plates with 10 to 20 elements in the contact
-# radius: without a membrane no row converges below mu = 1.7e-3 gamma/R; with 3e-4 three of four
-# rows converge at mu = 1e-3 gamma/R; with 1e-3 all of them do, and three of four at 1e-4 gamma/R
-# (tests/physics/test_drops.py)
-MEMBRANE_STIFFNESS = 1e-3
 
 
 class SurfaceTension(Term):
@@ -68,7 +59,8 @@ class SurfaceTension(Term):
         self.has_membrane = physics.is_drop
         if self.has_membrane:
             area_growth += self._membrane_stiffness * _membrane_energy(H, P)
-        self.energy = body.surface_integral("top", gamma * area_growth, SURFACE_DEGREE)
+        # The integrand has squares of slopes, at finite strain their square root
+        self.energy = body.surface_integral("top", gamma * area_growth, 6)
         if physics.domain.top_radius:
             pressure = 2 * gamma / fem.Constant(body.mesh, physics.domain.top_radius)
             # J - 1 - tr H, at small strain to second order

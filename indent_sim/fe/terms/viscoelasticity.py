@@ -38,8 +38,9 @@ from dolfinx import fem
 from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
-from indent_sim.fe.discrete_body import VOLUME_DEGREE, Body
+from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.kernel_cache import compile_expression, create_function_space
+from indent_sim.fe.measured_constants import VOLUME_DEGREE
 from indent_sim.fe.terms.strain_energy import StrainEnergy
 from indent_sim.fe.terms.time_integration import Stage
 from indent_sim.mesh.model_domain import Region
