@@ -258,7 +258,6 @@ def draw_scoreboard(rows: Sequence[Row], title: str, path: Path) -> None:
         count_text = (
             f"{len(known_rows)} published values  ·  {wrong_count} off by more than they claim"
         )
-        figures.draw_title(figure, title, f"{count_text}  ·  ours with its own error bar")
         for row_number, row in enumerate(known_rows):
             _draw_scoreboard_line(axes, row_number, row)
         axes.plot([], [], color=figures.INK, **SCOREBOARD_MARK, label="published")
@@ -286,6 +285,7 @@ def draw_scoreboard(rows: Sequence[Row], title: str, path: Path) -> None:
         axes.axvline(0, color=figures.INK, lw=0.8, zorder=1)
         axes.set(xlabel="difference from the exact value [%]", ylim=(-0.7, len(known_rows) - 0.3))
         figures.draw_figure_legend(figure, axes)
+        figures.draw_title(figure, title, f"{count_text}  ·  ours with its own error bar")
         figures.save(figure, path)
 
 

@@ -64,11 +64,6 @@ def draw(folder: Path, path: Path | None = None) -> None:
             for name in ("adhesion", "relaxation", "cantilever")
             if any(f".{name}." in f".{key}." for key in config)
         ]
-        draw_title(
-            figure,
-            results.report.get("title") or folder.name,
-            "  \N{MIDDLE DOT}  ".join([f"by {method}", *effects]),
-        )
         force = axis_of_column("force", [results])
         depth = axis_of_column("delta", [results])
         draw_branches(panel_axes["depth"], rows, "delta", depth, force)
@@ -84,6 +79,11 @@ def draw(folder: Path, path: Path | None = None) -> None:
         else:
             draw_branches(panel_axes["radius"], rows, "a", axis_of_column("a", [results]), force)
         draw_figure_legend(figure, panel_axes["depth"])
+        draw_title(
+            figure,
+            results.report.get("title") or folder.name,
+            "  \N{MIDDLE DOT}  ".join([f"by {method}", *effects]),
+        )
         save(figure, path or folder / EXPERIMENT_PICTURE)
 
 

@@ -148,6 +148,8 @@ def draw_legend_under(axes: Axes) -> float:
     their panels end at the same.
     """
     handles, names = axes.get_legend_handles_labels()
+    if not names:
+        return 0.0
     width = _panel_width(axes)
     draw = partial(
         axes.legend,
@@ -159,8 +161,6 @@ def draw_legend_under(axes: Axes) -> float:
         borderaxespad=0,
         borderpad=0,
     )
-    if not names:
-        return 0.0
     return float(_draw_in_columns(draw, width).get_window_extent().height / axes.get_figure().dpi)
 
 
@@ -289,7 +289,10 @@ def _font_scale() -> float:
 
 
 def draw_title(figure: Figure, title: str, subtitle: str) -> None:
-    """Draw a title, shortened to the width of the figure, and a subtitle above the panels."""
+    """Draw a title, shortened to the width of the figure, and a subtitle above the panels.
+
+    The figure has its final height.
+    """
     height = figure.get_figheight()
     title_letters = int(TITLE_LETTERS_PER_INCH * figure.get_figwidth())
     _reserve_margin(figure, above=0.64)
