@@ -49,6 +49,19 @@ def increasing_root(
 ) -> float:
     """Return the x in (0, limit) at which an increasing function(x) is `target` > 0.
 
+    Its relative error is ROOT_TOLERANCE.
+
+    Parameters
+    ----------
+    function
+        Increasing function.
+    target
+        Value of the function at the root.
+    start
+        First x of the search.
+    limit
+        Upper bound of x, at which the function is not evaluated.
+
     Raises
     ------
     ValueError
@@ -61,11 +74,11 @@ def increasing_root(
 
     @cache  # Brent's method begins with both ends of the bracket.
     def log_excess(log_x: float) -> float:
-        """Return ln(function/target); a value without a logarithm gives a large number."""
-        value = function(math.exp(log_x))
-        if value <= 0.0:
+        """Return ln(function/target); a ratio without a logarithm gives a large number."""
+        ratio = function(math.exp(log_x)) / target
+        if ratio <= 0.0:
             return -1e3
-        return math.log(value / target) if math.isfinite(value) else 1e3
+        return math.log(ratio) if math.isfinite(ratio) else 1e3
 
     low = high = math.log(start if start < limit else 0.9 * limit)
     # A power law of the exponent 2, that of a paraboloid's depth, or more has its root within half
