@@ -437,7 +437,7 @@ def draw_map(
         Result of each curve, and its label.
     """
     from matplotlib.colors import LogNorm
-    from matplotlib.ticker import MaxNLocator
+    from matplotlib.ticker import AutoLocator
 
     x, y = (np.array(curve_groups.key_numbers(key)) for key in keys)
     across = np.unique(x)
@@ -465,7 +465,7 @@ def draw_map(
     if is_log:
         set_plain_log_ticks(bar.ax.xaxis, high / low)
     else:
-        bar.set_ticks(MaxNLocator(5))
+        bar.set_ticks(AutoLocator())
     bar.minorticks_off()
 
 

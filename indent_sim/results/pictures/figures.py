@@ -398,7 +398,9 @@ def thin_tick_labels(figure: Figure) -> None:
     """
     from matplotlib.ticker import MaxNLocator
 
-    for axes in figure.axes:
+    panels = figure.axes
+    bars = [bar for axes in panels for bar in axes.child_axes]
+    for axes in (*panels, *bars):
         for axis in (axes.xaxis, axes.yaxis):
             locator = axis.get_major_locator()
             if not isinstance(locator, MaxNLocator):
