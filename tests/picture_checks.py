@@ -123,10 +123,11 @@ def _unseen(figure: Any) -> set[int]:
 
 def _ticks_in_view(along: Any) -> list[Any]:
     """Ticks between the ends of an axis; matplotlib draws no others."""
-    low, high = sorted(along.get_view_interval())
+    place = along.get_transform().transform  # the logarithm on a logarithmic axis
+    low, high = sorted(place(along.get_view_interval()))
     rounding = 1e-9 * (high - low)
     ticks = [*along.get_major_ticks(), *along.get_minor_ticks()]
-    return [tick for tick in ticks if low - rounding <= tick.get_loc() <= high + rounding]
+    return [tick for tick in ticks if low - rounding <= place(tick.get_loc()) <= high + rounding]
 
 
 def _names_itself(numbers: list[Any]) -> bool:

@@ -437,7 +437,7 @@ def draw_map(
         Result of each curve, and its label.
     """
     from matplotlib.colors import LogNorm
-    from matplotlib.ticker import MaxNLocator
+    from matplotlib.ticker import AutoLocator, LogLocator
 
     x, y = (np.array(curve_groups.key_numbers(key)) for key in keys)
     across = np.unique(x)
@@ -462,10 +462,9 @@ def draw_map(
             set_plain_log_ticks(matplotlib_axis, value_ratio(numbers))
     axes.set(xlabel=key_label(curve_groups, keys[0]), ylabel=key_label(curve_groups, keys[1]))
     bar = figures.draw_colour_bar([axes], filled_contours, label, "bottom")
-    if is_log:
-        set_plain_log_ticks(bar.ax.xaxis, high / low)
-    else:
-        bar.set_ticks(MaxNLocator(5))
+    log_ticks = LogLocator(subs=(1, 2, 5) if high < 1000 * low else (1,))
+    bar.set_ticks(log_ticks if is_log else AutoLocator())
+    bar.ax.xaxis.set_major_formatter("{x:g}")
     bar.minorticks_off()
 
 

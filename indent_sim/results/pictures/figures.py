@@ -253,7 +253,8 @@ def draw_colour_bar(
             transform=_inches_below(panels[0]),
             label="<colorbar>",
         )
-    bar = figure.colorbar(drawn, label=label, **look)
+    # With uniform spacing, the bar of contours draws numbers beyond its ends at its ends.
+    bar = figure.colorbar(drawn, label=label, spacing="proportional", **look)
     bar.outline.set_visible(False)
     return bar
 
@@ -398,16 +399,21 @@ def thin_tick_labels(figure: Figure) -> None:
     """
     from matplotlib.ticker import MaxNLocator
 
-    for axes in figure.axes:
+    panels = figure.axes
+    bars = [bar for axes in panels for bar in axes.child_axes]
+    for axes in (*panels, *bars):
+        # Axes true to scale, and colour bars below panels, are placed as matplotlib will draw them.
+        locator = axes.get_axes_locator()
+        axes.apply_aspect(locator(axes, None) if locator else None)
         for axis in (axes.xaxis, axes.yaxis):
-            locator = axis.get_major_locator()
-            if not isinstance(locator, MaxNLocator):
+            ticks = axis.get_major_locator()
+            if not isinstance(ticks, MaxNLocator):
                 continue
             bins = int(np.clip(axis.get_tick_space(), 1, MAX_TICKS))
-            locator.set_params(nbins=bins)
+            ticks.set_params(nbins=bins)
             while bins > 1 and _has_touching_labels(axis):
                 bins -= 1
-                locator.set_params(nbins=bins)
+                ticks.set_params(nbins=bins)
 
 
 def _has_touching_labels(axis: Any) -> bool:

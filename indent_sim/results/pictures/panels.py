@@ -48,7 +48,7 @@ LINE_ASPECT = 0.72  # Ratio of height to width of panels of curves.
 # [inches]; the layout then finds the height that they need.
 LABELS_HEIGHT = 1.6
 NAME_HEIGHT = 0.2  # Height of a line of a legend in that estimate.
-LAYOUT_PASSES = 2  # The second pass knows the heights of the panels from the first.
+LAYOUT_PASSES = 3  # Each pass knows the heights and tick labels of the pass before.
 MAX_MAPS_IN_ROW = 4
 MAX_FILM_COLUMNS = 6
 MAX_LINE_COLUMNS = 3

@@ -429,7 +429,7 @@ class PressureMaps:
         aspect
             Ratio of height to width of the panels, at least 1.
         """
-        from matplotlib.ticker import MaxNLocator
+        from matplotlib.ticker import AutoLocator
 
         runs = self._runs
         length = scaled_axis("length", runs, self.half_width, position_label("x", runs))
@@ -441,8 +441,7 @@ class PressureMaps:
         ):
             drawn = self._draw_map(axes, contact, length, pressure, (low, top), aspect)
             draw_panel_title(axes, panel_title(run, step, words))
-        ticks = [tick for tick in MaxNLocator(5).tick_values(low, top) if low <= tick <= top]
-        draw_colour_bar(panels, drawn, pressure.label, where, ticks=ticks)
+        draw_colour_bar(panels, drawn, pressure.label, where, ticks=AutoLocator())
 
     def _colour_range(self, pressure: Axis) -> tuple[float, float]:
         """Return the smallest and the largest pressure shown.
