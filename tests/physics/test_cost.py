@@ -174,7 +174,7 @@ IMPORT_SECONDS = 0.8  # of the core that the constants of scene/cost.py are of
 
 
 def processor_seconds(command: list[str]) -> float:
-    """Of a process and those that it forked, one thread each."""
+    """Of a process and its child processes, one thread each."""
     one_thread = {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     process = subprocess.Popen(
         command, env=os.environ | one_thread, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
