@@ -69,13 +69,12 @@ def read_imported_mesh(config: Config, comm: Any) -> ImportedMesh | None:
 
     On several ranks, rank 0 reads the file and the others receive the boundary cells.
     """
-    if not isinstance(config.body, MeshFromFile):
+    source = config.body
+    if not isinstance(source, MeshFromFile):
         return None
     if comm.size == 1:
-        return read_mesh_file(config, config.body)
-    boundary_cells = run_on_root(
-        comm, lambda: boundary_cells_of(read_mesh_file(config, config.body))
-    )
+        return read_mesh_file(config, source)
+    boundary_cells = run_on_root(comm, lambda: boundary_cells_of(read_mesh_file(config, source)))
     shared_cells = comm.bcast(
         replace(boundary_cells, unplaced_mesh=None) if boundary_cells else None, root=0
     )

@@ -19,11 +19,12 @@ from indent_sim.config.scene_file import load, loads
 from indent_sim.mesh import mesh_import
 from indent_sim.mesh.grid import boundary_facets, iterate_facets
 from indent_sim.mesh.imported_domain import ImportedDomain, first_contact_height, refine_domain
-from indent_sim.mesh.imported_mesh import ImportedMesh
+from indent_sim.mesh.imported_mesh import ImportedMesh, boundary_cells_of
 from indent_sim.mesh.uniform_refinement import refined_once
 from indent_sim.model.imported_body import MeshFromFile, MeshSurfaces
 from indent_sim.model.tips import Paraboloid
 from indent_sim.process.errors import ConfigError, MeshFileError
+from indent_sim.scene.imported_body import read_mesh_file
 from indent_sim.scene.scene import Scene, resolve
 
 SURFACES = MeshSurfaces("top", "bottom", "wall")
@@ -321,7 +322,7 @@ def test_a_scene_of_the_skin_is_that_of_the_body(
     whole = scene(tmp_path, "part.msh", kinematics, regions, "mesh.refinements=1")
     config = load(tmp_path / "scene.yaml", (regions, "mesh.refinements=1"))
     assert isinstance(config.body, MeshFromFile)
-    skin = mesh_import.import_boundary_cells(str(tmp_path), config.body, True)
+    skin = boundary_cells_of(read_mesh_file(config, config.body))
     found = resolve(config, piece=skin)
     assert found.sizes == whole.sizes and found.plan.choices == whole.plan.choices
     assert (
