@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import fcntl
 import logging
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -107,7 +108,7 @@ def _acquire(lock: IO[Any], folder: Path) -> None:
 
 def _remove_incomplete_kernels(folder: Path) -> None:
     """Remove kernels whose compilation was interrupted, so that FFCx compiles them again."""
-    names = {path.name for path in folder.iterdir()}
+    names = set(os.listdir(folder))
     for name in names:
         if name.endswith(".c") and f"{name}.cached" not in names:
             (folder / name).unlink(missing_ok=True)

@@ -22,6 +22,7 @@ from indent_sim.mesh.uniform_refinement import refined_once
 from indent_sim.model.imported_body import MeshFromFile, MeshSurfaces
 from indent_sim.model.tips import Paraboloid
 from indent_sim.process.errors import ConfigError, MeshFileError
+from indent_sim.scene.imported_body import read_mesh_file
 from indent_sim.scene.scene import Scene, resolve
 
 SURFACES = MeshSurfaces("top", "bottom", "wall")
@@ -319,7 +320,7 @@ def test_a_scene_of_the_skin_is_that_of_the_body(
     whole = scene(tmp_path, "part.msh", kinematics, regions, "mesh.refinements=1")
     config = load(tmp_path / "scene.yaml", (regions, "mesh.refinements=1"))
     assert isinstance(config.body, MeshFromFile)
-    skin = boundary_cells_of(mesh_import.import_mesh(str(tmp_path), config.body, True))
+    skin = boundary_cells_of(read_mesh_file(config, config.body))
     found = resolve(config, piece=skin)
     assert found.sizes == whole.sizes and found.plan.choices == whole.plan.choices
     assert (
