@@ -45,12 +45,9 @@ LARGEST_HOLE = {3: 4, 6: 12}
 # The punch that a mesh represents is larger than the radius of its last vertex, by this part [-] of
 # the element inside the edge: (value at nu = 0, decrease per nu), by formulation. Measured against
 # theory on half-spaces and layers: 0.111 at nu = 0 and 0.092 at 0.3 (displacement), 0.059 at 0.45
-# and 0.050 at 0.5 (mixed), to 0.004 each.
+# and 0.050 at 0.5 (mixed), to 0.004 each. Again: tests/physics/test_measured_constants.py.
 RADIUS_SHIFT = {"displacement": (0.111, 0.063), "mixed": (0.140, 0.180)}
 
-# Longest increment that starts from a parabola through three equilibria, relative [-] to the depth.
-# Over longer ones the contact edge moves past too many nodes for a parabola.
-LARGEST_PARABOLA_STEP = 0.13
 # Longest increment of an adhesive tip, and the longest one in which it may snap in or off, in units
 # of the range of the attraction [-]. In a longer one Newton's method may converge to the other of
 # two stable states: at Maugis' lambda = 2, the tip snapped off too early in an increment of five
@@ -76,7 +73,7 @@ FOLD_LENGTH_RATIO = 4.0
 
 # Conductance of a drained vertex, relative [-] to that of its own cells. The pressure there is 1e-8
 # of that of a sealed vertex. Forces agree to 1e-7 for factors from 1e6 on, and no digits are lost
-# up to 1e10.
+# up to 1e10. Again: tests/physics/test_measured_constants.py.
 OPEN_CONDUCTANCE_FACTOR = 1e8
 
 # Shear modulus of a drop's surface membrane, as a fraction [-] of gamma. It increases the force by

@@ -52,7 +52,7 @@ CELL_DIP = 0.004
 # Fraction (F - F(inf))/(F(0+) - F(inf)) [-] of the force of a paraboloid at the times tau = D t/a^2
 # [-] after a step of the depth, and at the end of a ramp of that duration, for a sealed and a
 # drained tip. Finite element solutions for a/h = 0.16 and nu = 0.2 with a drained surface outside
-# the contact. No script computes them again.
+# the contact. Again, to 0.02: tests/physics/test_measured_constants.py.
 DRAINAGE_TIMES = (0.01, 0.1, 1.0, 10.0, 100.0)
 DRAINAGE_STEP_FRACTIONS = {
     "sealed": (0.964, 0.745, 0.228, 0.0369, 1e-3),

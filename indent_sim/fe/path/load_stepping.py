@@ -16,7 +16,6 @@ import numpy as np
 
 from indent_sim.fe.measured_constants import (
     FINEST_TOLERANCE,
-    LARGEST_PARABOLA_STEP,
     LONGEST_STEP_RANGES,
     SNAP_STEP_RANGES,
 )
@@ -655,9 +654,10 @@ def _extrapolation_points(
     These are two or three, or only the last one if the path does not lead straight on to the depth.
     """
     step = delta - equilibria[-1].delta
-    # States are not smooth in the depth where the contact edge passes a node: over long
-    # increments a line is better than a parabola
-    most_points = 3 if abs(step) <= LARGEST_PARABOLA_STEP * abs(delta) else 2
+    # States are not smooth in the depth where the contact edge passes a node. Over increments
+    # longer than this fraction of the depth a line is better than a parabola.
+    longest_parabola_step = 0.13
+    most_points = 3 if abs(step) <= longest_parabola_step * abs(delta) else 2
     earlier_points = equilibria[-1:]
     for point_before, point_after in zip(equilibria[-2::-1], equilibria[:0:-1], strict=True):
         step_behind = point_after.delta - point_before.delta
