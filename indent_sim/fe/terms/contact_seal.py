@@ -61,6 +61,8 @@ class ContactSeal(Term):
             wall_conductance + top * self._surface_conductance("top", kind)
             for kind in (drainage.surface, drainage.tip)
         )
+        self._is_on_top = top
+        self._covers_top = body.scene.physics.is_porous_column
         self.depends_on_contact = drainage.surface != drainage.tip
         # 1 where the accepted state is in contact, and the outflow since rest [length^3]
         self._in_contact = fem.Function(space)
@@ -191,9 +193,21 @@ class ContactSeal(Term):
         if self._is_tried:
             return
         if not stage.extrapolation_factor:
-            self._set_contact(self._in_contact.x.array > 0.5)
+            self._set_contact(self._contact_at_start())
         self._visited_contacts = {self._is_touching.tobytes()}
         self._is_tried = self.is_frozen
+
+    def _contact_at_start(self) -> np.ndarray:
+        """Return the vertices in contact with which the equilibrium iteration of a step starts.
+
+        They are those of the accepted state. If the tip covers the top and has not touched it, they
+        are all vertices of the top: with sealed walls the tangent is singular while no fluid can
+        leave through the tip.
+        """
+        in_contact = self._in_contact.x.array > 0.5
+        if self._covers_top and not self.body.comm.allreduce(bool(in_contact.any()), op=MPI.LOR):
+            return self._is_on_top
+        return in_contact
 
     def update_contact(self, touching: np.ndarray) -> bool:
         """Set the contact of the current equilibrium (collective).
