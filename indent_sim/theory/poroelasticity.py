@@ -26,7 +26,7 @@ import math
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
@@ -38,7 +38,6 @@ from indent_sim.theory.measured_constants import (
 )
 from indent_sim.theory.quadrature import Nodes, gauss_legendre, join_nodes
 from indent_sim.theory.solution import require_positive
-from indent_sim.theory.theory import Theory
 
 SurfaceDrainage = Literal["drained", "sealed"]
 CONTACT_POINTS = 64  # Gauss points of the integral equation.
@@ -121,59 +120,6 @@ class PorousSolid:
     def undrained_E(self) -> float:
         """Undrained Young's modulus E_u = 2 G (1 + nu_u) [F/L^2]."""
         return 2.0 * self.shear_modulus * (1.0 + self.undrained_nu)
-
-
-class DrainageTimes(NamedTuple):
-    """Diffusion times a^2/D and H^2/D [T] over the contact radius and the height of the body."""
-
-    contact: float
-    height: float
-
-
-@dataclass(frozen=True)
-class PoroelasticContact:
-    """Contact of a tip with a poroelastic body after a sudden depth that is held.
-
-    The limits are elastic theories with the undrained and with the drained constants. Between them
-    the force decays like that of a flat punch on a half-space.
-    """
-
-    solid: PorousSolid
-    undrained: Theory
-    drained: Theory
-    surface: SurfaceDrainage = "drained"
-
-    def limit_forces(self, delta: float) -> tuple[float, float] | None:
-        """Return the undrained and the drained force [F] at a depth [L]; None where theory ends."""
-        undrained_solution = self.undrained.solution_at_depth(delta)
-        drained_solution = self.drained.solution_at_depth(delta)
-        if undrained_solution and drained_solution:
-            return undrained_solution.force, drained_solution.force
-        return None
-
-    def diffusion_times(self, delta: float, height: float) -> DrainageTimes | None:
-        """Return the diffusion times at a depth [L] for a body of a height [L].
-
-        None where the theory ends.
-        """
-        solution = self.undrained.solution_at_depth(delta)
-        D = self.solid.diffusivity
-        return DrainageTimes(solution.a**2 / D, height**2 / D) if solution else None
-
-    def force(self, delta: float, t: float) -> float | None:
-        """Return the force [F] a time t [T] after the step to a depth [L]; None where theory ends.
-
-        The decay is that of a half-space, in which the fluid also flows downwards, unlike in a thin
-        layer.
-        """
-        limits = self.limit_forces(delta)
-        solution = self.undrained.solution_at_depth(delta)
-        if limits is None or solution is None:
-            return None
-        tau = self.solid.diffusivity * t / solution.a**2 if solution.a > 0.0 else math.inf
-        return limits[1] + (limits[0] - limits[1]) * poroelastic_fraction_remaining(
-            tau, self.solid.nu, self.solid.undrained_nu, self.surface
-        )
 
 
 def paraboloid_fraction_remaining(

@@ -85,7 +85,6 @@ class Friction(Term):
 
     def __init__(self, body: Body, normal: Traction):
         self.body = body
-        self._normal = normal
         self._law: Any = body.scene.physics.contact
         self._is_implicit = (
             body.scene.physics.slip_reference == "implicit" and not self._law.is_bonded
