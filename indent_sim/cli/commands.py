@@ -743,15 +743,14 @@ def report(folder: Path, output: Path | None, crate: Literal["", "crate"]) -> No
     if not folder.is_dir():
         raise UsageError(f"{folder} is not the folder of a result, a study or a fit")
     if output is None:
-        output = folder / html_report.REPORT_FILE
+        output = folder / "report.html"
         if os.path.lexists(output) and not is_own_file(output):
             raise UsageError(
                 f"{output} exists and is not a report of indent-sim",
                 "choose another name with --output",
             )
-    if output.suffix.lower() not in html_report.REPORT_FORMATS:
-        formats = ", ".join(html_report.REPORT_FORMATS)
-        raise UsageError(f"{output}: the name of a report must end in {formats}")
+    if output.suffix.lower() not in (".html", ".htm"):
+        raise UsageError(f"{output}: the name of a report must end in .html, .htm")
     if crate:
         research_crate.refuse_foreign_crate(folder)
     html_report.write(_report_page(folder), output)

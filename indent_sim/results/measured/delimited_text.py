@@ -25,9 +25,6 @@ from indent_sim.results.measured.text_layout import (
     split_title,
 )
 
-MAX_INVALID_FRACTION = 0.5  # No more than this fraction of the rows may lack a number.
-LARGEST_MEASURED = 1e100  # A larger number is no measurement, whatever its unit.
-
 
 def read_text_curve(
     path: Path,
@@ -202,11 +199,15 @@ def _complete_rows(
     columns = np.column_stack(list(values.values()))
     if not len(columns):
         raise NoCurve("no line of numbers")
-    is_complete = np.isfinite(columns).all(axis=1) & (np.abs(columns) < LARGEST_MEASURED).all(
+    # A larger number is no measurement, whatever its unit.
+    largest_measured = 1e100
+    is_complete = np.isfinite(columns).all(axis=1) & (np.abs(columns) < largest_measured).all(
         axis=1
     )
     invalid_count = int(np.count_nonzero(~is_complete))
-    if invalid_count > MAX_INVALID_FRACTION * len(is_complete):
+    # No more than this fraction of the rows may lack a number.
+    max_invalid_fraction = 0.5
+    if invalid_count > max_invalid_fraction * len(is_complete):
         raise NoCurve(f"{invalid_count} of {len(is_complete)} rows lack a number")
     if words is not None and len(words) != len(is_complete):
         raise NoCurve("the column of parts and the others have different lengths")

@@ -20,8 +20,6 @@ from indent_sim.results.pictures.axes import (
 from indent_sim.results.pictures.figures import (
     FORMULA_STYLE,
     GREY,
-    MAX_LABEL_LETTERS,
-    THEORY_STYLE,
     Axes,
     PlotStyle,
     save,
@@ -33,10 +31,10 @@ from indent_sim.results.result_files import Report
 from indent_sim.results.result_scene import has_adhesion
 from indent_sim.results.unit_conversion import convert_to_common_units, refuse_different_units
 
-ACCURACY_NOTE = "the required accuracy is that of the force"
+MAX_LABEL_LETTERS = 120  # Longer labels are shortened.
+THEORY_STYLE: PlotStyle = {"color": "#D55E00", "ls": "--", "lw": 1.4, "zorder": 3}
 ERROR_LABEL = "estimated error"
 UNLOADING_LABEL = "unloading"
-MEASURED_STYLE: PlotStyle = {"ls": "", "marker": ".", "ms": 3, "zorder": 1}
 # Width and height of all panels [inches].
 PANELS_WIDTH = 9.2
 PANELS_HEIGHT = 4.8
@@ -68,8 +66,9 @@ def draw_force_indentation(results: Results, path: Path | str) -> None:
             draw_pressure(panels["pressure"], results, step)
             if results.report.get("accuracy"):
                 panel_title = panels["pressure"].get_title(loc="left")
+                note = "the required accuracy is that of the force"
                 panels["pressure"].set_title(
-                    f"{panel_title}\n{ACCURACY_NOTE}", loc="left", fontsize="small", color=GREY
+                    f"{panel_title}\n{note}", loc="left", fontsize="small", color=GREY
                 )
         figures.draw_figure_legend(figure, panels["force"])
         figures.draw_title(
@@ -176,12 +175,13 @@ def draw_force(
 ) -> None:
     """Draw the force of one result over its depth, from the origin on without adhesion."""
     if run.report.get(MEASURED):
+        measured_style: PlotStyle = {"ls": "", "marker": ".", "ms": 3, "zorder": 1}
         axes.plot(
             depth(run["delta"]),
             force(run["force"]),
             color=look["color"],
             label=name,
-            **MEASURED_STYLE,
+            **measured_style,
         )
         return
     rows, begin, joined = _force_rows(run, depth, force)
