@@ -17,7 +17,6 @@ from indent_sim.results.pictures.axes import Axis, picture_text, scaled_axis
 from indent_sim.results.pictures.figures import COLOURS, GREY, INK, Axes, Figure, PlotStyle
 from indent_sim.results.reader import Results
 
-GREY_POINTS: PlotStyle = {"ls": "", "marker": ".", "ms": 3, "color": "#b0b0b0", "zorder": 1}
 Entry = Mapping[str, Any]
 
 
@@ -119,7 +118,8 @@ def _draw_forces(force_axes: Axes, residual_axes: Axes, fit: CurveFit, config: C
     if curve.t is not None and _has_hold(curve.delta[is_shown]):
         x = curve.t[is_shown]
         x_label = "time t [s]"
-    force_axes.plot(x, force(curve.force[is_shown]), label="measured", **GREY_POINTS)
+    grey_points: PlotStyle = {"ls": "", "marker": ".", "ms": 3, "color": "#b0b0b0", "zorder": 1}
+    force_axes.plot(x, force(curve.force[is_shown]), label="measured", **grey_points)
     fit_style: PlotStyle = {"color": COLOURS[0], "lw": 1.8, "zorder": 3}
     force_axes.plot(x, force(curve.fit[is_shown]), label="scene", **fit_style)
     for k, (name, alternative_fit) in enumerate(curve.alternative_fits.items(), start=1):
@@ -136,7 +136,7 @@ def _draw_forces(force_axes: Axes, residual_axes: Axes, fit: CurveFit, config: C
     residual = (
         100 * (curve.force - curve.fit)[is_shown] / max(float(np.abs(curve.fit).max()), 1e-300)
     )
-    residual_axes.plot(x, residual, **GREY_POINTS)
+    residual_axes.plot(x, residual, **grey_points)
     # Number of block means that are drawn over the residuals.
     residual_means = 40
     block_size = max(1, len(residual) // residual_means)

@@ -31,7 +31,6 @@ from indent_sim.results.result_files import Report
 from indent_sim.results.result_scene import has_adhesion
 from indent_sim.results.unit_conversion import convert_to_common_units, refuse_different_units
 
-MAX_LABEL_LETTERS = 120  # Longer labels are shortened.
 THEORY_STYLE: PlotStyle = {"color": "#D55E00", "ls": "--", "lw": 1.4, "zorder": 3}
 ERROR_LABEL = "estimated error"
 UNLOADING_LABEL = "unloading"
@@ -254,6 +253,8 @@ def _draw_error_bands(axes: Axes, runs: Sequence[Results], depth: Axis, force: A
 
 def _draw_theory(axes: Axes, theory: Report, depth: Axis, force: Axis) -> None:
     """Draw the curve of the reference theory, and the formula of the half-space."""
+    # Longer labels are shortened.
+    max_letters = 120
     if (curve := theory.get("curve", {})).get("delta"):
         # The stable branch of an adhesive tip begins at a negative depth, not at the origin.
         begin = [0.0] if curve["delta"][0] > 0 else []
@@ -264,13 +265,13 @@ def _draw_theory(axes: Axes, theory: Report, depth: Axis, force: Axis) -> None:
         deviation_text = "" if deviation is None else f", this run {deviation:+.2%}"
         if "delta_deviation" in theory:
             deviation_text = f", depth of this run {theory['delta_deviation']:+.2%}"
-        label = picture_text(f"{theory.get('name', 'theory')}{deviation_text}", MAX_LABEL_LETTERS)
+        label = picture_text(f"{theory.get('name', 'theory')}{deviation_text}", max_letters)
         axes.plot(*drawn, **THEORY_STYLE, label=label)
     if half_space := theory.get("half_space"):
         deviation = half_space.get("deviation")
         deviation_text = "" if deviation is None else f": {_deviation_text(deviation)}"
         label = picture_text(
-            f"{half_space['name'].split(' (')[0]}, half-space{deviation_text}", MAX_LABEL_LETTERS
+            f"{half_space['name'].split(' (')[0]}, half-space{deviation_text}", max_letters
         )
         # The point is the formula's force at the run's depth, or its depth at the run's force.
         formula_point = {**theory, **half_space}
