@@ -38,7 +38,7 @@ MAX_MESH_BYTES = 2 * 10**9
 # Limits of CPU time [s] and memory [bytes] for reading: a constant, and an amount per byte.
 READING_SECONDS = (10.0, 3e-6)
 READING_MEMORY = (500e6, 100.0)
-CELL_KINDS = {1: "lines", 2: "triangles", 3: "tetrahedra"}  # by dimension
+CELL_KINDS = {1: "lines", 2: "triangles", 3: "tetrahedra"}  # Keys are dimensions.
 CELL_VERTICES = {"line": 2, "triangle": 3, "tetra": 4, "line3": 2, "triangle6": 3, "tetra10": 4}
 VTK_EDGES = {  # Edges with midside nodes by the number of vertices, in the order of VTK.
     2: [(0, 1)],

@@ -51,7 +51,7 @@ sqrt, log, exp = (partial(_apply_function, name) for name in ("sqrt", "log", "ex
 # Angles are in degrees.
 sin, cos, tan = (partial(_apply_to_degrees, name) for name in ("sin", "cos", "tan"))
 
-# Below this |x|, ln(1 + x) and its derivatives come from a series, which loses no digits.
+# Largest |x| at which ln(1 + x) and its derivatives come from a series, which loses no digits.
 LOG_SERIES_LIMIT = 0.03
 # ln(1 + x) = 2 z (1 + z^2/3 + z^4/5 + ...) with z = x / (2 + x); the next term is 1e-19.
 LOG_SERIES_FACTORS = (1 / 3, 1 / 5, 1 / 7, 1 / 9)
@@ -122,10 +122,10 @@ def macaulay(x: Expr) -> Expr:
 # stretches has. Where all three are equal, this number keeps the root away from zero, and a
 # function has to be written in another way (`power_sum`).
 STRETCH_REGULARIZATION = 1e-6
-# Up to this squared relative difference a pair of stretches is summed by six terms of its series;
-# the next one is 1e-13 of the sum for exponents up to 30.
+# Largest squared relative difference at which a pair of stretches is summed by six terms of its
+# series; the next one is 1e-13 of the sum for exponents up to 30.
 PAIR_SERIES_LIMIT = 1e-3
-# Up to this norm of the deviator, sums of powers come from their series.
+# Largest norm of the deviator at which sums of powers come from their series.
 SMALL_DEVIATOR = 3e-3
 
 

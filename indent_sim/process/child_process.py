@@ -71,7 +71,7 @@ class ChildProcess:
         search_path = os.pathsep.join(map(os.path.abspath, sys.path))
         self._output = TemporaryFile()  # noqa: SIM115
         self._process = subprocess.Popen(
-            # With -P, a file in the working directory is not imported in place of a library.
+            # Option -P: no file in the working directory is imported in place of a library.
             [sys.executable, "-P", "-m", __name__, *self._modules],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,

@@ -77,14 +77,14 @@ class FailureConsensus:
 
 def is_parallel() -> bool:
     """True if this process was started as one of several ranks."""
-    # By these variables mpirun and srun pass the number of ranks, before MPI is initialized.
+    # mpirun and srun pass the number of ranks by these variables, before MPI is initialized.
     variables = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MPI_LOCALNRANKS")
     return any(os.environ.get(name, "1") not in ("", "0", "1") for name in variables)
 
 
 def is_root() -> bool:
     """True if this process was started as rank 0, or without a launcher."""
-    # By these variables mpirun and srun pass the own rank, before MPI is initialized.
+    # mpirun and srun pass the own rank by these variables, before MPI is initialized.
     variables = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK", "MPI_LOCALRANKID")
     return all(os.environ.get(name, "0") in ("", "0") for name in variables)
 

@@ -387,7 +387,7 @@ def _force_ratio_range(scene: Scene, theory: Solution) -> tuple[float, float]:
     # Coatings bend as shells, which no half-space does.
     if scene.physics.body.inclusions or scene.physics.domain.coatings or not is_half_space_like:
         return 0.0, float("inf")
-    # Up to this depth, relative to the contact radius, no elastic law stiffens by a factor.
+    # No elastic law stiffens by a factor up to this depth, relative to the contact radius.
     max_linear_depth = 0.1
     may_stiffen = not scene.physics.small_strain and theory.delta > max_linear_depth * theory.a
     # Largest ratio of the force and that of a half-space at small strain.

@@ -314,11 +314,8 @@ def _expected_adhesion(
     attraction: Adhesion, setup: ProblemSetup, zone: float, h: float
 ) -> ExpectedAdhesion:
     """Predict the adhesion from its cohesive zone and the size h of the elements there [length]."""
-    from indent_sim.theory.maugis import (
-        maugis_lambda,
-        maugis_pull_off,
-        tabor_number,
-    )  # with scipy's searches
+    # This import loads scipy's searches.
+    from indent_sim.theory.maugis import maugis_lambda, maugis_pull_off, tabor_number
 
     L = setup.physics.scales.length
     F = setup.physics.scales.force

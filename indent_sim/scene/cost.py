@@ -115,7 +115,7 @@ def _memory_and_seconds(
 
 def _iterative_cost(work: SolverWork, dofs: float) -> tuple[float, float]:
     """Return the cost of assembly and Krylov iterations in every iteration of Newton's method."""
-    # On a finer mesh the contact edge crosses more elements per step.
+    # The contact edge crosses more elements per step on a finer mesh.
     newton = 4.0 * (work.steps + 1) * max(1.0, dofs / 2e4) ** 0.13
     seconds_per_dof = (8e-6 if work.is_nonlinear else 8e-7) + KRYLOV_ITERATIONS * KRYLOV_SECONDS
     return KRYLOV_BYTES * dofs, dofs * (3e-5 + newton * seconds_per_dof)

@@ -178,8 +178,8 @@ def _truncate_layer(
         punch = profiles.flat_punch(min(radius, 0.5 * MAX_SLENDERNESS * stack.h))
         contact = LayerContact.from_stack(punch, stack)
         deepest = contact.solutions_at_depths([depth])[0]
-    # The first wall that is tried is first_wall_distance wall_distance_factor heights of the layer
-    # from the contact, every further one wall_distance_factor times as far.
+    # The first wall that is tried is three heights of the layer from the contact, every further one
+    # wall_distance_factor times as far.
     first_wall_distance = 2.0
     wall_distance_factor = 1.5
     wall_distance = first_wall_distance * height + _inclusion_extent(body)
@@ -190,7 +190,7 @@ def _truncate_layer(
             LayerContact.from_stack(contact.tip, stack, deepest.a + wall_distance), depth
         )
         error = abs(walled_contact.force / deepest.force - 1) if walled_contact else inf
-    # In a body that is stiff in its plane the disturbance decays over a longer distance.
+    # The disturbance decays over a longer distance in a body that is stiff in its plane.
     wall_distance *= max(
         1.0, *(layer.material.decay_rates[1] for layer in layers if layer.material)
     )

@@ -107,7 +107,7 @@ def penalty_force_loss(
         return 0.0
     # Depth that a penalty takes from the tip, at most, in units of mean pressure/epsilon_n.
     max_penetration_factor = 1.5
-    # At finite strain this penetration grows as a power of 1/(1 - delta/height), with this
+    # This penetration grows as a power of 1/(1 - delta/height) at finite strain, with this
     # exponent.
     penetration_exponent = 1.5
     penetration = (

@@ -17,11 +17,11 @@ ORDER_OF_CONVERGENCE = 2.5
 # tests/physics/test_layer_wall.py.
 ELEMENTS_PER_RADIUS = {2: 10.0, 3: 5.0}
 
-# In a draining column the pressure of the fluid extends over all of the height and does not decay
-# below a contact. It is linear in an element, so that the relative error of the force is
+# The fluid pressure in a draining column extends over all of the height and does not decay below a
+# contact. It is linear in an element, so that the relative error of the force is
 # COLUMN_GRADING_ERROR grading^2 [-]. Measured on "Biot, confined ramp" of
 # configs/studies/verification/published.yaml (height 1, radius 0.1, at t = 0.1 height^2/D): 7.4e-4
-# with a grading of 0.2, 4.2e-4 with 0.167, and 1.2e-5 with elements of 0.01 everywhere.
+# when the grading is 0.2, 4.2e-4 when it is 0.167, and 1.2e-5 when all elements are 0.01.
 COLUMN_GRADING_ERROR = 0.02
 
 # h_edge n^ORDER_OF_CONVERGENCE divided by the punch's radius [-], by dimension. In three dimensions

@@ -172,7 +172,7 @@ def target_error(accuracy: float | str | None) -> float | None:
 
 def error_decay(n: float) -> float:
     """Return the decay of the error with n elements in the contact radius, up to a constant."""
-    # With fewer elements in the contact radius the error no longer follows that power.
+    # The error no longer follows the power with fewer elements in the contact radius.
     saturation_elements = 2.0
     return float((n**4 + saturation_elements**4) ** (-ORDER_OF_CONVERGENCE / 4))
 

@@ -460,7 +460,11 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
         time,
     )
     plan = Plan(config.title, config.units, *plan_parts)
-    settings = replace(config.solver, method=solver.value, linear=linear.value)  # type: ignore[arg-type]
+    settings = replace(
+        config.solver,
+        method=solver.value,  # type: ignore[arg-type]
+        linear=linear.value,  # type: ignore[arg-type]
+    )
     history = None if is_in_time else setup.history
     return Scene(physics, sizes, settings, plan, setup.experiment, history, setup.relaxation)
 

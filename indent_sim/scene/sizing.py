@@ -166,7 +166,7 @@ def _edge_radius(setup: ProblemSetup, gap: str, has_edge_size: bool) -> float | 
         if not _is_sharp(tip):
             return None
         return a if tip.edge_radius else tip.radius
-    # With a gap at the deformed point the body goes around the end.
+    # The body goes around the end if the gap is evaluated at the deformed point.
     return max_radius(tip) if gap == "reference" and a >= END_FRACTION * max_radius(tip) else None
 
 

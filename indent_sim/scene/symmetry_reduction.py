@@ -82,7 +82,8 @@ def _symmetry_error(requested_symmetry: str, why: str, remedy: str) -> ConfigErr
 
 def _is_tip_symmetric(tip: Indenter, axis: str) -> bool:
     """True if the plane through the tip's axis, normal to `axis`, is a mirror plane of the tip."""
-    return tip.is_axisymmetric or tip.has_mirror_plane({"x": 90.0, "y": 0.0}[axis])  # type: ignore[union-attr]
+    angle = {"x": 90.0, "y": 0.0}[axis]
+    return tip.is_axisymmetric or tip.has_mirror_plane(angle)  # type: ignore[union-attr]
 
 
 def _are_inclusions_symmetric(regions: Regions, axis: str, c: float) -> bool:

@@ -252,7 +252,7 @@ def _wall_modes(clearance: float) -> tuple[np.ndarray, np.ndarray, float]:
 
     The third value is the constant part of the double pole 2/z^2 that the nodes leave out.
     """
-    # Below WALL_FORM_SWITCH, K1/I1 - ln(z/2) is even and analytic but for the pole 2/z^2; above,
+    # K1/I1 - ln(z/2) is even and analytic but for the pole 2/z^2 below WALL_FORM_SWITCH; above it,
     # K1/I1 decays as pi exp(-2z).
     from scipy.special import i1e, k1e
 

@@ -115,8 +115,8 @@ class LoadStepper:
         longest_step = inf
         always_tried_step = inf
         if scene.physics.gap == "current":
-            # With the gap at the deformed point, which is nonlinear in u, a longer increment may
-            # end in another solution
+            # The gap at the deformed point is nonlinear in u, so that a longer increment may end in
+            # another solution.
             longest_step = 0.25 * scene.plan.prediction["a"] / scene.physics.scales.length
         if self._adhesion_range:
             longest_step = min(longest_step, LONGEST_STEP_RANGES * self._adhesion_range)

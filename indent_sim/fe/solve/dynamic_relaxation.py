@@ -51,8 +51,8 @@ def dynamic_relaxation(newton: Newton, regularization: ViscousRegularization) ->
         ):
             return True
         traction = drag * distance
-        # With three times the curvature of the instability the minimum of the next step is nearby,
-        # although that curvature still grows
+        # Three times the curvature of the instability keeps the minimum of the next step nearby,
+        # although that curvature still grows.
         drag = min(max(0.5 * drag, 3.0 * unstable_curvature), DRAG_INCREASE * drag)
     problem.set_trial_state(state_before)
     return False

@@ -44,7 +44,7 @@ class Newton:
     def __init__(self, problem: Problem):
         self.problem = problem
         settings = problem.scene.solver
-        # With an iterative linear solver the last Newton step ends only just below the tolerance
+        # The last Newton step ends only just below the tolerance of an iterative linear solver.
         largest_rtol = 1e-10 if settings.linear == "iterative" else 1.0
         self.rtol = self._tolerance = min(settings.rtol, largest_rtol)
         self.max_iterations = settings.max_iterations
@@ -160,8 +160,8 @@ class Newton:
         reasons = PETSc.SNES.ConvergedReason
         if not np.isfinite([residual, self._reaction]).all():
             return compat.SNES_RESIDUAL_NOT_FINITE
-        # With fluid flow at least one iteration is made: the residuals of the fluid's balance
-        # that many steps left behind would add up
+        # Fluid flow needs at least one iteration: the residuals of the fluid's balance that many
+        # steps left behind would add up.
         is_first_of_flow = self.problem.has_flow and iteration == 0
         if (
             not is_first_of_flow
@@ -289,7 +289,7 @@ class Newton:
         reason = self.snes.getConvergedReason()
         reasons = PETSc.SNES.ConvergedReason
         unit = problem.scene.physics.material.E_star / problem.scene.sizes.h_contact
-        # Beyond 1e5 E*/h_contact the first Newton step may invert elements at any depth
+        # The first Newton step may invert elements at any depth beyond 1e5 E*/h_contact.
         is_overshooting = (
             reason == compat.SNES_RESIDUAL_NOT_FINITE
             and stiffness_scale(problem.scene) > 1e5 * unit

@@ -79,8 +79,8 @@ def iterate(
     """
     law = scene.physics.contact
     unit = scene.physics.material.E_star / scene.sizes.h_contact
-    # With a stiffness of E*/h_contact the force has a relative error of 1e-7. With a small one a
-    # small change of the multiplier does not mean a small gap
+    # The force has a relative error of 1e-7 if the stiffness is E*/h_contact. A small change of the
+    # multiplier does not mean a small gap if the stiffness is small.
     tolerance = 1e-8 * min(1.0, law.stiffness / unit)  # type: ignore[union-attr]
     smallest_change = float("inf")
     stagnant_iterations = 0
@@ -105,6 +105,7 @@ def iterate(
             stagnant_iterations = 0
         else:
             stagnant_iterations += 1
-        if stagnant_iterations > 60:  # in so many iterations the change must have halved once
+        # The change must have halved once in so many iterations.
+        if stagnant_iterations > 60:
             return False
     return False

@@ -45,7 +45,7 @@ from indent_sim.run.history_on_curve import relaxation_modulus
 # Key of the exponent of the depth by which an alternative model multiplies the force.
 FREE_EXPONENT_KEY = "exponent"
 MIN_RELATIVE_DEPTH = 1e-9  # a free power of the depth is constant below this, also if it diverges
-# From some times to the function that turns elastic forces at these times into relaxed forces.
+# Maps times to the function that turns elastic forces at these times into relaxed forces.
 RelaxationOperator = Callable[[np.ndarray], Callable[[np.ndarray], np.ndarray]]
 
 
@@ -252,7 +252,8 @@ class ForwardModel:
             t - first_contact_time(t, x),
         )
         depth = np.maximum(x - settings.compliance * self(theta, x, t), 0.0)
-        return settings.scale * factor_error * depth**path_forces.exponent  # type: ignore[no-any-return]
+        error: np.ndarray = settings.scale * factor_error * depth**path_forces.exponent
+        return error
 
     def _experiment_settings(self, theta: np.ndarray) -> ExperimentSettings:
         values = {

@@ -224,7 +224,7 @@ def _force_factors(
     # fraction is relative to the largest depth.
     min_fraction = 0.05
     is_used = delta > min_fraction * path.max_depth
-    # At a jump two rows have the same time; only the second one is used.
+    # Two rows at a jump have the same time; only the second one is used.
     is_used[:-1] &= np.diff(t) > 0
     times = path.times
     return _interpolate_monotonically(

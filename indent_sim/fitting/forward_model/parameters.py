@@ -48,8 +48,9 @@ class Parameter:
     @property
     def bounds(self) -> tuple[float, float]:
         """The lower and upper bound of the coordinate."""
-        limits = (self.low, self.high)
-        return limits if self.is_linear else tuple(map(_log_or_infinity, limits))  # type: ignore[return-value]
+        if self.is_linear:
+            return self.low, self.high
+        return _log_or_infinity(self.low), _log_or_infinity(self.high)
 
 
 def _log_or_infinity(value: float) -> float:

@@ -75,8 +75,10 @@ def _contact_progress(model: CurveModel, c: float) -> np.ndarray:
     t = model.samples.t
     if model.forward_model.is_time_dependent and t is not None and np.any(x > c):
         contact_time = t[np.argmax(x > c)]
-        return (t - contact_time) / max(float(t[-1] - contact_time), 1e-300)  # type: ignore[no-any-return]
-    return (x - c) / max(float(x.max()) - c, 1e-300)  # type: ignore[no-any-return]
+        progress: np.ndarray = (t - contact_time) / max(float(t[-1] - contact_time), 1e-300)
+    else:
+        progress = (x - c) / max(float(x.max()) - c, 1e-300)
+    return progress
 
 
 def _fit_depth_range(

@@ -28,6 +28,7 @@ from indent_sim.fitting.inference.noise import (
 )
 
 MIN_POINTS = 30
+MIN_CONTACT_POINTS = 20
 # Numbers of block means of the curve in the search of initial guesses and in the fit.
 MAX_PILOT_SAMPLES = 400
 # Length of the baseline that is fitted: at most these depths, at least this fraction of the range.
@@ -693,8 +694,7 @@ def convert_baseline(old: CurveModel, new: CurveModel, p: np.ndarray) -> np.ndar
 
 def _reject_weak_signal(estimate: Estimate) -> None:
     contact_count = int(np.count_nonzero(estimate.model.samples.x > estimate.contact_point))
-    min_contact_points = 20
-    if contact_count < min_contact_points:
+    if contact_count < MIN_CONTACT_POINTS:
         raise FitRejected(f"no contact: {contact_count} points in contact")
     # A curve is rejected if its largest force is a smaller multiple of the rms of the
     # residuals.

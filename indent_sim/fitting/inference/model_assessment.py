@@ -281,7 +281,8 @@ def _exponent_derivative(model: CurveModel, p: np.ndarray) -> np.ndarray:
         - p[model.coordinate_count]
         - model.forward_model.experiment.compliance * force
     )
-    return force * np.log(np.maximum(delta / max(float(delta.max()), 1e-300), 1e-9))  # type: ignore[no-any-return]
+    relative_depth = np.maximum(delta / max(float(delta.max()), 1e-300), 1e-9)
+    return force * np.log(relative_depth)  # type: ignore[no-any-return]
 
 
 def baseline_noise_probability(estimate: Estimate) -> float | None:

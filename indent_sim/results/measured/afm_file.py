@@ -22,6 +22,7 @@ from indent_sim.results.measured.measurement import (
 )
 
 SUFFIXES = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".ibw", ".h5", ".zip")
+TEXT_SUFFIXES = (".txt", ".csv", ".tab")  # Text files with these suffixes may be AFM files.
 
 
 def read_afm_file(path: Path, stiffness: float | None = None) -> list[MeasuredCurve] | None:
@@ -46,24 +47,22 @@ def read_afm_file(path: Path, stiffness: float | None = None) -> list[MeasuredCu
     BackendError
         The package is missing.
     """
-    # Text files with these suffixes may be AFM files.
-    text_suffixes = (".txt", ".csv", ".tab")
     try:
         from afmformats import errors, formats
     except ImportError as error:
-        if path.suffix.lower() in text_suffixes:
+        if path.suffix.lower() in TEXT_SUFFIXES:
             return None
         raise BackendError(
             f"{path} is an AFM file, and afmformats is missing ({error}); {INSTALL_HINT}"
         ) from error
-    # At lower levels afmformats logs whole tracebacks.
+    # afmformats logs whole tracebacks at lower levels.
     logging.getLogger("afmformats").setLevel(logging.CRITICAL)
     # These errors derive from BaseException, not from Exception.
     broken = (errors.AFMFileFormatError, errors.MissingMetaDataError)
     try:
         formats.get_recipe(path)
     except (*broken, Exception) as error:
-        if path.suffix.lower() in text_suffixes:
+        if path.suffix.lower() in TEXT_SUFFIXES:
             return None
         raise NoCurve(f"afmformats does not know it ({_error_text(error)})", str(path)) from None
     try:
@@ -77,7 +76,7 @@ def read_afm_file(path: Path, stiffness: float | None = None) -> list[MeasuredCu
     except NoCurve:
         raise
     except (*broken, Exception) as error:
-        if path.suffix.lower() in text_suffixes:
+        if path.suffix.lower() in TEXT_SUFFIXES:
             return None
         raise NoCurve(f"afmformats cannot read it ({_error_text(error)})", str(path)) from None
 

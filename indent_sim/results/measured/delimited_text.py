@@ -80,7 +80,13 @@ def read_text_curve(
     assert abscissa is not None
     parts = curve_parts_by_name(words) if words is not None else curve_parts(abscissa)
     notes = (*notes, *note)
-    return MeasuredCurve(path.stem, parts=parts, units=units, notes=notes, **values)  # type: ignore[arg-type]
+    return MeasuredCurve(
+        path.stem,
+        parts=parts,
+        units=units,
+        notes=notes,
+        **values,  # type: ignore[arg-type]
+    )
 
 
 def _decode(data: bytes) -> str:
@@ -140,7 +146,9 @@ def _parse_block(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             options = {"delimiter": layout.separator, "comments": comments, "ndmin": 2}
-            numbers = np.loadtxt(io.StringIO(rows), usecols=column_indices, **options)  # type: ignore[call-overload]
+            numbers = np.loadtxt(  # type: ignore[call-overload]
+                io.StringIO(rows), usecols=column_indices, **options
+            )
     except (ValueError, IndexError):
         return _parse_block_lines(number, block, layout, column_indices)
     return numbers.reshape(-1, len(column_indices))  # type: ignore[no-any-return]

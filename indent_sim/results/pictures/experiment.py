@@ -43,7 +43,7 @@ def draw(folder: Path, path: Path | None = None) -> None:
     config = config_by_key(folder)
     has_times = not np.isnan(rows["t"][0])
     has_base = bool((rows["z"] != rows["delta"]).any())
-    # With prescribed forces the depth is drawn over time.
+    # The depth is drawn over time if forces are prescribed.
     has_forces = any(
         config.get(f"{section}.force_history") for section in ("loading", "experiment")
     )

@@ -214,7 +214,7 @@ def deformed_section(results: Results, step: float, field: FieldQuantity) -> Sec
     is_half = plan_choice(results.report, "symmetry") != "full" and left >= center[
         0
     ] - 1e-9 * np.ptp(fields["points"][:, 0])
-    # On both sides of the axis of an axisymmetric body, the component rz refers to its own r.
+    # The component rz refers to its own r on both sides of the axis of an axisymmetric body.
     is_odd = field.is_odd and horizontal_axis_name(results) == "x"
     return section.mirror(center[0], -1.0 if is_odd else 1.0) if is_half else section
 

@@ -239,7 +239,7 @@ def draw_colour_bar(
             transform=_inches_below(panels[0]),
             label="<colorbar>",
         )
-    # With uniform spacing, the bar of contours draws numbers beyond its ends at its ends.
+    # A bar of contours with uniform spacing draws numbers beyond its ends at its ends.
     bar = figure.colorbar(drawn, label=label, spacing="proportional", **look)
     bar.outline.set_visible(False)
     return bar

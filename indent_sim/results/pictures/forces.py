@@ -279,7 +279,7 @@ def _draw_theory(axes: Axes, theory: Report, depth: Axis, force: Axis) -> None:
         curve = half_space.get("curve", {"delta": (), "force": ()})
         x = depth([0, *curve["delta"]])
         y = force([0, *curve["force"]])
-        # In load control the formula's depth can be larger than that of the run.
+        # The formula's depth can be larger than that of the run in load control.
         if formula_point["delta"] > 1.001 * max(curve["delta"], default=0.0):
             x = np.append(x, depth(formula_point["delta"]))
             y = np.append(y, force(formula_point["force"]))

@@ -258,7 +258,7 @@ def requested_figure(runs: Sequence[Results], request: PlotRequest) -> Iterator[
         if request.letters:
             _letter_panels(figure)
         true_scale_axes = [axes for axes in figure.axes if axes.get_aspect() != "auto"]
-        # For axes that are smaller than their place the layout reserves no room for tick labels.
+        # The layout reserves no room for tick labels of axes that are smaller than their place.
         for axes in true_scale_axes:
             axes.set_aspect("auto")
         # Each pass knows the heights and tick labels of the pass before.

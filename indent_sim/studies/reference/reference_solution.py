@@ -47,7 +47,9 @@ class ReferenceCurve:
                 float(np.interp(delta, self.delta, column, nan, nan)) for column in columns
             )  # type: ignore[return-value]
         if self.is_interpolated:
-            return tuple(_interpolate_power_law(delta, self.delta, column) for column in columns)  # type: ignore[return-value]
+            return tuple(  # type: ignore[return-value]
+                _interpolate_power_law(delta, self.delta, column) for column in columns
+            )
         matching_rows = np.flatnonzero(np.isclose(self.delta, delta, rtol=DEPTH_TOLERANCE, atol=0))[
             -1:
         ]
