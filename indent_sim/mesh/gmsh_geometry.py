@@ -165,7 +165,7 @@ def _split_corners(
 def _top_split_points(domain: ModelDomain, sizes: Sizes, x0: float, x1: float) -> list[float]:
     """Return the points at which the top edge is split, from left to right.
 
-    No point lies closer to a corner or the axis than MIN_SPLIT_SHIFTS random shifts of gmsh.
+    No point lies closer to a corner or the axis than ten random shifts of gmsh.
     """
     # gmsh aborts where its random shift makes points change places: seen up to distances of 4
     # shifts.

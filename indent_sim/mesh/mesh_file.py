@@ -237,7 +237,7 @@ def named_simplices(file: MeshFile, name: str, dim: int, key: str) -> np.ndarray
 
 
 def _quote(text: str) -> str:
-    """Return a text from a file, cut to MAX_QUOTED_LETTERS."""
+    """Return a text from a file, cut to 200 letters."""
     # Letters of a file that a message quotes.
     max_letters = 200
     return text if len(text) <= max_letters else f"{text[:max_letters]}..."

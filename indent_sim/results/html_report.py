@@ -113,7 +113,7 @@ def _merge_lines(lines: Sequence[str]) -> str:
 def thinned_table(
     title: str, head: Sequence[str], rows: Sequence[Sequence[object]], words: str = ""
 ) -> Table:
-    """Return a table of numbers with at most MAX_TABLE_ROWS evenly spaced rows.
+    """Return a table of numbers with at most 100 evenly spaced rows.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ incompressible half-space it is equal to it. The relative error of the force is 
 
     per_length = c m F/(A delta M),        c = 1/2 dln(F^2/A)/dln(delta),
 
-where m = MEAN_SQUARE_FACTOR, and c is 1 on a half-space and up to 5/2 on a thin layer. Under a
+where m = 9/8, and c is 1 on a half-space and up to 5/2 on a thin layer. Under a
 paraboloid on a half-space this is 6 G/(pi M_c a). For faces farther from the contact it is smaller
 by the factor (a/distance)^2 at least.
 """

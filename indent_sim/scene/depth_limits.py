@@ -45,7 +45,7 @@ def expected_depths(
     """Return the prescribed depths, or those to expect at the prescribed forces.
 
     Depths at forces follow from theory, or from the cross-section of the tip if theory has none;
-    between MAX_THEORY_FORCES forces they are interpolated by power laws.
+    between three forces they are interpolated by power laws.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def expected_depths(
     material : Material
         The material below the tip.
     height : float
-        Height of the body [length]; depths are at most MAX_DEPTH_FRACTION of it.
+        Height of the body [length]; depths are at most 0.9 of it.
     scales : Scales
         Scales of the problem, for messages.
     mirror_multiplicity : int, optional

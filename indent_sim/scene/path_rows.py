@@ -73,7 +73,7 @@ class PathRow:
 
 
 def path_rows(path: LoadPath) -> list[PathRow]:
-    """Return the rows of a path in time, each with the last MAX_CHANGES changes that began before.
+    """Return the rows of a path in time, each with the last 30 changes that began before.
 
     A jump at the time of a row is not among its changes, because nothing has drained since. Without
     positive values there are no rows, because no pore pressure arises.

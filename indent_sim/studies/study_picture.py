@@ -232,7 +232,7 @@ def _group_styles(curve_groups: CurveGroups, key: str) -> list[PlotStyle] | None
 def draw_scoreboard(rows: Sequence[Row], title: str, path: Path) -> None:
     """Draw how far published and computed values are from the exact ones.
 
-    The axis is linear within `LINEAR_PERCENT` on both sides of 0 and logarithmic beyond. Without
+    The axis is linear within 0.1 % on both sides of 0 and logarithmic beyond. Without
     any exact value the picture is deleted.
     """
     # The axis begins at the bottom, and the first row is to be on top.

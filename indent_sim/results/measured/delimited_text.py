@@ -202,7 +202,7 @@ def _complete_rows(
 ) -> tuple[dict[str, np.ndarray], np.ndarray | None, tuple[str, ...]]:
     """Return the rows that have every number, and notes about those left out.
 
-    NoCurve if more than MAX_INVALID_FRACTION of the rows are incomplete.
+    NoCurve if more than half of the rows are incomplete.
     """
     columns = np.column_stack(list(values.values()))
     if not len(columns):

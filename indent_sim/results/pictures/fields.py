@@ -499,8 +499,8 @@ def _colour_range(
 ) -> tuple[float, float, Any]:
     """Return the colour limits and the colour map of a field.
 
-    The range begins at the lowest value, or is symmetric about the neutral value. COLOURED_PERCENT
-    of the area is inside it.
+    The range begins at the lowest value, or is symmetric about the neutral value. Nearly
+    all of the area is inside it.
     """
     middle = field.neutral_value
     if middle is not None:

@@ -430,7 +430,7 @@ def save(figure: Figure, path: Path | str, dpi: float | None = None) -> None:
     path
         The file.
     dpi
-        Resolution of rasterized parts; by default that of DPI.
+        Resolution of rasterized parts; by default that of the format.
 
     Raises
     ------

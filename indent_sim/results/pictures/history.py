@@ -177,7 +177,7 @@ def _spans_decades(results: Results) -> bool:
 
 
 def film_steps(results: Results, steps: Sequence[int]) -> list[int]:
-    """Return about FILM_STATES of the steps for a film.
+    """Return about five of the steps for a film.
 
     They are evenly spaced; in a history in time evenly in the logarithm of time from the first
     visible time on, with the step of the largest force.

@@ -88,9 +88,9 @@ class ContactSurface:
 
     @property
     def half_width(self) -> float:
-        """Half-width of the view [length]: PRESSURE_VIEW radii, and all loaded points.
+        """Half-width of the view [length]: 1.5 radii, and all loaded points.
 
-        Corners of a contact with few sides are farther from the axis than PRESSURE_VIEW times the
+        Corners of a contact with few sides are farther from the axis than 1.5 times the
         radius of a circle with its area.
         """
         pressed = np.abs(self.p) > PRESSED_FRACTION * self.median_pressure

@@ -114,7 +114,7 @@ def _side_wall_range(v: SceneVariants) -> tuple[float, float, None]:
 
 
 def _substrate_modulus(v: SceneVariants, x: float) -> float:
-    """Modulus of a substrate, MAX_MODULUS_RATIO E/x."""
+    """Modulus of a substrate, 1000 E/x."""
     material: Any = v.config.layers[0].material
     # The modulus of a substrate is varied downwards from this multiple of that of the layer.
     max_ratio = 1e3

@@ -267,7 +267,7 @@ class _ThresholdSearch:
         """Samples of the change, and a text on the scene that could not be solved, if any.
 
         Samples begin where the change is below the tolerance, and end where it exceeds
-        MAX_FORCE_CHANGE, where x has its largest value, or where a scene cannot be solved.
+        50 %, where x has its largest value, or where a scene cannot be solved.
         """
         x = self._initial
         stop_reason = ""
@@ -321,7 +321,7 @@ class _ThresholdSearch:
     def _bisect(self, level: float, low: Sample, high: Sample) -> float:
         """Value of x at which the change passes a level between two samples.
 
-        The interval is bisected to THRESHOLD_TOLERANCE, and the change is interpolated in it.
+        The interval is bisected to 1 %, and the change is interpolated in it.
         """
         # Relative width of the interval of a threshold, in which the effect is interpolated
         # linearly.

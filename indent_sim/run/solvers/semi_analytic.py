@@ -119,7 +119,7 @@ class SemiAnalyticSolver:
 def surface_radii(scene: Scene) -> np.ndarray:
     """Distances from the tip's axis at which the surface is written.
 
-    They extend to the end of the body or to SURFACE_EXTENT radii of the largest contact, and
+    They extend to the end of the body or to ten radii of the largest contact, and
     contain the end of that contact.
     """
     sizes = scene.sizes

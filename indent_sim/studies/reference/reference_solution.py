@@ -247,7 +247,7 @@ def _adapt_to_case(case: Case, curve: ReferenceCurve) -> ReferenceCurve:
 def theory_curve(case: Case) -> ReferenceCurve | None:
     """Return theory at the depths of a case; None if no theory applies.
 
-    At most `MAX_DEPTHS` depths are evaluated. If forces are prescribed, the depths cover a range
+    At most 200 depths are evaluated. If forces are prescribed, the depths cover a range
     around the predicted ones.
     """
     scene = case.planned_run.scene
