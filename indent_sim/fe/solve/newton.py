@@ -28,9 +28,6 @@ LINEAR_SOLVER_FAILED = "the linear solver failed"
 CONVERGED = PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE
 # Round-off in the residual, relative to the largest reaction of any accepted equilibrium
 REACTION_ROUNDOFF = 1e-14
-# Residual at which the iterative correction of dF/ddelta ends, relative to the first one, for a
-# symmetric tangent: the error of the stiffness is then of second order in the residual
-SYMMETRIC_DERIVATIVE_RESIDUAL = 1e-4
 
 
 class Newton:
@@ -349,8 +346,12 @@ class Newton:
         problem = self.problem
         if problem.law.multiplier == "frozen":
             return nan
+        # Residual at which the iterative correction of dF/ddelta ends, relative to the first one,
+        # for a symmetric tangent: the error of the stiffness is then of second order in the
+        # residual.
+        symmetric_residual = 1e-4
         if not self._has_tangent:  # a resumed state needed no iteration
-            self._assemble_tangent(self._tangent, SYMMETRIC_DERIVATIVE_RESIDUAL)
+            self._assemble_tangent(self._tangent, symmetric_residual)
         self.snes.getKSP().setOperators(self._tangent, self._tangent)
         start = problem.x.copy()
         depth = problem.depth
@@ -360,7 +361,7 @@ class Newton:
         is_converged = False
         first_residual = 0.0
         derivative = problem.x.duplicate()
-        tolerance = SYMMETRIC_DERIVATIVE_RESIDUAL if problem.has_symmetric_tangent else 1e-5
+        tolerance = symmetric_residual if problem.has_symmetric_tangent else 1e-5
         symmetry_factor = (
             problem.scene.physics.domain.symmetry_factor if problem.has_symmetric_tangent else 0
         )
