@@ -23,7 +23,8 @@ from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.state import State
 from indent_sim.process.errors import IndentSimError
 from indent_sim.run import pipeline
-from indent_sim.run.row_warnings import MAX_ROUGHNESS, oscillating_pressure_warnings
+from indent_sim.run.measured_constants import MAX_ROUGHNESS
+from indent_sim.run.row_warnings import oscillating_pressure_warnings
 from indent_sim.scene.scene import Scene, resolve
 
 # Where a pressure need not be smooth: so many nodes beside the rim of contact and beside a crease

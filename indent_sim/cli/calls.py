@@ -26,18 +26,6 @@ from indent_sim.studies.study_plan import plan_study as plan_study
 if TYPE_CHECKING:
     from indent_sim.results.pictures.figures import Axes, Figure
 
-# Options of `plot`.
-PLOT_OPTIONS = (
-    "fields",
-    "steps",
-    "units",
-    "width",
-    "font",
-    "layout",
-    "letters",
-    "limits",
-    "zoom",
-)
 Result = Results | str | Path
 
 
@@ -251,8 +239,20 @@ def _plot_study(shown: Study, panel: str, ax: Axes | None) -> Figure:
 
 def _normalize_options(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return options of a picture as the command line gives them; UsageError for an unknown one."""
-    if unknown := [name for name in options if name not in PLOT_OPTIONS]:
-        raise UsageError(f"plot has no option {unknown[0]}; it has {', '.join(PLOT_OPTIONS)}")
+    # Options of `plot`.
+    plot_options = (
+        "fields",
+        "steps",
+        "units",
+        "width",
+        "font",
+        "layout",
+        "letters",
+        "limits",
+        "zoom",
+    )
+    if unknown := [name for name in options if name not in plot_options]:
+        raise UsageError(f"plot has no option {unknown[0]}; it has {', '.join(plot_options)}")
     as_lists = {
         name: (value,) if isinstance(value, int) else value for name, value in options.items()
     }

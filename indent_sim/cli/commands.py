@@ -64,8 +64,6 @@ if TYPE_CHECKING:
 # Messages on stderr, and the log level of the program's own logger for each.
 Verbosity = Literal["all", "warnings"]
 LOG_LEVELS = {"all": logging.INFO, "warnings": logging.WARNING}
-# Numbers of BLAS threads. Several threads slow systems of these sizes down.
-THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 # Sections of a scene by the word of `list`.
 LISTED_SECTIONS = {
     "materials": "material",
@@ -74,8 +72,6 @@ LISTED_SECTIONS = {
     "bodies": "body",
 }
 TEMPLATES = ("cell", "gel", "film", "nanoindentation", "rubber", "study")
-# Schema in the folder of a scene of `init`; the first line of the scene refers to it.
-SCHEMA_FILE = "scene.schema.json"
 
 
 class Program(click.Group):
@@ -87,7 +83,9 @@ class Program(click.Group):
         This has to happen before numpy and pydantic are imported; pydantic would search every
         installed package for plugins.
         """
-        for name in (*THREAD_VARIABLES, "PYDANTIC_DISABLE_PLUGINS"):
+        # Numbers of BLAS threads. Several threads slow systems of these sizes down.
+        thread_variables = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+        for name in (*thread_variables, "PYDANTIC_DISABLE_PLUGINS"):
             os.environ.setdefault(name, "1")
         _open_closed_streams()
         return super().main(*args, **options)
@@ -662,10 +660,6 @@ def plot(paths: tuple[Path, ...], output: Path | None, **given_options: Any) -> 
     print_stdout(str(output))
 
 
-# Options of `plot` that apply to pictures of a study.
-STUDY_PLOT_OPTIONS = ("what", "dpi")
-
-
 def _plot_study(paths: Sequence[Path], output: Path | None, options: dict[str, Any]) -> None:
     """Plot the curves of a study, or a column of its table over the varied keys."""
     from indent_sim.results.pictures import figures
@@ -677,7 +671,9 @@ def _plot_study(paths: Sequence[Path], output: Path | None, options: dict[str, A
             "a study cannot be plotted together with other results",
             "give one study, or only folders of runs",
         )
-    if unused_options := [name for name in options if name not in STUDY_PLOT_OPTIONS]:
+    # Options of `plot` that apply to pictures of a study.
+    study_plot_options = ("what", "dpi")
+    if unused_options := [name for name in options if name not in study_plot_options]:
         raise UsageError(
             f"the picture of a study has no option {unused_options[0]}",
             "there are --what, --dpi and --output",
@@ -743,15 +739,14 @@ def report(folder: Path, output: Path | None, crate: Literal["", "crate"]) -> No
     if not folder.is_dir():
         raise UsageError(f"{folder} is not the folder of a result, a study or a fit")
     if output is None:
-        output = folder / html_report.REPORT_FILE
+        output = folder / "report.html"
         if os.path.lexists(output) and not is_own_file(output):
             raise UsageError(
                 f"{output} exists and is not a report of indent-sim",
                 "choose another name with --output",
             )
-    if output.suffix.lower() not in html_report.REPORT_FORMATS:
-        formats = ", ".join(html_report.REPORT_FORMATS)
-        raise UsageError(f"{output}: the name of a report must end in {formats}")
+    if output.suffix.lower() not in (".html", ".htm"):
+        raise UsageError(f"{output}: the name of a report must end in .html, .htm")
     if crate:
         research_crate.refuse_foreign_crate(folder)
     html_report.write(_report_page(folder), output)
@@ -818,7 +813,9 @@ def init(kind: str, output: Path | None) -> None:
     template = files("indent_sim.cli") / "templates" / f"{kind}.yaml"
     try:
         write_atomically(output, template.read_bytes())
-        schema_path = output.parent / SCHEMA_FILE
+        # Schema in the folder of a scene of `init`; the first line of the scene refers to it.
+        schema_file = "scene.schema.json"
+        schema_path = output.parent / schema_file
         if kind != "study" and not os.path.lexists(schema_path):
             write_atomically(schema_path, to_json(json_schema()) + "\n")
     except OSError as error:

@@ -40,14 +40,6 @@ OPTIONAL_FEATURES = {
 OPTIONAL_PACKAGES = {
     name: f"no {feature} without it" for name, feature in OPTIONAL_FEATURES.items()
 }
-# Names of BLAS libraries by a word of their file names.
-BLAS = {
-    "openblas": "OpenBLAS",
-    "mkl": "MKL",
-    "blis": "BLIS",
-    "atlas": "ATLAS",
-    "accelerate": "Accelerate",
-}
 
 
 @dataclass(frozen=True)
@@ -170,7 +162,15 @@ def _check_blas() -> HealthCheck:
         for path in libraries
         if re.search("blas|mkl|blis|atlas", path)
     ]
-    names = {name for word, name in BLAS.items() if any(word in path for path in loaded)}
+    # Names of BLAS libraries by a word of their file names.
+    blas_names = {
+        "openblas": "OpenBLAS",
+        "mkl": "MKL",
+        "blis": "BLIS",
+        "atlas": "ATLAS",
+        "accelerate": "Accelerate",
+    }
+    names = {name for word, name in blas_names.items() if any(word in path for path in loaded)}
     threads = os.environ.get("OPENBLAS_NUM_THREADS") or os.environ.get("OMP_NUM_THREADS") or "all"
     if names:
         return HealthCheck("BLAS", f"{', '.join(sorted(names))}, {threads} thread(s) per rank")

@@ -26,15 +26,6 @@ if TYPE_CHECKING:
     from indent_sim.run.work_and_loops import HysteresisLoop
     from indent_sim.studies.study_plan import StudyPlan
 
-# Labels of the characteristic times of a time-dependent scene.
-TIME_LABELS = {
-    "way_in": "loading",
-    "history": "history",
-    "contact": "a^2/D",
-    "height": "H^2/D",
-    "element": "h_contact^2/D",
-    "relaxation": "longest relaxation",
-}
 
 # Report of a run, or a section of it.
 Report = dict[str, Any]
@@ -283,8 +274,17 @@ def plan_text(planned_run: PlannedRun, width: int = 120) -> str:
     expected = Table("expected", "", box=None)
     for name, value in plan.prediction.items():
         expected.add_row(*(Text(word) for word in (name.replace("_", " "), _value_text(value))))
+    # Labels of the characteristic times of a time-dependent scene.
+    time_labels = {
+        "way_in": "loading",
+        "history": "history",
+        "contact": "a^2/D",
+        "height": "H^2/D",
+        "element": "h_contact^2/D",
+        "relaxation": "longest relaxation",
+    }
     for name, value in (plan.time.times if plan.time else {}).items():
-        expected.add_row(*(Text(word) for word in (TIME_LABELS[name], _value_text(value))))
+        expected.add_row(*(Text(word) for word in (time_labels[name], _value_text(value))))
     return _render(width, choices, "", expected)
 
 

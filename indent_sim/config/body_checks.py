@@ -21,19 +21,6 @@ from indent_sim.model.unbounded_bodies import HalfSpace
 from indent_sim.model.walled_bodies import Box, Strip
 from indent_sim.process.errors import ConfigError
 
-# Largest base radius over height of a cap. The center of the sphere of a flatter cap is so far away
-# that positions on it lose digits.
-MAX_CAP_FLATNESS = 1e3
-# Largest height over base radius of a cap. Its contact angle is then 174 degrees: the cap is almost
-# a ball that rests on a point.
-MAX_CAP_STEEPNESS = 20.0
-# Smallest fraction of the largest total thickness of coatings that must remain for the core.
-MIN_CORE_FRACTION = 0.02
-# Smallest thickness of a coating over the radius of its sphere. The whole circumference has
-# elements of the size of the thickness.
-MIN_COATING_RATIO = 1e-3
-# Smallest distance of an inclusion from any other surface over half of its smallest thickness.
-MIN_CLEARANCE_FRACTION = 0.01
 MIRROR_PLANE = "the mirror plane"
 
 
@@ -42,6 +29,8 @@ def cap_errors(config: SceneSections) -> Iterator[ConfigError]:
     body = config.body
     if not isinstance(body, Cap):
         return
+    max_flatness = 1e3
+    max_steepness = 20.0
     if body.height and body.contact_angle:
         yield ConfigError(
             "body.contact_angle",
@@ -50,21 +39,21 @@ def cap_errors(config: SceneSections) -> Iterator[ConfigError]:
         )
     elif not body.height and not body.contact_angle:
         yield ConfigError("body.height", "missing, and so is contact_angle", "give one of the two")
-    elif body.apex_height < body.base_radius / MAX_CAP_FLATNESS:
+    elif body.apex_height < body.base_radius / max_flatness:
         problem = (
             f"a cap {body.apex_height:.4g} high on a base of radius {body.base_radius:g} is nearly "
             "flat"
         )
         yield ConfigError(
-            "body", problem, f"height at least base_radius/{MAX_CAP_FLATNESS:g}, or a cylinder"
+            "body", problem, f"height at least base_radius/{max_flatness:g}, or a cylinder"
         )
-    elif body.apex_height > body.base_radius * MAX_CAP_STEEPNESS:
+    elif body.apex_height > body.base_radius * max_steepness:
         problem = (
             f"a cap {body.apex_height:.4g} high on a base of radius {body.base_radius:g} is almost "
             "a ball that rests on a point"
         )
         yield ConfigError(
-            "body", problem, f"height at most {MAX_CAP_STEEPNESS:g} base_radius, or a ball"
+            "body", problem, f"height at most {max_steepness:g} base_radius, or a ball"
         )
 
 
@@ -124,20 +113,25 @@ def _coating_errors(config: SceneSections, body: Cap | Ball) -> Iterator[ConfigE
     total_thickness = sum(layer.thickness or 0.0 for layer in coatings)
     sphere = body.spherical_body
     thinnest = min((layer.thickness or inf for layer in coatings), default=inf)
-    if total_thickness > (1 - MIN_CORE_FRACTION) * sphere.max_coating_thickness:
+    # Smallest fraction of the largest total thickness of coatings that must remain for the core.
+    min_fraction = 0.02
+    # Smallest thickness of a coating over the radius of its sphere. The whole circumference has
+    # elements of the size of the thickness.
+    min_ratio = 1e-3
+    if total_thickness > (1 - min_fraction) * sphere.max_coating_thickness:
         core_text = "no core" if isinstance(body, Ball) else "a core that does not reach the base"
         problem = (
             f"the total thickness of the layers around the core is {total_thickness:.6g}, which "
             f"leaves {core_text}"
         )
-        limit = (1 - MIN_CORE_FRACTION) * sphere.max_coating_thickness
+        limit = (1 - min_fraction) * sphere.max_coating_thickness
         yield ConfigError("body.layers", problem, f"use at most {limit:.6g}")
-    elif thinnest < MIN_COATING_RATIO * sphere.radius:
+    elif thinnest < min_ratio * sphere.radius:
         problem = (
             f"a layer {thinnest:.4g} thick on a {body.shape} of radius {sphere.radius:.4g} is "
             "too thin to mesh"
         )
-        limit = MIN_COATING_RATIO * sphere.radius
+        limit = min_ratio * sphere.radius
         yield ConfigError("body.layers", problem, f"use at least {limit:.3g}")
 
 
@@ -288,4 +282,6 @@ def _min_clearance(*inclusions: Inclusion) -> float:
 
     Elements have to fit into it.
     """
-    return MIN_CLEARANCE_FRACTION * min(inclusion.min_half_width for inclusion in inclusions)
+    # Smallest distance of an inclusion from any other surface over half of its smallest thickness.
+    min_fraction = 0.01
+    return min_fraction * min(inclusion.min_half_width for inclusion in inclusions)

@@ -21,9 +21,6 @@ from indent_sim.config.schema import Config
 from indent_sim.model.loading import PATH_KEYS, STEPPED_KEYS
 from indent_sim.model.symbols import lookup
 
-# Schema of a number with a unit, e.g. "2.5 um".
-QUANTITY_SCHEMA = {"type": "string", "pattern": r"^\s*[-+]?[0-9.]+([eE][-+]?[0-9]+)?\s*[A-Za-zµ°]"}
-
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of the scene file, for editors and other programs."""
@@ -57,7 +54,12 @@ def _allow_quantities(value: dict[str, Any]) -> dict[str, Any]:
     if value.get("type") != "number":
         return value
     metadata = {key: value.pop(key) for key in ("description", "default") if key in value}
-    return metadata | {"anyOf": [value, QUANTITY_SCHEMA]}
+    # Schema of a number with a unit, e.g. "2.5 um".
+    quantity_schema = {
+        "type": "string",
+        "pattern": r"^\s*[-+]?[0-9.]+([eE][-+]?[0-9]+)?\s*[A-Za-zµ°]",
+    }
+    return metadata | {"anyOf": [value, quantity_schema]}
 
 
 class _SchemaGenerator(GenerateJsonSchema):

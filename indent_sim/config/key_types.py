@@ -142,11 +142,6 @@ def join_words(words: Sequence[str], last: str = "or") -> str:
     return f"{', '.join(words[:-1])} {last} {words[-1]}" if len(words) > 1 else "".join(words)
 
 
-# Texts of types, and of limits with the attribute that has the limit.
-_NOUNS = {float: "a number", int: "a whole number", str: "text", bool: "true or false"}
-_SIGNS = {Gt: ("> {:g}", "gt"), Ge: (">= {:g}", "ge"), Lt: ("< {:g}", "lt"), Le: ("<= {:g}", "le")}
-
-
 def _describe_member(hint: Any) -> str:
     """Return one alternative of a type in words."""
     marks = hint.__metadata__ if get_origin(hint) is Annotated else ()
@@ -163,10 +158,17 @@ def _describe_member(hint: Any) -> str:
         return (
             f"{describe_type(shared_type)} (or one each: {names})" if shared_type else "a section"
         )
-    bounds = [_SIGNS[type(mark)] + (mark,) for mark in marks if type(mark) in _SIGNS]
+    signs = {
+        Gt: ("> {:g}", "gt"),
+        Ge: (">= {:g}", "ge"),
+        Lt: ("< {:g}", "lt"),
+        Le: ("<= {:g}", "le"),
+    }
+    bounds = [signs[type(mark)] + (mark,) for mark in marks if type(mark) in signs]
     texts = [text.format(getattr(mark, name)) for text, name, mark in bounds]
     prefix = "non-empty " if any(isinstance(mark, MinLen) for mark in marks) else ""
-    return f"{prefix}{_NOUNS[kind]} {' and '.join(texts)}".rstrip()
+    nouns = {float: "a number", int: "a whole number", str: "text", bool: "true or false"}
+    return f"{prefix}{nouns[kind]} {' and '.join(texts)}".rstrip()
 
 
 def _describe_list(item: str, marks: Sequence[Any]) -> str:

@@ -9,9 +9,6 @@ from typing import Any
 from indent_sim.model.units import ANGLE, LENGTH, Unit, field_units
 from indent_sim.process.errors import ConfigError
 
-# Number of base quantities of which each dimension is a product; a force is pressure length^2.
-BASE_QUANTITY_COUNT = {"length": 1, "pressure": 1, "time": 1, "force": 3}
-
 # Key, absolute value and dimension of a number of a scene.
 SceneNumber = tuple[str, float, Unit]
 
@@ -98,8 +95,10 @@ def _size_errors(key: str, size: float, unit: Unit) -> Iterator[ConfigError]:
     # Largest length, pressure or time, and reciprocal of the smallest one. Squares of
     # energies, which are pressure length^3, are then finite numbers.
     largest_quantity = 1e30
+    # Number of base quantities of which each dimension is a product; a force is pressure length^2.
+    base_count = {"length": 1, "pressure": 1, "time": 1, "force": 3}
     limit = largest_quantity ** sum(
-        BASE_QUANTITY_COUNT[name] * abs(power) for name, power in unit.powers.items()
+        base_count[name] * abs(power) for name, power in unit.powers.items()
     )
     if not 1 / limit <= size <= limit:
         remedy = f"choose units in which it is between {1 / limit:g} and {limit:g}"

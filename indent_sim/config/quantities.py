@@ -65,10 +65,6 @@ ANGLES = {
 }
 # Examples of the units of a scene in error messages. Times are always in seconds.
 UNIT_EXAMPLES = {"length": "um", "force": "nN"}
-# Units among which the probable meaning of an unknown unit is searched.
-SUGGESTED_UNITS = (
-    "pm nm um mm cm m pN nN uN mN N kN Pa kPa MPa GPa N/m mN/m deg rad s ms J/m^2 mJ/m^2"
-)
 # Exponents of length, force and time of the base quantities of `model.units`.
 BASE_EXPONENTS = {
     "length": {"length": 1},
@@ -274,7 +270,11 @@ def _unit_registry() -> Any:
 
 def _unknown_unit(key: str, unit: str) -> ConfigError:
     """Return the error of an unknown unit, with the most similar known one."""
-    match = closest_match(unit, tuple(SUGGESTED_UNITS.split()))
+    # Units among which the probable meaning of an unknown unit is searched.
+    suggested_units = (
+        "pm nm um mm cm m pN nN uN mN N kN Pa kPa MPa GPa N/m mN/m deg rad s ms J/m^2 mJ/m^2"
+    )
+    match = closest_match(unit, tuple(suggested_units.split()))
     remedy = f"did you mean {match}?" if match else "for example um, nN, kPa"
     return ConfigError(key, f"there is no unit '{unit}'", remedy)
 

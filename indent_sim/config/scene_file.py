@@ -31,8 +31,6 @@ STUDY_SECTIONS = {"base", "vary"}
 # Pattern of dotted keys such as body.layers[0].material.E.
 KEY_PATTERN = re.compile(r"\w+(\[\d+\])*(\.\w+(\[\d+\])*)*")
 SCALARS = {NoneType, bool, int, float, str}
-# Largest number of characters of a --set that a message repeats.
-MAX_SET_CHARACTERS = 80
 # Sections of a file.
 Document = dict[str, Any]
 SceneInput = str | os.PathLike[str] | Mapping[str, Any] | Config
@@ -398,7 +396,9 @@ def _check_setting(key: str, value: Any) -> tuple[str, Any, SourceLocation]:
 
 def _apply_override(document: Document, source: Source, text: str) -> KeyPath:
     """Set one key of the document and record where it came from."""
-    shortened_text = text if len(text) <= MAX_SET_CHARACTERS else f"{text[:MAX_SET_CHARACTERS]}..."
+    # Largest number of characters of a --set that a message repeats.
+    max_characters = 80
+    shortened_text = text if len(text) <= max_characters else f"{text[:max_characters]}..."
     label = f"--set {shortened_text}"
     key, equals, value = text.partition("=")
     if not equals or not KEY_PATTERN.fullmatch(key.strip()):

@@ -21,11 +21,9 @@ from indent_sim.process.errors import ConfigError
 KeyPath = tuple[str | int, ...]
 Lines = dict[KeyPath, int]
 
-# Limits of a file: bytes, levels of nesting, characters of a number, and number of values.
+# Limits of a file: bytes, and levels of nesting.
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 20
-MAX_DIGITS = 400
-MAX_VALUES = 200_000
 
 UNWRITABLE = re.compile("[\0\ud800-\udfff]")
 _UNPRINTABLE = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -122,8 +120,9 @@ class _EventReader:
     def node(self, event: Any, events: Iterator[yaml.Event], path: KeyPath) -> Any:
         """Return the value that begins with an event: a scalar, a list or a mapping."""
         self.lines.setdefault(path, event.start_mark.line + 1)
-        if len(self.lines) > MAX_VALUES:
-            raise self.error(event, path[:1], f"more than {MAX_VALUES} values")
+        max_values = 200_000
+        if len(self.lines) > max_values:
+            raise self.error(event, path[:1], f"more than {max_values} values")
         if isinstance(event, yaml.AliasEvent) or event.anchor is not None:
             raise self.error(
                 event, path, "anchors and aliases (&, *) are not allowed", "write the value out"
@@ -194,7 +193,8 @@ def parse_scalar(text: str) -> Any:
     integer_match = _INTEGER.fullmatch(text)
     if not (integer_match or _FLOAT.fullmatch(text)):
         return text
-    if len(text) > MAX_DIGITS:
+    max_digits = 400
+    if len(text) > max_digits:
         raise OverflowError(f"a number of {len(text)} characters is too long")
     if integer_match:
         return int(text, 0) if text[:2] in ("0o", "0x") else int(text)

@@ -18,8 +18,6 @@ from pathlib import Path
 
 from indent_sim.process.errors import BackendError
 
-# dolfinx keeps its compiled kernels in this folder of XDG_CACHE_HOME, by default ~/.cache
-KERNEL_FOLDER = "fenics"
 logger = logging.getLogger("indent_sim")
 
 
@@ -75,10 +73,12 @@ def _choose_folders() -> None:
     The home folder may be read-only, missing or not a folder.
     """
     cache_folder = _environment_folder("XDG_CACHE_HOME", ".cache")
-    if cache_folder is None or not _is_writable(cache_folder / KERNEL_FOLDER):
+    # dolfinx keeps its compiled kernels in this folder of XDG_CACHE_HOME, by default ~/.cache.
+    kernel_folder = "fenics"
+    if cache_folder is None or not _is_writable(cache_folder / kernel_folder):
         cache_folder = Path(tempfile.gettempdir()) / f"indent-sim-{os.getuid()}"
         if (
-            not _is_writable(cache_folder / KERNEL_FOLDER)
+            not _is_writable(cache_folder / kernel_folder)
             or cache_folder.stat().st_uid != os.getuid()
         ):
             raise BackendError(

@@ -65,21 +65,8 @@ from indent_sim.results.pictures.axes import scaled_axis
 from indent_sim.results.reader import Results
 from indent_sim.run.solvers.elastic_curve import half_space_modulus
 
-# The load path is computed again if the contact point has moved by more than this fraction of the
-# depth; a diffusivity changes by the same fraction.
-SAME_PATH_TOLERANCE = 0.002
-MAX_PATH_ITERATIONS = 4
 SOLVED_DEPTH_FACTOR = 1.3  # the scene is solved to this multiple of the estimated largest depth
 MIN_DEPTH_FACTOR = 1.01  # smallest multiple, for a body that cannot be indented further
-DEPTH_GRADE_RATIO = 1.25  # solved depths are powers of this ratio, so that curves share solutions
-MIN_DEPTH_FRACTION = 0.05  # least depth on a soft spring, as a fraction of the measured range
-DEPTH_BLOCK_MEANS = 200
-HERTZ_POINTS = 200
-R_VARIATION = 0.05  # relative variation of R for the derivative d ln F / d ln R
-IN_CONTACT_HINT = (
-    "if the curve begins in contact it has no baseline and the modulus is wrong; fix what is "
-    "known by --no-slope or --contact-point"
-)
 MIN_DIGITS = 4
 MAX_DIGITS = 10
 INTERVAL_KEYS = ("value", "low", "high")  # keys of an interval in fit.json
@@ -239,7 +226,7 @@ def _fit_along_path(
 
     The path begins at first contact, which an elastic fit estimates first. Path and fit are
     repeated until the contact point no longer moves (fixed-point iteration, at most
-    `MAX_PATH_ITERATIONS`).
+    four times).
     """
     assert samples.t is not None
     compliance = config.experiment.compliance if config.experiment else 0.0
@@ -258,7 +245,11 @@ def _fit_along_path(
     )
     contact_point = _elastic_contact_point(config, request, approach, tables)
     estimate = None
-    for _ in range(MAX_PATH_ITERATIONS):
+    max_path_iterations = 4
+    # The load path is computed again if the contact point has moved by more than this fraction of
+    # the depth; a diffusivity changes by the same fraction.
+    same_path_tolerance = 0.002
+    for _ in range(max_path_iterations):
         path = simplify_path(samples.t, depth - contact_point, depth_noise)
         forward_model = tables.forward_model(
             config, request.varied_keys, SOLVED_DEPTH_FACTOR * path.max_depth, path
@@ -266,7 +257,7 @@ def _fit_along_path(
         estimate = fit_model(forward_model, samples, request.origin, near=estimate)
         shift = abs(estimate.contact_point - contact_point)
         contact_point = estimate.contact_point
-        if shift < SAME_PATH_TOLERANCE * path.max_depth and not depth_noise:
+        if shift < same_path_tolerance * path.max_depth and not depth_noise:
             break
         if compliance:
             # The fitted force has no noise: it gives a smooth deflection of the spring.
@@ -345,8 +336,10 @@ def _graded_forward_model(
     If the scene does not exist at that depth, the model ends slightly below the curve's depth.
     """
     contact_depth = _max_contact_depth(samples, config)
-    graded_depth = DEPTH_GRADE_RATIO ** math.ceil(
-        math.log(SOLVED_DEPTH_FACTOR * contact_depth) / math.log(DEPTH_GRADE_RATIO)
+    # Solved depths are powers of this ratio, so that curves share solutions.
+    grade_ratio = 1.25
+    graded_depth = grade_ratio ** math.ceil(
+        math.log(SOLVED_DEPTH_FACTOR * contact_depth) / math.log(grade_ratio)
     )
     try:
         return tables.forward_model(config, keys, graded_depth)
@@ -356,7 +349,8 @@ def _graded_forward_model(
 
 def _max_contact_depth(samples: Samples, config: Config) -> float:
     """Return an upper bound of the depth [length], from the samples above the baseline."""
-    block_means = samples.block_means(DEPTH_BLOCK_MEANS)
+    block_count = 200
+    block_means = samples.block_means(block_count)
     # Samples of a retraction begin at the deepest: sort them by depth.
     order = np.argsort(block_means.x, kind="stable")
     x = block_means.x[order]
@@ -369,7 +363,9 @@ def _max_contact_depth(samples: Samples, config: Config) -> float:
     below_contact = np.flatnonzero(force[: peak + 1] < baseline + contact_rise_fraction * rise)
     contact_depth = float(samples.x.max() - x[below_contact[-1] if len(below_contact) else 0])
     compliance = config.experiment.compliance if config.experiment else 0.0
-    return max(contact_depth - compliance * rise, MIN_DEPTH_FRACTION * contact_depth)
+    # Least depth on a soft spring, as a fraction of the measured range.
+    min_depth_fraction = 0.05
+    return max(contact_depth - compliance * rise, min_depth_fraction * contact_depth)
 
 
 def _max_indentation(estimate: Estimate) -> float:
@@ -417,7 +413,8 @@ def _radius_exponent(config: Config, max_depth: float) -> float:
     """
     R = number_at(config, "indenter.R")
     depths = np.array([max_depth])
-    factors = (1.0 - R_VARIATION, 1.0 + R_VARIATION)
+    variation = 0.05
+    factors = (1.0 - variation, 1.0 + variation)
     scenes = (replace_numbers(config, {"indenter.R": factor * R}) for factor in factors)
     lower_force, upper_force = (
         float(solve_load_curve(scene, max_depth).force(depths)[0]) for scene in scenes
@@ -566,9 +563,10 @@ def _hertz_comparison(assessment: ModelAssessment, config: Config) -> dict[str, 
     estimate = assessment.estimate
     forward_model = assessment.estimate.model.forward_model
     planned_run = plan_elastic_run(config, forward_model.max_depth)
-    samples = estimate.model.samples.block_means(HERTZ_POINTS)
+    point_count = 200
+    samples = estimate.model.samples.block_means(point_count)
     contact_force = estimate.model.samples.force - estimate.model.baseline(estimate.p)
-    force = Samples(estimate.model.samples.x, contact_force).block_means(HERTZ_POINTS).force
+    force = Samples(estimate.model.samples.x, contact_force).block_means(point_count).force
     delta = samples.x - estimate.contact_point - forward_model.experiment.compliance * force
     E = half_space_modulus(planned_run, delta, force)
     if E is None:
@@ -592,9 +590,13 @@ def _warnings(assessment: ModelAssessment) -> list[str]:
     # A baseline that rises by more of the force is probably contact.
     steep_baseline = 0.5
     if estimate.p[-1] > steep_baseline * estimate.max_force:
+        hint = (
+            "if the curve begins in contact it has no baseline and the modulus is wrong; fix what "
+            "is known by --no-slope or --contact-point"
+        )
         messages.append(
             f"the baseline rises by {100 * estimate.p[-1] / estimate.max_force:.0f} % of the "
-            f"force: {IN_CONTACT_HINT}"
+            f"force: {hint}"
         )
     error = estimate.model.forward_model.relative_error
     sd = estimate.sd[: len(parameters)]

@@ -24,9 +24,6 @@ from indent_sim.results.measured.curve_file import read_curves
 from indent_sim.results.measured.measurement import MeasuredCurve
 from indent_sim.run.model_selection.recommended_model import Requirements, require
 
-NEEDED = "needed"
-NOT_EXCLUDED = "not excluded"
-
 
 @dataclass(frozen=True)
 class CurveRequirements:
@@ -95,7 +92,7 @@ def require_for_curve(
         config, {key: value, "loading": _approach_loading(config, curve, curve_fit.entry)}
     )
     models = [
-        model | {"verdict": NEEDED if model["p"] < BETTER_MODEL_P else NOT_EXCLUDED}
+        model | {"verdict": "needed" if model["p"] < BETTER_MODEL_P else "not excluded"}
         for model in curve_fit.entry["models"]
     ]
     return CurveRequirements(config, key, curve_fit.entry, models, require(fitted_config, within))

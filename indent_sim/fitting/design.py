@@ -51,11 +51,6 @@ from indent_sim.process.errors import ConfigError, NotConverged
 from indent_sim.run.planned_run import PlannedRun
 
 BASELINE_DEPTHS = 1.0  # length of the baseline of a designed curve, in indentation depths
-# Lengths of the baseline that are compared, in depths; a fit uses no more than the last.
-COMPARED_BASELINES = (0.1, 0.2, 0.3, 0.5, 0.75, 1.0, MAX_BASELINE_DEPTHS)
-# The baseline before a jump has the speed of an approach that takes this fraction of the history.
-MIN_APPROACH_FRACTION = 0.25
-RADIUS_KEYS = ("indenter.R", "indenter.radius")
 
 
 @dataclass(frozen=True)
@@ -144,8 +139,11 @@ class _PlannedMeasurement:
     def build_model(self, points: int, baseline: float) -> CurveModel:
         """Return the model of a curve with equally spaced samples and a baseline [depths]."""
         deepest_index = int(np.argmax(self.x))
+        # The baseline before a jump has the speed of an approach that takes this fraction of the
+        # history.
+        min_fraction = 0.25
         speed = self.x[deepest_index] / max(
-            self.t[deepest_index] - self.t[0], MIN_APPROACH_FRACTION * float(np.ptp(self.t))
+            self.t[deepest_index] - self.t[0], min_fraction * float(np.ptp(self.t))
         )
         baseline_length = baseline * self.depth
         t = np.linspace(self.t[0] - baseline_length / speed, self.t[-1], points)
@@ -326,7 +324,8 @@ def _possible_changes(config: Config, keys: Sequence[str]) -> Iterator[dict[str,
                 "steps": config.loading.steps,
             }
         }
-    for key in RADIUS_KEYS:
+    radius_keys = ("indenter.R", "indenter.radius")
+    for key in radius_keys:
         try:
             R = number_at(config, key)
         except ConfigError:
@@ -391,12 +390,14 @@ def _sufficient_baseline(
         )
         return estimate.sd[: estimate.model.coordinate_count]
 
-    best_deviations = deviations(COMPARED_BASELINES[-1])
+    # Lengths of the baseline that are compared, in depths; a fit uses no more than the last.
+    lengths = (0.1, 0.2, 0.3, 0.5, 0.75, 1.0, MAX_BASELINE_DEPTHS)
+    best_deviations = deviations(lengths[-1])
     # A baseline is sufficient if no standard deviation is larger than with the longest by
     # this factor.
     baseline_tolerance = 1.05
     return next(
         candidate
-        for candidate in COMPARED_BASELINES
+        for candidate in lengths
         if np.all(deviations(candidate) <= baseline_tolerance * best_deviations)
     )

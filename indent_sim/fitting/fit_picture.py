@@ -17,14 +17,6 @@ from indent_sim.results.pictures.axes import Axis, picture_text, scaled_axis
 from indent_sim.results.pictures.figures import COLOURS, GREY, INK, Axes, Figure, PlotStyle
 from indent_sim.results.reader import Results
 
-SIZE = (10.5, 5.2)  # inches
-INTERVALS_SIZE = (9.2, 4.8)  # inches
-# Position of the first alternative model beside the depth ranges, and distance of the next ones.
-ALTERNATIVES_POSITION = 1.06
-ALTERNATIVES_SPACING = 0.03
-LEGEND_MARGIN = 0.07  # fraction of a panel's height that a line of the legend needs above the bars
-GREY_POINTS: PlotStyle = {"ls": "", "marker": ".", "ms": 3, "color": "#b0b0b0", "zorder": 1}
-FIT_STYLE: PlotStyle = {"color": COLOURS[0], "lw": 1.8, "zorder": 3}
 Entry = Mapping[str, Any]
 
 
@@ -35,7 +27,7 @@ def fit_figure(fit: CurveFit, config: Config) -> Iterator[Figure]:
     The residuals are in per cent of the largest force.
     """
     assert fit.plotted is not None
-    with figures.new_figure(SIZE) as figure:
+    with figures.new_figure((10.5, 5.2)) as figure:
         panels: dict[str, Axes] = figure.subplot_mosaic(
             [["force", "window"], ["residual", "window"]],
             width_ratios=[1.5, 1],
@@ -74,7 +66,7 @@ def draw_parameter_intervals(
         return
     axis = _parameter_axis(config, keys[0], done_entries)
     ordered = sorted(done_entries, key=lambda entry: float(entry["parameters"][keys[0]]["value"]))
-    with figures.new_figure(INTERVALS_SIZE) as figure:
+    with figures.new_figure((9.2, 4.8)) as figure:
         axes = figure.subplots()
         for explained, name in ((True, "explained by the scene"), (False, "not explained")):
             ranks = [
@@ -126,8 +118,10 @@ def _draw_forces(force_axes: Axes, residual_axes: Axes, fit: CurveFit, config: C
     if curve.t is not None and _has_hold(curve.delta[is_shown]):
         x = curve.t[is_shown]
         x_label = "time t [s]"
-    force_axes.plot(x, force(curve.force[is_shown]), label="measured", **GREY_POINTS)
-    force_axes.plot(x, force(curve.fit[is_shown]), label="scene", **FIT_STYLE)
+    grey_points: PlotStyle = {"ls": "", "marker": ".", "ms": 3, "color": "#b0b0b0", "zorder": 1}
+    force_axes.plot(x, force(curve.force[is_shown]), label="measured", **grey_points)
+    fit_style: PlotStyle = {"color": COLOURS[0], "lw": 1.8, "zorder": 3}
+    force_axes.plot(x, force(curve.fit[is_shown]), label="scene", **fit_style)
     for k, (name, alternative_fit) in enumerate(curve.alternative_fits.items(), start=1):
         force_axes.plot(
             x,
@@ -142,7 +136,7 @@ def _draw_forces(force_axes: Axes, residual_axes: Axes, fit: CurveFit, config: C
     residual = (
         100 * (curve.force - curve.fit)[is_shown] / max(float(np.abs(curve.fit).max()), 1e-300)
     )
-    residual_axes.plot(x, residual, **GREY_POINTS)
+    residual_axes.plot(x, residual, **grey_points)
     # Number of block means that are drawn over the residuals.
     residual_means = 40
     block_size = max(1, len(residual) // residual_means)
@@ -177,11 +171,15 @@ def _draw_depth_ranges(axes: Axes, entry: Entry, key: str, axis: Axis, range_nam
         upper, value, [value - low, high - value], fmt="o", ms=4, lw=1.0, color=COLOURS[0]
     )
     model_count = 0
+    # Position of the first alternative model beside the depth ranges, and distance of the next
+    # ones.
+    first_position = 1.06
+    spacing = 0.03
     for k, model in enumerate(entry["models"], start=1):
         if model["name"] in entry["cause"]:
             model_value = axis(model["value"])
             bar = axis([[model["value"] - model["low"]], [model["high"] - model["value"]]])
-            x_position = 100 * (ALTERNATIVES_POSITION + ALTERNATIVES_SPACING * model_count)
+            x_position = 100 * (first_position + spacing * model_count)
             model_count += 1
             axes.errorbar(
                 [x_position],
@@ -196,7 +194,9 @@ def _draw_depth_ranges(axes: Axes, entry: Entry, key: str, axis: Axis, range_nam
     if model_count:
         # The legend stands above all bars, since it might hide any of them.
         low, high = axes.get_ylim()
-        axes.set_ylim(low, high + LEGEND_MARGIN * (1 + model_count) * (high - low))
+        # Fraction of a panel's height that a line of the legend needs above the bars.
+        legend_margin = 0.07
+        axes.set_ylim(low, high + legend_margin * (1 + model_count) * (high - low))
         axes.legend(loc="upper right")
     axes.set(xlabel=f"{range_name} used [%]", ylabel=axis.label)
 

@@ -24,13 +24,7 @@ from indent_sim.results.html_report import Picture, Table, render_page, thinned_
 from indent_sim.results.pictures import figures
 from indent_sim.results.result_files import FIT, PROGRAM, read_report
 
-MAX_PICTURES = 12  # further curves are only in the table
 Entry = Mapping[str, Any]
-RESIDUAL_NOTE = "p: the probability of such residuals by chance; the correlation is in samples."
-MODELS_NOTE = (
-    "Each model is fitted in place of the scene; p: the probability that it is better by as much "
-    "by chance."
-)
 
 
 def fit_page(folder: Path) -> str:
@@ -73,8 +67,10 @@ def _page_parts(
 ) -> dict[str, Any]:
     """Return the contents of the page: numbers, sentences, pictures, tables, warnings."""
     only_entry = done_entries[0] if len(entries) == 1 and done_entries else None
+    # Further curves are only in the table.
+    max_pictures = 12
     sentences = (
-        [f"{entry['curve']}: {entry['words']}" for entry in done_entries[:MAX_PICTURES]]
+        [f"{entry['curve']}: {entry['words']}" for entry in done_entries[:max_pictures]]
         if not only_entry
         else [only_entry["words"]]
     )
@@ -85,7 +81,7 @@ def _page_parts(
     ]
     pictures = [
         *_overview(entries, keys, config),
-        *_pictures(folder, done_entries[:MAX_PICTURES], config),
+        *_pictures(folder, done_entries[:max_pictures], config),
     ]
     tables = [*(_single_curve_tables(only_entry) if only_entry else []), _fit_table(folder)]
     warnings = list(dict.fromkeys(line for entry in done_entries for line in entry["warnings"]))
@@ -151,16 +147,21 @@ def _single_curve_tables(entry: Entry) -> Iterator[Table]:
     )
     rows = [[result["name"], result["p"], *_model_cells(result)] for result in entry["models"]]
     if rows:
+        models_note = (
+            "Each model is fitted in place of the scene; p: the probability that it is better by "
+            "as much by chance."
+        )
         yield Table(
             "Other models",
             ["model", "p", "value", "95 %", "with"],
             [list(map(value_text, row)) for row in rows],
-            MODELS_NOTE,
+            models_note,
         )
     residual_rows = [
         [name.replace("_", " "), value_text(value)] for name, value in entry["residual"].items()
     ]
-    yield Table("Residuals of the fit", ["quantity", "value"], residual_rows, RESIDUAL_NOTE)
+    residual_note = "p: the probability of such residuals by chance; the correlation is in samples."
+    yield Table("Residuals of the fit", ["quantity", "value"], residual_rows, residual_note)
 
 
 def _model_cells(model: Entry) -> list[str]:

@@ -12,9 +12,10 @@ import numpy as np
 from indent_sim.fitting.curve_fit import PlottedCurve
 
 FIRST_COLUMNS = ("curve", "status", "reason", "explained", "cause")
-CONTACT_COLUMNS = ("contact_point", "contact_point_low", "contact_point_high")
 LAST_COLUMNS = (
-    *CONTACT_COLUMNS,
+    "contact_point",
+    "contact_point_low",
+    "contact_point_high",
     "force_max",
     "depth",
     "rms_percent",

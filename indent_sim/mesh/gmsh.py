@@ -22,9 +22,6 @@ from indent_sim.mesh.model_domain import ModelDomain
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.process.errors import MeshError
 
-# Factors of h_contact that are tried where a domain cannot be meshed, to name a remedy.
-ALTERNATIVE_SIZE_FACTORS = (1.1, 0.9)
-
 
 def build_mesh(domain: ModelDomain, sizes: Sizes) -> Grid:
     """Mesh a model domain with elements of the given sizes.
@@ -62,12 +59,14 @@ def mesh_domain(domain: ModelDomain, sizes: Sizes) -> Grid:
         return _mesh_with_shifts(domain, sizes)
     except MeshError as failure:
         message = str(failure)
-    for factor in ALTERNATIVE_SIZE_FACTORS:
+    # Factors of h_contact that are tried where a domain cannot be meshed, to name a remedy.
+    size_factors = (1.1, 0.9)
+    for factor in size_factors:
         if _can_be_meshed(domain, replace(sizes, h_contact=factor * sizes.h_contact)):
             raise MeshError(
                 f"{message}; a mesh.h_contact {factor:g} times as large was tried and can be meshed"
             )
-    factors = " and ".join(f"{factor:g}" for factor in ALTERNATIVE_SIZE_FACTORS)
+    factors = " and ".join(f"{factor:g}" for factor in size_factors)
     raise MeshError(
         f"{message}; a mesh.h_contact {factors} times as large was tried "
         "and cannot be meshed either"
@@ -86,7 +85,7 @@ def _can_be_meshed(domain: ModelDomain, sizes: Sizes) -> bool:
 def _mesh_with_shifts(domain: ModelDomain, sizes: Sizes) -> Grid:
     """Mesh a domain with the given sizes alone, with ever smaller random shifts of points."""
     failure = MeshError("gmsh left cells without volume")
-    # With the factor 1, 4 of 10 meshes of a strip had flat triangles; with 0.1 none had.
+    # Four of 10 meshes of a strip had flat triangles with the factor 1, and none with 0.1.
     for shift_factor in (1.0, 0.1, 0.01):
         try:
             grid = _generate_mesh(domain, sizes, shift_factor * point_shift(domain, sizes))

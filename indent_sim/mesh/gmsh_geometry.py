@@ -26,16 +26,6 @@ from indent_sim.model.inclusions import (
     Inclusion,
 )
 
-# Rotation axis and angle that take the seam and the poles of a ball out of all symmetry planes.
-TILT_ROTATION = (
-    1.0,
-    -1.0,
-    0.0,
-    1.0,
-)
-# gmsh aborts where its random shift makes points change places: seen up to distances of 4 shifts.
-MIN_SPLIT_SHIFTS = 10.0
-
 
 def _cad_kernel(gmsh: Gmsh, domain: ModelDomain) -> Gmsh:
     """Return gmsh's built-in CAD kernel, which needs no tolerance; OpenCASCADE for inclusions."""
@@ -82,7 +72,10 @@ def _add_ellipsoid(
     tag = int(occ.addDisk(x, z, 0.0, 1.0, 1.0) if dim == 2 else occ.addSphere(x, y, z, 1.0))
     center_point, factors = ((x, z, 0.0), (a, c, 1.0)) if dim == 2 else ((x, y, z), (a, b, c))
     if dim == 3:
-        occ.rotate([(dim, tag)], *center_point, *TILT_ROTATION)
+        # Rotation axis and angle that take the seam and the poles of a ball out of all symmetry
+        # planes.
+        rotation = (1.0, -1.0, 0.0, 1.0)
+        occ.rotate([(dim, tag)], *center_point, *rotation)
     occ.dilate([(dim, tag)], *center_point, *factors)
     return tag
 
@@ -172,9 +165,12 @@ def _split_corners(
 def _top_split_points(domain: ModelDomain, sizes: Sizes, x0: float, x1: float) -> list[float]:
     """Return the points at which the top edge is split, from left to right.
 
-    No point lies closer to a corner or the axis than MIN_SPLIT_SHIFTS random shifts of gmsh.
+    No point lies closer to a corner or the axis than ten random shifts of gmsh.
     """
-    min_distance = MIN_SPLIT_SHIFTS * point_shift(domain, sizes) * domain.max_extent
+    # gmsh aborts where its random shift makes points change places: seen up to distances of 4
+    # shifts.
+    min_split_shifts = 10.0
+    min_distance = min_split_shifts * point_shift(domain, sizes) * domain.max_extent
     positions = [round(x0, LENGTH_DIGITS), round(x1, LENGTH_DIGITS)]
     for offset in (
         (0.0,) if sizes.punch_edge is None else (0.0, -sizes.punch_edge, sizes.punch_edge)

@@ -22,15 +22,6 @@ from indent_sim.model.tips import Indenter
 # Deviation from a plane, relative to the size of the body, up to which a face counts as level; and
 # a barycentric coordinate down to minus this value counts as inside its facet.
 LEVEL_TOLERANCE = 1e-9
-# The search for first contact bisects all edges this many times, and keeps this many facets each
-# time.
-BISECTIONS = 40
-FACETS_KEPT = 64
-KINEMATICS: dict[str, Kinematics] = {
-    "axisymmetric": Axisymmetric(),
-    "plane_strain": PlaneStrain(),
-    "3d": ThreeDimensional(),
-}
 
 
 @dataclass(frozen=True)
@@ -215,14 +206,18 @@ def first_contact_height(tip: Indenter, mesh: ImportedMesh, center: tuple[float,
     is_under_axis = (barycentric >= -LEVEL_TOLERANCE).all(axis=1)
     # The surface right under the apex, which need not be near a corner, is the first candidate.
     largest_height = float((barycentric * corners[..., -1]).sum(axis=1)[is_under_axis].max())
-    for _ in range(BISECTIONS):
+    # The search for first contact bisects all edges this many times, and keeps this many facets
+    # each time.
+    bisection_count = 40
+    facets_kept = 64
+    for _ in range(bisection_count):
         corners, _ = split_at_midpoints(list(np.moveaxis(corners, 1, 0)), lambda a, b: (a + b) / 2)
         x, y = np.moveaxis(
             np.pad(corners[..., :-1], ((0, 0), (0, 0), (0, 1)))[..., :2] - axis_position, -1, 0
         )
         facet_heights = (corners[..., -1] - tip.height(x, y)).max(axis=1)
         largest_height = max(largest_height, float(facet_heights.max()))
-        corners = corners[np.argsort(facet_heights)[-FACETS_KEPT:]]
+        corners = corners[np.argsort(facet_heights)[-facets_kept:]]
     return largest_height
 
 
@@ -379,7 +374,12 @@ def imported_domain(
             normal_axes[name] = axis
     mesh_with_surfaces = replace(mesh, grid=replace(mesh.grid, surfaces=surfaces))
     symmetry = source.kinematics if source.kinematics == "axisymmetric" else "full"
-    kinematics = KINEMATICS[source.kinematics]
+    kinematics_by_name: dict[str, Kinematics] = {
+        "axisymmetric": Axisymmetric(),
+        "plane_strain": PlaneStrain(),
+        "3d": ThreeDimensional(),
+    }
+    kinematics = kinematics_by_name[source.kinematics]
     height = mesh.height
     domain = ImportedDomain(
         kinematics,

@@ -19,10 +19,6 @@ from indent_sim.process.errors import MeshFileError
 # up to which faces count as level or vertical.
 LEVEL_TOLERANCE = 1e-9
 SURFACE_KEYS = {"top": "contact", "base": "base", "sides": "sides"}
-ORIENTATION_RULES = {
-    "top": "z points up and the tip comes from above: the contact surface must face up everywhere",
-    "base": "z points up: a base must face down or sideways",
-}
 ORIENTATIONS = {"top": "faces up", "base": "faces down and is level", "sides": "is vertical"}
 
 
@@ -221,9 +217,14 @@ def _check_orientation(
             f"{is_wrong.sum()} facets of '{name}' face {direction}, the first at "
             f"{format_midpoint(corners[is_wrong][0])}"
         )
-        raise mesh_file_error(
-            problem, ORIENTATION_RULES[surface], f"body.surfaces.{SURFACE_KEYS[surface]}"
-        )
+        rules = {
+            "top": (
+                "z points up and the tip comes from above: the contact surface must face up "
+                "everywhere"
+            ),
+            "base": "z points up: a base must face down or sideways",
+        }
+        raise mesh_file_error(problem, rules[surface], f"body.surfaces.{SURFACE_KEYS[surface]}")
 
 
 def _refuse_overhang(name: str | None, corners: np.ndarray) -> None:

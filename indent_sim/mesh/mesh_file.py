@@ -38,7 +38,7 @@ MAX_MESH_BYTES = 2 * 10**9
 # Limits of CPU time [s] and memory [bytes] for reading: a constant, and an amount per byte.
 READING_SECONDS = (10.0, 3e-6)
 READING_MEMORY = (500e6, 100.0)
-CELL_KINDS = {1: "lines", 2: "triangles", 3: "tetrahedra"}  # by dimension
+CELL_KINDS = {1: "lines", 2: "triangles", 3: "tetrahedra"}  # Keys are dimensions.
 CELL_VERTICES = {"line": 2, "triangle": 3, "tetra": 4, "line3": 2, "triangle6": 3, "tetra10": 4}
 VTK_EDGES = {  # Edges with midside nodes by the number of vertices, in the order of VTK.
     2: [(0, 1)],
@@ -46,11 +46,6 @@ VTK_EDGES = {  # Edges with midside nodes by the number of vertices, in the orde
     4: [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)],
 }
 ELSET = re.compile(r",\s*elset\s*=\s*([^,]*)", re.IGNORECASE)
-MAX_LISTED_NAMES = 12  # Names of a file that a message lists.
-MAX_QUOTED_LETTERS = 200  # Letters of a file that a message quotes.
-# Largest coordinate in a file: volumes, which are cubes of lengths, and their inverses do not
-# overflow.
-LARGEST_COORDINATE = 1e30
 
 
 @dataclass(frozen=True)
@@ -82,8 +77,10 @@ class MeshFile:
     def names_text(self) -> str:
         """Names of the groups and point sets in the file, for messages."""
         names = sorted({*self.groups, *self.point_sets})
-        listed_names = _quote(", ".join(names[:MAX_LISTED_NAMES])) + (
-            " and more" if len(names) > MAX_LISTED_NAMES else ""
+        # Names of a file that a message lists.
+        max_names = 12
+        listed_names = _quote(", ".join(names[:max_names])) + (
+            " and more" if len(names) > max_names else ""
         )
         return f"the file has {listed_names}" if names else "the file has no names"
 
@@ -240,8 +237,10 @@ def named_simplices(file: MeshFile, name: str, dim: int, key: str) -> np.ndarray
 
 
 def _quote(text: str) -> str:
-    """Return a text from a file, cut to MAX_QUOTED_LETTERS."""
-    return text if len(text) <= MAX_QUOTED_LETTERS else f"{text[:MAX_QUOTED_LETTERS]}..."
+    """Return a text from a file, cut to 200 letters."""
+    # Letters of a file that a message quotes.
+    max_letters = 200
+    return text if len(text) <= max_letters else f"{text[:max_letters]}..."
 
 
 def format_midpoint(corners: np.ndarray) -> str:
@@ -384,9 +383,12 @@ def _checked_points(mesh: Meshio, file: str) -> np.ndarray:
         raise mesh_file_error(
             f"'{file}' has no points, or points without two or three real coordinates"
         )
-    if not (np.abs(points := points.astype(float)) < LARGEST_COORDINATE).all():
+    # Largest coordinate in a file: volumes, which are cubes of lengths, and their inverses do not
+    # overflow.
+    largest_coordinate = 1e30
+    if not (np.abs(points := points.astype(float)) < largest_coordinate).all():
         raise mesh_file_error(
-            f"'{file}' has coordinates that are no numbers, or beyond {LARGEST_COORDINATE:g}"
+            f"'{file}' has coordinates that are no numbers, or beyond {largest_coordinate:g}"
         )
     return np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
 

@@ -12,14 +12,6 @@ from indent_sim.process.errors import BackendError, MeshError
 
 T = TypeVar("T")
 Gmsh = Any  # The module gmsh, which is imported only where it meshes, or one of its CAD kernels.
-# gmsh prints errors only, and sizes come from the size field alone.
-GMSH_OPTIONS = {
-    "General.Terminal": 1,
-    "General.Verbosity": 1,
-    "General.NumThreads": 1,
-    "Mesh.MeshSizeExtendFromBoundary": 0,
-    "Mesh.MeshSizeFromPoints": 0,
-}
 
 
 def call_in_mesher(function: Callable[..., T], *arguments: object) -> Callable[[], T]:
@@ -67,7 +59,15 @@ def gmsh_session() -> Iterator[Gmsh]:
     gmsh.initialize([], False)  # Without user configuration the mesh depends on the scene alone.
     try:
         signal.signal(signal.SIGINT, handler)
-        for option, value in GMSH_OPTIONS.items():
+        # gmsh prints errors only, and sizes come from the size field alone.
+        options = {
+            "General.Terminal": 1,
+            "General.Verbosity": 1,
+            "General.NumThreads": 1,
+            "Mesh.MeshSizeExtendFromBoundary": 0,
+            "Mesh.MeshSizeFromPoints": 0,
+        }
+        for option, value in options.items():
             gmsh.option.setNumber(option, value)
         gmsh.model.add("indent-sim")
         yield gmsh

@@ -13,7 +13,7 @@ from indent_sim.mesh.simplices import edge_keys
 from indent_sim.model.imported_body import MeshSurfaces
 
 ROWS_WRITTEN_AT_ONCE = 10**4  # Lines of text that are held in memory while a file is written.
-GMSH_TYPE = {(1, 1): 1, (2, 1): 2, (3, 1): 4, (2, 2): 9, (3, 2): 11}  # by dimension and order
+GMSH_TYPE = {(1, 1): 1, (2, 1): 2, (3, 1): 4, (2, 2): 9, (3, 2): 11}  # Keys: dimension, order.
 
 
 def msh_text_parts(

@@ -51,7 +51,7 @@ sqrt, log, exp = (partial(_apply_function, name) for name in ("sqrt", "log", "ex
 # Angles are in degrees.
 sin, cos, tan = (partial(_apply_to_degrees, name) for name in ("sin", "cos", "tan"))
 
-# Below this |x|, ln(1 + x) and its derivatives come from a series, which loses no digits.
+# Largest |x| at which ln(1 + x) and its derivatives come from a series, which loses no digits.
 LOG_SERIES_LIMIT = 0.03
 # ln(1 + x) = 2 z (1 + z^2/3 + z^4/5 + ...) with z = x / (2 + x); the next term is 1e-19.
 LOG_SERIES_FACTORS = (1 / 3, 1 / 5, 1 / 7, 1 / 9)
@@ -118,14 +118,7 @@ def macaulay(x: Expr) -> Expr:
     return where_less(0.0, x, x, 0.0 * x)
 
 
-# A principal stretch has no derivative where two of them are equal, but a symmetric function of the
-# stretches has. Where all three are equal, this number keeps the root away from zero, and a
-# function has to be written in another way (`power_sum`).
-STRETCH_REGULARIZATION = 1e-6
-# Up to this squared relative difference a pair of stretches is summed by six terms of its series;
-# the next one is 1e-13 of the sum for exponents up to 30.
-PAIR_SERIES_LIMIT = 1e-3
-# Up to this norm of the deviator, sums of powers come from their series.
+# Largest norm of the deviator at which sums of powers come from their series.
 SMALL_DEVIATOR = 3e-3
 
 
@@ -170,7 +163,11 @@ def unimodular_stretches(mean: Expr, square: Expr, cube: Expr) -> tuple[Expr, Ex
         The distinct stretch, the mean m of the other two, and the square of their half difference
         over m, ((l2 - l3)/(l2 + l3))^2.
     """
-    radius = sqrt(square + STRETCH_REGULARIZATION**2)
+    # A principal stretch has no derivative where two of them are equal, but a symmetric function of
+    # the stretches has. Where all three are equal, this number keeps the root away from zero, and a
+    # function has to be written in another way (`power_sum`).
+    regularization = 1e-6
+    radius = sqrt(square + regularization**2)
     cosine = cube / (2 * radius**3)
     sign = where_less(cosine, 0.0 * cosine, -1.0, 1.0)
     cosine = sign * cosine
@@ -181,7 +178,7 @@ def unimodular_stretches(mean: Expr, square: Expr, cube: Expr) -> tuple[Expr, Ex
         y = (8 * y**3 + cosine) / (12 * y * y - 3)
     distinct_stretch = sqrt(mean + 2 * sign * radius * y)
     # Product of the other two stretches: all three are roots of one cubic.
-    product = sqrt(1 - 3 * mean * STRETCH_REGULARIZATION**2) / distinct_stretch
+    product = sqrt(1 - 3 * mean * regularization**2) / distinct_stretch
     mean_stretch = sqrt(3 * mean - distinct_stretch * distinct_stretch + 2 * product) / 2
     return distinct_stretch, mean_stretch, radius * radius * 3 * (1 - y * y) / (4 * mean_stretch**4)
 
@@ -210,6 +207,9 @@ def pair_power_sum(exponent: Expr, mean_stretch: Expr, spread: Expr) -> Expr:
         )
         power = power * spread
         series = series + binomial * power
-    root = sqrt(maximum(spread, PAIR_SERIES_LIMIT))
+    # Largest squared relative difference at which a pair of stretches is summed by six terms of its
+    # series; the next one is 1e-13 of the sum for exponents up to 30.
+    series_limit = 1e-3
+    root = sqrt(maximum(spread, series_limit))
     direct_sum = (1 + root) ** exponent + (1 - root) ** exponent
-    return mean_stretch**exponent * where_less(spread, PAIR_SERIES_LIMIT, 2 * series, direct_sum)
+    return mean_stretch**exponent * where_less(spread, series_limit, 2 * series, direct_sum)

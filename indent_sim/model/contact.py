@@ -267,7 +267,9 @@ class Nitsche(_StiffnessLaw):
     # at 0.3.
     min_stiffness_factor: ClassVar[float] = 1.0
 
-    reason_not_condensable: ClassVar[str] = "Nitsche's method needs the stress inside the body"  # type: ignore[misc]
+    reason_not_condensable: ClassVar[str] = (  # type: ignore[misc]
+        "Nitsche's method needs the stress inside the body"
+    )
 
     @property
     def stiffness(self) -> Expr:  # type: ignore[override]

@@ -10,13 +10,6 @@ from math import inf
 
 from indent_sim.model.load_path import Control, LoadPath
 
-# A history on the elastic curve has between one and two times as many rows.
-HISTORY_ROWS = 200
-# Rows in each segment of a history on the whole body.
-ROWS_PER_SEGMENT = 20
-# A segment with a moving tip has at least `per_doubling` times as many time increments.
-LEAST_STEPS_PER_SEGMENT = 5
-
 
 @dataclass(frozen=True)
 class HistoryRow:
@@ -110,13 +103,15 @@ class History:
     def rows_per_segment(self) -> tuple[int, ...]:
         """Number of rows in each segment of `points_from_rest`; 1 for a jump.
 
-        A segment gets HISTORY_ROWS times its fraction of the duration, or times 1/segments if that
+        A segment gets 200 times its fraction of the duration, or times 1/segments if that
         is more.
         """
         spans = [end - start for (start, _), (end, _) in pairwise(self.points_from_rest)]
         fractions = [max(span / self.duration, 1.0 / len(spans)) for span in spans]
+        # A history on the elastic curve has between one and two times as many rows.
+        row_count = 200
         return tuple(
-            max(1, round(HISTORY_ROWS * fraction)) if span > 0 else 1
+            max(1, round(row_count * fraction)) if span > 0 else 1
             for fraction, span in zip(fractions, spans, strict=True)
         )
 
@@ -153,13 +148,13 @@ class History:
     def path(self) -> LoadPath:
         """Load path of the whole body with rows as its rows.
 
-        A segment with a moving tip has ROWS_PER_SEGMENT rows, a hold its end, a jump the state
+        A segment with a moving tip has 20 rows, a hold its end, a jump the state
         after it. With `times`, the rows are at those, and the path turns between them.
         """
+        # Rows in each segment of a history on the whole body.
+        segment_rows = 20
         return self._path_at_fractions(
-            lambda span, moves: (
-                [k / ROWS_PER_SEGMENT for k in range(1, ROWS_PER_SEGMENT)] if moves else []
-            )
+            lambda span, moves: [k / segment_rows for k in range(1, segment_rows)] if moves else []
         )
 
     def time_stepped_path(self, first_step: float, per_doubling: int) -> LoadPath:
@@ -171,7 +166,7 @@ class History:
             First increment of each segment [time].
         per_doubling : int
             Increments of each length before the length doubles. A segment with a moving tip has at
-            least LEAST_STEPS_PER_SEGMENT times as many.
+            least five times as many.
 
         Returns
         -------
@@ -181,7 +176,9 @@ class History:
 
         def step_fractions(span: float, moves: bool) -> list[float]:
             """Return the ends of the increments in a segment as fractions of its span."""
-            longest = span / (LEAST_STEPS_PER_SEGMENT * per_doubling) if moves else inf
+            # A segment with a moving tip has at least `per_doubling` times as many time increments.
+            least_steps = 5
+            longest = span / (least_steps * per_doubling) if moves else inf
             return [t / span for t in doubling_times(span, first_step, per_doubling, longest)]
 
         return replace(self._path_at_fractions(step_fractions), start_time=self.points[0][0])

@@ -135,7 +135,8 @@ class _IsochoricLaw(ElasticLaw):
     @property
     def volumetric_compliance(self) -> Expr:
         """1/kappa = 3 (1 - 2 nu)/(2 mu (1 + nu)) [1/pressure]; 0 when incompressible."""
-        return 3 * (1 - 2 * self.nu) / (2 * self.small_strain_mu * (1 + self.nu))  # type: ignore[operator]
+        assert self.nu is not None
+        return 3 * (1 - 2 * self.nu) / (2 * self.small_strain_mu * (1 + self.nu))
 
     def energy_parts(self, H: Expr) -> tuple[Expr, Expr]:
         """Return the isochoric energy and ln J.
@@ -193,7 +194,7 @@ class _IsochoricLaw(ElasticLaw):
         # I1 - 3, without loss of digits at small H. It is not scaled by J^(-2/3): that is concave
         # in ln J, and Newton's method then failed in uniform shear.
         elongation = ufl.variable(2 * ufl.tr(H) + ufl.inner(H, H))
-        # With k < 0, as of Ogden's law with alpha = 9, Newton's method did not converge (sphere,
+        # Newton's method did not converge with k < 0, as of Ogden's law with alpha = 9 (sphere,
         # depth 0.4 R).
         k = algebra.maximum(self.poynting_coefficient, 0.0)
         mean_stress = q + shear_fraction * k * elongation

@@ -320,7 +320,7 @@ class EllipsoidInclusion(_Inclusion):
         from scipy.optimize import brentq
 
         s = np.array([self.semi_axes[axis] for axis in axes])
-        # On a plane of symmetry the farthest point is not unique: points are moved off it.
+        # The farthest point is not unique on a plane of symmetry: points are moved off it.
         offset = np.array([abs(point[axis] - self.center[axis]) for axis in axes]) + 1e-12 * s
         squared_differences = (s.max() - s) * (s.max() + s)
         # One term of the sum is 1 at the lower end, none is above 1/len(s) at the upper one.

@@ -70,7 +70,8 @@ class Loading:
         times = () if isinstance(self.times, str) else self.times
         if not points:
             return None
-        return History("depth" if self.history else "force", points, times)  # type: ignore[arg-type]
+        control = "depth" if self.history else "force"
+        return History(control, points, times)  # type: ignore[arg-type]
 
     def path(self) -> LoadPath:
         """Return the requested depths or forces in order for a loading without time."""

@@ -36,12 +36,6 @@ ENDED_TIP_HEIGHT = 1e15
 STEM_HALF_ANGLE = 30.0
 # Added to a radius of curvature [length], so that sharp corners are not divided by zero.
 TINY_LENGTH = 1e-30
-# A tip is round up to a radius r if the spheres through its apex and its surface at r and at r/2
-# differ by at most this fraction of their radius. They differ by 5 % for a paraboloid at r = R/2,
-# and by a factor of 2 for a cone.
-MAX_RADIUS_DIFFERENCE = 0.1
-# Step of the numerical derivative of a tip's height, relative to the radius.
-SLOPE_STEP = 1e-6
 
 Angle = Annotated[float, ANGLE]
 Faces = Annotated[int, Ge(3), Le(64)]
@@ -60,7 +54,9 @@ class _Tip:
 
     def slope(self, r: Expr) -> Expr:
         """Return f'(r), by a central difference of the height."""
-        step = SLOPE_STEP * r
+        # Step of the numerical derivative of a tip's height, relative to the radius.
+        relative_step = 1e-6
+        step = relative_step * r
         return (self.height(r + step, 0.0 * r) - self.height(r - step, 0.0 * r)) / (2 * step)
 
     def slope_discontinuities(self) -> list[tuple[float, float]]:
@@ -74,7 +70,11 @@ class _Tip:
         there.
         """
         inner_radius, radius = (_sphere_radius(x, float(self.height(x, 0.0))) for x in (r / 2, r))
-        return radius if abs(inner_radius - radius) <= MAX_RADIUS_DIFFERENCE * radius else None
+        # A tip is round up to a radius r if the spheres through its apex and its surface at r and
+        # at r/2 differ by at most this fraction of their radius. They differ by 5 % for a
+        # paraboloid at r = R/2, and by a factor of 2 for a cone.
+        max_difference = 0.1
+        return radius if abs(inner_radius - radius) <= max_difference * radius else None
 
     def characteristic_strain(self, delta: float, a: float) -> tuple[float, str]:
         """Return the strain beside a contact, and the formula that gave it.

@@ -21,8 +21,6 @@ _FACTOR = re.compile(
     r"(?P<sign>[*/·]?)\s*(?P<name>[^\W\d_]+|[%°])(?:(?:\^|\*\*)?(?P<power>-?\d|[²³]))?\s*"
 )
 _DIVISOR = re.compile(r"/\s*\(\s*([^()]*?)\s*\)")
-_SUPERSCRIPTS = {"²": 2, "³": 3}
-ENERGY_POWERS = {"length": 3, "pressure": 1}
 
 
 def parse_unit_factors(text: str) -> list[tuple[str, int]]:
@@ -33,11 +31,12 @@ def parse_unit_factors(text: str) -> list[tuple[str, int]]:
     expanded = _DIVISOR.sub(lambda match: "/" + re.sub(r"\s*[*·]\s*|\s+", "/", match[1]), text)
     unit_factors = []
     end = 0
+    superscripts = {"²": 2, "³": 3}
     for match in _FACTOR.finditer(expanded):
         if match.start() != end:
             break
         end = match.end()
-        power = _SUPERSCRIPTS.get(match["power"] or "", 0) or int(match["power"] or 1)
+        power = superscripts.get(match["power"] or "", 0) or int(match["power"] or 1)
         unit_factors.append((match["name"], -power if match["sign"] == "/" else power))
     if end != len(expanded):
         raise ValueError(f"'{text}' is not a product of units")
@@ -57,8 +56,9 @@ class Unit:
     def powers(self) -> dict[str, int]:
         """Powers of length, pressure, force, time and degrees; an energy is pressure length^3."""
         powers: Counter[str] = Counter()
+        energy_powers = {"length": 3, "pressure": 1}
         for unit_name, power in parse_unit_factors(self.text.removeprefix("1")):
-            base_units = ENERGY_POWERS if unit_name == "energy" else {unit_name: 1}
+            base_units = energy_powers if unit_name == "energy" else {unit_name: 1}
             powers.update({name: power * multiplicity for name, multiplicity in base_units.items()})
         return powers
 

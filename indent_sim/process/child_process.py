@@ -24,9 +24,6 @@ from typing import Any
 from indent_sim.process import usage
 from indent_sim.process.ranks import environment_without_launcher
 
-# The last error message is searched in so many bytes at the end of the printed output.
-CRASH_OUTPUT_BYTES = 4096
-
 
 class ProcessCrash(Exception):
     """The child process ended before its answer.
@@ -74,7 +71,7 @@ class ChildProcess:
         search_path = os.pathsep.join(map(os.path.abspath, sys.path))
         self._output = TemporaryFile()  # noqa: SIM115
         self._process = subprocess.Popen(
-            # With -P, a file in the working directory is not imported in place of a library.
+            # Option -P: no file in the working directory is imported in place of a library.
             [sys.executable, "-P", "-m", __name__, *self._modules],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -163,7 +160,9 @@ class ChildProcess:
         if code < 0:
             ending = f"died of {signal.Signals(-code).name}"
         length = self._output.seek(0, os.SEEK_END)
-        self._output.seek(max(0, length - CRASH_OUTPUT_BYTES))
+        # The last error message is searched in so many bytes at the end of the printed output.
+        max_bytes = 4096
+        self._output.seek(max(0, length - max_bytes))
         lines = self._output.read().decode("utf-8", "replace").splitlines()
         errors = [line for line in lines if line.startswith("Error")]
         if errors:

@@ -17,14 +17,6 @@ from pathlib import Path
 from indent_sim.process.errors import BackendError, IndentSimError, NotConverged, UsageError
 from indent_sim.process.usage import address_space
 
-# A small run was observed to have up to 32 files open at a time.
-MIN_OPEN_FILES = 48
-# Open MPI and the linear algebra were observed to start 15 processes and threads.
-MIN_TASKS = 20
-# The libraries alone were observed to use 700 MB of address space [bytes].
-MIN_ADDRESS_SPACE = 800e6
-# Parts of the messages of petsc4py if PETSc or MUMPS has too little memory.
-OUT_OF_MEMORY_SIGNS = ("error code 55\n", "PetscMalloc", "INFOG(1)=-13")
 DISK_FULL_ERRORS = (errno.ENOSPC, errno.EDQUOT)
 
 
@@ -46,9 +38,15 @@ def require_resources() -> None:
         raise UsageError(
             "the working directory does not exist any more", "change to an existing folder"
         ) from error
-    _require_limit("open files", "ulimit -n", resource.RLIMIT_NOFILE, MIN_OPEN_FILES)
-    _require_limit("MB of memory", "ulimit -v", resource.RLIMIT_AS, MIN_ADDRESS_SPACE / 1e6, 1e6)
-    _require_limit("processes and threads", "ulimit -u", resource.RLIMIT_NPROC, MIN_TASKS)
+    # A small run was observed to have up to 32 files open at a time.
+    min_open_files = 48
+    # Open MPI and the linear algebra were observed to start 15 processes and threads.
+    min_tasks = 20
+    # The libraries alone were observed to use 700 MB of address space [bytes].
+    min_address_space = 800e6
+    _require_limit("open files", "ulimit -n", resource.RLIMIT_NOFILE, min_open_files)
+    _require_limit("MB of memory", "ulimit -v", resource.RLIMIT_AS, min_address_space / 1e6, 1e6)
+    _require_limit("processes and threads", "ulimit -u", resource.RLIMIT_NPROC, min_tasks)
     folder = Path(os.environ.get("TMPDIR") or "/tmp")
     if not folder.is_dir():
         return  # Libraries create it, or use another one.
@@ -130,8 +128,10 @@ def translate_resource_errors() -> Iterator[None]:
 
 def _resource_error(error: BaseException) -> IndentSimError | None:
     """The expected failure that stands for an exception; None if it is another error."""
+    # Parts of the messages of petsc4py if PETSc or MUMPS has too little memory.
+    out_of_memory_signs = ("error code 55\n", "PetscMalloc", "INFOG(1)=-13")
     is_memory = isinstance(error, MemoryError) or any(
-        sign in str(error) for sign in OUT_OF_MEMORY_SIGNS
+        sign in str(error) for sign in out_of_memory_signs
     )
     number = errno.ENOMEM if is_memory else getattr(error, "errno", None)
     place = f" {name}" if (name := getattr(error, "filename", None)) else ""

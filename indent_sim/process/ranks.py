@@ -9,22 +9,6 @@ from collections.abc import Callable
 from math import inf
 from typing import Any, TypeVar
 
-# Environment variables by which mpirun and srun pass the number of ranks and the own rank, before
-# MPI is initialized.
-RANK_COUNT_VARIABLES = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MPI_LOCALNRANKS")
-RANK_VARIABLES = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK", "MPI_LOCALRANKID")
-# Prefixes of all variables by which mpirun and srun address their processes. A child process must
-# not register with the launcher, which would abort the whole job when the process is stopped.
-LAUNCHER_PREFIXES = (
-    "SLURM_",
-    "PMI_",
-    "PMIX_",
-    "PRTE_MCA_ess",
-    "OMPI_COMM_",
-    "OMPI_UNIVERSE_",
-    "OMPI_MCA_orte_",
-    "OMPI_MCA_ess",
-)
 # A rank that has failed waits so long for the others [s].
 RANK_TIMEOUT = 10.0
 T = TypeVar("T")
@@ -93,18 +77,35 @@ class FailureConsensus:
 
 def is_parallel() -> bool:
     """True if this process was started as one of several ranks."""
-    return any(os.environ.get(name, "1") not in ("", "0", "1") for name in RANK_COUNT_VARIABLES)
+    # mpirun and srun pass the number of ranks by these variables, before MPI is initialized.
+    variables = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MPI_LOCALNRANKS")
+    return any(os.environ.get(name, "1") not in ("", "0", "1") for name in variables)
 
 
 def is_root() -> bool:
     """True if this process was started as rank 0, or without a launcher."""
-    return all(os.environ.get(name, "0") in ("", "0") for name in RANK_VARIABLES)
+    # mpirun and srun pass the own rank by these variables, before MPI is initialized.
+    variables = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK", "MPI_LOCALRANKID")
+    return all(os.environ.get(name, "0") in ("", "0") for name in variables)
 
 
 def environment_without_launcher() -> dict[str, str]:
     """Environment of a child process that is not a rank."""
+    # Prefixes of all variables by which mpirun and srun address their processes. A child process
+    # must not register with the launcher, which would abort the whole job when the process is
+    # stopped.
+    launcher_prefixes = (
+        "SLURM_",
+        "PMI_",
+        "PMIX_",
+        "PRTE_MCA_ess",
+        "OMPI_COMM_",
+        "OMPI_UNIVERSE_",
+        "OMPI_MCA_orte_",
+        "OMPI_MCA_ess",
+    )
     return {
-        name: value for name, value in os.environ.items() if not name.startswith(LAUNCHER_PREFIXES)
+        name: value for name, value in os.environ.items() if not name.startswith(launcher_prefixes)
     }
 
 

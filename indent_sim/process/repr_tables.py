@@ -11,7 +11,6 @@ from indent_sim.process.errors import printable
 
 # Larger tables and cells are abbreviated.
 MAX_ROWS = 20
-MAX_CELL_CHARACTERS = 60
 ELLIPSIS = "…"
 
 
@@ -67,6 +66,7 @@ def cell_text(value: Any) -> str:
     if value is None or value != value:
         return ""
     text = f"{value:.6g}" if isinstance(value, float) else printable(str(value))
-    if len(text) <= MAX_CELL_CHARACTERS:
+    max_characters = 60
+    if len(text) <= max_characters:
         return text
-    return f"{text[: MAX_CELL_CHARACTERS - 1]}{ELLIPSIS}"
+    return f"{text[: max_characters - 1]}{ELLIPSIS}"

@@ -9,8 +9,6 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
-MAX_RESULT_BYTES = 10**9  # A longer file is not read: it would fill the memory.
-
 
 def write_atomically(path: Path, content: str | bytes | Iterable[str], sync: bool = True) -> None:
     """Replace a file at once: a reader or a kill finds the old content or the new one.
@@ -110,10 +108,12 @@ def read_regular_file(path: Path) -> bytes:
 
     A pipe or a device might never end.
     """
+    # A longer file is not read: it would fill the memory.
+    max_bytes = 10**9
     with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
         if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
             raise OSError(errno.EINVAL, "not a regular file", str(path))
-        data = file.read(MAX_RESULT_BYTES + 1)
-    if len(data) > MAX_RESULT_BYTES:
+        data = file.read(max_bytes + 1)
+    if len(data) > max_bytes:
         raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
     return data

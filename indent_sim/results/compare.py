@@ -30,12 +30,7 @@ from indent_sim.results.table_interpolation import (
 from indent_sim.results.tables import DYNAMIC, EXPERIMENT, WORD_COLUMNS
 from indent_sim.results.unit_conversion import convert_to_common_units, refuse_different_units
 
-MAX_DIFFERENCES = 10  # A message lists no more differences than these.
 DEFAULT_RTOL = 1e-6
-# Depths or times are the same within this relative tolerance. Rows are matched by name if at least
-# half of them are at the same depth or time.
-SAME_PLACE_RTOL = 1e-9
-MIN_MATCHED_FRACTION = 0.5
 # One relative tolerance for all columns, or one per column.
 Tolerances = float | Mapping[str, float]
 
@@ -91,9 +86,11 @@ class Comparison:
     def check(self) -> None:
         """Raise VerificationError if the two tables differ."""
         if self.differences:
-            remaining = len(self.differences) - MAX_DIFFERENCES
+            # A message lists no more differences than these.
+            max_differences = 10
+            remaining = len(self.differences) - max_differences
             lines = [
-                *self.differences[:MAX_DIFFERENCES],
+                *self.differences[:max_differences],
                 *([f"and {remaining} more"] if remaining > 0 else []),
             ]
             raise VerificationError("the two results differ\n" + "\n".join(lines))
@@ -219,9 +216,11 @@ def _compare_tables(
         "t" in table and (np.diff(table["t"]) >= 0).all() for table in (A, B)
     )
     abscissa = "t" if has_times else "delta"
+    # Depths or times are the same within this relative tolerance.
+    place_rtol = 1e-9
     abscissa_rtol = {
-        "delta": max(tolerances.get("delta", 0.0), SAME_PLACE_RTOL),
-        "t": SAME_PLACE_RTOL,
+        "delta": max(tolerances.get("delta", 0.0), place_rtol),
+        "t": place_rtol,
     }[abscissa]
     compare_interpolated = _compare_by_time if has_times else _compare_by_depth
     is_matched = key == "row" or _is_matched(A, B, matched_A, matched_B, abscissa, abscissa_rtol)
@@ -276,9 +275,11 @@ def _is_matched(
     a = A[abscissa][matched_A]
     b = B[abscissa][matched_B]
     is_close = np.isclose(a, b, rtol=rtol, atol=0.0, equal_nan=True)
+    # Rows are matched by name if at least half of them are at the same depth or time.
+    min_fraction = 0.5
     if "step" in A and "step" in B:
-        return bool(is_close.mean() >= MIN_MATCHED_FRACTION)
-    return len(matched_A) >= MIN_MATCHED_FRACTION * min(len(A[abscissa]), len(B[abscissa]))
+        return bool(is_close.mean() >= min_fraction)
+    return len(matched_A) >= min_fraction * min(len(A[abscissa]), len(B[abscissa]))
 
 
 def _compare_by_time(

@@ -36,13 +36,7 @@ from indent_sim.results.field_arrays import (
 )
 from indent_sim.results.result_files import FIELDS_FOLDER, KeptStates, field_files
 
-TOPOLOGY_TYPES = {2: "Polyline", 3: "Triangle", 4: "Tetrahedron"}
 TIP_XDMF_FILE = "tip.xdmf"
-OLD_FIELDS_FILE = "fields.h5"
-XDMF_HEAD = '<?xml version="1.0"?>\n<Xdmf Version="3.0">\n<Domain>\n'
-XDMF_COLLECTION = '<Grid Name="indent-sim" GridType="Collection" CollectionType="Temporal">\n'
-# XML readers turn unescaped line ends and tabs of an attribute into blanks.
-BLANK_ESCAPES = str.maketrans({"\n": "&#10;", "\r": "&#13;", "\t": "&#9;"})
 
 
 @dataclass(frozen=True)
@@ -96,7 +90,9 @@ class FieldWriter:
         # to find the number of states.
         items = (information or {}).items()
         elements = "".join(_information_xml(name, value) for name, value in items)
-        self._index_head = XDMF_HEAD + elements + XDMF_COLLECTION
+        head = '<?xml version="1.0"?>\n<Xdmf Version="3.0">\n<Domain>\n'
+        collection = '<Grid Name="indent-sim" GridType="Collection" CollectionType="Temporal">\n'
+        self._index_head = head + elements + collection
         points, cells, regions, self._tip = body
         self._mesh = {
             "points": vectors_in_3d(points),
@@ -116,7 +112,7 @@ class FieldWriter:
             }
             mesh = {name: values.astype(kinds[name]) for name, values in self._mesh.items()}
             write_atomically(self._fields_folder / FIELDS_MESH_FILE, _hdf5_bytes(mesh), sync=False)
-            (self.directory / OLD_FIELDS_FILE).unlink(missing_ok=True)
+            (self.directory / "fields.h5").unlink(missing_ok=True)
         self._write_index()
 
     def write(
@@ -237,8 +233,9 @@ class FieldWriter:
         node_count = f' NodesPerElement="{corners}"' if corners == 2 else ""
         head = f'<Grid Name="step {step}" GridType="Uniform">\n<Time Value="{time:.17g}"/>\n'
         head += f'<Information Name="delta" Value="{delta:.17g}"/>\n'
+        topology_types = {2: "Polyline", 3: "Triangle", 4: "Tetrahedron"}
         topology = (
-            f'<Topology TopologyType="{TOPOLOGY_TYPES[corners]}"{node_count} '
+            f'<Topology TopologyType="{topology_types[corners]}"{node_count} '
             f'NumberOfElements="{len(cells)}">'
         )
         topology += (
@@ -270,7 +267,9 @@ def _information_xml(name: str, value: str) -> str:
 
 def _quote_attribute(text: str) -> str:
     """Quote a value of an XML attribute; xml.sax would load modules for internet access."""
-    return f'"{html.escape(text).translate(BLANK_ESCAPES)}"'
+    # XML readers turn unescaped line ends and tabs of an attribute into blanks.
+    blank_escapes = str.maketrans({"\n": "&#10;", "\r": "&#13;", "\t": "&#9;"})
+    return f'"{html.escape(text).translate(blank_escapes)}"'
 
 
 def _attribute_xml(

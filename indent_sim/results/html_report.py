@@ -18,9 +18,6 @@ from indent_sim.results.result_files import PROGRAM
 
 # A number in a sentence, but not the digits of a name.
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\d)")
-MAX_TABLE_ROWS = 100  # A longer table is thinned.
-REPORT_FILE = "report.html"
-REPORT_FORMATS = (".html", ".htm")
 
 
 @dataclass(frozen=True)
@@ -116,7 +113,7 @@ def _merge_lines(lines: Sequence[str]) -> str:
 def thinned_table(
     title: str, head: Sequence[str], rows: Sequence[Sequence[object]], words: str = ""
 ) -> Table:
-    """Return a table of numbers with at most MAX_TABLE_ROWS evenly spaced rows.
+    """Return a table of numbers with at most 100 evenly spaced rows.
 
     Parameters
     ----------
@@ -127,7 +124,9 @@ def thinned_table(
     words
         A sentence about the table.
     """
-    kept_rows = np.linspace(0, len(rows) - 1, min(MAX_TABLE_ROWS, len(rows))).round().astype(int)
+    # A longer table is thinned.
+    max_rows = 100
+    kept_rows = np.linspace(0, len(rows) - 1, min(max_rows, len(rows))).round().astype(int)
     row_count_text = f"{len(kept_rows)} of {len(rows)} rows. " if len(kept_rows) < len(rows) else ""
     return Table(
         title,

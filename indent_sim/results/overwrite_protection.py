@@ -21,18 +21,16 @@ from indent_sim.results.result_files import (
     read_report,
 )
 
-# A run with one of these exit codes has all its rows; 6 means less accurate than required.
-COMPLETE_EXIT_CODES = (0, 6)
-# These keys change neither the numbers nor which of them are kept.
-IGNORED_KEYS = ("title", "output.directory", "output.plot")
 MAX_DIFFERENCES = 5  # A message names no more differences than these.
 
 
 def is_finished(report: Report) -> bool:
     """Return whether the run of a run.json computed all its rows."""
+    # A run with one of these exit codes has all its rows; 6 means less accurate than required.
+    complete_exit_codes = (0, 6)
     return (
         report.get("status") in ("done", "failed")
-        and report.get("exit_code") in COMPLETE_EXIT_CODES
+        and report.get("exit_code") in complete_exit_codes
     )
 
 
@@ -108,9 +106,11 @@ def scene_differences(
     old_values["accuracy"] = old_options.get("accuracy")
     new_values["accuracy"] = new_options.get("accuracy")
     differences = []
+    # These keys change neither the numbers nor which of them are kept.
+    ignored_keys = ("title", "output.directory", "output.plot")
     for key in {**old_values, **new_values}:
         is_ignored = (
-            key in automatic_keys or key.partition("[")[0] in automatic_keys or key in IGNORED_KEYS
+            key in automatic_keys or key.partition("[")[0] in automatic_keys or key in ignored_keys
         )
         if not is_ignored and old_values.get(key) != new_values.get(key):
             differences.append(_difference_clause(key, old_values.get(key), new_values.get(key)))

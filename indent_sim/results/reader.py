@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     import pandas
 
 RUN_AGAIN_REMEDY = "run its scene again without --resume, or with another --output"
-# A notebook shows these columns.
-REPR_COLUMNS = ("step", "t", "delta", "force", "force_error", "a", "p_max", "branch")
 COMPARED_COLUMNS = ("delta", "force", "a")
 MEASURED = "measured"  # This entry of a report marks a measured curve.
 # Not every run has these columns.
@@ -101,8 +99,12 @@ class Results:
 
     def _repr_table(self) -> ReprTable:
         """Table that a notebook shows: the most important columns, and how the run ended."""
+        # A notebook shows these columns.
+        shown_columns = ("step", "t", "delta", "force", "force_error", "a", "p_max", "branch")
         names = [
-            name for name in REPR_COLUMNS if name in self.table and np.any(self[name] == self[name])
+            name
+            for name in shown_columns
+            if name in self.table and np.any(self[name] == self[name])
         ]
         rows = list(zip(*(self[name].tolist() for name in names), strict=True))
         units = ", ".join(filter(None, (self.report.get("units") or {}).values()))

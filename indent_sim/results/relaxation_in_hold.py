@@ -9,9 +9,6 @@ import numpy as np
 
 from indent_sim.results.reader import Results
 
-MIN_HOLD_ROWS = 4
-FRACTION_ROUNDING = 1e-12
-
 
 @dataclass(frozen=True)
 class HoldRelaxation:
@@ -43,10 +40,11 @@ class HoldRelaxation:
             return nan
         after = int(np.argmax(self.remaining_fraction <= 0.5))
         neighbours = slice(after - 1, after + 1)
+        rounding = 1e-12
         return float(
             np.interp(
                 log(2),
-                -np.log(np.maximum(self.remaining_fraction[neighbours], FRACTION_ROUNDING)),
+                -np.log(np.maximum(self.remaining_fraction[neighbours], rounding)),
                 self.t[neighbours],
             )
         )
@@ -57,7 +55,8 @@ def first_hold(results: Results) -> HoldRelaxation | None:
     if not {"t", "branch"} <= set(results.table):
         return None
     hold_rows = np.flatnonzero(results["branch"] == "hold")
-    if len(hold_rows) < MIN_HOLD_ROWS or hold_rows[0] == 0:
+    min_rows = 4
+    if len(hold_rows) < min_rows or hold_rows[0] == 0:
         return None
     ends = np.flatnonzero(np.diff(hold_rows) > 1)
     rows = np.arange(hold_rows[0] - 1, hold_rows[ends[0] if len(ends) else -1] + 1)

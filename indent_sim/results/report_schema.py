@@ -17,7 +17,6 @@ from indent_sim.process.errors import UsageError
 from indent_sim.results.csv_table import LARGEST_NUMBER
 from indent_sim.results.result_files import PROGRAM, REPORT, Report, read_report
 
-NEW_FOLDER_REMEDY = "delete the folder and run its scene again, or choose another --output"
 Number = Annotated[float, AllowInfNan(False), Ge(-LARGEST_NUMBER)]
 OptionalNumber = Number | None
 Count = Annotated[int, Ge(0)]
@@ -135,9 +134,8 @@ def checked_report(folder: Path) -> Report:
 
 def _damaged_report(folder: Path, why: str) -> UsageError:
     """Return the error for a damaged run.json, with its reason and remedy."""
-    return UsageError(
-        f"{folder / REPORT} is damaged: {why}", NEW_FOLDER_REMEDY, str(folder / REPORT)
-    )
+    remedy = "delete the folder and run its scene again, or choose another --output"
+    return UsageError(f"{folder / REPORT} is damaged: {why}", remedy, str(folder / REPORT))
 
 
 def _check_theory(theory: Report) -> None:

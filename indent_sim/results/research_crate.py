@@ -24,7 +24,6 @@ from indent_sim.results.result_files import (
 )
 
 CrateEntity = dict[str, Any]  # JSON-LD object of a file, folder, program or action.
-CRATE_PROFILE = "https://w3id.org/ro/crate/1.1"
 MEDIA_TYPES = {
     ".csv": "text/csv",
     ".json": "application/json",
@@ -92,18 +91,19 @@ def write_crate(folder: Path, parts: Sequence[str]) -> None:
         "hasPart": [{"@id": part["@id"]} for part in part_entities],
     }
     root |= {"datePublished": report["finished"]} if report.get("finished") else {}
+    profile = "https://w3id.org/ro/crate/1.1"
     descriptor: CrateEntity = {
         "@id": CRATE,
         "@type": "CreativeWork",
         "name": CRATE_SIGNATURE,
         "about": {"@id": "./"},
-        "conformsTo": {"@id": CRATE_PROFILE},
+        "conformsTo": {"@id": profile},
     }
     graph = [descriptor, root | {"mentions": {"@id": "#run"}}, *part_entities, action, program]
     try:
         write_atomically(
             folder / CRATE,
-            to_json({"@context": f"{CRATE_PROFILE}/context", "@graph": graph}) + "\n",
+            to_json({"@context": f"{profile}/context", "@graph": graph}) + "\n",
         )
     except OSError as error:
         raise write_error(folder / CRATE, error) from error

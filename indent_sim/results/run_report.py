@@ -30,10 +30,6 @@ from indent_sim.results.reader import Results, read_history, read_run
 from indent_sim.results.result_files import CONFIG, PROGRAM, Report
 from indent_sim.results.tables import EXPERIMENT
 
-AUDIT_NOTE = (
-    "Largest relative difference between the contact force and the reactions of the supports; "
-    "a row is rejected if it is 1e-8 or more."
-)
 CAPTIONS = {
     "force": "Force over depth",
     "pressure": "Pressure on the surface at the largest force",
@@ -43,11 +39,6 @@ CAPTIONS = {
     "film": "Von Mises stress",
     "swelling": "Swelling: volume relative to the dry gel",
 }
-EXPERIMENT_CAPTION = (
-    "Force, depth and displacement of the base over time, or along the branches of an equilibrium "
-    "curve; force over the contact radius, or derived quantities over time"
-)
-HISTORY_CAPTION = "Quantities that change in time, and the force over a depth that changes"
 
 
 def run_page(folder: Path) -> str:
@@ -124,7 +115,11 @@ def _audit_table(report: Report) -> Table:
         [name.replace("_", " "), value_text(value)]
         for name, value in _report_section(report, "audit").items()
     ]
-    return Table("Audit", ["what", "value"], rows, AUDIT_NOTE)
+    note = (
+        "Largest relative difference between the contact force and the reactions of the supports; "
+        "a row is rejected if it is 1e-8 or more."
+    )
+    return Table("Audit", ["what", "value"], rows, note)
 
 
 def _key_numbers(results: Results) -> list[tuple[str, str]]:
@@ -305,10 +300,14 @@ def _run_pictures(results: Results) -> list[Picture]:
     if in_time and len(steps) == len(results):
         pictures += [_film_picture(results, name) for name in _film_fields(results, steps[-1])]
     if experiment.has_elastic_curve(results.path, results.report):
+        caption = (
+            "Force, depth and displacement of the base over time, or along the branches of an "
+            "equilibrium curve; force over the contact radius, or derived quantities over time"
+        )
         pictures.append(
             Picture(
                 figures.svg_element(partial(experiment.draw, results.path)),
-                EXPERIMENT_CAPTION,
+                caption,
                 broad=True,
             )
         )
@@ -318,7 +317,8 @@ def _run_pictures(results: Results) -> list[Picture]:
 def _history_picture(results: Results) -> Picture:
     """Return the picture of a history in time."""
     is_broad = len(history.panel_names(results)) > 1
-    return Picture(figures.svg_element(partial(history.draw, results)), HISTORY_CAPTION, is_broad)
+    caption = "Quantities that change in time, and the force over a depth that changes"
+    return Picture(figures.svg_element(partial(history.draw, results)), caption, is_broad)
 
 
 def _film_fields(results: Results, step: int) -> list[str]:

@@ -9,9 +9,6 @@ import numpy as np
 from indent_sim.model.tips import Indenter, RegularPyramid, Sphere, max_radius
 
 SectionCurve = tuple[np.ndarray, np.ndarray]  # Distance from the axis s, and height z [length].
-# A surface in 3D has so many sections in a whole turn, and points in each.
-SECTIONS_PER_TURN = 96
-SURFACE_RINGS = 40
 
 
 @dataclass(frozen=True)
@@ -118,9 +115,11 @@ def _tip_surface(tip: Indenter, width: float) -> tuple[np.ndarray, np.ndarray]:
     The edges of a pyramid are among the sections.
     """
     edges, begin = (2 * tip.faces, tip.rotation) if isinstance(tip, RegularPyramid) else (1, 0.0)
-    section_count = -(-SECTIONS_PER_TURN // edges) * edges
+    sections_per_turn = 96
+    points_per_section = 40
+    section_count = -(-sections_per_turn // edges) * edges
     angles = begin + 360 * np.arange(section_count) / section_count
-    sections = [half_section(tip, width, angle, SURFACE_RINGS) for angle in angles]
+    sections = [half_section(tip, width, angle, points_per_section) for angle in angles]
     rings = len(sections[0][0])
     angled_sections = zip(np.radians(angles), sections, strict=True)
     points = [

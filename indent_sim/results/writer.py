@@ -40,17 +40,6 @@ from indent_sim.results.result_files import (
 )
 from indent_sim.results.tables import DYNAMIC, EXPERIMENT, SURFACE
 
-WRITER_ENTRIES = {
-    "program",
-    "version",
-    "status",
-    "exit_code",
-    "reason",
-    "rows",
-    "started",
-    "finished",
-}
-
 
 class ResultFolder:
     """The files of one run, written while it goes on; a context manager, used on rank 0 alone.
@@ -166,8 +155,18 @@ class ResultFolder:
         blocks = tables.surface_blocks(self.path / SURFACE) if self._surface == "last" else {}
         depths = [(earlier.states[step - 1].delta, block) for step, block in blocks.items()]
         self._deepest_surface = max(depths, default=self._deepest_surface)
+        writer_entries = {
+            "program",
+            "version",
+            "status",
+            "exit_code",
+            "reason",
+            "rows",
+            "started",
+            "finished",
+        }
         old_entries = {
-            name: value for name, value in earlier.report.items() if name not in WRITER_ENTRIES
+            name: value for name, value in earlier.report.items() if name not in writer_entries
         }
         self.report = (
             old_entries

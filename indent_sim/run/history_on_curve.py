@@ -17,6 +17,7 @@ from indent_sim.model.relaxation import Relaxation
 from indent_sim.model.units import Scales
 from indent_sim.process.errors import NotConverged
 from indent_sim.run.derived_quantities import Equilibrium, punches_of
+from indent_sim.run.measured_constants import EDGE_SHIFT, MIN_PULL_OFF_ERROR
 from indent_sim.scene.prescribed_history import needs_time_stepping, remaining_modulus_fraction
 from indent_sim.scene.reference_theory import relative_tip
 from indent_sim.scene.scene import Scene
@@ -37,18 +38,8 @@ CURVE_POINTS = 200  # rows of an experiment without a history
 # Least sampled depth, relative to the largest; the curve is a power law below it.
 MIN_DEPTH_FRACTION = 1e-5
 CURVE_SAMPLES = 80  # samples of an elastic curve
-MIN_CONTACT_ELEMENTS = 2.0  # least number of elements in the contact of a sample
 # The curve is sampled slightly beyond the requested depth.
 DEPTH_OVERSHOOT = 1.001
-# Distance from the zero of the edge pressure of nodal punches to the end of the contact, relative
-# to the distance of nodes. Measured against theory on layers of nu = 0 to 0.5: 0.14 to 0.18 and
-# 0.04 to 0.08.
-EDGE_SHIFT = {"displacement": 0.16, "mixed": 0.06}
-# Least error of the depth at pull-off under force control on a mesh, relative to that under depth
-# control; measured: 0.0019.
-MIN_PULL_OFF_ERROR = 0.002
-RADIUS_VARIATION = 0.05  # relative change of the tip's radius for the exponent of the force
-DIMENSIONAL_PARTS = ("adhesion", "cantilever")  # parts of run.json whose numbers have units
 
 
 @dataclass(frozen=True)
@@ -119,9 +110,11 @@ class HistoryResult:
         }
         rows = [HistoryRow(**_scale_numbers(vars(row), units)) for row in self.rows]
         dynamic = [DynamicStiffness(**_scale_numbers(vars(row), units)) for row in self.dynamic]
+        # Parts of run.json whose numbers have units.
+        dimensional_parts = ("adhesion", "cantilever")
         converted = {
             name: _scale_numbers(self.report[name], units)
-            for name in DIMENSIONAL_PARTS
+            for name in dimensional_parts
             if name in self.report
         }
         return replace(self, rows=rows, dynamic=dynamic, report=self.report | converted)
@@ -244,16 +237,18 @@ class _HistoryEvaluation:
     def _curve_from_equilibria(self, top: float) -> ElasticCurve:
         """Sample the elastic curve by equilibria down to a contact of a few elements."""
         samples: list[tuple[float, float, float]] = []
+        # Least number of elements in the contact of a sample.
+        min_elements = 2.0
         for delta in _geometric_samples(DEPTH_OVERSHOOT * top, MIN_DEPTH_FRACTION * top):
             if not self._equilibrium.solve(delta):
                 break
             numbers = self._equilibrium.state_values()
-            if numbers["a"] < MIN_CONTACT_ELEMENTS * self.scene.sizes.h_contact:
+            if numbers["a"] < min_elements * self.scene.sizes.h_contact:
                 break
             samples.append((delta, numbers["force"], numbers["a"]))
         if len(samples) < MIN_CURVE_SAMPLES:
             element_text = (
-                f"the contact has {MIN_CONTACT_ELEMENTS:g} elements at {len(samples)} of "
+                f"the contact has {min_elements:g} elements at {len(samples)} of "
                 f"{CURVE_SAMPLES} depths"
             )
             raise ValueError(f"{element_text}: give a smaller mesh.h_contact")
@@ -547,11 +542,13 @@ class _HistoryEvaluation:
         """
         radius_exponent = 0.0
         if calibration.R:
+            # Relative change of the tip's radius for the exponent of the force.
+            variation = 0.05
             smaller_force, larger_force = (
-                self._force_with_radius(R) for R in (1.0 - RADIUS_VARIATION, 1.0 + RADIUS_VARIATION)
+                self._force_with_radius(R) for R in (1.0 - variation, 1.0 + variation)
             )
             radius_exponent = log(larger_force / smaller_force) / log(
-                (1.0 + RADIUS_VARIATION) / (1.0 - RADIUS_VARIATION)
+                (1.0 + variation) / (1.0 - variation)
             )
         return calibration.stiffness, hypot(calibration.stiffness, radius_exponent * calibration.R)
 

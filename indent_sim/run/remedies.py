@@ -17,15 +17,8 @@ from indent_sim.model.load_path import LoadPath
 from indent_sim.model.state import State
 from indent_sim.model.tips import FlatPunch
 from indent_sim.process.errors import IndentSimError
+from indent_sim.run.measured_constants import LEAST_ROUNDING
 from indent_sim.scene.scene import Scene
-
-# Least edge radius that is tried, relative to the radius of the tip. Rods with edge radii of 1 and
-# 0.99 R reached 4.75 R in neo-Hookean rubber, punches with 0.1 R reached 1.3 R and those with 0.001
-# R a few per cent of R.
-LEAST_ROUNDING = 0.2
-# Factors of the element size in the contact.
-FINER = 0.5
-COARSER = 2.0
 
 SolveStates = Callable[[Scene], Iterator[State]]
 
@@ -64,7 +57,7 @@ def remedies(config: Config, scene: Scene) -> list[Remedy]:
         for rho in _edge_radii(config, scene)
     ]
     h_contact = scene.sizes.h_contact * scene.physics.scales.length
-    for factor in (FINER, COARSER):
+    for factor in (0.5, 2.0):
         h = float(f"{factor * h_contact:.3g}")
         remedies_found.append(Remedy("mesh.h_contact", h, _set_element_size(config, h)))
     return remedies_found

@@ -6,24 +6,11 @@ from collections.abc import Sequence
 
 from indent_sim.model.state import State
 from indent_sim.model.tips import flat_radius
+from indent_sim.run.measured_constants import MAX_ROUGHNESS, MAX_STEP_CHANGE
 from indent_sim.run.sanity_checks import FORCE_NOISE
 from indent_sim.scene.discretization_warnings import UNDERRESOLVED_ERROR, refinement_advice
 from indent_sim.scene.expected_error import error_text, expected_force_error, swelling_force_error
 from indent_sim.scene.scene import Scene
-
-# Rows are reported whose contact pressure oscillates from node to node by more than this fraction
-# of p_max. It is 0.002 to 0.02 where the pressure is smooth and 0.09 to 0.5 in a saw-tooth
-# (measured in docs/decisions/0053).
-MAX_ROUGHNESS = 0.03
-
-
-# Rows are reported whose stick radius or dissipation may be wrong by more than this fraction
-# because of a long step. Measured with 1, 2, 5, 10 and 40 even steps under a paraboloid (thick
-# layer, nu 0). Friction 0.3: the stick radius is 0.24, 0.45, 0.50, 0.52 and 0.54 of the contact
-# radius, and the total dissipation 2.4, 1.5, 1.07, 1.01 times that of 40 steps. Friction 0.6: 0.82,
-# 0.82, 0.85, 0.87 and 0.90, and 0.97, 0.60, 0.64, 0.89 times. The last step adds 1, 0.29, 0.11 and
-# 0.05 of the contact radius.
-MAX_STEP_CHANGE = 0.25
 
 
 def underresolved_rows(scene: Scene, states: Sequence[State]) -> list[str]:

@@ -24,6 +24,7 @@ from math import isfinite, isnan
 
 from indent_sim.model.contact import Nitsche, Penalty
 from indent_sim.model.state import State
+from indent_sim.run.measured_constants import MAX_OUTSIDE_PENETRATION, MAX_OVERLAP
 from indent_sim.run.previous_rows import PreviousRows, force_interval
 from indent_sim.scene.expected_error import expected_force_error, penalty_force_loss
 from indent_sim.scene.reference_theory import relative_tip
@@ -35,37 +36,6 @@ from indent_sim.theory.solution import Solution
 FORCE_NOISE = 1e-6
 # Relative distance of depths below which two rows may be one solution to the solver's tolerance.
 DEPTH_TOLERANCE = 1e-6
-# A row whose expected force is a smaller fraction of the path's largest may touch between two
-# points of its mesh.
-FIRST_TOUCH_FRACTION = 1e-5
-# Largest relative fall of the force with increasing depth: of linear problems, which are solved to
-# 1e-7, and of all others, whose force is not smooth on a mesh.
-MAX_LINEAR_FALL = 1e-3
-MAX_FALL = 0.02
-# The contact term of a multiplier adds up to this fraction of F delta to the energy on a coarse
-# mesh.
-ENERGY_TOLERANCE = 0.02
-# Largest overlap of a facet with the tip, relative to the depth and to an element: twice the
-# largest that was seen with a contact of one element.
-MAX_OVERLAP = (0.1, 0.5)
-# Largest penetration outside the contact surface, relative to the depth. A contact group of a mesh
-# file that ends within the contact reduces the force: by 0.02 % where the tip is 2e-4 inside the
-# next facets, 0.4 % at 8e-3, 4 % at 6e-2, 20 % at 0.2, measured (axisymmetric and plane; both
-# gaps). The penetration is 0 where the contact surface is large enough.
-MAX_OUTSIDE_PENETRATION = 1e-3
-# Largest ratio of the force and that of theory: for the same problem, and for a half-space at small
-# strain in place of the body.
-SAME_PROBLEM_FACTOR = 1.5
-HALF_SPACE_FACTOR = 10.0
-
-
-REFINEMENT_REMEDY = (
-    "shorter steps to this depth, a smaller mesh.h_contact or another contact.method may help"
-)
-SIDE_REMEDY = (
-    "contact is modelled on the top face only: use smaller depths, or let the top slide "
-    "(contact.friction: 0)"
-)
 
 
 Rule = Callable[[Scene, State, PreviousRows], "str | None"]
@@ -85,12 +55,19 @@ def violated_bound(scene: Scene, state: State, earlier: PreviousRows) -> str | N
         The rows before it.
     """
     is_pressed = scene.is_meshed and not _is_first_touch(scene, state)
+    refinement_remedy = (
+        "shorter steps to this depth, a smaller mesh.h_contact or another contact.method may help"
+    )
+    side_remedy = (
+        "contact is modelled on the top face only: use smaller depths, or let the top slide "
+        "(contact.friction: 0)"
+    )
     for rule in _applicable_rules(
         is_pressed, scene.physics.is_time_dependent, scene.physics.contact.may_snap_through
     ):
         if violation := rule(scene, state, earlier):
             is_side = rule is _check_outside_penetration and scene.physics.is_compressed
-            return f"{violation}; {SIDE_REMEDY if is_side else REFINEMENT_REMEDY}"
+            return f"{violation}; {side_remedy if is_side else refinement_remedy}"
     return None
 
 
@@ -230,7 +207,10 @@ def _check_outside_penetration(scene: Scene, state: State, earlier: PreviousRows
 def _check_energy(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
     """0 <= Pi <= F delta, which holds for every force that grows with the depth."""
     work = state.force * state.delta
-    is_its_work = -ENERGY_TOLERANCE * work <= state.energy <= (1 + ENERGY_TOLERANCE) * work
+    # The contact term of a multiplier adds up to this fraction of F delta to the energy on a coarse
+    # mesh.
+    tolerance = 0.02
+    is_its_work = -tolerance * work <= state.energy <= (1 + tolerance) * work
     if is_its_work or _may_be_unstable(scene):
         return None
     if scene.physics.has_friction and earlier.max_depth > state.delta:
@@ -246,10 +226,14 @@ def _check_force_growth(scene: Scene, state: State, earlier: PreviousRows) -> st
     last = earlier.last
     if scene.physics.has_friction and last and (earlier.has_turned or state.delta < last.delta):
         return None  # friction makes the force smaller in unloading
+    # Largest relative fall of the force with increasing depth: of linear problems, which are solved
+    # to 1e-7, and of all others, whose force is not smooth on a mesh.
+    max_linear_fall = 1e-3
+    max_fall = 0.02
     fall = (
-        MAX_LINEAR_FALL
+        max_linear_fall
         if scene.physics.small_strain and scene.physics.gap == "reference"
-        else MAX_FALL
+        else max_fall
     )
     row_force = force_interval(state)
     for shallow, deep in (
@@ -334,10 +318,13 @@ def _is_first_touch(scene: Scene, state: State) -> bool:
     deepest = scene.physics.max_depth
     if depth <= 0 or deepest <= depth:
         return depth <= 0
+    # A row whose expected force is a smaller fraction of the path's largest may touch between two
+    # points of its mesh.
+    first_touch_fraction = 1e-5
     if scene.physics.is_compressed:
-        return depth <= FIRST_TOUCH_FRACTION * deepest
+        return depth <= first_touch_fraction * deepest
     radius_at = relative_tip(scene.physics.indenter, scene.physics.body).radius_at
-    return depth * radius_at(depth) <= FIRST_TOUCH_FRACTION * deepest * radius_at(deepest)
+    return depth * radius_at(depth) <= first_touch_fraction * deepest * radius_at(deepest)
 
 
 def _force_noise(scene: Scene, state: State, earlier: PreviousRows) -> float:
@@ -381,7 +368,9 @@ def _force_ratio_range(scene: Scene, theory: Solution) -> tuple[float, float]:
         scene.physics.contact, scene.physics.material, scene.plan.theory, theory.delta, theory.a
     )
     if scene.exact_theory:
-        highest = SAME_PROBLEM_FACTOR * mesh_factor
+        # Largest ratio of the force and that of theory for the same problem.
+        same_problem_factor = 1.5
+        highest = same_problem_factor * mesh_factor
         return force_fraction / highest, highest
     height = scene.physics.body.height
     lateral_extent = scene.physics.body.lateral_extent(scene.physics.center)
@@ -398,8 +387,10 @@ def _force_ratio_range(scene: Scene, theory: Solution) -> tuple[float, float]:
     # Coatings bend as shells, which no half-space does.
     if scene.physics.body.inclusions or scene.physics.domain.coatings or not is_half_space_like:
         return 0.0, float("inf")
-    # Up to this depth, relative to the contact radius, no elastic law stiffens by a factor.
+    # No elastic law stiffens by a factor up to this depth, relative to the contact radius.
     max_linear_depth = 0.1
     may_stiffen = not scene.physics.small_strain and theory.delta > max_linear_depth * theory.a
-    lowest = force_fraction / (HALF_SPACE_FACTOR * mesh_factor)
-    return lowest, float("inf") if may_stiffen else HALF_SPACE_FACTOR * mesh_factor
+    # Largest ratio of the force and that of a half-space at small strain.
+    half_space_factor = 10.0
+    lowest = force_fraction / (half_space_factor * mesh_factor)
+    return lowest, float("inf") if may_stiffen else half_space_factor * mesh_factor

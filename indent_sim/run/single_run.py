@@ -32,9 +32,6 @@ from indent_sim.scene.scene import Scene
 
 # Largest relative difference between the contact force and the reactions of the supports.
 AUDIT_TOLERANCE = 1e-8
-# Scale of the reactions in a body with fluid, relative to E height^2 for a swelling gel and to
-# E a^2 for a body that only drains; Newton's method measures its residual against the same scale.
-SWELLING_REACTION_SCALE = 100.0
 
 Progress = Callable[[State, int, int], None]
 # Called with a step that did not converge and the Newton iterations spent; returns a report of the
@@ -456,8 +453,12 @@ class SingleRun:
         # Supports of a body with fluid have reactions even without a tip.
         swelling_force = 0.0
         if physics.permeable_regions:
+            # Scale of the reactions in a body with fluid, relative to E height^2 for a swelling gel
+            # and to E a^2 for a body that only drains; Newton's method measures its residual
+            # against the same scale.
+            swelling_scale = 100.0
             swelling_force = (
-                SWELLING_REACTION_SCALE
+                swelling_scale
                 * physics.scales.force
                 * (1.0 if physics.is_swelling else (a / physics.scales.length) ** 2)
             )

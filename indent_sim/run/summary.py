@@ -11,15 +11,12 @@ from indent_sim.model.state import PullOff, State
 from indent_sim.model.symbols import PULL_OFF
 from indent_sim.process.usage import Clock, peak_memory
 from indent_sim.run.derived_quantities import hertz_fit
-from indent_sim.run.row_warnings import MAX_ROUGHNESS
+from indent_sim.run.measured_constants import MAX_ROUGHNESS
 from indent_sim.run.run_output import OptionalOutput
 from indent_sim.run.theory_comparison import theory_comparison
 from indent_sim.run.work_and_loops import energy_balance
 from indent_sim.scene.predictions import ExpectedAdhesion
 from indent_sim.scene.scene import Scene
-
-# Relative difference up to which forces count as equal: it exceeds the tolerance of the solver.
-FORCE_TOLERANCE = 1e-6
 
 
 def summary(
@@ -106,9 +103,10 @@ def row_of_interest(states: Sequence[State], is_force_prescribed: bool) -> State
     largest_force = max(state.force for state in states)
     if not largest_force > 0:
         return states[-1]
-    largest_rows = [
-        state for state in states if state.force >= (1 - FORCE_TOLERANCE) * largest_force
-    ]
+    # Forces count as equal up to this relative difference, which exceeds the tolerance of the
+    # solver.
+    tolerance = 1e-6
+    largest_rows = [state for state in states if state.force >= (1 - tolerance) * largest_force]
     return (
         max(largest_rows, key=lambda state: state.delta) if is_force_prescribed else largest_rows[0]
     )

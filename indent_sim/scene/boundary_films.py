@@ -13,7 +13,7 @@ incompressible half-space it is equal to it. The relative error of the force is 
 
     per_length = c m F/(A delta M),        c = 1/2 dln(F^2/A)/dln(delta),
 
-where m = MEAN_SQUARE_FACTOR, and c is 1 on a half-space and up to 5/2 on a thin layer. Under a
+where m = 9/8, and c is 1 on a half-space and up to 5/2 on a thin layer. Under a
 paraboloid on a half-space this is 6 G/(pi M_c a). For faces farther from the contact it is smaller
 by the factor (a/distance)^2 at least.
 """
@@ -34,10 +34,6 @@ from indent_sim.scene.path_rows import PathRow, path_rows
 from indent_sim.scene.problem_definition import ProblemDefinition, is_undrained_incompressible
 from indent_sim.scene.problem_setup import ProblemSetup
 
-# Mean square of the pressure below a paraboloid over the square of its mean.
-MEAN_SQUARE_FACTOR = 9 / 8
-DEPTH_RATIO = 0.9  # Ratio of the two depths of a difference quotient.
-MAX_ROWS = 100  # Number of rows by which an element size is chosen.
 # The film error is not considered in rows below this part of the largest depth or force.
 MIN_VALUE_FRACTION = 0.05
 
@@ -98,15 +94,19 @@ def force_fraction_per_length(setup: ProblemSetup) -> float | None:
     physics = setup.physics
     delta = setup.max_depth
     theory = setup.theory_for_materials(undrained_law)
-    solutions = theory.solutions_at_depths([DEPTH_RATIO * delta, delta]) if theory else None
+    # Ratio of the two depths of a difference quotient.
+    depth_ratio = 0.9
+    solutions = theory.solutions_at_depths([depth_ratio * delta, delta]) if theory else None
+    # Mean square of the pressure below a paraboloid over the square of its mean.
+    mean_square_factor = 9 / 8
     if not solutions:
         pressure = undrained_law(physics.material).E_star * delta / (2 * setup.a)
-        return MEAN_SQUARE_FACTOR * pressure / delta * largest_inverse_modulus(physics)
+        return mean_square_factor * pressure / delta * largest_inverse_modulus(physics)
     lower_value, upper_value = (solution.force**2 / solution.area for solution in solutions)
-    growth_exponent = log(upper_value / lower_value) / (-2 * log(DEPTH_RATIO))
+    growth_exponent = log(upper_value / lower_value) / (-2 * log(depth_ratio))
     return (
         growth_exponent
-        * MEAN_SQUARE_FACTOR
+        * mean_square_factor
         * solutions[1].force
         / (solutions[1].area * delta)
         * largest_inverse_modulus(physics)
@@ -278,9 +278,11 @@ def film_element_size(
         for row in rows
         if row.value >= MIN_VALUE_FRACTION and row.drained_length(diffusivity) > 0
     ]
+    # Number of rows by which an element size is chosen.
+    max_rows = 100
     relevant_rows = sorted(
         relevant_rows, key=lambda row: row.drained_length(diffusivity) / row.changes.sum()
-    )[:MAX_ROWS]
+    )[:max_rows]
 
     def excess_error(h: float) -> float:
         errors = (

@@ -21,22 +21,6 @@ from indent_sim.scene.resolution import MeshResolution, target_error
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
 
-FORCE_WHY = (
-    "forces are prescribed: the depth of each is found by load control, with force(depth) assumed "
-    "to increase"
-)
-THEORY_FORCE_WHY = "forces are prescribed: theory finds the depth of each"
-EDGE_WHY = "the pressure is singular at the sharp edge of the punch"
-AXIS_WHY = "sizes grow from this value at the axis to h_contact at the edge of the deepest contact"
-FILM_WHY = (
-    "at drained faces the pore pressure changes within a film of thickness (D t)^(1/2) at the "
-    "first rows"
-)
-CORNER_WHY = (
-    "bonded corners, or the gap between the contact and a side, affect the contact: sizes grow "
-    "from this value with the distance"
-)
-
 
 @dataclass(frozen=True)
 class Choice:
@@ -64,12 +48,16 @@ def model_choices(setup: ProblemSetup) -> Choices:
         if physics.small_strain
         else ("finite", "it is hyperelastic")
     )
+    force_reason = (
+        "forces are prescribed: the depth of each is found by load control, with force(depth) "
+        "assumed to increase"
+    )
     return [
         *([Choice("body", body, setup.truncation.why)] if setup.truncation else []),
         Choice("symmetry", domain.symmetry, setup.domain_reason),
         Choice("kinematics", domain.kinematics.name, domain.kinematics.reason),
         Choice("strain", *strain),
-        *([Choice("control", "force", FORCE_WHY)] if physics.path.control == "force" else []),
+        *([Choice("control", "force", force_reason)] if physics.path.control == "force" else []),
         *(
             [Choice("surface", "held", _surface_membrane_reason(physics))]
             if physics.is_drop
@@ -147,7 +135,7 @@ def theory_choices(config: Config, setup: ProblemSetup) -> Choices:
         Choice("kinematics", domain.kinematics.name, setup.domain_reason),
         Choice("strain", "small", "the material is linear elastic"),
         *(
-            [Choice("control", "force", THEORY_FORCE_WHY)]
+            [Choice("control", "force", "forces are prescribed: theory finds the depth of each")]
             if physics.path.control == "force"
             else []
         ),
@@ -220,14 +208,25 @@ def mesh(
         else f"sizes grow by {sizes.grading:.3g} per unit distance up to this"
     )
     contact = ("h_contact", f"{contact_reason}; {elements_text}")
-    axis = ("h_axis", AXIS_WHY)
+    axis = (
+        "h_axis",
+        "sizes grow from this value at the axis to h_contact at the edge of the deepest contact",
+    )
     reasons = (
         contact,
         axis,
         ("h_far", far_reason),
-        ("h_edge", EDGE_WHY),
-        ("h_corner", CORNER_WHY),
-        ("h_film", FILM_WHY),
+        ("h_edge", "the pressure is singular at the sharp edge of the punch"),
+        (
+            "h_corner",
+            "bonded corners, or the gap between the contact and a side, affect the contact: "
+            "sizes grow from this value with the distance",
+        ),
+        (
+            "h_film",
+            "at drained faces the pore pressure changes within a film of thickness "
+            "(D t)^(1/2) at the first rows",
+        ),
     )
     named_sizes = [(f"mesh.{name}", getattr(sizes, name), why) for name, why in reasons]
     choices += [Choice(key, h * L, why) for key, h, why in named_sizes if h is not None]

@@ -9,10 +9,7 @@ import numpy as np
 
 from indent_sim.model.body import Body, Cylinder
 from indent_sim.model.layers import Layer as BodyLayer
-from indent_sim.model.tips import (
-    Indenter,
-    flat_radius,
-)
+from indent_sim.model.tips import Indenter, flat_radius
 from indent_sim.model.walled_bodies import Box
 from indent_sim.model.walled_bodies import Strip as BodyStrip
 from indent_sim.scene.reasons import first_reason
@@ -27,8 +24,6 @@ from indent_sim.theory.roots import ForceCurve
 from indent_sim.theory.theory import Theory
 
 RADIUS_TOLERANCE = 1e-9  # Relative difference up to which radii count as equal.
-# Names by the number of lateral directions in which walls confine the body.
-COMPRESSION_NAMES = ("uniaxial compression", "plane-strain compression", "confined compression")
 
 
 def covers_top(tip: Indenter, body: Body, center: tuple[float, ...]) -> bool:
@@ -86,8 +81,10 @@ def compression_theory(
     has_free_sides = constrained_directions == 2 - dimensions
     is_bonded_block = body.base == "fixed" and has_free_sides
     formulas = _bonded_formulas(body, layers, center) if is_bonded_block else {}
+    # Names by the number of lateral directions in which walls confine the body.
+    names = ("uniaxial compression", "plane-strain compression", "confined compression")
     return Theory(
-        COMPRESSION_NAMES[constrained_directions],
+        names[constrained_directions],
         not difference,
         difference or "theory describes this block between frictionless plates exactly",
         contact,

@@ -21,14 +21,17 @@ from indent_sim.model.tips import FlatPunch, Indenter, Plate, max_radius
 from indent_sim.model.units import round_length
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.choices import Choice, Choices
-from indent_sim.scene.discretization_warnings import MAX_SLIPPING_FRICTION, MAX_STIFFNESS_MULTIPLE
+from indent_sim.scene.discretization_warnings import MAX_STIFFNESS_MULTIPLE
 from indent_sim.scene.expected_error import NEGLIGIBLE_ERROR, penalty_force_loss
-from indent_sim.scene.no_slip_effect import STICK_FRICTION, tensile_rim_width
+from indent_sim.scene.measured_constants import (
+    MAX_ELEMENT_RATIO,
+    MAX_SLIPPING_FRICTION,
+    STICK_FRICTION,
+)
+from indent_sim.scene.no_slip_effect import tensile_rim_width
 from indent_sim.scene.predictions import ExpectedAdhesion
 from indent_sim.scene.problem_setup import ProblemSetup
-from indent_sim.scene.reference_theory import (
-    layer_theory,
-)
+from indent_sim.scene.reference_theory import layer_theory
 from indent_sim.scene.resolution import MeshResolution
 from indent_sim.theory.solution import SOLUTION_ERRORS
 
@@ -39,27 +42,6 @@ if TYPE_CHECKING:
 SIDEWAYS_TEXT = (
     "pushes the body sideways, and no support holds it there (roller base and free sides)"
 )
-GAP_WHY = {
-    "reference": "linear elastic: evaluated at the undeformed point, as in the problem of Hertz",
-    "current": "finite strain: evaluated at the deformed point, pressure along the tip's normal",
-}
-STEP_START_STICK_WHY = "new contact sticks at the position at the beginning of its load increment"
-MIDSTEP_STICK_WHY = (
-    "new contact sticks at the position where it first touches within the load increment, found in "
-    "a first solution without friction for the new contact"
-)
-# Largest ratio of element size and cohesive zone: with coarser elements the contact jumps from node
-# to node, as was measured.
-MAX_ELEMENT_RATIO = 1.5
-# Relative difference of the pull-off force without range up to which a body is treated as a
-# half-space.
-PULL_OFF_DIFFERENCE = 0.05
-AS_WIDE_WHY = (
-    "the punch is as wide as the body: a plate, since at finite strain the edge of a punch would "
-    "cut into the bulging rim"
-)
-# Radius of a rounded apex or edge, relative to the expected contact radius.
-ROUNDING_FRACTION = 1e-3
 
 
 def gap(settings: Contact, setup: ProblemSetup) -> tuple[str, Choice]:
@@ -91,8 +73,16 @@ def gap(settings: Contact, setup: ProblemSetup) -> tuple[str, Choice]:
             "use symmetry"
         )
         raise ConfigError("contact.gap", f"'current' {SIDEWAYS_TEXT}", remedy)
+    reasons = {
+        "reference": (
+            "linear elastic: evaluated at the undeformed point, as in the problem of Hertz"
+        ),
+        "current": (
+            "finite strain: evaluated at the deformed point, pressure along the tip's normal"
+        ),
+    }
     return gap_kind, Choice(
-        "contact.gap", gap_kind, "as given" if settings.gap != "auto" else GAP_WHY[gap_kind]
+        "contact.gap", gap_kind, "as given" if settings.gap != "auto" else reasons[gap_kind]
     )
 
 
@@ -235,14 +225,21 @@ def friction(
     coefficient = law.friction
     if not coefficient:
         return law, "implicit", []
-    on_its_way = [Choice("contact.friction", coefficient, MIDSTEP_STICK_WHY)]
+    midstep_reason = (
+        "new contact sticks at the position where it first touches within the load increment, "
+        "found in a first solution without friction for the new contact"
+    )
+    on_its_way = [Choice("contact.friction", coefficient, midstep_reason)]
     if physics.domain.pins:
         problem = f"does not fit this scene: friction {SIDEWAYS_TEXT}"
         remedy = "fix the base, hold a side, or put the tip in the middle and use symmetry"
         raise ConfigError("contact.friction", problem, remedy)
     if not isinstance(coefficient, str):
         if coefficient <= MAX_SLIPPING_FRICTION:
-            return law, "implicit", [Choice("contact.friction", coefficient, STEP_START_STICK_WHY)]
+            start_reason = (
+                "new contact sticks at the position at the beginning of its load increment"
+            )
+            return law, "implicit", [Choice("contact.friction", coefficient, start_reason)]
         return law, "mid", on_its_way
     rim_width = tensile_rim_width(
         physics.indenter, physics.material.constants.nu, sizes, physics.domain.dim
@@ -317,11 +314,8 @@ def _expected_adhesion(
     attraction: Adhesion, setup: ProblemSetup, zone: float, h: float
 ) -> ExpectedAdhesion:
     """Predict the adhesion from its cohesive zone and the size h of the elements there [length]."""
-    from indent_sim.theory.maugis import (
-        maugis_lambda,
-        maugis_pull_off,
-        tabor_number,
-    )  # with scipy's searches
+    # This import loads scipy's searches.
+    from indent_sim.theory.maugis import maugis_lambda, maugis_pull_off, tabor_number
 
     L = setup.physics.scales.length
     F = setup.physics.scales.force
@@ -335,8 +329,11 @@ def _expected_adhesion(
     assert attraction.range is not None
     numbers = (attraction.work, attraction.range, R, setup.physics.material.E_star)
     unit = pi * attraction.work * R
+    # Relative difference of the pull-off force without range up to which a body is treated as a
+    # half-space.
+    pull_off_difference = 0.05
     is_half_space_like = (
-        pull_off is not None and abs(pull_off / (-1.5 * unit) - 1) <= PULL_OFF_DIFFERENCE
+        pull_off is not None and abs(pull_off / (-1.5 * unit) - 1) <= pull_off_difference
     )
     dugdale = maugis_pull_off(maugis_lambda(*numbers)) * unit * F if is_half_space_like else None
     return replace(
@@ -354,14 +351,20 @@ def tip(config: Config, setup: ProblemSetup, gap: str) -> tuple[Indenter, Choice
     small radius. A punch as wide as the body becomes a plate.
     """
     if isinstance(setup.physics.indenter, Plate) and isinstance(config.indenter, FlatPunch):
-        return setup.physics.indenter, [Choice("indenter.shape", "plate", AS_WIDE_WHY)]
+        plate_reason = (
+            "the punch is as wide as the body: a plate, since at finite strain the edge of a "
+            "punch would cut into the bulging rim"
+        )
+        return setup.physics.indenter, [Choice("indenter.shape", "plate", plate_reason)]
     physics = setup.physics
     body = setup.physics.body
     sharp_tip = physics.indenter
     key = "edge_radius" if isinstance(physics.indenter, FlatPunch) else "tip_radius"
     if gap == "reference" or getattr(sharp_tip, key, 1.0) > 0:
         return sharp_tip, []
-    radius = round_length(ROUNDING_FRACTION * setup.a)
+    # Radius of a rounded apex or edge, relative to the expected contact radius.
+    rounding_fraction = 1e-3
+    radius = round_length(rounding_fraction * setup.a)
     rounded_tip = replace(sharp_tip, **{key: radius})  # type: ignore[arg-type]
     theories = [
         layer_theory(body, setup.layers, item, physics.center) for item in (sharp_tip, rounded_tip)
@@ -376,7 +379,7 @@ def tip(config: Config, setup: ProblemSetup, gap: str) -> tuple[Indenter, Choice
         ratio = solutions[1].force / solutions[0].force
         change = f", which changes the force by {ratio - 1:+.1g} according to layer theory"
     why = (
-        f"gap: current needs a normal everywhere; {ROUNDING_FRACTION:g} of the expected contact "
+        f"gap: current needs a normal everywhere; {rounding_fraction:g} of the expected contact "
         f"radius{change}"
     )
     return rounded_tip, [Choice(f"indenter.{key}", radius * physics.scales.length, why)]

@@ -9,22 +9,16 @@ from typing import TYPE_CHECKING
 from indent_sim.model.tips import FlatPunch, max_radius
 from indent_sim.model.units import round_length
 from indent_sim.process.errors import ConfigError
+from indent_sim.scene.measured_constants import (
+    ELEMENTS_PER_RADIUS,
+    ELEMENTS_PER_ZONE,
+    STRETCH_GROWTH,
+)
 from indent_sim.scene.problem_setup import ProblemSetup
-from indent_sim.scene.resolution import ELEMENTS_PER_RADIUS, GRADING, FixedSizes
+from indent_sim.scene.resolution import GRADING, FixedSizes
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
-
-# Elements in the cohesive zone of an adhesive contact: the force is within 0.3 %, measured.
-ELEMENTS_PER_ZONE = 2.0
-# Elements in the contact radius at pull-off, by dimension.
-ELEMENTS_AT_PULL_OFF = {2: 8.0, 3: 4.0}
-# Most elements in the contact radius that a cohesive zone may need, by dimension.
-MAX_ZONE_ELEMENTS = {2: 1000.0, 3: 60.0}
-# The surface below a frictionless tip stretches by exp(STRETCH_GROWTH (s - 1)) at a depth of s > 1
-# radii of the tip. A stretch of 13.5 was measured at the apex of a rod with a round end, 4.75 radii
-# deep in a neo-Hookean material of nu = 0.49.
-STRETCH_GROWTH = 0.7
 
 
 def frictional_edge_width(
@@ -135,13 +129,16 @@ def refine_cohesive_zone(
     if config.mesh.h_contact != "auto" or not attraction.range:
         return fixed_sizes
     E_star = physics.material.E_star
-    max_elements = MAX_ZONE_ELEMENTS[physics.domain.dim]
+    # Most elements in the contact radius that a cohesive zone may need.
+    max_elements = {2: 1000.0, 3: 60.0}[physics.domain.dim]
     default_size = fixed_sizes.h_contact or min(
         a / ELEMENTS_PER_RADIUS[physics.domain.dim], physics.domain.height / 4
     )
     if setup.adhesive_radii:
+        # Elements in the contact radius at pull-off, by dimension.
+        elements_at_pull_off = {2: 8.0, 3: 4.0}
         default_size = min(
-            default_size, setup.adhesive_radii[0] / ELEMENTS_AT_PULL_OFF[physics.domain.dim]
+            default_size, setup.adhesive_radii[0] / elements_at_pull_off[physics.domain.dim]
         )
     h = min(default_size, attraction.cohesive_zone(E_star) / ELEMENTS_PER_ZONE)
     if h * max_elements < a:

@@ -13,21 +13,10 @@ from math import exp, inf
 
 from indent_sim.mesh.model_domain import ModelDomain
 from indent_sim.model.units import round_length
+from indent_sim.scene.measured_constants import CORNER_ERROR, DECAY_ONSET, DECAY_RATE, NOTCH_ERROR
 
 # Exponent 2 lambda of the error of the force.
 SINGULARITY_RATE = 1.2
-# Bound of the relative error of the force with elements of size h at a corner at the distance d:
-# CORNER_ERROR (2 nu)^2 (h/d)^SINGULARITY_RATE. Measured on cylinders 0.2 to 8 heights wide under
-# punches of 0.05 to 1 times their radius, with nu = 0 to 0.4999.
-CORNER_ERROR = 0.035
-# The same constant where a body overhangs its base, without the factor of nu and for any support.
-# Measured on caps with contact angles from 60 to 170 degrees and elements of 0.01 to 0.3 of the
-# base radius: the errors were 0.1 to 1.3 times this bound, and no more than noise up to 90 degrees.
-NOTCH_ERROR = 0.1
-# The error decays as exp(-DECAY_RATE (s - DECAY_ONSET)) with the distance s of contact and side in
-# heights of the body. Measured on the same cylinders.
-DECAY_ONSET = 0.5
-DECAY_RATE = 1.25
 
 
 @dataclass(frozen=True)

@@ -11,32 +11,19 @@ from dataclasses import dataclass
 
 from indent_sim.mesh.model_domain import ModelDomain
 from indent_sim.mesh.sizes import Sizes
+from indent_sim.scene.measured_constants import (
+    FRICTION_STEP_FACTOR,
+    KRYLOV_BYTES,
+    KRYLOV_ITERATIONS,
+    KRYLOV_SECONDS,
+    PROCESS_MEMORY,
+    START_SECONDS,
+    TIME_DEPENDENT_STEP_FACTOR,
+)
 from indent_sim.scene.mesh_counts import candidate_count, mesh_counts
 
-# Processor time [s] of a run by theory, of each of its rows, and of a row under a tip with slope
-# discontinuities, whose contact radius is found by a search.
-THEORY_SECONDS = 0.5
-SECONDS_PER_ROW = 4e-4
-SECONDS_PER_SEARCHED_ROW = 0.03
-# Processor time [s] to import the libraries, to mesh and to write.
-START_SECONDS = 1.05
-# The same for every further scene of a process that has imported the libraries, with and without a
-# mesh.
-SECONDS_PER_RUN = 0.07
-SECONDS_PER_THEORY_RUN = 0.003
-# Memory of the process without its scene [bytes].
-PROCESS_MEMORY = 1.7e8
 # Most candidate nodes of a condensed body; with more its dense matrices have gigabytes.
 MAX_CANDIDATES = 5000
-# Iterations of a Krylov solver, time of an iteration per unknown [s], and memory per unknown
-# [bytes].
-KRYLOV_ITERATIONS = 10.0
-KRYLOV_SECONDS = 3e-7
-KRYLOV_BYTES = 3.3e3
-# Time of a step of Newton's method with friction relative to one without, by dimension.
-FRICTION_STEP_FACTOR = {2: 2.2, 3: 1.0}
-# The same for a time-dependent body at finite strain: 1.3 to 1.9 on three scenes of configs/.
-TIME_DEPENDENT_STEP_FACTOR = 1.6
 # Memory of the dense matrices of a condensed body per pair of candidates [bytes]: eight matrices.
 DENSE_BYTES = 64.0
 
@@ -128,7 +115,7 @@ def _memory_and_seconds(
 
 def _iterative_cost(work: SolverWork, dofs: float) -> tuple[float, float]:
     """Return the cost of assembly and Krylov iterations in every iteration of Newton's method."""
-    # On a finer mesh the contact edge crosses more elements per step.
+    # The contact edge crosses more elements per step on a finer mesh.
     newton = 4.0 * (work.steps + 1) * max(1.0, dofs / 2e4) ** 0.13
     seconds_per_dof = (8e-6 if work.is_nonlinear else 8e-7) + KRYLOV_ITERATIONS * KRYLOV_SECONDS
     return KRYLOV_BYTES * dofs, dofs * (3e-5 + newton * seconds_per_dof)

@@ -13,16 +13,6 @@ if TYPE_CHECKING:
     from indent_sim.config.schema import Config
 
 
-JKR_WHY = "the JKR limit: exact for this body if the range of the attraction is short"
-TING_WHY = (
-    "Lee & Radok while the contact grows, Ting while it shrinks: exact for a homogeneous body, or "
-    "for layers that relax alike"
-)
-STEP_WHY = (
-    "viscoelastic time stepping on the surface compliance, to 1e-4: the history is not one loading "
-    "and unloading with prescribed depths"
-)
-QUASI_WHY = "quasi-static: every point is an equilibrium on the elastic curve"
 UNITS_REMEDY = "check that work, R and E are in consistent units"
 
 
@@ -64,12 +54,22 @@ def curve(
         solver,
         "experiment" if setup.experiment else f"loading.{config.loading.given_path_keys[0]}",
     )
-    choices = [Choice("experiment.adhesion", "JKR", JKR_WHY)] if setup.jkr_limit else []
+    jkr_reason = "the JKR limit: exact for this body if the range of the attraction is short"
+    choices = [Choice("experiment.adhesion", "JKR", jkr_reason)] if setup.jkr_limit else []
     if setup.history:
-        reason = TING_WHY if setup.relaxation else QUASI_WHY
+        ting_reason = (
+            "Lee & Radok while the contact grows, Ting while it shrinks: exact for a homogeneous "
+            "body, or for layers that relax alike"
+        )
+        static_reason = "quasi-static: every point is an equilibrium on the elastic curve"
+        reason = ting_reason if setup.relaxation else static_reason
         if setup.uses_time_stepping:
-            reason = STEP_WHY
-        choices.append(Choice("time", "curve", JKR_WHY if setup.jkr_limit else reason))
+            stepping_reason = (
+                "viscoelastic time stepping on the surface compliance, to 1e-4: the history is "
+                "not one loading and unloading with prescribed depths"
+            )
+            reason = stepping_reason
+        choices.append(Choice("time", "curve", jkr_reason if setup.jkr_limit else reason))
     return choices
 
 

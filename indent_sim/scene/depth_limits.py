@@ -28,11 +28,6 @@ from indent_sim.theory.half_space import estimate_depth
 from indent_sim.theory.theory import Theory
 
 Center = tuple[float, ...]  # Horizontal position of the tip's axis [length].
-# Prescribed forces are expected to reach at most this part of the thickness.
-MAX_DEPTH_FRACTION = 0.9
-# Number of forces at which theory is solved for a depth; others are interpolated. The mesh depends
-# on the largest depth only, and load control needs no better initial guess.
-MAX_THEORY_FORCES = 3
 # Distance from the tip's axis to the edge of an imported contact surface, relative to the largest
 # one, up to which the axis is on the edge.
 RIM_TOLERANCE = 1e-9
@@ -50,7 +45,7 @@ def expected_depths(
     """Return the prescribed depths, or those to expect at the prescribed forces.
 
     Depths at forces follow from theory, or from the cross-section of the tip if theory has none;
-    between MAX_THEORY_FORCES forces they are interpolated by power laws.
+    between three forces they are interpolated by power laws.
 
     Parameters
     ----------
@@ -63,7 +58,7 @@ def expected_depths(
     material : Material
         The material below the tip.
     height : float
-        Height of the body [length]; depths are at most MAX_DEPTH_FRACTION of it.
+        Height of the body [length]; depths are at most 0.9 of it.
     scales : Scales
         Scales of the problem, for messages.
     mirror_multiplicity : int, optional
@@ -81,13 +76,18 @@ def expected_depths(
     """
     if path.control == "depth":
         return path.values
-    max_depth = MAX_DEPTH_FRACTION * height
+    # Prescribed forces are expected to reach at most this part of the thickness.
+    max_depth_fraction = 0.9
+    max_depth = max_depth_fraction * height
     forces = [mirror_multiplicity * force for force in path.values]
     positive_forces = np.unique([force for force in forces if force > 0])
+    # Number of forces at which theory is solved for a depth; others are interpolated. The mesh
+    # depends on the largest depth only, and load control needs no better initial guess.
+    max_theory_forces = 3
     sample_forces = (
         positive_forces
-        if len(positive_forces) <= MAX_THEORY_FORCES
-        else np.geomspace(positive_forces[0], positive_forces[-1], MAX_THEORY_FORCES)
+        if len(positive_forces) <= max_theory_forces
+        else np.geomspace(positive_forces[0], positive_forces[-1], max_theory_forces)
     )
     sample_depths = []
     E_star = material.E_star
@@ -104,7 +104,7 @@ def expected_depths(
     if material.is_small_strain and theory and max(depths) > (1 - 1e-6) * max_depth:
         largest = max(path.values) * scales.force
         problem = (
-            f"a force of {largest:g} would press the tip to {MAX_DEPTH_FRACTION:.0%} of the body's "
+            f"a force of {largest:g} would press the tip to {max_depth_fraction:.0%} of the body's "
             "thickness or deeper"
         )
         raise ConfigError("loading", problem, "use a smaller force")

@@ -5,14 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from indent_sim.mesh.sizes import Sizes
+from indent_sim.scene.measured_constants import ELEMENT_DRAINAGE_FACTOR
 from indent_sim.scene.problem_definition import ProblemDefinition, largest_diffusivity
 from indent_sim.scene.problem_setup import ProblemSetup
-
-# First time step of a segment, relative to the diffusion time of the contact. A step is at least
-# 1/ELEMENT_DRAINAGE_FACTOR of the diffusion time of an element: in a shorter one, elements with
-# linear pressure do not drain as a half-space does, and the force is up to 1.4 % too low.
-FIRST_STEP_FRACTION = 1e-3
-ELEMENT_DRAINAGE_FACTOR = 6.0
 
 
 @dataclass(frozen=True)
@@ -52,8 +47,10 @@ class DiffusionTimes:
 
     def first_step(self, shortest: float) -> float:
         """First time step of a segment, at most `shortest` unless an element needs longer."""
+        # First time step of a segment, relative to the diffusion time of the contact.
+        first_step_fraction = 1e-3
         return max(
-            min(FIRST_STEP_FRACTION * self.contact, shortest),
+            min(first_step_fraction * self.contact, shortest),
             self.element / ELEMENT_DRAINAGE_FACTOR,
         )
 

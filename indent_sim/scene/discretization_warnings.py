@@ -18,6 +18,11 @@ from indent_sim.scene.expected_error import (
     penalty_friction_loss,
     stick_force_change,
 )
+from indent_sim.scene.measured_constants import (
+    EQUILIBRIA_DIFFERENCE,
+    MAX_SLIPPING_FRICTION,
+    TENSION_PRESSURE_LIMIT,
+)
 from indent_sim.scene.model_warnings import NO_CONTACT, ModelWarning, theory_warnings
 from indent_sim.scene.problem_setup import ProblemSetup
 from indent_sim.theory.solution import SOLUTION_ERRORS
@@ -27,18 +32,6 @@ from indent_sim.theory.solution import SOLUTION_ERRORS
 UNDERRESOLVED_ERROR = 0.02
 # Largest penalty stiffness, in units of E*/h_contact; beyond it the contact pressures oscillate.
 MAX_STIFFNESS_MULTIPLE = 1e3
-# Relative difference of the forces of several equilibria on one mesh, with active_set and a path of
-# 1, 3 and 6 steps.
-EQUILIBRIA_DIFFERENCE = 0.002
-# Coefficient of friction up to which the edge of the contact slips: ten steps along the path then
-# change the force by 0.01 %, and no second solution is needed.
-MAX_SLIPPING_FRICTION = 0.3
-# Ratio of moduli up to which stacks of random layers were compared with theory: 1000, and a margin
-# for rounding.
-VERIFIED_CONTRAST = 1001.0
-# Elastocapillary length over contact radius beyond which p_max is off by more than its error
-# estimate; it is off by 5 % at 200.
-TENSION_PRESSURE_LIMIT = 30.0
 
 
 def scene_warnings(
@@ -172,7 +165,10 @@ def _mesh_warnings(
         surface_membrane_error = 5e-4
         yield ModelWarning("drop", "", surface_membrane_error)
     moduli = [region.material.constants.E for region in setup.physics.domain.regions]
-    if max(moduli) > VERIFIED_CONTRAST * min(moduli):
+    # Ratio of moduli up to which stacks of random layers were compared with theory: 1000, and a
+    # margin for rounding.
+    verified_contrast = 1001.0
+    if max(moduli) > verified_contrast * min(moduli):
         message = (
             f"the largest modulus is {max(moduli) / min(moduli):.0e} times the smallest: the "
             "element sizes are verified up to 1000 times"

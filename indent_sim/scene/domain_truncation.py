@@ -27,15 +27,9 @@ from indent_sim.theory.half_space import estimate_depth
 from indent_sim.theory.layer import Layer as LayerContact
 from indent_sim.theory.solution import MAX_SLENDERNESS, Solution
 
-# Relative error of the force that is allowed in total, and the share of it for the truncation; the
-# rest is for the mesh.
-FORCE_ACCURACY = 1e-3
-TRUNCATION_ERROR_SHARE = 0.3
+# Relative error of the force that the truncation may cause; the mesh may cause the rest of 1e-3.
+TRUNCATION_ERROR = 3e-4
 ROLLER_SIDES = BoxSides("roller", "roller", "roller", "roller")
-# The first wall that is tried is FIRST_WALL_DISTANCE WALL_DISTANCE_FACTOR heights of the layer from
-# the contact, every further one WALL_DISTANCE_FACTOR times as far.
-FIRST_WALL_DISTANCE = 2.0
-WALL_DISTANCE_FACTOR = 1.5
 # Factor of safety for the error by theory: forces on meshes scatter by 1e-4, and a law with
 # nu = 0.3 replaces those with nu < 0.
 TRUNCATION_SAFETY = 1.5
@@ -85,7 +79,7 @@ def truncate(
 ) -> Truncation:
     """Return the smallest finite body that can replace a half-space or an infinitely wide layer.
 
-    Its force at the depth differs by at most TRUNCATION_ERROR_SHARE FORCE_ACCURACY.
+    Its force at the depth differs by at most TRUNCATION_ERROR.
 
     Parameters
     ----------
@@ -184,15 +178,19 @@ def _truncate_layer(
         punch = profiles.flat_punch(min(radius, 0.5 * MAX_SLENDERNESS * stack.h))
         contact = LayerContact.from_stack(punch, stack)
         deepest = contact.solutions_at_depths([depth])[0]
-    wall_distance = FIRST_WALL_DISTANCE * height + _inclusion_extent(body)
+    # The first wall that is tried is three heights of the layer from the contact, every further one
+    # wall_distance_factor times as far.
+    first_wall_distance = 2.0
+    wall_distance_factor = 1.5
+    wall_distance = first_wall_distance * height + _inclusion_extent(body)
     error = inf
-    while error > TRUNCATION_ERROR_SHARE * FORCE_ACCURACY:
-        wall_distance *= WALL_DISTANCE_FACTOR
+    while error > TRUNCATION_ERROR:
+        wall_distance *= wall_distance_factor
         walled_contact = _contact_at_depth(
             LayerContact.from_stack(contact.tip, stack, deepest.a + wall_distance), depth
         )
         error = abs(walled_contact.force / deepest.force - 1) if walled_contact else inf
-    # In a body that is stiff in its plane the disturbance decays over a longer distance.
+    # The disturbance decays over a longer distance in a body that is stiff in its plane.
     wall_distance *= max(
         1.0, *(layer.material.decay_rates[1] for layer in layers if layer.material)
     )
@@ -229,7 +227,7 @@ def _truncate_half_space(
             break
     assert deepest is not None
     upper_thickness = sum(layer.thickness or 0.0 for layer in layers[:-1])
-    target = TRUNCATION_ERROR_SHARE * FORCE_ACCURACY
+    target = TRUNCATION_ERROR
     ratio = max(100.0, 10 * max(upper_thickness, _inclusion_extent(body)) / deepest.a)
     # The strain decays more slowly with the depth than in isotropic layers by this factor.
     decay_factor = max(

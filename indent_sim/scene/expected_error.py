@@ -12,6 +12,7 @@ import numpy as np
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.contact import ContactLaw, Penalty
 from indent_sim.model.materials import Material
+from indent_sim.scene.measured_constants import EDGE_ERROR, INCOMPRESSIBLE_EDGE_FACTOR
 from indent_sim.theory.theory import Theory
 
 # d ln F/d ln delta of a paraboloid on a half-space.
@@ -20,11 +21,6 @@ FORCE_DEPTH_EXPONENT = 1.5
 NEGLIGIBLE_ERROR = 0.005
 # Poisson's ratio from which a body counts as nearly incompressible.
 NEARLY_INCOMPRESSIBLE_NU = 0.45
-# Relative error of the force, at most, divided by the element size at a punch's sharp edge relative
-# to its radius. It was 0.09 to 0.22 on 25 quarter cylinders (scripts/make_error_bar_table measures
-# it again), and 0.65 on sections of nearly incompressible bodies: 2.6 times as much.
-EDGE_ERROR = 0.25
-INCOMPRESSIBLE_EDGE_FACTOR = 2.6
 
 
 def edge_error(sizes: Sizes) -> float:
@@ -111,7 +107,7 @@ def penalty_force_loss(
         return 0.0
     # Depth that a penalty takes from the tip, at most, in units of mean pressure/epsilon_n.
     max_penetration_factor = 1.5
-    # At finite strain this penetration grows as a power of 1/(1 - delta/height), with this
+    # This penetration grows as a power of 1/(1 - delta/height) at finite strain, with this
     # exponent.
     penetration_exponent = 1.5
     penetration = (

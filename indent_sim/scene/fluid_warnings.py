@@ -9,20 +9,15 @@ from indent_sim.scene.boundary_films import unresolved_film
 from indent_sim.scene.diffusion_times import DiffusionTimes, drained_face_size
 from indent_sim.scene.discretization_warnings import refinement_advice
 from indent_sim.scene.expected_error import NEGLIGIBLE_ERROR, error_text
+from indent_sim.scene.measured_constants import (
+    DRAINED_LOCKING_NU,
+    LOCKING_ERROR,
+    MIN_SEALED_ELEMENTS,
+    SUDDEN_BATH_RATIO,
+)
 from indent_sim.scene.model_warnings import ModelWarning
 from indent_sim.scene.problem_definition import ProblemDefinition
 from indent_sim.scene.problem_setup import ProblemSetup
-
-# Displacement elements are too stiff for a drained gel with a larger Poisson's ratio: the force is
-# wrong by LOCKING_ERROR at 0.4999.
-DRAINED_LOCKING_NU = 0.495
-LOCKING_ERROR = 0.01
-# Rows earlier than this many ramp times of the bath get a warning: at this time a gel has risen by
-# 2.6 % less than after a sudden change.
-SUDDEN_BATH_RATIO = 10.0
-# Elements in the radius of a contact that a tip seals, with which the unknown end of the sealed
-# area costs 2 % of the force that relaxes.
-MIN_SEALED_ELEMENTS = 10.0
 
 
 def fluid_warnings(

@@ -10,7 +10,8 @@ from indent_sim.model.history import History
 from indent_sim.model.load_path import LoadPath
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.depth_limits import expected_depths
-from indent_sim.scene.diffusion_times import ELEMENT_DRAINAGE_FACTOR, DiffusionTimes
+from indent_sim.scene.diffusion_times import DiffusionTimes
+from indent_sim.scene.measured_constants import ELEMENT_DRAINAGE_FACTOR, STEPS_TO_ROW
 from indent_sim.scene.prescribed_history import prony_series
 from indent_sim.scene.problem_definition import (
     ProblemDefinition,
@@ -20,23 +21,11 @@ from indent_sim.scene.problem_definition import (
 )
 from indent_sim.scene.problem_setup import ProblemSetup
 
-# Time over which a sudden change of the bath is applied at finite strain, relative to the diffusion
-# time of the contact or of a thinner body. It takes RAMP_STEPS first steps, since Newton's method
-# does not find a surface layer that swells at once. Elements of a tenth of the contact radius just
-# drain in such a step of h^2/(ELEMENT_DRAINAGE_FACTOR D).
+# A sudden change of the bath at finite strain is applied over this many first steps, since Newton's
+# method does not find a surface layer that swells at once.
 RAMP_STEPS = 8.0
-BATH_RAMP_FRACTION = RAMP_STEPS / ELEMENT_DRAINAGE_FACTOR / 10**2
-# First steps of a segment per shortest relaxation time.
-STEPS_PER_RELAXATION_TIME = 20.0
-# Least number of time steps between a change of the tip's speed and the next output row. The
-# boundary layer of pore pressure beside a drained face grows with the square root of that time. In
-# one step the force of a row was 6 % wrong with an error bar of 20 %, in eight steps 0.3 %, of
-# confined columns: `python tests/early_times.py --kinds column --accuracy 0.01`.
-STEPS_TO_ROW = 8.0
 # The first step is at least this part of the shortest segment of a history.
 MIN_STEP_FRACTION = 1e-3
-# Shortest relaxation time of the Prony series for a power law, relative to that first step.
-SHORTEST_TIME_FRACTION = 1e-2
 
 
 def problem_along_history(
@@ -128,7 +117,7 @@ def bath_ramp_time(setup: ProblemSetup, physics: ProblemDefinition) -> float:
 
     It is 0 for a body that no bath swells or shrinks, and for an instantaneous change of the bath.
     The key `drainage.bath_ramp` gives it; for `auto` at finite strain it is
-    BATH_RAMP_FRACTION L^2/D, where D is the largest diffusivity and L the smaller of the expected
+    L^2/(75 D), where D is the largest diffusivity and L the smaller of the expected
     contact radius and the body's height. The ramp does not depend on the mesh.
     """
     if not physics.is_swelling:
@@ -137,9 +126,10 @@ def bath_ramp_time(setup: ProblemSetup, physics: ProblemDefinition) -> float:
         return physics.drainage.bath_ramp
     if physics.small_strain:
         return 0.0
-    return (
-        BATH_RAMP_FRACTION * min(setup.a, physics.body.height) ** 2 / largest_diffusivity(physics)
-    )
+    # Elements of a tenth of the contact radius just drain in a step of h^2/(ELEMENT_DRAINAGE_FACTOR
+    # D).
+    ramp_fraction = RAMP_STEPS / ELEMENT_DRAINAGE_FACTOR / 10**2
+    return ramp_fraction * min(setup.a, physics.body.height) ** 2 / largest_diffusivity(physics)
 
 
 def _remove_jumps(path: LoadPath, key: str) -> LoadPath:
@@ -174,8 +164,10 @@ def first_step(setup: ProblemSetup, physics: ProblemDefinition, h_contact: float
         if region.relaxation_series
         for t in region.relaxation_series.times
     ]
+    # First steps of a segment per shortest relaxation time.
+    steps_per_relaxation_time = 20.0
     shortest = max(
-        min(times, default=inf) / STEPS_PER_RELAXATION_TIME,
+        min(times, default=inf) / steps_per_relaxation_time,
         MIN_STEP_FRACTION * setup.history.shortest_segment,
     )
     if not physics.permeable_regions:
@@ -190,7 +182,9 @@ def _expand_relaxation(physics: ProblemDefinition, history: History) -> ModelDom
 
     def with_prony_series(region: Region) -> Region:
         law = region.material.relaxation
-        shortest = SHORTEST_TIME_FRACTION * MIN_STEP_FRACTION * history.shortest_segment
+        # Shortest relaxation time of the series, relative to the first step.
+        shortest_time_fraction = 1e-2
+        shortest = shortest_time_fraction * MIN_STEP_FRACTION * history.shortest_segment
         return (
             replace(region, relaxation_series=prony_series(law, shortest, history.duration))
             if law

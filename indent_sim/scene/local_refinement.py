@@ -14,36 +14,24 @@ from indent_sim.process.errors import ConfigError
 from indent_sim.scene import boundary_films
 from indent_sim.scene.corner_singularities import corners
 from indent_sim.scene.history_path import problem_along_history
+from indent_sim.scene.measured_constants import (
+    ELEMENTS_ABOVE_INCLUSION,
+    ELEMENTS_PER_COATING,
+    ELEMENTS_PER_RADIUS,
+    FLAT_INCLUSION_FACTOR,
+    MAX_INCLUSION_WEIGHT,
+)
 from indent_sim.scene.path_rows import path_rows
 from indent_sim.scene.problem_setup import ProblemSetup
-from indent_sim.scene.resolution import (
-    AUTO_ERROR,
-    ELEMENTS_PER_RADIUS,
-    FixedSizes,
-    MeshResolution,
-)
+from indent_sim.scene.resolution import FixedSizes, MeshResolution
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
 
-# Share of the allowed error of the force that the elements at corners may cost.
-CORNER_ERROR_SHARE = 0.1
-# The same for the boundary layers at drained faces with a requested accuracy, and for inclusions.
-FILM_ERROR_SHARE = 0.5
+# Relative error of the force that the sizes may cost without a requested accuracy.
+AUTO_ERROR = 0.003
+# Share of the allowed error of the force that the elements in inclusions may cost.
 INCLUSION_ERROR_SHARE = 0.25
-# Elements across a coating; tests/physics/test_skins.py measures the error of the force.
-ELEMENTS_PER_COATING = 1.5
-# Least and most elements in half the thickness of an inclusion, by dimension.
-INCLUSION_ELEMENTS = {2: (2.0, 30.0), 3: (2.0, 6.0)}
-# Relative change of the force by a missing part of an inclusion, at most, and the factor of the
-# elements in an inclusion with flat faces, of which no part is missing. The force was within 0.02
-# to 0.1 % without a requested accuracy, for moduli of 1e-3 to 1e3 times that of the body.
-MAX_INCLUSION_WEIGHT = 0.25
-FLAT_INCLUSION_FACTOR = 0.5
-# Elements between an inclusion and the top of a cap or ball, which bends as a shell above a soft
-# inclusion. The force was within 0.1 to 0.2 % of the series solution of
-# tests/physics/test_layered_ball.py, with 0.05 to 0.4 radii between them.
-ELEMENTS_ABOVE_INCLUSION = 4.0
 
 
 def refine_corners(
@@ -81,11 +69,13 @@ def refine_corners(
     ]
     h = fixed_sizes.h_corner
     is_size_free = resolution is not None or fixed_sizes.h_contact is None
+    # Share of the allowed error of the force that the elements at corners may cost.
+    corner_error_share = 0.1
     needs_refinement = any(
-        corner.size(CORNER_ERROR_SHARE * error, n) < size for corner, size in corner_sizes
+        corner.size(corner_error_share * error, n) < size for corner, size in corner_sizes
     )
     if physics.domain.dim == 2 and h is None and is_size_free and needs_refinement:
-        h = min(corner.size(CORNER_ERROR_SHARE * error, n) for corner in near_corners)
+        h = min(corner.size(corner_error_share * error, n) for corner in near_corners)
     if h is None:
         return replace(
             default_sizes,
@@ -173,7 +163,9 @@ def refine_films(
     )
     if not (is_size_free and drains):
         return default_sizes
-    max_fraction = FILM_ERROR_SHARE * resolution.error if resolution else AUTO_ERROR
+    # Share of the allowed error of the force that the boundary layers at drained faces may cost.
+    film_error_share = 0.5
+    max_fraction = film_error_share * resolution.error if resolution else AUTO_ERROR
     faces, h_film = _film_sizes(setup, default_sizes, fixed_sizes.h_film, max_fraction)
     return replace(default_sizes, drained_faces=faces, h_film=h_film if faces else None)
 
@@ -235,7 +227,8 @@ def _elements_in_inclusion(inclusion: Inclusion, setup: ProblemSetup, error: flo
     """
     physics = setup.physics
     dim = physics.domain.dim
-    min_elements, max_elements = INCLUSION_ELEMENTS[dim]
+    # Least and most elements in half the thickness of an inclusion.
+    min_elements, max_elements = {2: (2.0, 30.0), 3: (2.0, 6.0)}[dim]
     x, *y = physics.center
     d = max(float(inclusion.distance((x, y[0] if y else 0.0, 0.0))), inclusion.min_half_width)
     if physics.body.dim == 2:

@@ -16,15 +16,13 @@ from indent_sim.mesh.model_domain import ModelDomain
 from indent_sim.mesh.sizes import DrainedFace, Sizes
 from indent_sim.model.inclusions import Inclusion
 from indent_sim.model.layers import Coating
+from indent_sim.scene.measured_constants import (
+    COUNTS_2D,
+    COUNTS_3D,
+    FACETS_PER_AREA,
+    NODES_PER_FACET,
+)
 
-COUNTS_2D = {"cells": 2.63, "nodes": 5.58, "vertices": 1.45}  # per size^2 of the section
-# Counts per size^3 of the volume, and per size^2 of its surface, where gmsh's elements are as small
-# but lie on one side only. They are within 5 % on 23 boxes, quarters and cylinders with 1 000 to
-# 63 000 cells, graded and uniform.
-COUNTS_3D = {"cells": (4.16, 1.94), "nodes": (5.15, 5.90), "vertices": (0.56, 1.22)}
-# Facets per size^(dim - 1) of the surface, by dimension, and nodes per facet.
-FACETS_PER_AREA = {2: 1.0, 3: 2.3}
-NODES_PER_FACET = 2.1
 INTEGRAL_POINTS = 50  # points of an integral over a body, in each direction
 
 

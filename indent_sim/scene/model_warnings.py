@@ -154,7 +154,7 @@ def _tip_end_warnings(setup: ProblemSetup, gap: str) -> Iterator[ModelWarning]:
             f"{STEM_HALF_ANGLE:g} degrees of its top"
         )
     yield ModelWarning("tip_end", message)
-    # Beyond 100 radii the tip is a needle, or a unit is wrong.
+    # A tip that reaches deeper than 100 radii is a needle, or a unit is wrong.
     if delta > 100.0 * end_radius:
         message = (
             f"the depth is {delta / end_radius:.3g} times the radius at which the tip ends: do "

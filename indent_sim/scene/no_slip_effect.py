@@ -11,25 +11,11 @@ from indent_sim.mesh.model_domain import ModelDomain
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.contact import Friction
 from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid, Sphere
+from indent_sim.scene.measured_constants import MAX_RIM_ELEMENTS
 from indent_sim.scene.problem_definition import ProblemDefinition
 from indent_sim.scene.problem_setup import ProblemSetup
 from indent_sim.theory import no_slip
 from indent_sim.theory.no_slip import FrictionCorrection
-
-# Exponent n of the profile f = B r^n of a tip; infinite for a flat punch.
-PROFILE_EXPONENTS: dict[type, float] = {
-    Paraboloid: 2.0,
-    Sphere: 2.0,
-    Cone: 1.0,
-    FlatPunch: inf,
-}
-# Change of the force by no slip below which it is not mentioned [%].
-NEGLIGIBLE_PERCENT = 1.0
-# Largest element size at the edge, in widths of the tensile rim, at which the elements resolve the
-# rim. Newton's method was found to cycle with sizes up to 5 of them.
-MAX_RIM_ELEMENTS = 6.0
-# Coefficient of friction that replaces stick then. The force is 0.05 % lower, measured at nu = 0.
-STICK_FRICTION = 5.0
 
 
 @dataclass(frozen=True)
@@ -54,10 +40,12 @@ class NoSlipEffect:
     @property
     def is_noticeable(self) -> bool:
         """True if the change may be worth a sentence."""
+        # Change of the force by no slip below which it is not mentioned [%].
+        negligible_percent = 1.0
         return (
             self.low is None
             or self.high is None
-            or max(abs(self.low), abs(self.high)) >= NEGLIGIBLE_PERCENT
+            or max(abs(self.low), abs(self.high)) >= negligible_percent
         )
 
     @property
@@ -157,7 +145,14 @@ def profile_exponent(tip: Indenter) -> float | None:
     It is None for any other profile, and for a rounded apex or edge.
     """
     is_sharp = not any(getattr(tip, name, 0.0) > 0 for name in ("tip_radius", "edge_radius"))
-    return PROFILE_EXPONENTS.get(type(tip)) if is_sharp else None
+    # Exponent n of the profile f = B r^n of a tip; infinite for a flat punch.
+    exponents: dict[type, float] = {
+        Paraboloid: 2.0,
+        Sphere: 2.0,
+        Cone: 1.0,
+        FlatPunch: inf,
+    }
+    return exponents.get(type(tip)) if is_sharp else None
 
 
 def friction_correction(

@@ -12,10 +12,6 @@ import numpy as np
 from indent_sim.model.load_path import LoadPath
 from indent_sim.theory.drained_layer import drained_length, excess_length
 
-# Number of changes of the load before a row that are considered: films of earlier changes have
-# grown thick.
-MAX_CHANGES = 30
-
 
 @dataclass
 class PathSegment:
@@ -77,7 +73,7 @@ class PathRow:
 
 
 def path_rows(path: LoadPath) -> list[PathRow]:
-    """Return the rows of a path in time, each with the last MAX_CHANGES changes that began before.
+    """Return the rows of a path in time, each with the last 30 changes that began before.
 
     A jump at the time of a row is not among its changes, because nothing has drained since. Without
     positive values there are no rows, because no pore pressure arises.
@@ -93,10 +89,13 @@ def path_rows(path: LoadPath) -> list[PathRow]:
         [(segment.begin, segment.end, segment.change) for segment in segments if segment.change]
     ).T
     rows = []
+    # Number of changes of the load before a row that are considered: films of earlier changes have
+    # grown thick.
+    max_changes = 30
     for increment in increments:
         value, t = increment[-1]
         change_count = int(np.searchsorted(begins, t))
-        recent = slice(max(change_count - MAX_CHANGES, 0), change_count)
+        recent = slice(max(change_count - max_changes, 0), change_count)
         elapsed = t - begins[recent]
         full_durations = ends[recent] - begins[recent]
         durations = np.minimum(elapsed, full_durations)

@@ -14,13 +14,6 @@ if TYPE_CHECKING:
     from indent_sim.config.schema import Config
 
 
-# Relative error of the force by time stepping with STEPS_PER_DOUBLING steps of each length. It is
-# of second order in the step size. With friction it is known less accurately: the error bar is five
-# times the change by half the step size.
-TIME_STEPPING_ERROR = 0.004
-FRICTION_STEPPING_ERROR = 0.02
-
-
 def needs_time_stepping(history: History | None, law: Relaxation | None, compliance: float) -> bool:
     """True if a relaxing body needs viscoelastic time stepping instead of a quadrature.
 
@@ -73,8 +66,13 @@ def time_steps_per_doubling(config: Config) -> int:
 
     The error falls with its square.
     """
+    # Relative error of the force by time stepping with STEPS_PER_DOUBLING steps of each length. It
+    # is of second order in the step size. With friction it is known less accurately: the error bar
+    # is five times the change by half the step size.
+    time_stepping_error = 0.004
+    friction_stepping_error = 0.02
     default_error = (
-        TIME_STEPPING_ERROR if config.contact.is_conservative else FRICTION_STEPPING_ERROR
+        time_stepping_error if config.contact.is_conservative else friction_stepping_error
     )
     step_factor = ceil(sqrt(default_error / (target_error(config.accuracy) or default_error)))
     return config.loading.per_doubling or STEPS_PER_DOUBLING * max(1, step_factor)

@@ -169,7 +169,8 @@ def round_lengths(body: D) -> D:
         return round_length(value) if isinstance(value, float) else value
 
     fields = dataclasses.fields(body)  # type: ignore[arg-type]
-    return replace(body, **{f.name: rounded(getattr(body, f.name)) for f in fields})  # type: ignore[type-var]
+    rounded_values = {field.name: rounded(getattr(body, field.name)) for field in fields}
+    return replace(body, **rounded_values)  # type: ignore[type-var]
 
 
 def unused_material_message(config: Config, domain: ModelDomain) -> str:

@@ -15,49 +15,20 @@ from dataclasses import dataclass, replace
 
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.scene.corner_singularities import SINGULARITY_RATE
+from indent_sim.scene.measured_constants import (
+    COLUMN_GRADING_ERROR,
+    EDGE_SIZE_FACTOR,
+    ERROR_CONSTANT,
+    ORDER_OF_CONVERGENCE,
+)
 
 PRESETS = {"fast": 0.05, "balanced": 0.01, "accurate": 0.001}
-# The error estimate of the force is about ERROR_CONSTANT n^-ORDER_OF_CONVERGENCE at the worst step,
-# by dimension: `python -m pytest -m verify tests/physics/test_accuracy.py -s` prints it for every
-# scene.
-ERROR_CONSTANT = {2: 0.65, 3: 0.33}
-ORDER_OF_CONVERGENCE = 2.5
-# Elements in the radius of the contact without a requested accuracy, by dimension: the force of the
-# last step is within 0.3 %, measured on a paraboloid in two dimensions and on a cube.
-ELEMENTS_PER_RADIUS = {2: 10.0, 3: 5.0}
 # Growth of the element size per unit distance without a requested accuracy.
 GRADING = 0.2
-# Relative error of the force that the sizes may cost without a requested accuracy.
-AUTO_ERROR = 0.003
-# Least elements in the contact radius, by dimension; much coarser meshes have no meaning.
-MIN_ELEMENTS = {2: 5.0, 3: 4.6}
 MAX_ELEMENTS = 1000.0
-# Grading times n^GRADING_EXPONENT, by dimension.
-GRADING_FACTOR = {2: 1.0, 3: 0.6}
 # The relative error of the strain energy on graded elements is proportional to grading^4.
 GRADING_EXPONENT = ORDER_OF_CONVERGENCE / 4
-# In a draining column the pressure of the fluid extends over all of the height and does not decay
-# below a contact. It is linear in an element, so that the relative error of the force is
-# COLUMN_GRADING_ERROR grading^2, which may be GRADING_ERROR_SHARE of the expected error. Measured
-# on "Biot, confined ramp" of configs/studies/verification/published.yaml (height 1, radius 0.1, at
-# t = 0.1 height^2/D): 7.4e-4 with a grading of 0.2, 4.2e-4 with 0.167, and 1.2e-5 with elements of
-# 0.01 everywhere.
-COLUMN_GRADING_EXPONENT = ORDER_OF_CONVERGENCE / 2
-COLUMN_GRADING_ERROR = 0.02
-GRADING_ERROR_SHARE = 0.5
 MAX_GRADING = 0.5
-# h_far n divided by the larger of height and width, by dimension.
-FAR_SIZE_FACTOR = {2: 2.0, 3: 1.25}
-# h_edge n^ORDER_OF_CONVERGENCE divided by the punch's radius, by dimension. In three dimensions it
-# is so small that the error by the edge (`expected_error.EDGE_ERROR` times h_edge over the radius)
-# alone is within ERROR_CONSTANT n^-ORDER_OF_CONVERGENCE: with 3.0 the first mesh missed its target,
-# and the second one took longer than the first one with 1.2.
-EDGE_SIZE_FACTOR = {2: 0.3, 3: 1.2}
-# Smallest contact radius with n elements, relative to the largest one, by dimension.
-MIN_RESOLVED_RADIUS = {2: 0.01, 3: 0.2}
-# Exponent of the element size at a drained face in the error by its boundary layer, once that is
-# resolved.
-FILM_ERROR_ORDER = 2.0
 
 
 @dataclass(frozen=True)
@@ -173,16 +144,22 @@ class MeshResolution:
                 edge * EDGE_SIZE_FACTOR[self.dim] * n**-ORDER_OF_CONVERGENCE / edge_refinement,
                 h_contact,
             )
+        # h_far n divided by the larger of height and width.
+        far_size_factor = {2: 2.0, 3: 1.25}
         h_far = max(
             h_contact,
             min(
-                FAR_SIZE_FACTOR[self.dim] / n * max(height, width),
+                far_size_factor[self.dim] / n * max(height, width),
                 (curvature_radius or float("inf")) / n,
             ),
         )
-        grading = min(MAX_GRADING, GRADING_FACTOR[self.dim] * n**-GRADING_EXPONENT)
+        # Grading times n^GRADING_EXPONENT.
+        grading_factor = {2: 1.0, 3: 0.6}
+        grading = min(MAX_GRADING, grading_factor[self.dim] * n**-GRADING_EXPONENT)
         if self.is_draining_column:
-            grading = min(grading, (GRADING_ERROR_SHARE * self.error / COLUMN_GRADING_ERROR) ** 0.5)
+            # Share of the expected error that the grading of a draining column may cost.
+            grading_error_share = 0.5
+            grading = min(grading, (grading_error_share * self.error / COLUMN_GRADING_ERROR) ** 0.5)
         return FixedSizes(
             h_contact=h_contact, h_axis=h_axis, h_edge=h_edge, h_far=h_far, grading=grading
         )
@@ -195,7 +172,7 @@ def target_error(accuracy: float | str | None) -> float | None:
 
 def error_decay(n: float) -> float:
     """Return the decay of the error with n elements in the contact radius, up to a constant."""
-    # With fewer elements in the contact radius the error no longer follows that power.
+    # The error no longer follows the power with fewer elements in the contact radius.
     saturation_elements = 2.0
     return float((n**4 + saturation_elements**4) ** (-ORDER_OF_CONVERGENCE / 4))
 
@@ -221,7 +198,9 @@ def required_elements(
     confined_layer_factor = 1.6
     factor = confined_layer_factor if is_confined else 1.0
     elements = factor * (ERROR_CONSTANT[dim] / target) ** (1 / ORDER_OF_CONVERGENCE)
-    return min(anisotropy * max(elements, MIN_ELEMENTS[dim]), MAX_ELEMENTS)
+    # Least elements in the contact radius; much coarser meshes have no meaning.
+    min_elements = {2: 5.0, 3: 4.6}
+    return min(anisotropy * max(elements, min_elements[dim]), MAX_ELEMENTS)
 
 
 def anisotropy_factor(decay: tuple[float, float]) -> float:
@@ -253,7 +232,9 @@ def resolution_from_contacts(
         Dimension of the mesh.
     """
     largest_radius = max(a for _, a, _ in contacts)
-    smallest_radius = max(min(a for _, a, _ in contacts), MIN_RESOLVED_RADIUS[dim] * largest_radius)
+    # Smallest contact radius with n elements, relative to the largest one.
+    min_resolved_radius = {2: 0.01, 3: 0.2}
+    smallest_radius = max(min(a for _, a, _ in contacts), min_resolved_radius[dim] * largest_radius)
     # d ln F/d ln delta of a paraboloid: a penalty takes the mean pressure/epsilon_n from the
     # depth.
     penalty_error_factor = 1.5
@@ -278,13 +259,18 @@ def coarsened_sizes(sizes: Sizes, ratio: float, height: float, *, is_column: boo
     is_column : bool
         Whether fluid flows in a body whose top the tip covers.
     """
-    grading_exponent = COLUMN_GRADING_EXPONENT if is_column else GRADING_EXPONENT
+    # The error of a draining column is proportional to grading^2.
+    column_grading_exponent = ORDER_OF_CONVERGENCE / 2
+    grading_exponent = column_grading_exponent if is_column else GRADING_EXPONENT
     h_contact = min(ratio * sizes.h_contact, height)
     coatings = tuple(
         (coating, min(ratio * h, max(coating.thickness, h))) for coating, h in sizes.coatings
     )
+    # Exponent of the element size at a drained face in the error by its boundary layer, once that
+    # is resolved.
+    film_error_order = 2.0
     films = tuple(
-        replace(film, h=min(ratio ** (ORDER_OF_CONVERGENCE / FILM_ERROR_ORDER) * film.h, h_contact))
+        replace(film, h=min(ratio ** (ORDER_OF_CONVERGENCE / film_error_order) * film.h, h_contact))
         for film in sizes.drained_faces
     )
     inclusions = [
@@ -303,7 +289,7 @@ def coarsened_sizes(sizes: Sizes, ratio: float, height: float, *, is_column: boo
         and min(ratio ** (ORDER_OF_CONVERGENCE / SINGULARITY_RATE) * sizes.h_corner, h_contact),
         drained_faces=films,
         h_film=sizes.h_film
-        and min(ratio ** (ORDER_OF_CONVERGENCE / FILM_ERROR_ORDER) * sizes.h_film, h_contact),
+        and min(ratio ** (ORDER_OF_CONVERGENCE / film_error_order) * sizes.h_film, h_contact),
         inclusions=tuple(inclusions),
         coatings=coatings,
     )

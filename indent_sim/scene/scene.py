@@ -21,18 +21,17 @@ from indent_sim.process.repr_tables import ReprTable, cell_text
 from indent_sim.process.usage import machine_memory
 from indent_sim.scene import choices, contact_choices, curve_choices, sizing, solver_choices
 from indent_sim.scene.choices import Choice
-from indent_sim.scene.cost import (
-    SECONDS_PER_ROW,
-    SECONDS_PER_SEARCHED_ROW,
-    THEORY_SECONDS,
-    Cost,
-    SolverWork,
-)
+from indent_sim.scene.cost import Cost, SolverWork
 from indent_sim.scene.cost import predict_cost as cost_of
 from indent_sim.scene.diffusion_times import drained_face_size
 from indent_sim.scene.discretization_warnings import scene_warnings
 from indent_sim.scene.fluid_warnings import fluid_warnings
 from indent_sim.scene.history_path import problem_along_history, row_depths
+from indent_sim.scene.measured_constants import (
+    SECONDS_PER_ROW,
+    SECONDS_PER_SEARCHED_ROW,
+    THEORY_SECONDS,
+)
 from indent_sim.scene.mesh_counts import candidate_count
 from indent_sim.scene.model_warnings import (
     ModelWarning,
@@ -40,11 +39,7 @@ from indent_sim.scene.model_warnings import (
     pull_warnings,
     theory_warnings,
 )
-from indent_sim.scene.no_slip_effect import (
-    friction_correction,
-    friction_sentence,
-    no_slip_effect,
-)
+from indent_sim.scene.no_slip_effect import friction_correction, friction_sentence, no_slip_effect
 from indent_sim.scene.peak_pressure import missing_peak_reason
 from indent_sim.scene.plan import Plan
 from indent_sim.scene.predictions import prediction_of
@@ -60,17 +55,6 @@ if TYPE_CHECKING:
     from indent_sim.config.scene_sections import SolverSettings
     from indent_sim.config.schema import Config
 
-# The factor of E/h_far: under the pressure E a curved roller wall then moves by less than 1e-3 of
-# an element.
-WALL_STIFFNESS = 1e3
-WALL_WHY = (
-    "u.n = 0 on the curved roller wall is imposed weakly, along the normal of the cylinder, with "
-    f"the stiffness {WALL_STIFFNESS:g} E/h_far"
-)
-GAP_WHY = "the gap is evaluated at the deformed point, in the theory at the undeformed one"
-PLANE_GAP_WHY = (
-    "the gap is evaluated at the undeformed point, in the theory the surface slides under the plate"
-)
 FRICTION_WHY = "the surface has friction, the theory has none"
 
 
@@ -231,8 +215,15 @@ class Scene:
                 physics.contact.may_snap_through,
                 "the attraction has a finite range, in the theory it has none",
             ),
-            (physics.gap == "current" and not has_plate, GAP_WHY),
-            (physics.gap == "reference" and is_finite, PLANE_GAP_WHY),
+            (
+                physics.gap == "current" and not has_plate,
+                "the gap is evaluated at the deformed point, in the theory at the undeformed one",
+            ),
+            (
+                physics.gap == "reference" and is_finite,
+                "the gap is evaluated at the undeformed point, in the theory the surface slides "
+                "under the plate",
+            ),
             (theory is not None and not theory.is_exact, theory.reason if theory else ""),
         )
         return tuple(why for applies, why in reasons if applies)
@@ -469,7 +460,11 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
         time,
     )
     plan = Plan(config.title, config.units, *plan_parts)
-    settings = replace(config.solver, method=solver.value, linear=linear.value)  # type: ignore[arg-type]
+    settings = replace(
+        config.solver,
+        method=solver.value,  # type: ignore[arg-type]
+        linear=linear.value,  # type: ignore[arg-type]
+    )
     history = None if is_in_time else setup.history
     return Scene(physics, sizes, settings, plan, setup.experiment, history, setup.relaxation)
 
@@ -487,8 +482,14 @@ def _wall_stiffness(setup: ProblemSetup, sizes: Sizes) -> tuple[float, list[Choi
     physics = setup.physics
     if not physics.domain.has_curved_roller:
         return 0.0, []
-    stiffness = WALL_STIFFNESS * physics.material.constants.E / sizes.h_far
-    return stiffness, [Choice("wall", stiffness * physics.scales.stiffness, WALL_WHY)]
+    # Under the pressure E the wall then moves by less than 1e-3 of an element.
+    factor = 1e3
+    stiffness = factor * physics.material.constants.E / sizes.h_far
+    why = (
+        "u.n = 0 on the curved roller wall is imposed weakly, along the normal of the cylinder, "
+        f"with the stiffness {factor:g} E/h_far"
+    )
+    return stiffness, [Choice("wall", stiffness * physics.scales.stiffness, why)]
 
 
 def _choose_solver(

@@ -9,17 +9,12 @@ import numpy as np
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.units import Scales
 from indent_sim.process.errors import ConfigError
+from indent_sim.scene.measured_constants import MIN_AXIS_SIZE, MIN_ELEMENT_SIZE
 from indent_sim.scene.problem_setup import ProblemSetup
 from indent_sim.scene.resolution import FixedSizes
 
 if TYPE_CHECKING:
     from indent_sim.config.scene_sections import MeshSettings
-
-# Smallest element size relative to the longest side of the model domain. With smaller elements gmsh
-# aborts or does not end: up to 3e-9 were seen, and 1e-10 in an axisymmetric section, where the tip
-# is at r = 0 and coordinates have all their digits.
-MIN_ELEMENT_SIZE = 5e-9
-MIN_AXIS_SIZE = 1e-10
 
 
 def configured_sizes(

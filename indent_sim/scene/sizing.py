@@ -22,9 +22,14 @@ from indent_sim.scene.local_refinement import (
     refine_films,
     refine_inclusions,
 )
+from indent_sim.scene.measured_constants import (
+    ADHESIVE_ELEMENTS_PER_RADIUS,
+    EDGE_REFINEMENT,
+    ELEMENTS_PER_RADIUS,
+    STEPPED_ELEMENTS_PER_RADIUS,
+)
 from indent_sim.scene.problem_setup import ProblemSetup
 from indent_sim.scene.resolution import (
-    ELEMENTS_PER_RADIUS,
     GRADING,
     FixedSizes,
     MeshResolution,
@@ -38,29 +43,13 @@ from indent_sim.scene.size_checks import check_sizes, configured_sizes
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
 
-# Elements in the smallest and the largest contact radius of an adhesive contact in the JKR limit:
-# the pull-off force is within 0.2 %, measured on bonded layers.
-ADHESIVE_ELEMENTS_PER_RADIUS = 30.0
-# Elements in the contact radius for time steps by nodal pressures: 0.03 % of the force, measured.
-STEPPED_ELEMENTS_PER_RADIUS = 25.0
-# Points of the surface by theory in every contact radius.
-SURFACE_POINTS = 40
-# Elements per radius of a curved wall. The polygon encloses 0.3 % less than the circle, and the
-# force of an incompressible body between roller walls changes by as much.
-ELEMENTS_PER_WALL_RADIUS = 8.0
 # Radius of the fine patch in expected contact radii.
 PATCH_FACTOR = 1.15
 # Smallest contact radius of the last step that still gets as many elements as the largest one,
 # relative to that.
 MIN_LAST_RADIUS = 1e-4
-# h_contact over the element size at a punch's sharp edge, where the pressure is singular, by
-# dimension.
-EDGE_RATIO = {2: 20.0, 3: 4.0}
 # A contact that reaches this part of the radius at which a tip ends, ends there as under a punch.
 END_FRACTION = 0.999
-# The sensitivity of the force to a punch's radius next to a wall is this times (1 + radius/gap), to
-# 20 % of layer theory.
-EDGE_REFINEMENT = 0.74
 
 
 def surface_point_sizes(setup: ProblemSetup) -> Sizes:
@@ -76,8 +65,10 @@ def surface_point_sizes(setup: ProblemSetup) -> Sizes:
         else [setup.a]
     )
     a = round_length(max(radii))
-    h = round_length(max(radii) / SURFACE_POINTS)
-    h_axis = round_length(max(min(radii), MIN_LAST_RADIUS * a) / SURFACE_POINTS)
+    # Points of the surface by theory in every contact radius.
+    surface_points = 40
+    h = round_length(max(radii) / surface_points)
+    h_axis = round_length(max(min(radii), MIN_LAST_RADIUS * a) / surface_points)
     return Sizes(
         h, inf, a, GRADING, h_axis=h_axis if h_axis < h else None, a=a, axis=setup.physics.center
     )
@@ -175,7 +166,7 @@ def _edge_radius(setup: ProblemSetup, gap: str, has_edge_size: bool) -> float | 
         if not _is_sharp(tip):
             return None
         return a if tip.edge_radius else tip.radius
-    # With a gap at the deformed point the body goes around the end.
+    # The body goes around the end if the gap is evaluated at the deformed point.
     return max_radius(tip) if gap == "reference" and a >= END_FRACTION * max_radius(tip) else None
 
 
@@ -268,9 +259,13 @@ def _default_sizes(
     width_excess = min(max(a / domain.max_width - 0.5, 0.0), 0.5)
     max_size = (0.25 - 0.3 * width_excess) * max(domain.height, domain.max_width)
     if wall_radius := domain.wall_radius or domain.top_radius:
-        max_size = min(max_size, wall_radius / ELEMENTS_PER_WALL_RADIUS)
-    # In three dimensions a further refinement of the edge would cost too much.
-    edge_ratio = EDGE_RATIO[dim] * (edge_refinement if dim == 2 else 1.0)
+        # Elements per radius of a curved wall. The polygon encloses 0.3 % less than the circle, and
+        # the force of an incompressible body between roller walls changes by as much.
+        elements_per_wall_radius = 8.0
+        max_size = min(max_size, wall_radius / elements_per_wall_radius)
+    # The pressure is singular at a punch's sharp edge. In three dimensions a further refinement of
+    # the edge would cost too much.
+    edge_ratio = {2: 20.0, 3: 4.0}[dim] * (edge_refinement if dim == 2 else 1.0)
     last_radius = setup.expected_radius(last_depth) if last_depth > 0 and edge is None else a
     last_radius_ratio = last_radius / a
     axis_size = h_contact

@@ -12,6 +12,7 @@ from indent_sim.model.unbounded_bodies import UnboundedBody
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.choices import Choice
 from indent_sim.scene.cost import DENSE_BYTES, MAX_CANDIDATES, Cost
+from indent_sim.scene.measured_constants import MAX_ITERATIVE_NU, MAX_ITERATIVE_STIFFNESS
 from indent_sim.scene.problem_definition import ProblemDefinition
 from indent_sim.scene.problem_setup import ProblemSetup
 from indent_sim.scene.reasons import first_reason
@@ -24,17 +25,6 @@ if TYPE_CHECKING:
 
 
 WHOLE_BODY_WHY = "solver.linear: iterative applies to the whole body only"
-# Larger values need so many iterations that some systems are not solved. Measured: 7 iterations at
-# nu = 0.45 with displacement elements, 25 at 0.495, 56 at 0.499, too many at 0.4999; 7 with a
-# contact stiffness of 3e5 E*/h_contact, 10 and more Newton iterations with 9e5.
-MAX_ITERATIVE_NU = 0.495
-MAX_ITERATIVE_STIFFNESS = 3e5
-# Measured on a half and a quarter of a rubber cylinder: no equilibrium within 23 Newton iterations,
-# however short the step. Linear bodies take 83 Krylov iterations instead of 45 with free walls.
-STIFF_WALL_WHY = (
-    "at finite strain, iterative solvers do not converge with the weak condition on a curved "
-    "roller wall"
-)
 
 
 def solver(config: Config, setup: ProblemSetup, physics: ProblemDefinition, nodes: float) -> Choice:
@@ -102,6 +92,9 @@ def iterative_obstacle(config: Config, physics: ProblemDefinition, sizes: Sizes)
     law = physics.contact
     locking_nu = physics.largest_locking_nu
     stiffness_multiple = getattr(law, "stiffness", 0.0) * sizes.h_contact / physics.material.E_star
+    # Measured on a half and a quarter of a rubber cylinder: no equilibrium within 23 Newton
+    # iterations, however short the step. Linear bodies take 83 Krylov iterations instead of 45 with
+    # free walls.
     return first_reason(
         (physics.domain.dim == 2, "axisymmetric and plane problems are solved directly"),
         (bool(law.reason_unsymmetric), law.reason_unsymmetric),
@@ -125,7 +118,13 @@ def iterative_obstacle(config: Config, physics: ProblemDefinition, sizes: Sizes)
             stiffness_multiple > MAX_ITERATIVE_STIFFNESS,
             f"a contact of {stiffness_multiple:.2g} E*/h_contact needs too many iterations",
         ),
-        (bool(physics.wall_stiffness) and not physics.small_strain, STIFF_WALL_WHY),
+        (
+            bool(physics.wall_stiffness) and not physics.small_strain,
+            (
+                "at finite strain, iterative solvers do not converge with the weak condition on a "
+                "curved roller wall"
+            ),
+        ),
         (config.solver.method == "condensed", "solver.method: condensed factorizes the body once"),
     )
 

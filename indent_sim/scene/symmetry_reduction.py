@@ -20,9 +20,6 @@ from indent_sim.process.errors import ConfigError
 Regions = tuple[Region, ...]
 Sides = tuple[Side, ...]
 Supports = Mapping[str, str]
-SYMMETRY_NAMES = ("full", "half", "quarter")  # The index is the number of mirror planes.
-# Ends of the quarters of a unit circle, anticlockwise.
-QUARTER_ENDS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 
 
 def reduce(
@@ -85,7 +82,8 @@ def _symmetry_error(requested_symmetry: str, why: str, remedy: str) -> ConfigErr
 
 def _is_tip_symmetric(tip: Indenter, axis: str) -> bool:
     """True if the plane through the tip's axis, normal to `axis`, is a mirror plane of the tip."""
-    return tip.is_axisymmetric or tip.has_mirror_plane({"x": 90.0, "y": 0.0}[axis])  # type: ignore[union-attr]
+    angle = {"x": 90.0, "y": 0.0}[axis]
+    return tip.is_axisymmetric or tip.has_mirror_plane(angle)  # type: ignore[union-attr]
 
 
 def _are_inclusions_symmetric(regions: Regions, axis: str, c: float) -> bool:
@@ -161,7 +159,9 @@ def _axisymmetric_domain(
 def _sector_outline(radius: float, mirror_axes: list[str]) -> Sides:
     """Return the outline of a circle, or of its half or quarter, with arcs of 90 degrees."""
     first = -1 if mirror_axes == ["x"] else 0
-    quarters = [QUARTER_ENDS[k % 4] for k in range(first, first + 4 // 2 ** len(mirror_axes) + 1)]
+    # Ends of the quarters of a unit circle, anticlockwise.
+    quarter_ends = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
+    quarters = [quarter_ends[k % 4] for k in range(first, first + 4 // 2 ** len(mirror_axes) + 1)]
     ends = [(radius * c, radius * s) for c, s in quarters]
     arcs = tuple(Side("r_max", start, end, center=(0.0, 0.0)) for start, end in pairwise(ends))
     if not mirror_axes:
@@ -252,7 +252,9 @@ def _cut_domain(
 ) -> ModelDomain:
     """Return the part of a body on one side of its mirror planes, which become roller supports."""
     supports = {**supports, **{f"{axis}_min": "roller" for axis in mirror_axes}}
-    symmetry = SYMMETRY_NAMES[len(mirror_axes)]
+    # The index is the number of mirror planes.
+    symmetry_names = ("full", "half", "quarter")
+    symmetry = symmetry_names[len(mirror_axes)]
     symmetry_factor = 2 ** len(mirror_axes)
     return ModelDomain(
         kinematics,

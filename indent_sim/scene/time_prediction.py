@@ -19,11 +19,6 @@ from indent_sim.scene.problem_definition import ProblemDefinition, largest_diffu
 from indent_sim.scene.problem_setup import ProblemSetup
 from indent_sim.theory.poroelasticity import paraboloid_fraction_remaining
 
-# Difference from an elastic limit up to which a body counts as being at this limit [%].
-NEAR_LIMIT_PERCENT = 2.0
-# Number of points of the midpoint rule for the integral over a ramp.
-RAMP_POINTS = 1000
-
 
 @dataclass(frozen=True)
 class TimePrediction:
@@ -221,7 +216,9 @@ class _LimitTransition:
             return "`require` computes which elastic limit is near"
         percent_below = 100 * (1 - 1 / self.force_ratio) * (1 - remaining_fraction)
         percent_above = 100 * (self.force_ratio - 1) * remaining_fraction
-        if min(percent_below, percent_above) > NEAR_LIMIT_PERCENT:
+        # Difference from an elastic limit up to which a body counts as being at this limit [%].
+        near_limit_percent = 2.0
+        if min(percent_below, percent_above) > near_limit_percent:
             limits_text = (
                 f"about {_percent_text(percent_below)} below the {self.first_limit[0]} force and "
                 f"{_percent_text(percent_above)} above the {self.last_limit[0]} force"
@@ -339,8 +336,10 @@ def _ramp_fraction(x: float) -> float:
 
     It is the fraction of a Prony term's force that remains at the end of the ramp.
     """
-    s = (np.arange(RAMP_POINTS) + 0.5) / RAMP_POINTS
-    return float(np.exp(-x * (1 - s)) @ np.diff(np.linspace(0, 1, RAMP_POINTS + 1) ** 1.5))
+    # Number of points of the midpoint rule for the integral over a ramp.
+    ramp_points = 1000
+    s = (np.arange(ramp_points) + 0.5) / ramp_points
+    return float(np.exp(-x * (1 - s)) @ np.diff(np.linspace(0, 1, ramp_points + 1) ** 1.5))
 
 
 def _limit_value(setup: ProblemSetup, law: Callable[[Material], Material]) -> float | None:

@@ -21,10 +21,6 @@ from indent_sim.run.planned_run import PlannedRun
 from indent_sim.studies.parameter_points import ParameterPoint, Setting, StiffnessMultiple
 from indent_sim.studies.study_file import RunRequest, StudyFile
 
-# These sections and keys choose how a problem is solved; all others belong to the problem itself.
-METHOD_SECTIONS = ("mesh", "contact", "solver")
-METHOD_KEYS = ("accuracy", "material.formulation", "loading.steps")
-
 
 @dataclass(frozen=True)
 class Case:
@@ -80,10 +76,14 @@ class Case:
 
         Cases with the same problem have the same exact solution and may be compared.
         """
+        # These sections and keys choose how a problem is solved; all others belong to the problem
+        # itself.
+        method_sections = ("mesh", "contact", "solver")
+        method_keys = ("accuracy", "material.formulation", "loading.steps")
         names = (
             key
             for key in self.values
-            if key.split(".")[0] not in METHOD_SECTIONS and key not in METHOD_KEYS
+            if key.split(".")[0] not in method_sections and key not in method_keys
         )
         varied_values = {key: self.values[key] for key in names}
         physics = self.planned_run.scene.physics

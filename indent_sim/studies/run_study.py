@@ -15,7 +15,7 @@ from indent_sim.process.repr_tables import ReprTable
 from indent_sim.process.usage import duration_text, machine_memory
 from indent_sim.results.atomic_files import read_regular_file
 from indent_sim.results.reader import Results, data_frame
-from indent_sim.results.result_files import Report, read_report
+from indent_sim.results.result_files import STUDY, Report, read_report
 from indent_sim.studies import cases as case_list
 from indent_sim.studies import curve_table, study_file, study_folder, study_picture, study_table
 from indent_sim.studies.cases import Case
@@ -28,8 +28,6 @@ from indent_sim.studies.worker import ExitStatus, Job, run_jobs
 if TYPE_CHECKING:
     import pandas
 
-# A notebook shows these columns after the varied keys.
-NOTEBOOK_COLUMNS = ("status", "force", "a", "p_max", "force_error_vs", "cpu_s", "verdict")
 ReportLine = Callable[[str], None]
 
 
@@ -101,9 +99,11 @@ class Study:
 
     def _repr_table(self) -> ReprTable:
         """Return the table that a notebook shows: the varied keys and the main results."""
+        # A notebook shows these columns after the varied keys.
+        shown_columns = ("status", "force", "a", "p_max", "force_error_vs", "cpu_s", "verdict")
         names = [
             name
-            for name in (*self.keys, *NOTEBOOK_COLUMNS)
+            for name in (*self.keys, *shown_columns)
             if any(row.get(name) is not None for row in self.rows)
         ]
         rows = [[row[name] for name in names] for row in self.rows]
@@ -247,7 +247,7 @@ def _draw_pictures(
 
 def read_study(folder: Path) -> Study:
     """Read a finished study from its folder; UsageError if it has no readable study."""
-    record = read_report(folder, study_folder.STUDY_RECORD)
+    record = read_report(folder, STUDY)
     table = folder / study_folder.STUDY_TABLE
     scoreboard_rows: list[Row] = []
     try:

@@ -27,24 +27,14 @@ MAX_PANEL_COLUMNS = 6
 MAX_PANEL_ROWS = 4
 # Largest number of panels over a varied number.
 MAX_NUMBER_PANELS = 3
-# Largest number of named lines in a panel; more lines have no names.
-MAX_NAMED_GROUPS = 12
 DASHES = ("-", (0, (4, 2)), (0, (1, 1.5)), (0, (5, 1.5, 1, 1.5)))
 # The axis of a varied number is logarithmic beyond this ratio of its ends.
 LOG_NUMBER_RATIO = 20.0
 # Results of many runs are on a logarithmic axis beyond this ratio: on a linear one half of the
 # curves would lie on zero.
 LOG_RESULT_RATIO = 30.0
-# A map needs so many values of each of its two keys.
-MIN_MAP_VALUES = 3
 # A logarithmic axis with a larger ratio of its ends has ticks only at 1, 2 and 5 of a decade.
 FEW_TICKS_RATIO = 6.0
-# Margin of a logarithmic axis: a factor that is a power of the ratio of its ends, and its minimum.
-LOG_MARGIN_EXPONENT = 0.05
-MIN_LOG_MARGIN = 1.25
-MAP_LEVELS = 12
-# Width and height of a small multiple [inches].
-MULTIPLE_SIZE = (2.0, 1.75)
 # Width and height of a panel over a number [inches].
 PANEL_SIZE = (4.2, 3.4)
 # Height of title and subtitle [inches].
@@ -123,9 +113,11 @@ def small_multiples_figure(curve_groups: CurveGroups, title: str) -> Iterator[Fi
     number_keys = curve_groups.numeric_keys()[:MAX_NUMBER_PANELS]
     is_map = len(curve_groups.keys) == 2 and is_grid(curve_groups, number_keys)
     lower_panels = [*(["map"] if is_map else []), *number_keys]
-    width = max(MULTIPLE_SIZE[0] * len(across) + 1.6, PANEL_SIZE[0] * len(lower_panels))
+    # Width and height of a small multiple [inches].
+    multiple_size = (2.0, 1.75)
+    width = max(multiple_size[0] * len(across) + 1.6, PANEL_SIZE[0] * len(lower_panels))
     heights = [
-        MULTIPLE_SIZE[1] * len(down) + 0.9,
+        multiple_size[1] * len(down) + 0.9,
         *([PANEL_SIZE[1] + 0.6 * is_map] if lower_panels else []),
     ]
     with figures.new_figure((width, sum(heights) + TITLE_HEIGHT)) as figure:
@@ -267,6 +259,10 @@ def _scale_axes(axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis) -
     if value_ratio([run["force"].max() for run in runs]) < LOG_RESULT_RATIO:
         axes.autoscale_view()
         return
+    # Margin of a logarithmic axis: a factor that is a power of the ratio of its ends, and its
+    # minimum.
+    exponent = 0.05
+    min_margin = 1.25
     for matplotlib_axis, set_scale, set_limits, convert, column in (
         (axes.xaxis, axes.set_xscale, axes.set_xlim, depth, "delta"),
         (axes.yaxis, axes.set_yscale, axes.set_ylim, force, "force"),
@@ -277,7 +273,7 @@ def _scale_axes(axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis) -
         if ratio == 1:  # All runs have one step at the same depth.
             continue
         set_scale("log")
-        margin = max(MIN_LOG_MARGIN, ratio**LOG_MARGIN_EXPONENT)
+        margin = max(min_margin, ratio**exponent)
         set_limits(positive_values.min() / margin, margin * positive_values.max())
         set_plain_log_ticks(matplotlib_axis, max(ratio, FEW_TICKS_RATIO))
         matplotlib_axis.set_minor_locator(NullLocator())
@@ -421,7 +417,9 @@ def is_grid(curve_groups: CurveGroups, keys: Sequence[str]) -> bool:
     )
     counts = [len({pair[i] for pair in pairs}) for i in (0, 1)]
     is_full = len(pairs) == len(curve_groups.curves) == counts[0] * counts[1]
-    return min(counts) >= MIN_MAP_VALUES and is_full
+    # A map needs so many values of each of its two keys.
+    min_values = 3
+    return min(counts) >= min_values and is_full
 
 
 def draw_map(
@@ -446,7 +444,8 @@ def draw_map(
     is_log = value_ratio(values) >= LOG_RESULT_RATIO
     low = min(values)
     high = max(values) if max(values) > low else low + 1.0
-    levels = (np.geomspace if is_log else np.linspace)(low, high, MAP_LEVELS + 1)
+    map_levels = 12
+    levels = (np.geomspace if is_log else np.linspace)(low, high, map_levels + 1)
     norm_style: PlotStyle = {"norm": LogNorm(low, high)} if is_log else {}
     filled_contours = axes.contourf(
         across, up, value_grid, levels=levels, cmap="viridis", extend="neither", **norm_style

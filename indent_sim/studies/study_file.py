@@ -39,28 +39,9 @@ from indent_sim.studies.reference.published import (
 # YAML document as parsed.
 Document = dict[str, Any]
 STUDY_KEYS = ("title", "base", "set", "vary", "cases", "compare_to", "tolerance", "output")
-# Name in place of the path of a study that is given as mappings.
-DEFAULT_NAME = "study"
 CASE_KEYS = ("name", "scene", "set", "published", "exact")
 # This column has the names of cases in a study without varied keys.
 CASE_COLUMN = "case"
-# These keys occur in a scene but not in a study.
-SCENE_KEYS = {
-    "body",
-    "material",
-    "indenter",
-    "contact",
-    "loading",
-    "mesh",
-    "solver",
-    "accuracy",
-}
-# Runs of a study write little output unless the study asks for more.
-QUIET_OUTPUT = {
-    "fields": "none",
-    "surface": "none",
-    "plot": False,
-}
 
 
 @dataclass(frozen=True)
@@ -187,19 +168,31 @@ def read(study_input: Path | str | Mapping[str, Any]) -> StudyFile:
         The study has an error; the message has file and line.
     """
     if isinstance(study_input, Mapping):
-        path = Path(DEFAULT_NAME)
+        # A study that is given as mappings has this name in place of its path.
+        path = Path("study")
         document, source = plain_document(study_input), Source()
     else:
         path = Path(study_input)
         document, source = read_document(path)
-    if not (STUDY_SECTIONS | {"cases"}) & document.keys() and set(document) & SCENE_KEYS:
+    # These keys occur in a scene but not in a study.
+    scene_keys = {
+        "body",
+        "material",
+        "indenter",
+        "contact",
+        "loading",
+        "mesh",
+        "solver",
+        "accuracy",
+    }
+    if not (STUDY_SECTIONS | {"cases"}) & document.keys() and set(document) & scene_keys:
         problem = "this is a scene, not a study"
         remedy = f"indent-sim run {path}"
         raise ConfigError(
             "",
             problem,
             remedy,
-            *source.location((next(key for key in document if key in SCENE_KEYS),)),
+            *source.location((next(key for key in document if key in scene_keys),)),
         )
     if unknown := [key for key in document if key not in STUDY_KEYS]:
         raise ConfigErrors.combine([_unknown_key_error(key, source) for key in unknown])
@@ -435,7 +428,13 @@ class _StudyReader:
         """Return the settings of every run: the default output, then `output`, then `set`."""
         output = self.read_section("output")
         output_location = self.location(("output",))
-        quiet = {f"output.{key}": (value, output_location) for key, value in QUIET_OUTPUT.items()}
+        # Runs of a study write little output unless the study asks for more.
+        quiet_output = {
+            "fields": "none",
+            "surface": "none",
+            "plot": False,
+        }
+        quiet = {f"output.{key}": (value, output_location) for key, value in quiet_output.items()}
         output_settings = {
             f"output.{key}": (value, self.location(("output", key)))
             for key, value in output.items()

@@ -24,9 +24,8 @@ from indent_sim.results.atomic_files import write_atomically
 from indent_sim.results.json_text import to_json
 from indent_sim.results.overwrite_protection import MAX_DIFFERENCES, free_folder_name, is_finished
 from indent_sim.results.reader import Results, read_run
-from indent_sim.results.result_files import PROGRAM, REPORT, RUNS, read_report
+from indent_sim.results.result_files import LOCK, PROGRAM, REPORT, RUNS, STUDY, read_report
 
-STUDY_RECORD = result_files.STUDY
 STUDY_TABLE = "study.csv"
 STUDY_PICTURE = "study.png"
 CURVES = "curves.csv"
@@ -34,7 +33,7 @@ CURVES_PICTURE = "curves.png"
 SCOREBOARD = "verification.csv"
 SCOREBOARD_PICTURE = "verification.png"
 STUDY_FILES = (
-    STUDY_RECORD,
+    STUDY,
     STUDY_TABLE,
     STUDY_PICTURE,
     CURVES,
@@ -43,21 +42,8 @@ STUDY_FILES = (
     SCOREBOARD_PICTURE,
     RUNS,
 )
-LOCK = ".lock"
 # Longest time to wait until the worker process of a killed study has ended [s].
 WORKER_TIMEOUT = 5.0
-# A run that ends by one of these signals was stopped from outside and is done again on resume.
-MACHINE_SIGNALS = (
-    signal.SIGHUP,
-    signal.SIGINT,
-    signal.SIGBUS,
-    signal.SIGKILL,
-    signal.SIGTERM,
-    signal.SIGXCPU,
-)
-MACHINE_EXIT_CODES = {128 + number for number in MACHINE_SIGNALS}
-# The reason of a run that ran out of memory or disk space begins with one of these texts.
-RESOURCE_FAILURES = ("MemoryError", "cannot write results")
 
 
 class StudyFolder:
@@ -163,7 +149,19 @@ class StudyFolder:
             return False
         code = results_of_run.report.get("exit_code")
         reason = str(results_of_run.report.get("reason"))
-        return code not in MACHINE_EXIT_CODES and not reason.startswith(RESOURCE_FAILURES)
+        # The reason of a run that ran out of memory or disk space begins with one of these texts.
+        resource_failures = ("MemoryError", "cannot write results")
+        # A run that ends by one of these signals was stopped from outside.
+        machine_signals = (
+            signal.SIGHUP,
+            signal.SIGINT,
+            signal.SIGBUS,
+            signal.SIGKILL,
+            signal.SIGTERM,
+            signal.SIGXCPU,
+        )
+        machine_codes = {128 + number for number in machine_signals}
+        return code not in machine_codes and not reason.startswith(resource_failures)
 
     def ended_results(self, name: str) -> Results | None:
         """Return the result of a run that has succeeded or failed under this version, else None.
@@ -233,9 +231,7 @@ class StudyFolder:
 
     def write_record(self, **entries: Any) -> None:
         """Write study.json, which marks the folder as a study."""
-        self.write_file(
-            STUDY_RECORD, to_json({"program": PROGRAM, "version": VERSION, **entries}) + "\n"
-        )
+        self.write_file(STUDY, to_json({"program": PROGRAM, "version": VERSION, **entries}) + "\n")
 
     def _take_lock(self) -> None:
         """Lock the folder; UsageError if another study uses it."""
@@ -270,7 +266,7 @@ def open_study_folder(path: Path, **options: Any) -> Iterator[StudyFolder]:
         try:
             yield folder
         finally:
-            if existing_parent != path and not (path / STUDY_RECORD).exists():
+            if existing_parent != path and not (path / STUDY).exists():
                 for created_path in (path / RUNS, path / LOCK, path):
                     with suppress(OSError):
                         created_path.rmdir() if created_path.is_dir() else created_path.unlink()

@@ -29,7 +29,6 @@ from indent_sim.studies.curve_table import CurveGroups, distinguishing_labels
 from indent_sim.studies.small_multiples import (
     DASHES,
     MAX_COLOURS,
-    MAX_NAMED_GROUPS,
     draw_number_bar,
     draw_over_number,
     key_label,
@@ -40,25 +39,9 @@ from indent_sim.studies.small_multiples import (
 )
 from indent_sim.studies.study_table import Row
 
-# Points nearer than these fractions of the panel's width and height have no room for two numbers.
-LABEL_DISTANCE = (0.03, 0.045)
-# Each group beyond this number makes the picture higher by this height [inches].
-GROUPS_AT_BASE_HEIGHT = 4
-HEIGHT_PER_GROUP = 0.2
-# Letters of a line of the legend, in which each point of the front has two lines.
-POINT_LABEL_LETTERS = 44
-# The cost axis is logarithmic if the ratio of its ends is larger.
-LOG_COST_RATIO = 3.0
-ONE_PERCENT = 0.01
-# Width and height of the panels of curves.png [inches].
-CURVE_PANEL_SIZE = 4.4
 # More curves have colours by a key instead of a name each.
 MAX_NAMED_CURVES = 8
-# The axis of the scoreboard is logarithmic beyond this difference [per cent].
-LINEAR_PERCENT = 0.1
 SCOREBOARD_MARK: PlotStyle = {"ls": "", "marker": "o", "ms": 6, "zorder": 3}
-# Axes are logarithmic beyond this ratio: on linear ones most curves would lie on zero.
-LOG_FORCE_RATIO = 1000.0
 
 
 def draw_cost(
@@ -79,7 +62,10 @@ def draw_cost(
     ]
     number_key = varying_keys[0] if len(varying_keys) == 1 else None
     groups = _group_rows(compared_rows, keys, number_key)
-    height = 5.0 + HEIGHT_PER_GROUP * max(0, len(groups) - GROUPS_AT_BASE_HEIGHT)
+    # Each group beyond this number makes the picture higher by this height [inches].
+    base_count = 4
+    height_per_group = 0.2
+    height = 5.0 + height_per_group * max(0, len(groups) - base_count)
     names, widths = (
         (["work", "number", "names"], [1, 1, 0.62]) if number_key else (["work", "names"], [1, 0.5])
     )
@@ -128,8 +114,10 @@ def curves_figure(curve_groups: CurveGroups, title: str) -> Iterator[Figure]:
     number_keys = curve_groups.numeric_keys()[: small_multiples.MAX_NUMBER_PANELS]
     count = len(curve_groups.curves)
     styles, names, colour_scale = _curve_styles(curve_groups)
-    width = CURVE_PANEL_SIZE * (1 + len(number_keys))
-    with figures.new_figure((width, CURVE_PANEL_SIZE)) as figure:
+    # Width and height of the panels of curves.png [inches].
+    panel_size = 4.4
+    width = panel_size * (1 + len(number_keys))
+    with figures.new_figure((width, panel_size)) as figure:
         panels = figure.subplots(1, 1 + len(number_keys), squeeze=False)[0]
         _draw_force_curves(panels[0], curve_groups, styles, names, holds)
         legend_heights = [0.0]
@@ -141,7 +129,7 @@ def curves_figure(curve_groups: CurveGroups, title: str) -> Iterator[Figure]:
         for axes, key in zip(panels[1:], number_keys, strict=True):
             _draw_over_number(axes, curve_groups, key, styles, holds)
             legend_heights.append(figures.draw_legend_under(axes))
-        figure.set_size_inches(width, CURVE_PANEL_SIZE + max(legend_heights))
+        figure.set_size_inches(width, panel_size + max(legend_heights))
         hold_subtitle = "remaining fraction of the fall of the force while the tip is held"
         subtitle = hold_subtitle if _common_holds(holds) else "every force at its run's own depth"
         figures.draw_title(figure, title, f"{count} run{'s' * (count > 1)}  ·  {subtitle}")
@@ -235,14 +223,16 @@ def _group_styles(curve_groups: CurveGroups, key: str) -> list[PlotStyle] | None
     None if the other keys do not make a few named lines.
     """
     other_keys = [other_key for other_key in curve_groups.keys if other_key != key]
-    is_few = 1 < len(set(curve_groups.value_names(other_keys))) <= MAX_NAMED_GROUPS
+    # Lines in a panel have no names if there are more of them.
+    max_named_groups = 12
+    is_few = 1 < len(set(curve_groups.value_names(other_keys))) <= max_named_groups
     return _styles_by_keys(curve_groups, other_keys) if is_few else None
 
 
 def draw_scoreboard(rows: Sequence[Row], title: str, path: Path) -> None:
     """Draw how far published and computed values are from the exact ones.
 
-    The axis is linear within `LINEAR_PERCENT` on both sides of 0 and logarithmic beyond. Without
+    The axis is linear within 0.1 % on both sides of 0 and logarithmic beyond. Without
     any exact value the picture is deleted.
     """
     # The axis begins at the bottom, and the first row is to be on top.
@@ -273,11 +263,13 @@ def draw_scoreboard(rows: Sequence[Row], title: str, path: Path) -> None:
             range(len(known_rows)),
             [picture_text(f"{row['case']}: {row['quantity']}", 48) for row in known_rows],
         )
-        axes.set_xscale("symlog", linthresh=LINEAR_PERCENT)
+        # The axis of the scoreboard is logarithmic beyond this difference [per cent].
+        linear_percent = 0.1
+        axes.set_xscale("symlog", linthresh=linear_percent)
         largest_difference = max(1.0, *(abs(row["difference"]) for row in known_rows))
         ticks = [
             tick
-            for tick in (-100, -10, -1, -LINEAR_PERCENT, 0, LINEAR_PERCENT, 1, 10, 100)
+            for tick in (-100, -10, -1, -linear_percent, 0, linear_percent, 1, 10, 100)
             if abs(tick) <= 3 * largest_difference
         ]
         axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
@@ -369,9 +361,11 @@ def _draw_force_curves(
         # The curves leave the upper left corner free.
         axes.legend(handles=[line], loc="upper left")
     axes.set(xlabel=depth.label, ylabel=force.label)
-    if value_ratio([run["delta"].max() for run in runs]) >= LOG_FORCE_RATIO:
+    # Axes are logarithmic beyond this ratio: on linear ones most curves would lie on zero.
+    log_ratio = 1000.0
+    if value_ratio([run["delta"].max() for run in runs]) >= log_ratio:
         axes.set_xscale("log")
-    if value_ratio([run["force"].max() for run in runs]) >= LOG_FORCE_RATIO:
+    if value_ratio([run["force"].max() for run in runs]) >= log_ratio:
         axes.set_yscale("log")
     else:
         axes.axhline(0, color=figures.GREY, lw=0.6, zorder=0)
@@ -482,8 +476,11 @@ def _draw_pareto_front(axes: Axes, front: Sequence[Row]) -> list[Row]:
 def _spaced_points(positions: np.ndarray) -> list[int]:
     """Return the indices of points of a front that lie apart from one another, with the last."""
     kept_indices = [len(positions) - 1]
+    # Points nearer than these fractions of the panel's width and height have no room for two
+    # numbers.
+    label_distance = (0.03, 0.045)
     for i in reversed(range(len(positions) - 1)):
-        if np.any(np.abs(positions[i] - positions[kept_indices[-1]]) >= LABEL_DISTANCE):
+        if np.any(np.abs(positions[i] - positions[kept_indices[-1]]) >= label_distance):
             kept_indices.append(i)
     return kept_indices[::-1]
 
@@ -526,12 +523,12 @@ def _draw_legend(
         if len(named_rows) == front_size
         else f"Pareto front, {len(named_rows)} of its {front_size} points"
     ]
+    # Letters of a line of the legend, in which each point of the front has two lines.
+    max_letters = 44
     for number, row in enumerate(named_rows, start=1):
-        first_line, *other_lines = wrap(_point_label(row, value_labels), POINT_LABEL_LETTERS) or [
-            ""
-        ]
+        first_line, *other_lines = wrap(_point_label(row, value_labels), max_letters) or [""]
         cost = f"{row['cpu_s']:.2g} s, {row['force_error_vs']:+.2g}"
-        letters_left = max(1, POINT_LABEL_LETTERS - len(cost))
+        letters_left = max(1, max_letters - len(cost))
         second_line = [picture_text(" ".join(other_lines), letters_left)] if other_lines else []
         lines += [f"{number}  {picture_text(first_line)}", "    " + ": ".join([*second_line, cost])]
     axes.text(
@@ -617,20 +614,21 @@ def _marker_style(i: int) -> PlotStyle:
 
 
 def _set_log_axes(
-    axes: Axes, x_label: str, values: Sequence[float], log_ratio: float = LOG_COST_RATIO
+    axes: Axes, x_label: str, values: Sequence[float], log_ratio: float = 3.0
 ) -> None:
-    """Set a logarithmic error axis; the other axis is logarithmic if its range is large."""
+    """Set a logarithmic error axis; the other axis is logarithmic beyond log_ratio of its ends."""
     axes.set(yscale="log", xlabel=x_label, ylabel="|relative error of the force|")
     if min(values) > 0 and max(values) > log_ratio * min(values):
         axes.set_xscale("log")
         set_plain_log_ticks(axes.xaxis, max(values) / min(values))
-    axes.axhline(ONE_PERCENT, color=figures.GREY, lw=0.6, ls=":", zorder=1)
+    one_percent = 0.01
+    axes.axhline(one_percent, color=figures.GREY, lw=0.6, ls=":", zorder=1)
     label_style: PlotStyle = {
         "xycoords": ("axes fraction", "data"),
         "ha": "right",
         "va": "bottom",
         "fontsize": 8,
     }
-    axes.annotate("1 %", (1, ONE_PERCENT), color=figures.GREY, **label_style)
+    axes.annotate("1 %", (1, one_percent), color=figures.GREY, **label_style)
     axes.grid(True, which="major", color="#e4e4e4", lw=0.6, zorder=0)
     axes.margins(0.08)

@@ -12,24 +12,11 @@ from indent_sim.process.errors import UsageError
 from indent_sim.results.atomic_files import read_regular_file
 from indent_sim.results.html_report import Picture, render_page, thinned_table
 from indent_sim.results.pictures import figures
-from indent_sim.results.result_files import RUNS, Report, read_report
+from indent_sim.results.result_files import RUNS, STUDY, Report, read_report
 from indent_sim.studies import curve_table, study_picture, study_table
 from indent_sim.studies.reference import scoreboard
-from indent_sim.studies.study_folder import SCOREBOARD, STUDY_RECORD, STUDY_TABLE
+from indent_sim.studies.study_folder import SCOREBOARD, STUDY_TABLE
 from indent_sim.studies.study_table import Row
-
-REQUIRED_COLUMNS = ("index", "run", "status", "method", "force_error_vs", "cpu_s")
-SCOREBOARD_CELLS = (
-    "case",
-    "quantity",
-    "published",
-    "exact",
-    "ours",
-    "our_error",
-    "difference",
-    "source",
-)
-NUMBER_COLUMNS = ("force_error_vs", "cpu_s")
 
 
 def study_page(folder: Path) -> str:
@@ -62,13 +49,23 @@ def study_page(folder: Path) -> str:
     )
     pictures = _pictures(curve_groups, record, rows, title)
     if board_rows:
+        board_columns = (
+            "case",
+            "quantity",
+            "published",
+            "exact",
+            "ours",
+            "our_error",
+            "difference",
+            "source",
+        )
         scoreboard_rows = [
-            [row[name] for name in SCOREBOARD_CELLS] + [scoreboard.verdict_text(row)]
+            [row[name] for name in board_columns] + [scoreboard.verdict_text(row)]
             for row in board_rows
         ]
         tables.insert(
             0,
-            thinned_table("Published values", [*SCOREBOARD_CELLS, "who is wrong"], scoreboard_rows),
+            thinned_table("Published values", [*board_columns, "who is wrong"], scoreboard_rows),
         )
         caption = "Differences of published and computed values from the exact values"
         pictures.insert(
@@ -87,7 +84,7 @@ def study_page(folder: Path) -> str:
 def read_study_folder(folder: Path) -> tuple[Report, list[Row]]:
     """Return study.json and the rows of study.csv; UsageError if one is missing or damaged."""
     try:
-        record = read_report(folder, STUDY_RECORD)
+        record = read_report(folder, STUDY)
         table_rows = list(
             csv.DictReader(
                 io.StringIO(read_regular_file(folder / STUDY_TABLE).decode("utf-8")), restval=""
@@ -96,8 +93,9 @@ def read_study_folder(folder: Path) -> tuple[Report, list[Row]]:
         if not record or any(None in row for row in table_rows):
             raise ValueError("it was not written by this program")
         keys = record.get("keys")
+        required_columns = ("index", "run", "status", "method", "force_error_vs", "cpu_s")
         if not isinstance(keys, list) or not all(
-            name in row for row in table_rows for name in (*REQUIRED_COLUMNS, *keys)
+            name in row for row in table_rows for name in (*required_columns, *keys)
         ):
             raise ValueError("its table lacks columns")
         rows = [
@@ -122,12 +120,13 @@ def _read_scoreboard(folder: Path) -> list[Row]:
 
 def _parse_cell(name: str, text: str, keys: Sequence[str]) -> str | float | None:
     """Return a cell of study.csv as None, a text or a number; ValueError if it must be a number."""
-    if not text or name not in (*NUMBER_COLUMNS, *keys):
+    number_columns = ("force_error_vs", "cpu_s")
+    if not text or name not in (*number_columns, *keys):
         return text or None
     try:
         return float(text)
     except ValueError:
-        if name in NUMBER_COLUMNS:
+        if name in number_columns:
             raise
         return text
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from indent_sim.config.mesh_checks import MESH_SIZE_KEYS
 from indent_sim.config.strict_yaml import inline_yaml, short_yaml
 from indent_sim.results.reader import Results
 from indent_sim.results.result_files import Report
@@ -20,14 +21,10 @@ from indent_sim.studies.reference.reference_solution import ReferenceCurve, Refe
 from indent_sim.studies.study_file import StudyFile
 
 STAGES = ("resolve", "companions", "mesh", "assemble", "solve", "write")
-COST_COLUMNS = (
-    *(f"cpu_{stage}" for stage in STAGES),
-    "cpu_s",
-    "wall_s",
-    "memory_MB",
-    "peak_memory_MB",
-)
-OUTCOME_COLUMNS = (
+# This column has the name of the run or theory with which a row is compared.
+REFERENCE_COLUMN = "reference"
+ERROR_COLUMNS = ("force_error_vs", "force_error_worst", "a_error_vs", "p_error_vs")
+STUDY_COLUMNS = (
     "status",
     "exit_code",
     "reason",
@@ -36,27 +33,22 @@ OUTCOME_COLUMNS = (
     "a",
     "p_max",
     "penetration",
-)
-# This column has the name of the run or theory with which a row is compared.
-REFERENCE_COLUMN = "reference"
-ERROR_COLUMNS = ("force_error_vs", "force_error_worst", "a_error_vs", "p_error_vs")
-EFFORT_COLUMNS = ("method", "stiffness", "dofs", "newton_iterations", "substeps")
-STATED_COLUMNS = ("stated_error", "warnings", "verdict")
-STUDY_COLUMNS = (
-    *OUTCOME_COLUMNS,
     *ERROR_COLUMNS,
     REFERENCE_COLUMN,
-    *EFFORT_COLUMNS,
-    *COST_COLUMNS,
-    *STATED_COLUMNS,
+    "method",
+    "stiffness",
+    "dofs",
+    "newton_iterations",
+    "substeps",
+    *(f"cpu_{stage}" for stage in STAGES),
+    "cpu_s",
+    "wall_s",
+    "memory_MB",
+    "peak_memory_MB",
+    "stated_error",
+    "warnings",
+    "verdict",
 )
-# Relative difference of two forces that are equal except for the solver's tolerance.
-FORCE_TOLERANCE = 1e-6
-# An error below this fraction of another one is truly smaller.
-SMALLER_ERROR_RATIO = 0.999
-MESH_SIZE_KEYS = ("h_contact", "h_axis", "h_edge", "h_corner", "h_film", "h_far", "grading")
-MESH_KEYS = ("mesh", *(f"mesh.{name}" for name in MESH_SIZE_KEYS), "accuracy")
-TARGET_ERRORS = (0.05, 0.01, 0.001)
 # Verdict of the finest run, with which other runs are compared.
 REFERENCE_VERDICT = "reference"
 VERDICT_MEANINGS = {
@@ -66,8 +58,6 @@ VERDICT_MEANINGS = {
     "wrong": "a wrong force without a warning, or a crash",
 }
 VERDICTS = tuple(VERDICT_MEANINGS)
-# Exit codes of config, mesh, convergence and verification, which all give a reason.
-REJECTION_EXIT_CODES = range(3, 7)
 # Values of a row by column.
 Row = dict[str, Any]
 # Cases and rejected cases, as `resolve_cases` returns them.
@@ -153,7 +143,9 @@ def representative_row(results: Results) -> int:
     force = results["force"]
     max_force = np.nanmax(results["force"], initial=0.0)
     if max_force > 0:
-        return int(np.argmax(force >= (1 - FORCE_TOLERANCE) * max_force))
+        # Relative difference of two forces that are equal except for the solver's tolerance.
+        tolerance = 1e-6
+        return int(np.argmax(force >= (1 - tolerance) * max_force))
     return int(np.nanargmax(results["delta"]))
 
 
@@ -335,12 +327,12 @@ def rows_with_error(table: Iterable[Row]) -> list[Row]:
 def pareto_front(table: Iterable[Row]) -> list[Row]:
     """Return the rows that no other row beats in both CPU time and force error, by CPU time."""
     front: list[Row] = []
+    # An error below this fraction of another one is truly smaller.
+    ratio = 0.999
     for row in sorted(
         rows_with_error(table), key=lambda row: (row["cpu_s"], abs(row["force_error_vs"]))
     ):
-        if not front or abs(row["force_error_vs"]) < SMALLER_ERROR_RATIO * abs(
-            front[-1]["force_error_vs"]
-        ):
+        if not front or abs(row["force_error_vs"]) < ratio * abs(front[-1]["force_error_vs"]):
             front.append(row)
     return front
 
@@ -352,7 +344,8 @@ def recommended_run(table: Sequence[Row], keys: Sequence[str], target: float) ->
     the right force by chance.
     """
     compared_rows = [row for row in table if row["force_error_vs"]]
-    other_keys = [key for key in keys if key not in MESH_KEYS]
+    mesh_keys = ("mesh", *(f"mesh.{name}" for name in MESH_SIZE_KEYS), "accuracy")
+    other_keys = [key for key in keys if key not in mesh_keys]
 
     def is_reliable(row: Row) -> bool:
         same_settings = (
@@ -376,7 +369,7 @@ def recommendations(table: Sequence[Row], keys: Sequence[str]) -> list[str]:
     if not rows_with_error(table):
         return []
     lines = []
-    for target in TARGET_ERRORS:
+    for target in (0.05, 0.01, 0.001):
         choice = "none of these"
         row = recommended_run(table, keys, target)
         if row:
@@ -401,7 +394,8 @@ def row_verdict(row: Row, tolerance: float, references: Collection[str] = ()) ->
         Ids of the runs that others are compared with.
     """
     if row["status"] == "failed":
-        return "refused" if row["exit_code"] in REJECTION_EXIT_CODES else "wrong"
+        # Exit codes of config, mesh, convergence and verification, which all give a reason.
+        return "refused" if row["exit_code"] in range(3, 7) else "wrong"
     error = row["force_error_vs"]
     if row["status"] != "done" or error is None:
         return None

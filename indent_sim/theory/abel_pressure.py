@@ -24,8 +24,6 @@ from indent_sim.theory.profiles import Shape
 from indent_sim.theory.quadrature import Nodes, gauss_legendre, join_nodes
 
 TIP_INTEGRAL_POINTS = 64  # Gauss points of an integral over a tip with a continuous slope.
-MAX_PANELS = 40  # Panels of an Abel integral between slope discontinuities of the tip.
-RADII_PER_CHUNK = 50  # Radii evaluated at once: each has several hundred quadrature nodes.
 
 
 @dataclass(frozen=True)
@@ -93,7 +91,7 @@ def tip_pressure(
 
     Integration by parts about g(r) avoids g' and divides only differences ~ (t - r): (g(a) -
     g(r))/sqrt(a^2 - r^2) + ∫_r^a (g(t) - g(r)) t/(t^2 - r^2)^{3/2} dt, with t = r cosh y, which
-    resolves any r. More than MAX_PANELS slope discontinuities are thinned out: such a tip is nearly
+    resolves any r. More than 40 slope discontinuities are thinned out: such a tip is nearly
     smooth.
 
     Parameters
@@ -110,7 +108,9 @@ def tip_pressure(
         Slope of the tip at its apex.
     """
     breaks = [b for b in breaks if 0.0 < b < a]
-    breaks = breaks[:: max(1, math.ceil(len(breaks) / MAX_PANELS))]
+    # Panels of an Abel integral between slope discontinuities of the tip.
+    max_panels = 40
+    breaks = breaks[:: max(1, math.ceil(len(breaks) / max_panels))]
     g_edge = float(g(np.array([a]))[0])
     is_off_axis = r >= 1e-9 * a
     t, w = contact_nodes(a, breaks, TIP_INTEGRAL_POINTS)
@@ -136,7 +136,9 @@ def _integral_by_parts(
         s, w = gauss_legendre(0.0, 1.0, TIP_INTEGRAL_POINTS)
         end = np.arccosh(a / r)[:, None]
         return np.asarray((_abel_integrand(g, g_r[:, None], r[:, None], end * s) @ w) * end[:, 0])
-    chunks = [slice(k, k + RADII_PER_CHUNK) for k in range(0, r.size, RADII_PER_CHUNK)]
+    # Radii evaluated at once: each has several hundred quadrature nodes.
+    radii_per_chunk = 50
+    chunks = [slice(k, k + radii_per_chunk) for k in range(0, r.size, radii_per_chunk)]
     return np.concatenate(
         [_integral_with_breaks(g, g_r[chunk], a, r[chunk], breaks) for chunk in chunks] or [r]
     )

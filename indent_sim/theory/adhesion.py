@@ -93,8 +93,8 @@ class Jkr:
     def _find_pull_off(self, compliance: float = 0.0) -> AdhesiveContact:
         """Find the equilibrium with the smallest z, or the smallest force in force control."""
         zero_force_radius = self._zero_force_radius
-        # On any layer and under any tip, contacts that become unstable are larger than a thousandth
-        # of the one without force.
+        # Contacts that become unstable are larger than a thousandth of the one without force, on
+        # any layer and under any tip.
         log_bounds = (
             math.log(max(1e-3 * zero_force_radius, self.punches.min_radius)),
             math.log(zero_force_radius),

@@ -35,7 +35,6 @@ from indent_sim.theory.solution import (
 )
 from indent_sim.theory.stack import Stack
 
-TENSION_RINGS = 40  # Rings of a contact in which the sign of the pressure is checked.
 FEWEST_DEPTHS = 8  # Number of depths from which on interpolation pays.
 # A polynomial has converged when its last coefficients, this many, are this small relative to the
 # largest one.
@@ -48,7 +47,6 @@ PEAK_POINTS_PER_RADIUS = 8.0
 # Rows of the load values of a contact: depth, force, stiffness, energy.
 DEPTH_COLUMN = 0
 FORCE_COLUMN = 1
-END_MARGIN = 0.05  # Relative margin for the error of the estimated smallest and largest size.
 Sizes = TypeVar("Sizes", float, np.ndarray)
 
 
@@ -273,7 +271,9 @@ class ContactCurve(ABC):
         smallest, largest = (
             a * math.sqrt(depth / linear.indentation_of_radius) for a, linear, depth in estimates
         )
-        return smallest * (1.0 - END_MARGIN), largest * (1.0 + END_MARGIN)
+        # Relative margin for the error of the estimated smallest and largest size.
+        margin = 0.05
+        return smallest * (1.0 - margin), largest * (1.0 + margin)
 
     def _solve_one_by_one(self, deltas: Sequence[float]) -> list[Solution]:
         """Return one Solution per depth [L]; each search starts from the previous results."""
@@ -326,8 +326,10 @@ class ContactCurve(ABC):
         """
         if len(self.scaled_stack.layers) == 1 or solution.force <= 0:
             return 0.0
-        radius_fractions = (np.arange(TENSION_RINGS) + 0.5) / TENSION_RINGS
-        area_fractions = self.dimensions * radius_fractions ** (self.dimensions - 1) / TENSION_RINGS
+        # Rings of a contact in which the sign of the pressure is checked.
+        ring_count = 40
+        radius_fractions = (np.arange(ring_count) + 0.5) / ring_count
+        area_fractions = self.dimensions * radius_fractions ** (self.dimensions - 1) / ring_count
         fraction = (
             -float(
                 area_fractions @ np.minimum(solution.pressure(radius_fractions * solution.a), 0.0)

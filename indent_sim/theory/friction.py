@@ -34,8 +34,6 @@ from indent_sim.theory import no_slip
 from indent_sim.theory.no_slip import FrictionCorrection
 
 EDGE_GRADING = 4.0  # Exponent of the grading of rings towards the edge, where p, q are singular.
-# Largest friction times beta with this accuracy; above 1 the edge has another singularity.
-MAX_FRICTION_BETA = 0.8
 
 
 def friction_correction(
@@ -56,8 +54,10 @@ def friction_correction(
         return no_slip.no_slip_correction(nu, power)
     no_slip.check_parameters(nu, power)
     beta = (1.0 - 2.0 * nu) / (2.0 * (1.0 - nu))
-    if not 0.0 <= friction * beta <= MAX_FRICTION_BETA:
-        max_friction = MAX_FRICTION_BETA / beta if beta else math.inf
+    # Largest friction times beta with this accuracy; above 1 the edge has another singularity.
+    max_beta = 0.8
+    if not 0.0 <= friction * beta <= max_beta:
+        max_friction = max_beta / beta if beta else math.inf
         raise ValueError(f"friction must lie in [0, {max_friction:.3g}], got {friction!r}")
     punch = _punch(beta, friction)
     radius = (

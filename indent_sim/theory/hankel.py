@@ -25,10 +25,6 @@ from indent_sim.theory.quadrature import (
 )
 from indent_sim.theory.stack import Stack
 
-MAX_EVEN_POLYNOMIALS = 32  # Largest number of even polynomials of a kernel.
-# The value of k W at which the wall integral changes from its split to its direct form.
-WALL_FORM_SWITCH = 2.0
-
 
 @dataclass(frozen=True)
 class Kernel:
@@ -187,7 +183,9 @@ def _polynomial_kernel(max_radius: float, stack: Stack) -> EvenKernel | None:
     from scipy.special import jv
 
     kernel = axisymmetric_kernel(max_radius, stack, math.inf)
-    j = np.arange(MAX_EVEN_POLYNOMIALS)[:, None]
+    # Largest number of even polynomials of a kernel.
+    max_polynomials = 32
+    j = np.arange(max_polynomials)[:, None]
     waves = np.where(j == 0, 1.0, 2.0 * (-1.0) ** j) * jv(2 * j, kernel.k * max_radius)
     matrix = waves @ (kernel.weight[:, None] * waves.T)
     sizes = np.abs(matrix).max(axis=0)
@@ -195,7 +193,7 @@ def _polynomial_kernel(max_radius: float, stack: Stack) -> EvenKernel | None:
     polynomial_count = max(1, int(np.count_nonzero(sizes > 1e-17 * sizes.max())))
     return (
         EvenKernel(max_radius, matrix[:polynomial_count, :polynomial_count])
-        if polynomial_count < MAX_EVEN_POLYNOMIALS
+        if polynomial_count < max_polynomials
         else None
     )
 
@@ -252,18 +250,20 @@ def _wall_modes(clearance: float) -> tuple[np.ndarray, np.ndarray, float]:
 
     The third value is the constant part of the double pole 2/z^2 that the nodes leave out.
     """
-    # Below WALL_FORM_SWITCH, K1/I1 - ln(z/2) is even and analytic but for the pole 2/z^2; above,
-    # K1/I1 decays as pi exp(-2z).
     from scipy.special import i1e, k1e
 
     def scaled_bessel_ratio(z):
         """Return exp(2z) K1/I1; the factor cancels those of the scaled basis."""
         return k1e(z) / i1e(z)
 
-    z0, w0 = gauss_legendre(0.0, WALL_FORM_SWITCH, 32)
+    # The value of z at which the wall integral changes from its split to its direct form. Below it
+    # K1/I1 - ln(z/2) is even and analytic but for the pole 2/z^2; above it K1/I1 decays as
+    # pi exp(-2z).
+    form_switch = 2.0
+    z0, w0 = gauss_legendre(0.0, form_switch, 32)
     v, wv = gauss_legendre(0.0, 1.0, 48)
-    z1 = WALL_FORM_SWITCH * v**4
-    w1 = WALL_FORM_SWITCH * 4.0 * v**3 * wv
+    z1 = form_switch * v**4
+    w1 = form_switch * 4.0 * v**3 * wv
     parts = [
         (
             z0,
@@ -273,13 +273,13 @@ def _wall_modes(clearance: float) -> tuple[np.ndarray, np.ndarray, float]:
         )
     ]
     parts.append((z1, w1 * np.log(z1 / 2.0) * np.exp(2.0 * z1)))
-    end = max(2.0 * WALL_FORM_SWITCH, 19.0 / clearance)
-    edges = WALL_FORM_SWITCH * np.geomspace(
-        1.0, end / WALL_FORM_SWITCH, 1 + math.ceil(math.log(end / WALL_FORM_SWITCH, 3.0))
+    end = max(2.0 * form_switch, 19.0 / clearance)
+    edges = form_switch * np.geomspace(
+        1.0, end / form_switch, 1 + math.ceil(math.log(end / form_switch, 3.0))
     )
     for lo, hi in pairwise(edges):
         z, w = gauss_legendre(lo, hi, 28)
         parts.append((z, w * scaled_bessel_ratio(z)))
-    pole = -float(np.sum(w0 * 2.0 / z0**2)) - 2.0 / WALL_FORM_SWITCH
+    pole = -float(np.sum(w0 * 2.0 / z0**2)) - 2.0 / form_switch
     nodes, weights = join_nodes(parts)
     return nodes, 2.0 / math.pi * weights, 2.0 / math.pi * pole

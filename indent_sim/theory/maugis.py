@@ -12,8 +12,6 @@ from scipy.optimize import minimize_scalar
 
 from indent_sim.theory.solution import require_positive
 
-# Parameters beyond which rounding does not separate the edges of the attraction and of the contact.
-MAUGIS_RANGE = (1e-10, 1e5)
 LAMBDA_PER_TABOR = 2.0 * (9.0 / (16.0 * math.pi)) ** (1.0 / 3.0)  # This is 1.1272.
 
 
@@ -37,11 +35,14 @@ def maugis_lambda(work: float, attraction_range: float, R: float, E_star: float)
 def maugis_pull_off(parameter: float) -> float:
     """Return the pull-off force under force control over pi work R.
 
-    It is -2 for lambda -> 0 (DMT) and -3/2 for lambda -> infinity (JKR), both to 1e-10 at the ends
-    of MAUGIS_RANGE.
+    It is -2 for lambda -> 0 (DMT) and -3/2 for lambda -> infinity (JKR), both to 1e-10 at the
+    ends of the range of lambda, 1e-10 and 1e5.
     """
     require_positive(parameter=parameter)
-    parameter = min(max(parameter, MAUGIS_RANGE[0]), MAUGIS_RANGE[1])
+    # Parameters beyond which rounding does not separate the edges of the attraction and of the
+    # contact.
+    parameter_range = (1e-10, 1e5)
+    parameter = min(max(parameter, parameter_range[0]), parameter_range[1])
     search_options = {"bounds": (-25.0, 25.0), "method": "bounded", "options": {"xatol": 1e-9}}
     return float(
         minimize_scalar(lambda x: _maugis_force(1.0 + math.exp(x), parameter), **search_options).fun

@@ -35,11 +35,6 @@ from indent_sim.theory.measured_constants import (
 )
 from indent_sim.theory.quadrature import Nodes, gauss_legendre, join_nodes
 
-# Integrals over t = tanh(y) end at this y, where 1/cosh^2 is below 1e-17 of its peak.
-MAX_HYPERBOLIC_ANGLE = 20.0
-# Gauss panels along y: the integrands are analytic up to pi/2 off the real axis, so that only the
-# rounding error remains.
-PANEL_LENGTH = 2.0
 POINTS_PER_PANEL = 24
 
 
@@ -170,7 +165,9 @@ def _theta(nu: float) -> float:
 
 def _sinking_integral(nu: float, n: float) -> float:
     """Return int_0^1 (1 - W(1/s)) s^(n-1) ds = B/(n alpha), in the variable y = artanh(t)."""
-    y, weights = _panel_nodes(MAX_HYPERBOLIC_ANGLE)
+    # Integrals over t = tanh(y) end at this y, where 1/cosh^2 is below 1e-17 of its peak.
+    max_hyperbolic_angle = 20.0
+    y, weights = _panel_nodes(max_hyperbolic_angle)
     integrand = np.cos(2.0 * _theta(nu) * y) * _moment(np.tanh(y), n) / np.cosh(y) ** 2
     return 1.0 / n - _displacement_factor(nu) * float(weights @ integrand)
 
@@ -188,8 +185,11 @@ def _moment(t: np.ndarray, n: float) -> np.ndarray:
 
 
 def _panel_nodes(end: float) -> Nodes:
-    """Return Gauss nodes and weights on [0, end] in panels of the length PANEL_LENGTH."""
-    starts = map(float, np.arange(0.0, end, PANEL_LENGTH))
+    """Return Gauss nodes and weights on [0, end] in panels."""
+    # Gauss panels along y: the integrands are analytic up to pi/2 off the real axis, so that only
+    # the rounding error remains.
+    panel_length = 2.0
+    starts = map(float, np.arange(0.0, end, panel_length))
     return join_nodes(
-        [gauss_legendre(start, start + PANEL_LENGTH, POINTS_PER_PANEL) for start in starts]
+        [gauss_legendre(start, start + panel_length, POINTS_PER_PANEL) for start in starts]
     )

@@ -41,10 +41,6 @@ from indent_sim.theory.solution import require_positive
 
 SurfaceDrainage = Literal["drained", "sealed"]
 CONTACT_POINTS = 64  # Gauss points of the integral equation.
-# Largest wavenumber k [1/a] and end of the first panel: the integrand decays like k^-6 once its
-# first two terms for large k are subtracted.
-MAX_WAVENUMBER = 120.0
-FIRST_PANEL = 1e-6
 # Times tau = D t/a^2 below which 1 - g = sqrt(tau) (A - B ln tau) is used: the boundary layers are
 # too thin for these points. A and B are those of the two sample times.
 SHORT_TIME = 1e-3
@@ -231,10 +227,14 @@ def _talbot_contour(count: int) -> Nodes:
 @lru_cache
 def _wave_nodes() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return wavenumbers k, their weights, and cos(k x) (points, k) at the contact points x."""
+    # Largest wavenumber k [1/a] and end of the first panel: the integrand decays like k^-6 once its
+    # first two terms for large k are subtracted.
+    max_wavenumber = 120.0
+    first_panel = 1e-6
     edges = [
         0.0,
         *np.geomspace(
-            FIRST_PANEL, MAX_WAVENUMBER, math.ceil(math.log(MAX_WAVENUMBER / FIRST_PANEL, 3.0))
+            first_panel, max_wavenumber, math.ceil(math.log(max_wavenumber / first_panel, 3.0))
         ),
     ]
     parts = [

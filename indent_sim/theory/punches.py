@@ -31,7 +31,6 @@ from indent_sim.theory.quadrature import gauss_legendre
 from indent_sim.theory.roots import increasing_root
 
 FIT_DEGREE = 7  # Degree of the polynomials of the radius that are fitted to ln K and ln P.
-FEWEST_RADII = 6  # Radii that a fit needs.
 QUADRATURE_POINTS = 32  # Gauss points of the integral of g over each smooth piece of the tip.
 
 
@@ -153,7 +152,7 @@ class FittedPunches:
     Raises
     ------
     ValueError
-        For less than FEWEST_RADII radii, or where no polynomial is close enough to them.
+        For less than six radii, or where no polynomial is close enough to them.
     """
 
     def __init__(
@@ -174,10 +173,12 @@ class FittedPunches:
         P_0 = np.array([self._half_space_force(radius) for radius in a])
         # Radii on the flat part of a punch with a rounded edge have P = 0.
         is_curved = 1e-9 * P_0.max(initial=0.0) < P_0
-        if np.count_nonzero(is_curved) < FEWEST_RADII:
+        # Radii that a fit needs.
+        fewest_radii = 6
+        if np.count_nonzero(is_curved) < fewest_radii:
             raise ValueError(
                 f"{np.count_nonzero(is_curved)} contact radii are too few for a fit, which needs "
-                f"{FEWEST_RADII} or more"
+                f"{fewest_radii} or more"
             )
         a = a[is_curved]
         K = K[is_curved]
@@ -190,7 +191,7 @@ class FittedPunches:
         # approximates it there, so that the largest radii are left out one part after the other
         # until the misfit is 1 %.
         while misfit > 0.01:
-            if n < FEWEST_RADII:
+            if n < fewest_radii:
                 raise ValueError(
                     "the stiffness of flat punches is too irregular for a fit: give a smaller "
                     "mesh.h_contact"

@@ -15,7 +15,6 @@ import numpy as np
 
 # Function from the elastic forces at some times to those of the relaxing body.
 ForceRelaxation = Callable[[np.ndarray], np.ndarray]
-EXTRA_DECADES = 2.0  # Decades of a Prony series beyond the shortest and the longest time.
 
 
 @dataclass(frozen=True)
@@ -139,8 +138,10 @@ class PowerLaw:
         step = math.log(10.0) / 8  # Eight exponentials per decade.
         # Slower rates contribute less than 1e-9.
         slowest_rate = 1e-9 ** (1.0 / b) / longest
-        log_slowest_rate = math.log(max(slowest_rate, 10.0**-EXTRA_DECADES * 1e-4 / longest))
-        rates = np.exp(np.arange(log_slowest_rate, math.log(10.0**EXTRA_DECADES / shortest), step))
+        # Decades of a Prony series beyond the shortest and the longest time.
+        extra_decades = 2.0
+        log_slowest_rate = math.log(max(slowest_rate, 10.0**-extra_decades * 1e-4 / longest))
+        rates = np.exp(np.arange(log_slowest_rate, math.log(10.0**extra_decades / shortest), step))
         weights = step * (rates * self.time) ** b / math.gamma(b)
         # The integral over all slower rates is a constant.
         long_term = (rates[0] * self.time * math.exp(-0.5 * step)) ** b / math.gamma(1.0 + b)

@@ -15,7 +15,6 @@ import numpy as np
 from indent_sim.theory.solution import SOLUTION_ERRORS
 
 ForceCurve = Callable[[float], float]  # Force [F] at a depth [L].
-ROOT_TOLERANCE = 1e-13  # Relative error of a root.
 
 
 def first_guess(profile: Callable[[np.ndarray], np.ndarray], depth: float, limit: float) -> float:
@@ -49,7 +48,7 @@ def increasing_root(
 ) -> float:
     """Return the x in (0, limit) at which an increasing function(x) is `target` > 0.
 
-    Its relative error is ROOT_TOLERANCE.
+    Its relative error is 1e-13.
 
     Parameters
     ----------
@@ -81,9 +80,11 @@ def increasing_root(
         return math.log(ratio) if math.isfinite(ratio) else 1e3
 
     low = high = math.log(start if start < limit else 0.9 * limit)
+    # Relative error of a root.
+    tolerance = 1e-13
     # A power law of the exponent 2, that of a paraboloid's depth, or more has its root within half
     # of the logarithm.
-    width = max(0.6 * abs(log_excess(low)), ROOT_TOLERANCE)
+    width = max(0.6 * abs(log_excess(low)), tolerance)
     while log_excess(high) < 0.0:
         size = math.exp(high)
         if size > limit * (1.0 - 1e-4):
@@ -101,7 +102,7 @@ def increasing_root(
         high = low
         low -= width
         width *= 2.0
-    return math.exp(brentq(log_excess, low, high, xtol=ROOT_TOLERANCE))
+    return math.exp(brentq(log_excess, low, high, xtol=tolerance))
 
 
 def depth_of_force(force_at: ForceCurve, force: float, start: float) -> float | None:

@@ -16,7 +16,6 @@ from scipy.linalg import cholesky, solve_triangular
 from indent_sim.theory.hankel import axisymmetric_kernel
 from indent_sim.theory.layer import Layer
 
-SURFACE_MARGIN = 1.25  # Radius of the surface over the largest expected contact radius.
 MAX_ACTIVE_SET_ITERATIONS = 60  # Active sets that are tried for a contact that is no disc.
 # Tensile pressure or overlap that is accepted, relative to the largest pressure or gap.
 CONTACT_TOLERANCE = 1e-12
@@ -102,9 +101,11 @@ def layer_surface(contact: Layer, a: float) -> RelaxingSurface:
     is a disc ends at the same radius in both.
     """
     h = contact.h
-    n = round(200 * SURFACE_MARGIN)  # 200 points in the largest contact radius.
+    # Radius of the surface over the largest expected contact radius.
+    margin = 1.25
+    n = round(200 * margin)  # 200 points in the largest contact radius.
     edge = contact.tip.punch_radius
-    max_radius = edge or min(SURFACE_MARGIN * a, contact.max_size() * h * (1 - 1e-6))
+    max_radius = edge or min(margin * a, contact.max_size() * h * (1 - 1e-6))
     edges = np.linspace(0.0, max_radius, n + 1)
     x = 0.5 * (edges[1:] + edges[:-1]) / h
     width = max_radius / n

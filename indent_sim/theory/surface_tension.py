@@ -58,7 +58,6 @@ from indent_sim.theory.solution import Solution
 LEAST_FUNCTIONS = 16
 FUNCTIONS_PER_ROOT = 1.5
 MAX_FUNCTIONS = 100
-PANEL_POINTS = 10  # Gauss points on a panel of the angle.
 
 
 class LinearSolution(NamedTuple):
@@ -273,7 +272,9 @@ def _logarithmic_nodes(angle: float, levels: int, count: int) -> Nodes:
     count
         Number of basis functions, whose oscillations the panels resolve.
     """
-    longest = 2.0 * PANEL_POINTS / (3.0 * count)
+    # Gauss points on a panel of the angle.
+    point_count = 10
+    longest = 2.0 * point_count / (3.0 * count)
     parts = []
     for length, direction in ((angle, -1.0), (math.pi - angle, 1.0)):
         if length <= 0.0:
@@ -286,7 +287,7 @@ def _logarithmic_nodes(angle: float, levels: int, count: int) -> Nodes:
         parts.append((direction * edges[0] * v**3, 3.0 * edges[0] * v**2 * w))
         parts += [
             (direction * x, w)
-            for x, w in (gauss_legendre(*ends, PANEL_POINTS) for ends in pairwise(edges))
+            for x, w in (gauss_legendre(*ends, point_count) for ends in pairwise(edges))
         ]
     return join_nodes(parts)
 

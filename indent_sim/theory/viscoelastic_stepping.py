@@ -33,8 +33,6 @@ from indent_sim.theory.surface_contact import (
     SurfaceContactLCP,
 )
 
-# Steps of one length at the beginning of a segment before their length doubles.
-KINK_STEPS = 40
 MAX_SEARCH_STEPS = 60  # Newton steps of the search for the depth of a force.
 
 
@@ -125,8 +123,10 @@ class ViscoelasticTimeStepper:
         dt = longest_step / 2.0 ** np.ceil(np.log2(longest_step / dt))
         steps = []
         t = start
-        while dt < longest_step and t + KINK_STEPS * dt < end:
-            steps += [(t + dt * k, dt) for k in range(1, KINK_STEPS + 1)]
+        # Steps of one length at the beginning of a segment before their length doubles.
+        kink_steps = 40
+        while dt < longest_step and t + kink_steps * dt < end:
+            steps += [(t + dt * k, dt) for k in range(1, kink_steps + 1)]
             t = steps[-1][0]
             dt = 2.0 * dt
         count = max(1, round((end - t) / longest_step))

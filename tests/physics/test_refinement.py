@@ -18,7 +18,7 @@ from indent_sim.config.scene_file import config_from_mapping, load
 from indent_sim.process.errors import ConfigError, VerificationError
 from indent_sim.results.reader import read
 from indent_sim.run import pipeline, single_run
-from indent_sim.scene import resolution
+from indent_sim.scene import measured_constants, resolution
 from indent_sim.scene.scene import resolve
 
 SCENE: dict[str, Any] = {
@@ -85,7 +85,7 @@ def test_the_mesh_is_refined_until_the_bars_are_narrow_enough(
 
     The error constant is patched to promise too much, so that the first mesh is too coarse.
     """
-    monkeypatch.setitem(resolution.ERROR_CONSTANT, 2, 0.02)
+    monkeypatch.setitem(measured_constants.ERROR_CONSTANT, 2, 0.02)
     caplog.set_level("INFO", logger="indent_sim")
     outcome = simulate(tmp_path / "run", accuracy=0.001)
     first = resolution.required_elements(0.001, 2)
@@ -112,7 +112,7 @@ def test_what_no_mesh_can_mend_ends_with_exit_code_6_and_the_rows(tmp_path: Path
 
 def test_a_machine_that_is_too_small_ends_the_refinement(tmp_path: Path, monkeypatch: Any) -> None:
     monkeypatch.setattr("indent_sim.run.error_estimation.refinement.MAX_LEVELS", 1)
-    monkeypatch.setitem(resolution.ERROR_CONSTANT, 2, 0.02)
+    monkeypatch.setitem(measured_constants.ERROR_CONSTANT, 2, 0.02)
     with pytest.raises(VerificationError, match="1 meshes were not enough"):
         simulate(tmp_path / "run", accuracy=0.001)
     assert len(read(tmp_path / "run")) == 5
@@ -159,7 +159,7 @@ def test_a_later_attempt_that_is_resumed_has_the_same_bars(
     has five rows, and there are at least two before the last. Forces agree to about 1e-12, hence
     their differences to 1e-6.
     """
-    monkeypatch.setitem(resolution.ERROR_CONSTANT, 2, 0.02)
+    monkeypatch.setitem(measured_constants.ERROR_CONSTANT, 2, 0.02)
     monkeypatch.setattr(
         "indent_sim.run.error_estimation.refinement.MAX_REFINEMENT", 1.3
     )  # in small steps

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from rubber_with_friction import drawn, judged
 
-from indent_sim.run.row_warnings import MAX_ROUGHNESS
+from indent_sim.run.measured_constants import MAX_ROUGHNESS
 
 
 @pytest.mark.verify

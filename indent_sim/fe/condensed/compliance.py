@@ -125,7 +125,7 @@ class Condenser:
             matrix.setOption(PETSc.Mat.Option.SPD, True)
         self._pc = PETSc.PC().create(self._comm)
         self._pc.setOperators(matrix)
-        # With a mixed formulation, whose matrix is indefinite, this is LDL^T
+        # The matrix of a mixed formulation is indefinite, so that this is LDL^T.
         self._pc.setType("cholesky")
         self._pc.setFactorSolverType("mumps")
         self._pc.setFactorSetUpSolverType()
@@ -306,7 +306,7 @@ class Condenser:
         C = np.zeros((n, n))
         pin_reactions = np.zeros(n)
         support_reactions = self._constrained_node_reactions(owned, signs, n)
-        # At most 4 million displacements (32 MB) are kept
+        # No more than 4 million displacements (32 MB) are kept.
         if len(self.observed_dofs) * n > 4_000_000:
             self.observed_dofs = self.observed_dofs[:0]
         displacements = np.zeros((len(self.observed_dofs), n))

@@ -264,8 +264,8 @@ class CondensedContact:
             active = trial_pressure > 0
             load = self._nodal_load(trial_pressure, active)
             allowed = NODAL_FORCE_TOLERANCE * np.abs(load).max(initial=0.0) + zero_force
-            # Between two Newton steps with the same active points the problem is linear: the first
-            # of them was exact
+            # The problem is linear while the active points stay the same: the first of two such
+            # Newton steps was exact.
             is_unchanged = last_active is not None and np.array_equal(active, last_active)
             residual = np.abs(F - load).max(initial=0.0)
             if not np.isfinite(residual):
@@ -314,7 +314,7 @@ class CondensedContact:
         m = len(slopes)
         touched_facets = np.flatnonzero(slopes[0, 0].any(axis=1))
         weights = (W * slopes)[:, :, touched_facets]
-        # For one traction the product is made by BLAS, which is faster and adds in another order
+        # BLAS multiplies a single traction faster, and adds in another order.
         local = (
             np.einsum("abfp,pij->abfij", weights, self._shape_products)
             if m > 1
@@ -328,7 +328,7 @@ class CondensedContact:
             )
         rows, entries_kept, i, j = self._entries
         n = len(rows)
-        # Up to 128 unknowns the checks of a sparse matrix cost more than its products save
+        # The checks of a sparse matrix cost more than its products save up to 128 unknowns.
         if n <= 128:
             A: Any = np.bincount(i * n + j, local.ravel()[entries_kept], n * n).reshape(n, n)
         else:

@@ -23,7 +23,6 @@ from collections.abc import Callable, Sequence
 # trial depths
 FORCE_SLACK = 1e-8
 MOST_TRIES = 60
-NEIGHBOURS = 3  # points of the curve on each side of a force that are used
 
 ForceDepth = tuple[float, float]  # force [force], depth [length]
 
@@ -185,7 +184,9 @@ class LoadControl:
 
     def _neighbour_points(self, force: float) -> list[ForceDepth]:
         index = bisect_left(self._curve, (force, 0.0))
-        return self._curve[max(0, index - NEIGHBOURS) : index + NEIGHBOURS]
+        # Points of the curve on each side of a force that are used.
+        neighbour_count = 3
+        return self._curve[max(0, index - neighbour_count) : index + neighbour_count]
 
     def _is_exhausted(
         self, force: float, last_point: ForceDepth, target_depth: float, lower: float, upper: float

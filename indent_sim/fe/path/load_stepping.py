@@ -35,10 +35,6 @@ from indent_sim.fe.postprocessing.surface_table import surface_table
 from indent_sim.model.load_path import LoadPath
 from indent_sim.model.state import PullOff, State
 
-# A tip that is lifted to measure its gap is far enough away if the body rises by less than one
-# fifth of the lift.
-CLEARANCE_FACTOR = 5.0
-
 
 @dataclass(frozen=True)
 class EquilibriumPoint:
@@ -114,8 +110,8 @@ class LoadStepper:
         longest_step = inf
         always_tried_step = inf
         if scene.physics.gap == "current":
-            # With the gap at the deformed point, which is nonlinear in u, a longer increment may
-            # end in another solution
+            # The gap at the deformed point is nonlinear in u, so that a longer increment may end in
+            # another solution.
             longest_step = 0.25 * scene.plan.prediction["a"] / scene.physics.scales.length
         if self._adhesion_range:
             longest_step = min(longest_step, LONGEST_STEP_RANGES * self._adhesion_range)
@@ -482,14 +478,17 @@ class LoadStepper:
         """
         height = self.equilibrium.scene.physics.body.height
         depth_before = self._search_points[-1].delta
-        lift = max(CLEARANCE_FACTOR * self._last_rise, 1e-3 * height)
+        # A tip that is lifted to measure its gap is far enough away if the body rises by less than
+        # one fifth of the lift.
+        clearance_factor = 5.0
+        lift = max(clearance_factor * self._last_rise, 1e-3 * height)
         for _ in range(12):
             lifted_depth = depth_before - lift
             reached_depth = self._step_to_depth(depth_before - lift)[1]
             if reached_depth != lifted_depth:
                 return False
             gap = smallest_gap(self.equilibrium.observed_body)
-            if gap > 0 and gap >= lift * (1 - 1 / CLEARANCE_FACTOR):
+            if gap > 0 and gap >= lift * (1 - 1 / clearance_factor):
                 # The tip overlaps the body by 1e-9 of its height, so that there is a contact
                 touch = LoadPoint(lifted_depth + gap - 1e-9 * height, self._search_time)
                 self._last_rise = abs(touch.delta - depth_before)

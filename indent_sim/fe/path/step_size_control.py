@@ -41,8 +41,8 @@ class StepSizeControl:
         self._smallest_step = 0.0
         self._step = 0.0
         self._failures = 0  # without two successes in a row between them
-        self._successes = 0  # in a row with the present step limit
-        self._failed_iterations = 0  # on the way to the present target
+        self._successes = 0  # consecutive, with the present step limit
+        self._failed_iterations = 0  # since the last target was reached
 
     def begin_target(self, distance: float) -> None:
         """Begin the increments to a target at this distance."""

@@ -17,10 +17,6 @@ from indent_sim.fe.postprocessing.contact_sample import (
 from indent_sim.fe.quadrature import facet_lattice
 from indent_sim.model.tips import FlatPunch, sharp_edge_radius
 
-# Relative distance from a tip's sharp edge within which a point of the mesh lies on it: coordinates
-# are rounded to 12 digits
-EDGE_TOLERANCE = 1e-9
-
 
 def contact_area(
     body: ObservedBody, X: np.ndarray, positions: np.ndarray, trial_pressure: np.ndarray
@@ -101,9 +97,12 @@ def whole_face_area(body: ObservedBody, X: np.ndarray, trial_pressure: np.ndarra
         return None
     horizontal_position = physics.domain.kinematics.horizontal_position
     distance = np.hypot(*horizontal_position(components_first(X), physics.center))
-    is_below = distance <= radius * (1 + EDGE_TOLERANCE)
+    # Relative distance from a tip's sharp edge within which a point of the mesh lies on it:
+    # coordinates are rounded to 12 digits.
+    edge_tolerance = 1e-9
+    is_below = distance <= radius * (1 + edge_tolerance)
     is_face = is_below.all(axis=1)
-    is_edge = is_below & (distance >= radius * (1 - EDGE_TOLERANCE))
+    is_edge = is_below & (distance >= radius * (1 - edge_tolerance))
     smallest_mean, smallest_at_edge = min_over_ranks(
         body,
         trial_pressure[is_face].mean(axis=1).min(initial=np.inf),

@@ -21,9 +21,6 @@ from indent_sim.fe import compat
 from indent_sim.fe.kernel_cache import compile_expression
 from indent_sim.mesh.grid import split_at_interfaces
 
-# Largest barycentric coordinate of each point of the quadrature of degree 2, by dimension
-OWN_COORDINATE = {2: 2 / 3, 3: (5 + 3 * 5**0.5) / 20}
-
 
 class _CellStress(NamedTuple):
     """Extrapolated stress of some cells.
@@ -67,8 +64,10 @@ class NodalStress:
     def __init__(self, body: Any):
         self._body = body
         dim = body.body_mesh.dim
-        own_coordinate = OWN_COORDINATE[dim]
-        other_coordinate = (1 - OWN_COORDINATE[dim]) / dim
+        # Largest barycentric coordinate of each point of the quadrature of degree 2, by dimension.
+        own_coordinates = {2: 2 / 3, 3: (5 + 3 * 5**0.5) / 20}
+        own_coordinate = own_coordinates[dim]
+        other_coordinate = (1 - own_coordinates[dim]) / dim
         barycentric_weights = np.full((dim + 1, dim + 1), other_coordinate) + (
             own_coordinate - other_coordinate
         ) * np.eye(dim + 1)  # (points, vertices)

@@ -65,7 +65,7 @@ class DisplacementStiffness:
         if kind == "sbaij":
             full_matrix = self.matrix
             self.matrix = self.matrix.convert("sbaij", PETSc.Mat())
-            # From now on the lower half is ignored in the assembly
+            # The assembly ignores the lower half from now on.
             self.matrix.setOption(PETSc.Mat.Option.IGNORE_LOWER_TRIANGULAR, True)
             _destroy_matrices(full_matrix)
         self._constant_bulk = (

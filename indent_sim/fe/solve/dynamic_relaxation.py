@@ -8,8 +8,6 @@ from mpi4py import MPI
 from indent_sim.fe.solve.newton import Newton
 from indent_sim.fe.terms.contact.viscous_regularization import ViscousRegularization
 
-DRAG_INCREASE = 3.0  # The drag of a step is at most this many times that of the step before.
-
 
 def dynamic_relaxation(newton: Newton, regularization: ViscousRegularization) -> bool:
     """Let an adhesive body relax from its present state at the problem's depth.
@@ -36,12 +34,14 @@ def dynamic_relaxation(newton: Newton, regularization: ViscousRegularization) ->
     state_before = problem.trial_state()
     drag = 2.0 * law.work / law.range**2
     traction = 0.0
+    # The drag of a step is at most this many times that of the step before.
+    drag_increase = 3.0
     # Snaps took 15 to 40 steps.
     for _ in range(60):
         # A rough solution is sufficient for a step on the way to the stable state
         distance = _relaxation_step(newton, regularization, drag, 1e-4)
         if distance is None:
-            drag = DRAG_INCREASE * drag
+            drag = drag_increase * drag
             traction = 0.0
             continue
         unstable_curvature = drag - traction / distance if traction and distance else 0.0
@@ -51,9 +51,9 @@ def dynamic_relaxation(newton: Newton, regularization: ViscousRegularization) ->
         ):
             return True
         traction = drag * distance
-        # With three times the curvature of the instability the minimum of the next step is nearby,
-        # although that curvature still grows
-        drag = min(max(0.5 * drag, 3.0 * unstable_curvature), DRAG_INCREASE * drag)
+        # Three times the curvature of the instability keeps the minimum of the next step nearby,
+        # although that curvature still grows.
+        drag = min(max(0.5 * drag, 3.0 * unstable_curvature), drag_increase * drag)
     problem.set_trial_state(state_before)
     return False
 

@@ -53,8 +53,8 @@ class BodyEquilibrium:
         self.snapshot = problem.snapshot
         self.restore = problem.restore
         self._contact_radius = scene.plan.prediction["a"] / scene.physics.scales.length
-        # At the singular edge of a punch J < 0 in 0.003 of the contact radius, without any effect
-        # on the force
+        # The singular edge of a punch makes J < 0 in 0.003 of the contact radius, without any
+        # effect on the force.
         self._largest_inverted_size = 0.2 * self._contact_radius
         self._deepest_penetration = pass_through_depth(scene.physics.indenter)
         if problem.law.multiplier == "stress":
@@ -159,7 +159,7 @@ class BodyEquilibrium:
             return False
         if target_force <= 0:
             return True
-        # With this tolerance a row does not depend on the depth at which its increment started
+        # This tolerance makes a row independent of the depth at which its increment started.
         for _ in range(8):
             missing_force = target_force - self.force
             if abs(missing_force) <= 1e-9 * target_force:
@@ -194,7 +194,7 @@ class BodyEquilibrium:
             return algorithm
 
         def solve() -> bool:
-            # At most five updates, after which the seal stays as it is
+            # The seal stays as it is after five updates.
             for _ in range(0 if seal.is_frozen else 5):
                 if not algorithm():
                     return False

@@ -28,9 +28,6 @@ LINEAR_SOLVER_FAILED = "the linear solver failed"
 CONVERGED = PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE
 # Round-off in the residual, relative to the largest reaction of any accepted equilibrium
 REACTION_ROUNDOFF = 1e-14
-# Residual at which the iterative correction of dF/ddelta ends, relative to the first one, for a
-# symmetric tangent: the error of the stiffness is then of second order in the residual
-SYMMETRIC_DERIVATIVE_RESIDUAL = 1e-4
 
 
 class Newton:
@@ -44,7 +41,7 @@ class Newton:
     def __init__(self, problem: Problem):
         self.problem = problem
         settings = problem.scene.solver
-        # With an iterative linear solver the last Newton step ends only just below the tolerance
+        # The last Newton step ends only just below the tolerance of an iterative linear solver.
         largest_rtol = 1e-10 if settings.linear == "iterative" else 1.0
         self.rtol = self._tolerance = min(settings.rtol, largest_rtol)
         self.max_iterations = settings.max_iterations
@@ -160,8 +157,8 @@ class Newton:
         reasons = PETSc.SNES.ConvergedReason
         if not np.isfinite([residual, self._reaction]).all():
             return compat.SNES_RESIDUAL_NOT_FINITE
-        # With fluid flow at least one iteration is made: the residuals of the fluid's balance
-        # that many steps left behind would add up
+        # Fluid flow needs at least one iteration: the residuals of the fluid's balance that many
+        # steps left behind would add up.
         is_first_of_flow = self.problem.has_flow and iteration == 0
         if (
             not is_first_of_flow
@@ -289,7 +286,7 @@ class Newton:
         reason = self.snes.getConvergedReason()
         reasons = PETSc.SNES.ConvergedReason
         unit = problem.scene.physics.material.E_star / problem.scene.sizes.h_contact
-        # Beyond 1e5 E*/h_contact the first Newton step may invert elements at any depth
+        # The first Newton step may invert elements at any depth beyond 1e5 E*/h_contact.
         is_overshooting = (
             reason == compat.SNES_RESIDUAL_NOT_FINITE
             and stiffness_scale(problem.scene) > 1e5 * unit
@@ -349,8 +346,12 @@ class Newton:
         problem = self.problem
         if problem.law.multiplier == "frozen":
             return nan
+        # Residual at which the iterative correction of dF/ddelta ends, relative to the first one,
+        # for a symmetric tangent: the error of the stiffness is then of second order in the
+        # residual.
+        symmetric_residual = 1e-4
         if not self._has_tangent:  # a resumed state needed no iteration
-            self._assemble_tangent(self._tangent, SYMMETRIC_DERIVATIVE_RESIDUAL)
+            self._assemble_tangent(self._tangent, symmetric_residual)
         self.snes.getKSP().setOperators(self._tangent, self._tangent)
         start = problem.x.copy()
         depth = problem.depth
@@ -360,7 +361,7 @@ class Newton:
         is_converged = False
         first_residual = 0.0
         derivative = problem.x.duplicate()
-        tolerance = SYMMETRIC_DERIVATIVE_RESIDUAL if problem.has_symmetric_tangent else 1e-5
+        tolerance = symmetric_residual if problem.has_symmetric_tangent else 1e-5
         symmetry_factor = (
             problem.scene.physics.domain.symmetry_factor if problem.has_symmetric_tangent else 0
         )

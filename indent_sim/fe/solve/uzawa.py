@@ -15,9 +15,7 @@ from mpi4py import MPI
 
 from indent_sim.scene.scene import Scene
 
-FIRST_TOLERANCE = 0.1  # relative residual of the first solve, and of all others at most
 MOST_ITERATIONS = 500
-MIXING_DEPTH = 15  # number of earlier iterates that are used
 
 
 class Mixing:
@@ -42,8 +40,10 @@ class Mixing:
             self._changes = []
             self._smallest_change = change
         self._smallest_change = min(self._smallest_change, change)
-        self._images = [*self._images[-MIXING_DEPTH:], g.copy()]
-        self._changes = [*self._changes[-MIXING_DEPTH:], g - x]
+        # Number of earlier iterates that are used.
+        mixing_depth = 15
+        self._images = [*self._images[-mixing_depth:], g.copy()]
+        self._changes = [*self._changes[-mixing_depth:], g - x]
         if len(self._images) == 1:
             return g
         steps = np.diff(self._changes, axis=0)
@@ -79,13 +79,15 @@ def iterate(
     """
     law = scene.physics.contact
     unit = scene.physics.material.E_star / scene.sizes.h_contact
-    # With a stiffness of E*/h_contact the force has a relative error of 1e-7. With a small one a
-    # small change of the multiplier does not mean a small gap
+    # The force has a relative error of 1e-7 if the stiffness is E*/h_contact. A small change of the
+    # multiplier does not mean a small gap if the stiffness is small.
     tolerance = 1e-8 * min(1.0, law.stiffness / unit)  # type: ignore[union-attr]
     smallest_change = float("inf")
     stagnant_iterations = 0
     mixing = Mixing(comm)
-    rtol = FIRST_TOLERANCE
+    # Relative residual of the first solve, and of all others at most.
+    first_tolerance = 0.1
+    rtol = first_tolerance
     for _ in range(MOST_ITERATIONS):
         if not solve(rtol):
             return False
@@ -99,12 +101,13 @@ def iterate(
             f"the multiplier does not converge, its last relative change is {change:.1e}"
         )
         # The next solve must know the state much better than the multiplier changes
-        rtol = min(FIRST_TOLERANCE, 1e-2 * change)
+        rtol = min(first_tolerance, 1e-2 * change)
         if change < smallest_change / 2:
             smallest_change = change
             stagnant_iterations = 0
         else:
             stagnant_iterations += 1
-        if stagnant_iterations > 60:  # in so many iterations the change must have halved once
+        # The change must have halved once in so many iterations.
+        if stagnant_iterations > 60:
             return False
     return False

@@ -25,24 +25,17 @@ from indent_sim.fitting.forward_model.parameter_grid import (
     ParameterGrid,
 )
 from indent_sim.fitting.forward_model.parameters import Parameter
+from indent_sim.fitting.measured_constants import DEGREE, SOLVED_DEPTHS
 from indent_sim.process.errors import ConfigError, NotConverged
 from indent_sim.run.planned_run import PlannedRun
 from indent_sim.run.solvers.elastic_curve import ElasticForces, elastic_forces, flat_punches
 
-# Depths at which a scene is solved, and the degree of the polynomial through them. The relative
-# error of theory's force is 5e-11.
-SOLVED_DEPTHS = 20
-DEGREE = 12
 MIN_DEPTH_ROOT = 0.02  # lower end of s; the force is a power law of the depth below
-# The contact at less than 5 % of the depth (the square of this s) has too few elements of a mesh.
-MIN_MESH_ROOT = 0.2236
 MESH_DEGREE = 5  # degree of the polynomial for the ratio of a mesh's force to that of theory
-# An exponent of the depth is rounded to a multiple of the step if it is nearer than the tolerance.
-EXPONENT_STEP = 0.5
-EXPONENT_TOLERANCE = 0.02
 MIN_RADIUS_FRACTION = 0.02  # smallest radius of the punches relative to the largest
-NODE_ANGLES = np.pi * (np.arange(SOLVED_DEPTHS) + 0.5) / SOLVED_DEPTHS
-DEPTH_ROOTS = 0.5 * (1 + MIN_DEPTH_ROOT) - 0.5 * (1 - MIN_DEPTH_ROOT) * np.cos(NODE_ANGLES)
+DEPTH_ROOTS = 0.5 * (1 + MIN_DEPTH_ROOT) - 0.5 * (1 - MIN_DEPTH_ROOT) * np.cos(
+    np.pi * (np.arange(SOLVED_DEPTHS) + 0.5) / SOLVED_DEPTHS
+)
 ROOT_DOMAIN = (MIN_DEPTH_ROOT, 1.0)
 
 
@@ -251,7 +244,10 @@ def _curve_from_mesh(
     theory_forces = (
         theory_forces if theory_forces is not None and (theory_forces > 0).all() else None
     )
-    is_resolved = (DEPTH_ROOTS >= MIN_MESH_ROOT) & (forces > 0)
+    # The contact at less than 5 % of the depth (the square of this s) has too few elements of a
+    # mesh.
+    min_root = 0.2236
+    is_resolved = (min_root <= DEPTH_ROOTS) & (forces > 0)
     if np.count_nonzero(is_resolved) <= MESH_DEGREE:
         raise ForwardModelUnavailable(
             "the contact has too few elements: give a smaller mesh.h_contact"
@@ -296,8 +292,12 @@ def _curve_from_mesh(
 def _depth_exponent(depths: np.ndarray, forces: np.ndarray) -> float:
     """Return the exponent of the depth at the shallowest points, rounded to a half if near one."""
     slope = float(np.log(forces[1] / forces[0]) / np.log(depths[1] / depths[0]))
-    nearest_half = EXPONENT_STEP * round(slope / EXPONENT_STEP)
-    return nearest_half if abs(slope - nearest_half) < EXPONENT_TOLERANCE else slope
+    # An exponent of the depth is rounded to a multiple of the step if it is nearer than the
+    # tolerance.
+    step = 0.5
+    tolerance = 0.02
+    nearest_half = step * round(slope / step)
+    return nearest_half if abs(slope - nearest_half) < tolerance else slope
 
 
 def _punch_coefficients(planned_run: PlannedRun, max_depth: float) -> tuple[np.ndarray, float]:

@@ -34,8 +34,6 @@ from indent_sim.fitting.forward_model.measured_path_forces import (
 from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavailable
 from indent_sim.fitting.forward_model.parameters import (
     ADHESION_WORK_KEY,
-    EXPONENT_BOUNDS,
-    FREE_EXPONENT_KEY,
     Parameter,
     number_at,
     parameters_of,
@@ -44,16 +42,10 @@ from indent_sim.fitting.forward_model.parameters import (
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.history_on_curve import relaxation_modulus
 
-# Newton's method for the depth behind a spring, with its tolerance relative to the largest depth.
-MAX_SPRING_ITERATIONS = 60
-DEPTH_TOLERANCE = 1e-9
+# Key of the exponent of the depth by which an alternative model multiplies the force.
+FREE_EXPONENT_KEY = "exponent"
 MIN_RELATIVE_DEPTH = 1e-9  # a free power of the depth is constant below this, also if it diverges
-MAX_CACHED_MODELS = 100
-# Bounds of a height in contact radii: a thicker body behaves as a half-space, a thinner one takes
-# too long to solve.
-MIN_HEIGHT_RADII = 0.2
-MAX_HEIGHT_RADII = 20.0
-# From some times to the function that turns elastic forces at these times into relaxed forces.
+# Maps times to the function that turns elastic forces at these times into relaxed forces.
 RelaxationOperator = Callable[[np.ndarray], Callable[[np.ndarray], np.ndarray]]
 
 
@@ -260,7 +252,8 @@ class ForwardModel:
             t - first_contact_time(t, x),
         )
         depth = np.maximum(x - settings.compliance * self(theta, x, t), 0.0)
-        return settings.scale * factor_error * depth**path_forces.exponent  # type: ignore[no-any-return]
+        error: np.ndarray = settings.scale * factor_error * depth**path_forces.exponent
+        return error
 
     def _experiment_settings(self, theta: np.ndarray) -> ExperimentSettings:
         values = {
@@ -306,7 +299,7 @@ class ForwardModel:
         model = copy.copy(self)
         model.parameters = (
             *self.parameters,
-            Parameter(FREE_EXPONENT_KEY, 0.0, "power", *EXPONENT_BOUNDS, is_linear=True),
+            Parameter(FREE_EXPONENT_KEY, 0.0, "power", -1.0, 1.0, is_linear=True),
         )
         model.varied_keys = (*self.varied_keys, FREE_EXPONENT_KEY)
         model.pivot_depth = pivot_depth
@@ -382,11 +375,15 @@ class ForwardModel:
         force_and_stiffness: force and its derivative at depths, where every time is independent.
         """
         delta = x.copy()
-        for _ in range(MAX_SPRING_ITERATIONS):
+        # Newton's method for the depth behind a spring, with its tolerance relative to the largest
+        # depth.
+        max_iterations = 60
+        tolerance = 1e-9
+        for _ in range(max_iterations):
             force, stiffness = force_and_stiffness(delta)
             change = (x - delta - compliance * force) / (1.0 + compliance * stiffness)
             delta = delta + change
-            if np.abs(change).max(initial=0.0) < DEPTH_TOLERANCE * self.max_depth:
+            if np.abs(change).max(initial=0.0) < tolerance * self.max_depth:
                 break
         return force
 
@@ -423,8 +420,12 @@ def _bound_height(parameter: Parameter, contact_radius: float) -> Parameter:
     """Return a height with bounds in contact radii [length]; other parameters unchanged."""
     if parameter.key.rpartition(".")[2] not in ("height", "thickness"):
         return parameter
-    thinnest = MIN_HEIGHT_RADII * contact_radius
-    thickest = MAX_HEIGHT_RADII * contact_radius
+    # Bounds of a height in contact radii: a thicker body behaves as a half-space, a thinner one
+    # takes too long to solve.
+    min_radii = 0.2
+    max_radii = 20.0
+    thinnest = min_radii * contact_radius
+    thickest = max_radii * contact_radius
     low = max(parameter.low, min(thinnest, 0.99 * parameter.initial_value))
     return replace(parameter, low=low, high=max(thickest, 1.01 * parameter.initial_value))
 
@@ -489,7 +490,8 @@ class ForwardModelCache:
         """
         cache_key = to_yaml(config), keys, max_depth, measured_path
         if cache_key not in self._models:
-            if len(self._models) >= MAX_CACHED_MODELS:
+            max_models = 100
+            if len(self._models) >= max_models:
                 self._models.clear()
             self._models[cache_key] = _build_forward_model(config, keys, max_depth, measured_path)
         return self._models[cache_key]

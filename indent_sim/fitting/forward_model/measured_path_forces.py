@@ -25,23 +25,16 @@ from indent_sim.fitting.forward_model.parameter_grid import (
     ParameterGrid,
 )
 from indent_sim.fitting.forward_model.parameters import Parameter
+from indent_sim.fitting.measured_constants import (
+    HISTORY_GRID_NODES,
+    HISTORY_LINEAR_STEP,
+    HISTORY_LOG_STEP,
+)
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.pipeline import states
 from indent_sim.run.planned_run import PlannedRun
 
 CORNER_TOLERANCE = 0.003  # deviation of the path from its samples, relative to the largest depth
-# Shallower contacts have too few elements, so that G is taken from the first deeper one; the
-# fraction is relative to the largest depth.
-MIN_DEPTH_FRACTION = 0.05
-# Times in each segment of a path, and the first of them as a fraction of its duration.
-TIMES_PER_SEGMENT = 40
-FIRST_TIME_FRACTION = 1e-4
-STEP_REFINEMENT = 2  # the time step error is estimated with steps shorter by this factor
-# Nodes and steps of the parameter grid; the interpolation error is 3e-4 of the force of a
-# poroelastic layer.
-HISTORY_GRID_NODES = 4
-HISTORY_LOG_STEP = 0.4
-HISTORY_LINEAR_STEP = 0.05
 
 
 def needs_time_stepping(config: Config) -> bool:
@@ -71,7 +64,10 @@ class MeasuredPath:
     def times(self) -> np.ndarray:
         """Times (n,) at which a force is sampled: geometrically graded after each corner."""
         t = np.unique([t for t, _ in self.corners])
-        fractions = np.geomspace(FIRST_TIME_FRACTION, 1.0, TIMES_PER_SEGMENT)
+        # Times in each segment of a path, and the first of them as a fraction of its duration.
+        count = 40
+        first_fraction = 1e-4
+        fractions = np.geomspace(first_fraction, 1.0, count)
         return np.unique(
             np.concatenate(
                 [t[:1], *(a + (b - a) * fractions for a, b in itertools.pairwise(t.tolist()))]
@@ -178,7 +174,7 @@ class MeasuredPathForces:
         """
         times = self.path.times
         difference = _force_factors(
-            scene, self.path, self.exponent, STEP_REFINEMENT
+            scene, self.path, self.exponent, step_refinement=2
         ) - self.grid.interpolate(theta)
         return np.interp(t, times, difference)
 
@@ -224,8 +220,11 @@ def _force_factors(
             f"the run along the measured path failed: {rows[-1].reason if rows else 'no row'}"
         )
     t, delta, force = np.array([(row.t, row.delta, row.force) for row in rows], dtype=float).T
-    is_used = delta > MIN_DEPTH_FRACTION * path.max_depth
-    # At a jump two rows have the same time; only the second one is used.
+    # Shallower contacts have too few elements, so that G is taken from the first deeper one; the
+    # fraction is relative to the largest depth.
+    min_fraction = 0.05
+    is_used = delta > min_fraction * path.max_depth
+    # Two rows at a jump have the same time; only the second one is used.
     is_used[:-1] &= np.diff(t) > 0
     times = path.times
     return _interpolate_monotonically(

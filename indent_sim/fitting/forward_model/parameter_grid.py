@@ -83,7 +83,7 @@ class ParameterGrid:
         first_node = min(
             max(math.floor(position) - count // 2 + 1, lowest_node), highest_node - count + 1
         )
-        # Beside values without a solution, the nodes are shifted to one side.
+        # Nodes are shifted to one side where values next to them have no solution.
         for shift in sorted(range(-count, count + 1), key=abs):
             nodes = list(range(first_node + shift, first_node + shift + count))
             if nodes[0] >= lowest_node and nodes[-1] <= highest_node and self._has_solutions(nodes):

@@ -14,16 +14,9 @@ from indent_sim.config.strict_yaml import key_path
 from indent_sim.process.errors import ConfigError
 
 Role = Literal["scale", "shape", "work", "relaxation", "spring", "power"]
-# An alternative model multiplies the force by a free power of the depth: its name and range.
-FREE_EXPONENT_KEY = "exponent"
-EXPONENT_BOUNDS = (-1.0, 1.0)
-MEASURABLE_SECTIONS = ("body", "material", "indenter", "contact", "experiment")
 ADHESION_WORK_KEY = "experiment.adhesion.work"
 SPRING_KEYS = ("experiment.cantilever.stiffness", "experiment.frame.compliance")
-MAX_NU = 0.5
-MAX_FRACTION = 0.999
 MIN_HEIGHT_DEPTHS = 1.15  # lower bound of a height in depths: the tip must not reach the base
-LOG_STEP = 0.2  # grid step of the logarithm of a positive parameter
 
 
 @dataclass(frozen=True)
@@ -32,7 +25,8 @@ class Parameter:
 
     theta is the logarithm of a positive number, or the value itself of a Poisson's ratio
     (is_linear). role: "scale" multiplies the force, "shape" needs another solution of the scene,
-    the others belong to the experiment. grid_step: distance of solved scenes in theta.
+    the others belong to the experiment. grid_step: distance of solved scenes in theta, by default
+    that of the logarithm of a positive parameter.
     """
 
     key: str
@@ -41,7 +35,7 @@ class Parameter:
     low: float
     high: float
     is_linear: bool = False
-    grid_step: float = LOG_STEP
+    grid_step: float = 0.2
 
     def theta(self, value: float) -> float:
         """Return the coordinate of a value."""
@@ -54,8 +48,9 @@ class Parameter:
     @property
     def bounds(self) -> tuple[float, float]:
         """The lower and upper bound of the coordinate."""
-        limits = (self.low, self.high)
-        return limits if self.is_linear else tuple(map(_log_or_infinity, limits))  # type: ignore[return-value]
+        if self.is_linear:
+            return self.low, self.high
+        return _log_or_infinity(self.low), _log_or_infinity(self.high)
 
 
 def _log_or_infinity(value: float) -> float:
@@ -88,7 +83,7 @@ def _make_parameter(config: Config, key: str, max_depth: float) -> Parameter:
         # Grid step of a Poisson's ratio.
         linear_step = 0.02
         return Parameter(
-            key, initial_value, "shape", 0.0, MAX_NU, is_linear=True, grid_step=linear_step
+            key, initial_value, "shape", 0.0, 0.5, is_linear=True, grid_step=linear_step
         )
     if not initial_value > 0:
         raise ConfigError(
@@ -102,7 +97,7 @@ def _make_parameter(config: Config, key: str, max_depth: float) -> Parameter:
             law.relaxation and law.relaxation.of != "all" for _, law in config.materials()
         )
         role: Role = "shape" if in_shear else "relaxation"
-        return Parameter(key, initial_value, role, 0.0, MAX_FRACTION if is_fraction else math.inf)
+        return Parameter(key, initial_value, role, 0.0, 0.999 if is_fraction else math.inf)
     if key in SPRING_KEYS:
         return Parameter(key, initial_value, "spring", 0.0, math.inf)
     if pressure_keys(config) == [key]:
@@ -117,11 +112,12 @@ def _make_parameter(config: Config, key: str, max_depth: float) -> Parameter:
 
 def number_at(config: Config, key: str) -> float:
     """Return the number at a key; ConfigError if a curve cannot tell it."""
-    if str(next(iter(key_path(key)), "")) not in MEASURABLE_SECTIONS:
+    measurable_sections = ("body", "material", "indenter", "contact", "experiment")
+    if str(next(iter(key_path(key)), "")) not in measurable_sections:
         raise ConfigError(
             key,
             "cannot be found from a measured curve",
-            f"--vary names a key of {', '.join(MEASURABLE_SECTIONS)}",
+            f"--vary names a key of {', '.join(measurable_sections)}",
         )
     section: Any = to_mapping(config)
     for part in key_path(key):

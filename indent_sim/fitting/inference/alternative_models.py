@@ -13,7 +13,7 @@ from indent_sim.config.scene_file import config_from_mapping, config_with_settin
 from indent_sim.config.schema import Config
 from indent_sim.fitting.forward_model.forward_model import ForwardModel, ForwardModelCache
 from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavailable
-from indent_sim.fitting.forward_model.parameters import ADHESION_WORK_KEY
+from indent_sim.fitting.forward_model.parameters import ADHESION_WORK_KEY, MIN_HEIGHT_DEPTHS
 from indent_sim.fitting.inference.estimate import (
     CurveModel,
     Estimate,
@@ -24,27 +24,8 @@ from indent_sim.fitting.inference.noise import f_test
 from indent_sim.process.errors import IndentSimError
 
 ModelName = Literal["thickness", "adhesion", "relaxation", "tip"]
-# Number of block means and of iterations with which the initial guesses of a model are compared.
-EXPLORATION_SAMPLES = 300
-EXPLORATION_ITERATIONS = 15
-# Least thickness of a body of free height, in depths.
-MIN_HEIGHT_DEPTHS = 1.15
-# Initial guesses of the thickness, in contact radii.
-START_HEIGHT_RADII = (0.5, 1.5, 4.0)
-# Initial guesses of the work of adhesion, relative to the largest force over the contact radius.
-START_WORK_FRACTIONS = (0.01, 0.05, 0.2)
-# Effects of a scene for which a model is not tried.
-EXCLUDED_EFFECTS: dict[str, set[str]] = {
-    "tip": {"adhesion"},
-    "thickness": set(),
-    "adhesion": {"adhesion", "relaxation"},
-    "relaxation": {"adhesion", "relaxation"},
-}
 # Initial guesses of a Prony term: its fraction, and its time relative to the time in contact.
 PRONY_FRACTIONS = (0.3,)
-PRONY_TIMES = (0.1, 0.4, 1.5)
-# Initial guesses of the change of the exponent of the depth.
-START_EXPONENT_CHANGES = (-0.2, 0.0, 0.2)
 
 
 @dataclass(frozen=True)
@@ -141,9 +122,13 @@ def _best_candidate(
     The candidates are compared on fewer samples; the best one is fitted to all of them.
     """
     scene_model = estimate.model
+    # Number of block means and of iterations with which the initial guesses of a model are
+    # compared.
+    sample_count = 300
+    iterations = 15
     pilot_model = CurveModel(
         scene_model.forward_model,
-        scene_model.samples.block_means(EXPLORATION_SAMPLES),
+        scene_model.samples.block_means(sample_count),
         scene_model.origin,
     )
     baseline_values = convert_baseline(scene_model, pilot_model, estimate.ordinary_p)[
@@ -154,7 +139,7 @@ def _best_candidate(
         model = CurveModel(forward_model, pilot_model.samples, scene_model.origin)
         try:
             p, squares = model.least_squares(
-                np.array([*theta, *baseline_values]), rounds=EXPLORATION_ITERATIONS
+                np.array([*theta, *baseline_values]), rounds=iterations
             )
         except (ForwardModelUnavailable, ValueError, np.linalg.LinAlgError):
             continue
@@ -201,7 +186,14 @@ def _candidates(
     """Yield forward models and initial guesses of their coordinates."""
     forward_model = estimate.model.forward_model
     theta = estimate.ordinary_p[: estimate.model.coordinate_count]
-    if forward_model.effects & EXCLUDED_EFFECTS[name]:
+    # Effects of a scene for which a model is not tried.
+    excluded_effects: dict[str, set[str]] = {
+        "tip": {"adhesion"},
+        "thickness": set(),
+        "adhesion": {"adhesion", "relaxation"},
+        "relaxation": {"adhesion", "relaxation"},
+    }
+    if forward_model.effects & excluded_effects[name]:
         return
     match name:
         case "tip":
@@ -209,16 +201,19 @@ def _candidates(
             free_model = forward_model.add_free_exponent(
                 max(estimate.depth - compliance * estimate.max_force, 1e-3 * estimate.depth)
             )
-            yield from ((free_model, np.array([*theta, q])) for q in START_EXPONENT_CHANGES)
+            # Initial guesses of the change of the exponent of the depth.
+            exponent_changes = (-0.2, 0.0, 0.2)
+            yield from ((free_model, np.array([*theta, q])) for q in exponent_changes)
         case "thickness":
             yield from _thickness_candidates(forward_model, theta, config, tables)
         case "adhesion":
             radius = forward_model.elastic_curves.scene_curve.contact_radius
+            # Initial guesses of the work of adhesion, relative to the largest force over the
+            # contact radius.
+            work_fractions = (0.01, 0.05, 0.2)
             adhesive_config = add_to_experiment(
                 config,
-                adhesion={
-                    "work": START_WORK_FRACTIONS[0] * _scene_max_force(forward_model) / radius
-                },
+                adhesion={"work": work_fractions[0] * _scene_max_force(forward_model) / radius},
             )
             adhesive_model = tables.forward_model(
                 adhesive_config,
@@ -230,7 +225,7 @@ def _candidates(
                     adhesive_model,
                     np.array([*theta, math.log(fraction * estimate.max_force / radius)]),
                 )
-                for fraction in START_WORK_FRACTIONS
+                for fraction in work_fractions
             )
         case "relaxation":
             yield from _relaxation_candidates(estimate, theta, config, tables)
@@ -255,7 +250,9 @@ def _relaxation_candidates(
     instantaneous = _scale_modulus(
         theta, forward_model.scale_index, 1.0 / (1.0 - 0.5 * PRONY_FRACTIONS[0])
     )
-    for fraction in PRONY_TIMES:
+    # Times of a Prony term relative to the time in contact.
+    relative_times = (0.1, 0.4, 1.5)
+    for fraction in relative_times:
         yield (
             relaxing_model,
             np.array([*instantaneous, math.log(PRONY_FRACTIONS[0]), math.log(fraction * duration)]),
@@ -298,7 +295,9 @@ def _thickness_candidates(
     layer_model = tables.forward_model(
         base_config, (*forward_model.varied_keys, key), forward_model.max_depth
     )
-    for fraction in START_HEIGHT_RADII:
+    # Initial guesses of the thickness, in contact radii.
+    start_radii = (0.5, 1.5, 4.0)
+    for fraction in start_radii:
         yield layer_model, np.array([*theta, math.log(max(fraction * radius, 1.1 * min_height))])
 
 

@@ -16,8 +16,6 @@ from indent_sim.fitting.inference.estimate import (
 )
 from indent_sim.fitting.inference.noise import NORMAL_95
 
-DEPTH_FRACTIONS = (0.5, 0.6, 0.7, 0.8, 0.9)
-
 
 @dataclass(frozen=True)
 class DepthRangeFit:
@@ -63,7 +61,7 @@ def fit_depth_ranges(estimate: Estimate) -> list[DepthRangeFit]:
     progress = _contact_progress(model, float(p[model.coordinate_count]))
     fits = (
         _fit_depth_range(estimate, whole_pseudoinverse, fraction, progress <= fraction)
-        for fraction in DEPTH_FRACTIONS
+        for fraction in (0.5, 0.6, 0.7, 0.8, 0.9)
     )
     return [range_fit for range_fit in fits if range_fit is not None]
 
@@ -77,8 +75,10 @@ def _contact_progress(model: CurveModel, c: float) -> np.ndarray:
     t = model.samples.t
     if model.forward_model.is_time_dependent and t is not None and np.any(x > c):
         contact_time = t[np.argmax(x > c)]
-        return (t - contact_time) / max(float(t[-1] - contact_time), 1e-300)  # type: ignore[no-any-return]
-    return (x - c) / max(float(x.max()) - c, 1e-300)  # type: ignore[no-any-return]
+        progress: np.ndarray = (t - contact_time) / max(float(t[-1] - contact_time), 1e-300)
+    else:
+        progress = (x - c) / max(float(x.max()) - c, 1e-300)
+    return progress
 
 
 def _fit_depth_range(

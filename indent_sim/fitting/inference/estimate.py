@@ -29,39 +29,12 @@ from indent_sim.fitting.inference.noise import (
 
 MIN_POINTS = 30
 MIN_CONTACT_POINTS = 20
-# A curve counts as saturated if more points than this fraction, and than this number, have the
-# largest force.
-SATURATED_FRACTION = 0.02
-MAX_SATURATED = 5
-# Number of blocks of a curve whose means distinguish a contact from noise.
-SIGNAL_BLOCKS = 50
 # Numbers of block means of the curve in the search of initial guesses and in the fit.
 MAX_PILOT_SAMPLES = 400
-MAX_SAMPLES = 1500
-# Number of trial contact points, and the percentiles of x between which they lie.
-CONTACT_CANDIDATES = 80
-CONTACT_PERCENTILES = (2.0, 97.0)
 # Length of the baseline that is fitted: at most these depths, at least this fraction of the range.
 MAX_BASELINE_DEPTHS = 1.5
-MIN_BASELINE_FRACTION = 0.02
-# Limits of the Levenberg-Marquardt iteration: number of iterations, largest change of a coordinate,
-# and of the contact point relative to the range of x.
-MAX_FIT_ITERATIONS = 40
-MAX_STEP = 1.0
-MAX_CONTACT_SHIFT = 0.3
 # Relative change of the sum of squares at which the iteration ends.
 SQUARES_TOLERANCE = 1e-6
-# Offsets of the trial values of a coordinate from that of the scene: logarithmic and linear ones.
-START_OFFSETS = (0.0, -1.2, 1.2, -2.4, 2.4)
-LINEAR_START_OFFSETS = (0.0, -0.1, 0.1)
-# Number of initial guesses from which the fit is iterated to convergence.
-MAX_INITIAL_GUESSES = 3
-BOUND_TOLERANCE = 1e-6
-# Search of the contact point of a tip that snaps in: shifts in samples, iterations of a trial fit,
-# and number of moves.
-SNAP_SHIFTS = (-3, -2, -1, 0, 1, 2, 3)
-SNAP_ITERATIONS = 6
-MAX_SNAP_MOVES = 5
 
 
 class FitRejected(Exception):
@@ -222,7 +195,7 @@ class CurveModel:
         )
 
     def least_squares(
-        self, p: np.ndarray, noise: Noise = WHITE, rounds: int = MAX_FIT_ITERATIONS
+        self, p: np.ndarray, noise: Noise = WHITE, rounds: int = 40
     ) -> tuple[np.ndarray, float]:
         """Minimize r'V^-1 r by the Levenberg-Marquardt method.
 
@@ -285,10 +258,14 @@ class CurveModel:
 
     def _limit_step(self, step: np.ndarray) -> np.ndarray:
         depth = max(float(np.ptp(self.samples.x)), 1e-300)
+        # Largest change of a coordinate in a step, and of the contact point relative to the range
+        # of x.
+        max_step = 1.0
+        max_contact_shift = 0.3
         longest = max(
             [
-                *np.abs(step[: self.coordinate_count]) / MAX_STEP,
-                abs(step[self.coordinate_count]) / (MAX_CONTACT_SHIFT * depth),
+                *np.abs(step[: self.coordinate_count]) / max_step,
+                abs(step[self.coordinate_count]) / (max_contact_shift * depth),
                 1.0,
             ]
         )
@@ -372,7 +349,8 @@ class Estimate:
         """Return True if a coordinate is at a bound of its range."""
         low, high = self.model.forward_model.parameters[k].bounds
         value = float(self.theta[k])
-        return min(value - low, high - value) < BOUND_TOLERANCE
+        tolerance = 1e-6
+        return min(value - low, high - value) < tolerance
 
 
 def estimate_parameters(model: CurveModel, initial_p: np.ndarray) -> Estimate:
@@ -400,13 +378,18 @@ def _search_contact_point(model: CurveModel, p: np.ndarray) -> np.ndarray:
         return p
     fixed_model = replace(model, fixed=model.fixed | {model.coordinate_count})
     squares = math.inf
-    for _ in range(MAX_SNAP_MOVES):
+    # Search of the contact point of a tip that snaps in: shifts in samples, iterations of a trial
+    # fit, and number of moves.
+    shifts = (-3, -2, -1, 0, 1, 2, 3)
+    iterations = 6
+    max_moves = 5
+    for _ in range(max_moves):
         trials = [
             p + shift * model.sample_spacing * np.eye(len(p))[model.coordinate_count]
-            for shift in SNAP_SHIFTS
+            for shift in shifts
         ]
         best_p, smallest_squares = min(
-            (fixed_model.least_squares(trial, rounds=SNAP_ITERATIONS) for trial in trials),
+            (fixed_model.least_squares(trial, rounds=iterations) for trial in trials),
             key=lambda found: found[1],
         )
         if smallest_squares >= squares * (1 - SQUARES_TOLERANCE):
@@ -518,10 +501,16 @@ def reject_without_signal(samples: Samples) -> None:
         if not np.ptp(values) > 0:
             raise FitRejected(f"no contact: the {name} does not change")
     saturated_count = int(np.count_nonzero(force >= force.max() - 1e-12 * np.ptp(force)))
-    if saturated_count > max(SATURATED_FRACTION * n, MAX_SATURATED):
+    # A curve counts as saturated if more points than this fraction, and than this number, have the
+    # largest force.
+    saturated_fraction = 0.02
+    max_saturated = 5
+    if saturated_count > max(saturated_fraction * n, max_saturated):
         raise FitRejected(f"saturated: {saturated_count} points at the largest force")
-    block_size = n / SIGNAL_BLOCKS
-    block_means = samples.block_means(SIGNAL_BLOCKS).force
+    # Number of blocks of a curve whose means distinguish a contact from noise.
+    block_count = 50
+    block_size = n / block_count
+    block_means = samples.block_means(block_count).force
     noise = 1.48 * float(np.median(np.abs(np.diff(force)))) / math.sqrt(2.0)
     if np.ptp(block_means) < 3.0 * noise + 6.0 * noise / math.sqrt(block_size):
         raise FitRejected("no contact: the force does not rise above its noise")
@@ -536,10 +525,9 @@ def initial_guesses(
     linear least-squares problem.
     """
     pilot = samples.block_means(MAX_PILOT_SAMPLES)
+    # Trial contact points between the second and the 97th percentile of x.
     percentiles = (
-        np.percentile(pilot.x, np.linspace(*CONTACT_PERCENTILES, CONTACT_CANDIDATES))
-        if origin.contact_point is None
-        else []
+        np.percentile(pilot.x, np.linspace(2.0, 97.0, 80)) if origin.contact_point is None else []
     )
     contact_points = (
         [origin.contact_point] if origin.contact_point is not None else list(percentiles)
@@ -551,7 +539,9 @@ def initial_guesses(
         for theta in _trial_coordinates(forward_model)
     ]
     ordered = sorted((guess for guess in guesses if guess), key=lambda guess: guess[0])
-    return [p for _, p in ordered[:MAX_INITIAL_GUESSES]]
+    # Number of initial guesses from which the fit is iterated to convergence.
+    max_guesses = 3
+    return [p for _, p in ordered[:max_guesses]]
 
 
 def baseline_level(samples: Samples) -> float:
@@ -564,9 +554,13 @@ def _trial_coordinates(forward_model: ForwardModel) -> list[np.ndarray]:
     """Return the scene's coordinates, and copies in which one nonlinear coordinate is moved."""
     initial = forward_model.initial_coordinates
     trials = [initial]
+    # Offsets of the trial values of a coordinate from that of the scene: logarithmic and linear
+    # ones.
+    log_offsets = (0.0, -1.2, 1.2, -2.4, 2.4)
+    linear_offsets = (0.0, -0.1, 0.1)
     for k, parameter in enumerate(forward_model.parameters):
         if parameter.role != "scale":
-            for offset in (LINEAR_START_OFFSETS if parameter.is_linear else START_OFFSETS)[1:]:
+            for offset in (linear_offsets if parameter.is_linear else log_offsets)[1:]:
                 trial = initial.copy()
                 trial[k] = float(np.clip(initial[k] + offset, *parameter.bounds))
                 trials.append(trial)
@@ -682,9 +676,11 @@ def samples_near_contact(samples: Samples, contact_point: float) -> Samples:
     """
     depth = float(samples.x.max()) - contact_point
     span = float(np.ptp(samples.x))
+    max_samples = 1500
+    min_baseline_fraction = 0.02
     return samples.select(
-        samples.x > contact_point - max(MAX_BASELINE_DEPTHS * depth, MIN_BASELINE_FRACTION * span)
-    ).block_means(MAX_SAMPLES)
+        samples.x > contact_point - max(MAX_BASELINE_DEPTHS * depth, min_baseline_fraction * span)
+    ).block_means(max_samples)
 
 
 def convert_baseline(old: CurveModel, new: CurveModel, p: np.ndarray) -> np.ndarray:

@@ -24,22 +24,6 @@ from indent_sim.fitting.inference.noise import (
     f_test_extra_columns,
 )
 
-# Number of cosines of the trend of the residuals, and depths before first touch where they begin.
-COSINE_COUNT = 8
-TREND_BASELINE_DEPTHS = 0.35
-# Least number of points, and of independent points, of a baseline whose noise is compared.
-MIN_BASELINE_POINTS = 40
-MIN_EFFECTIVE_POINTS = 8.0
-# Probabilities below which, and the z score above which, other models are fitted.
-SUSPECT_SHAPE = 1e-2
-SUSPECT_POWER = 1e-2
-SUSPECT_SNAP = 1e-3
-SUSPECT_Z = 2.5
-SUSPECT_BASELINE = 1e-3
-# Probabilities below which, and the z score above which, the scene does not explain the curve.
-WRONG_SHAPE = 1e-3
-WRONG_Z = 3.5
-WRONG_BASELINE = 1e-4
 BETTER_MODEL_P = 1e-3
 
 
@@ -99,9 +83,12 @@ class ModelAssessment:
         is_depth_dependent = any(
             self._is_depth_dependent(k) for k in range(self.estimate.model.coordinate_count)
         )
-        is_noisy = self.p_baseline is not None and self.p_baseline < WRONG_BASELINE
+        # Probabilities below which the scene does not explain the curve.
+        wrong_shape = 1e-3
+        wrong_baseline = 1e-4
+        is_noisy = self.p_baseline is not None and self.p_baseline < wrong_baseline
         is_misfit = {
-            "shape": self.p_shape < WRONG_SHAPE,
+            "shape": self.p_shape < wrong_shape,
             "window": is_depth_dependent,
             "baseline": is_noisy,
         }
@@ -116,9 +103,11 @@ class ModelAssessment:
         It also does if the intervals of the two fits do not overlap.
         """
         low, high = self._add_systematic_errors(k, *self.statistical_interval(k))
+        # The scene does not explain the curve above this z score.
+        wrong_z = 3.5
         for range_fit in self.depth_range_fits:
             range_low, range_high = range_fit.interval(k)
-            if abs(range_fit.z_score[k]) > WRONG_Z or range_high < low or range_low > high:
+            if abs(range_fit.z_score[k]) > wrong_z or range_high < low or range_low > high:
                 return True
         return False
 
@@ -207,14 +196,20 @@ def is_suspect(
     p_baseline: float | None,
 ) -> bool:
     """Return True if other models should be fitted."""
+    # Probabilities below which, and the z score above which, other models are fitted.
+    max_shape = 1e-2
+    max_power = 1e-2
+    max_snap = 1e-3
+    max_z = 2.5
+    max_baseline = 1e-3
     is_depth_dependent = any(
-        np.any(np.abs(range_fit.z_score) > SUSPECT_Z) for range_fit in depth_range_fits
+        np.any(np.abs(range_fit.z_score) > max_z) for range_fit in depth_range_fits
     )
-    is_noisy = p_baseline is not None and p_baseline < SUSPECT_BASELINE
+    is_noisy = p_baseline is not None and p_baseline < max_baseline
     has_trend = (
-        residual_trend.shape < SUSPECT_SHAPE
-        or residual_trend.power < SUSPECT_POWER
-        or residual_trend.snap < SUSPECT_SNAP
+        residual_trend.shape < max_shape
+        or residual_trend.power < max_power
+        or residual_trend.snap < max_snap
     )
     return is_depth_dependent or is_noisy or has_trend
 
@@ -233,11 +228,15 @@ def find_residual_trend(estimate: Estimate) -> ResidualTrend:
     r = model.residual(p)
     c = estimate.contact_point
     x = model.samples.x
-    first_x = c - TREND_BASELINE_DEPTHS * estimate.depth
+    # Number of cosines of the trend of the residuals, and depths before first touch where they
+    # begin.
+    cosine_count = 8
+    baseline_depths = 0.35
+    first_x = c - baseline_depths * estimate.depth
     last_x = float(x.max())
     u = np.clip((x - first_x) / (last_x - first_x), 0.0, 1.0)
     cosines = np.column_stack(
-        [np.where(x >= first_x, np.cos(np.pi * k * u), 0.0) for k in range(1, COSINE_COUNT + 1)]
+        [np.where(x >= first_x, np.cos(np.pi * k * u), 0.0) for k in range(1, cosine_count + 1)]
     )
     noise_with_cosines = average_over_noise(np.column_stack([J, cosines]), r).likeliest_noise
     shape = max(
@@ -282,7 +281,8 @@ def _exponent_derivative(model: CurveModel, p: np.ndarray) -> np.ndarray:
         - p[model.coordinate_count]
         - model.forward_model.experiment.compliance * force
     )
-    return force * np.log(np.maximum(delta / max(float(delta.max()), 1e-300), 1e-9))  # type: ignore[no-any-return]
+    relative_depth = np.maximum(delta / max(float(delta.max()), 1e-300), 1e-9)
+    return force * np.log(relative_depth)  # type: ignore[no-any-return]
 
 
 def baseline_noise_probability(estimate: Estimate) -> float | None:
@@ -300,13 +300,16 @@ def baseline_noise_probability(estimate: Estimate) -> float | None:
     is_before_contact = x < c - contact_margin_depths * estimate.depth
     n = int(np.count_nonzero(is_before_contact))
     m = int(np.count_nonzero(~is_before_contact))
-    if n < MIN_BASELINE_POINTS or not m:
+    # Least number of points, and of independent points, of a baseline whose noise is compared.
+    min_points = 40
+    min_effective_points = 8.0
+    if n < min_points or not m:
         return None
     baseline_columns = np.column_stack(
         [np.ones(n), x[is_before_contact] - x[is_before_contact].mean()]
     )
     uncertainty = average_over_noise(baseline_columns, r[is_before_contact])
-    if n / uncertainty.likeliest_noise.integrated_correlation_time < MIN_EFFECTIVE_POINTS:
+    if n / uncertainty.likeliest_noise.integrated_correlation_time < min_effective_points:
         return None
     contact_squares = float(
         r[~is_before_contact]

@@ -23,9 +23,6 @@ import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.signal import lfilter
 
-WHITE_FRACTIONS = (0.0003, 0.05, 0.25, 0.5, 0.8, 0.95)
-# Nodes with a smaller weight than this fraction of the largest one are omitted.
-MIN_WEIGHT = 1e-9
 NORMAL_95 = 1.96
 
 
@@ -127,7 +124,8 @@ def noise_grid(n: int) -> list[Noise]:
     # Longest correlation time that is considered, relative to the number of samples.
     max_tau_fraction = 0.25
     taus = [2.0**k for k in range(30) if 2.0**k <= max_tau_fraction * n]
-    return [WHITE, *(Noise(tau, w) for tau in taus for w in WHITE_FRACTIONS)]
+    white_fractions = (0.0003, 0.05, 0.25, 0.5, 0.8, 0.95)
+    return [WHITE, *(Noise(tau, w) for tau in taus for w in white_fractions)]
 
 
 def average_over_noise(
@@ -164,8 +162,10 @@ def average_over_noise(
     steps = np.array([result[2] for result in results])
     mean = weights @ steps
     covariance = np.zeros((p, p))
+    # Nodes with a smaller weight than this fraction of the largest one are omitted.
+    min_weight = 1e-9
     for weight, (_, cov, step, _) in zip(weights, results, strict=True):
-        if weight > MIN_WEIGHT:
+        if weight > min_weight:
             covariance += weight * (cov + np.outer(step - mean, step - mean))
     best = int(np.argmax(weights))
     return ParameterUncertainty(

@@ -20,9 +20,6 @@ from indent_sim.fitting.inference.noise import NORMAL_95
 
 # Half width of the interval of a coordinate above which profiles are computed.
 WIDE_HALF_WIDTH = 0.2
-# Number of values on each side, and distance of the last one in standard deviations.
-PROFILE_VALUES = 7
-PROFILE_RANGE = 3.0
 
 
 def add_profile_intervals(estimate: Estimate) -> Estimate:
@@ -59,7 +56,10 @@ def _profile_end(estimate: Estimate, k: int, side: float, critical_rise: float) 
     previous_rise = 0.0
     # Iterations of a fit that begins at the solution for the neighbouring value.
     neighbour_iterations = 12
-    for step in np.linspace(0.0, PROFILE_RANGE, PROFILE_VALUES + 1)[1:]:
+    # Number of values on each side, and distance of the last one in standard deviations.
+    value_count = 7
+    last_distance = 3.0
+    for step in np.linspace(0.0, last_distance, value_count + 1)[1:]:
         value = min(max(start + side * step * sd, low), high)
         p[k] = value
         try:

@@ -23,9 +23,6 @@ from indent_sim.results.measured.measurement import (
 
 SUFFIXES = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".ibw", ".h5", ".zip")
 TEXT_SUFFIXES = (".txt", ".csv", ".tab")  # Text files with these suffixes may be AFM files.
-HEIGHT_COLUMNS = ("height (measured)", "height (piezo)")
-TIP_COLUMN = "tip position"
-RELAXATION_SEGMENTS = {1: "approach", 2: "hold", 3: "retract"}  # Segment 0 is a pause before.
 
 
 def read_afm_file(path: Path, stiffness: float | None = None) -> list[MeasuredCurve] | None:
@@ -58,7 +55,7 @@ def read_afm_file(path: Path, stiffness: float | None = None) -> list[MeasuredCu
         raise BackendError(
             f"{path} is an AFM file, and afmformats is missing ({error}); {INSTALL_HINT}"
         ) from error
-    # At lower levels afmformats logs whole tracebacks.
+    # afmformats logs whole tracebacks at lower levels.
     logging.getLogger("afmformats").setLevel(logging.CRITICAL)
     # These errors derive from BaseException, not from Exception.
     broken = (errors.AFMFileFormatError, errors.MissingMetaDataError)
@@ -101,7 +98,8 @@ def _load_data_sets(formats: Any, errors: Any, path: Path, stiffness: float | No
 def _measured_curve(path: Path, data: Any, index: int) -> MeasuredCurve:
     """Return a data set as a curve: its rows ordered approach, hold, retract."""
     columns = set(data.columns)
-    height = next((name for name in HEIGHT_COLUMNS if name in columns), None)
+    height_columns = ("height (measured)", "height (piezo)")
+    height = next((name for name in height_columns if name in columns), None)
     if "force" not in columns or height is None:
         raise NoCurve(
             f"{path.name} has no {'force' if height else 'height'}, only "
@@ -116,7 +114,8 @@ def _measured_curve(path: Path, data: Any, index: int) -> MeasuredCurve:
     k = data.metadata.get("spring constant", None)
     stiffness = float(k) if k is not None and np.isfinite(k) and k > 0 else None
     z, force = (np.asarray(data[column], dtype=float)[order] for column in (height, "force"))
-    delta = -np.asarray(data[TIP_COLUMN], dtype=float)[order] if TIP_COLUMN in columns else None
+    tip_column = "tip position"
+    delta = -np.asarray(data[tip_column], dtype=float)[order] if tip_column in columns else None
     is_complete = np.isfinite(z) & np.isfinite(force)
     if not is_complete.all():
         raise NoCurve(f"{np.count_nonzero(~is_complete)} of {len(is_complete)} rows lack a number")
@@ -130,8 +129,10 @@ def _segment_rows(data: Any) -> dict[str, np.ndarray]:
     segments from 1.
     """
     segment = np.asarray(data["segment"]).astype(int)
+    # Segment 0 is a pause before.
+    relaxation_segments = {1: "approach", 2: "hold", 3: "retract"}
     segment_names = (
-        RELAXATION_SEGMENTS if data.modality != "force-distance" else {0: "approach", 1: "retract"}
+        relaxation_segments if data.modality != "force-distance" else {0: "approach", 1: "retract"}
     )
     rows_by_part = {word: segment == number for number, word in segment_names.items()}
     return {word: where for word, where in rows_by_part.items() if where.any()}

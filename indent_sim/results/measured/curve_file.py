@@ -18,7 +18,6 @@ from indent_sim.results.measured.delimited_text import read_text_curve
 from indent_sim.results.measured.measurement import SI, MeasuredCurve
 
 TAB_METADATA = re.compile(r"# BEGIN METADATA\n(.*?)# END METADATA", re.DOTALL)
-TEXT_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".tab", ".asc")
 
 
 def curve_files(path: Path) -> list[Path]:
@@ -30,15 +29,16 @@ def curve_files(path: Path) -> list[Path]:
         if not path.exists():
             raise UsageError(f"there is no file {path}", file=str(path))
         return [path]
+    text_suffixes = (".csv", ".txt", ".tsv", ".dat", ".tab", ".asc")
     files = [
         file
         for file in sorted(path.iterdir())
-        if file.suffix.lower() in (*TEXT_SUFFIXES, *afm_file.SUFFIXES, *nanoscope_file.SUFFIXES)
+        if file.suffix.lower() in (*text_suffixes, *afm_file.SUFFIXES, *nanoscope_file.SUFFIXES)
     ]
     if not files:
         raise UsageError(
             f"{path} holds no file of a curve",
-            f"files of curves end in {', '.join(TEXT_SUFFIXES)}, or are AFM files",
+            f"files of curves end in {', '.join(text_suffixes)}, or are AFM files",
             str(path),
         )
     return files

@@ -25,9 +25,6 @@ from indent_sim.results.measured.text_layout import (
     split_title,
 )
 
-MAX_INVALID_FRACTION = 0.5  # No more than this fraction of the rows may lack a number.
-LARGEST_MEASURED = 1e100  # A larger number is no measurement, whatever its unit.
-
 
 def read_text_curve(
     path: Path,
@@ -83,7 +80,13 @@ def read_text_curve(
     assert abscissa is not None
     parts = curve_parts_by_name(words) if words is not None else curve_parts(abscissa)
     notes = (*notes, *note)
-    return MeasuredCurve(path.stem, parts=parts, units=units, notes=notes, **values)  # type: ignore[arg-type]
+    return MeasuredCurve(
+        path.stem,
+        parts=parts,
+        units=units,
+        notes=notes,
+        **values,  # type: ignore[arg-type]
+    )
 
 
 def _decode(data: bytes) -> str:
@@ -143,7 +146,9 @@ def _parse_block(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             options = {"delimiter": layout.separator, "comments": comments, "ndmin": 2}
-            numbers = np.loadtxt(io.StringIO(rows), usecols=column_indices, **options)  # type: ignore[call-overload]
+            numbers = np.loadtxt(  # type: ignore[call-overload]
+                io.StringIO(rows), usecols=column_indices, **options
+            )
     except (ValueError, IndexError):
         return _parse_block_lines(number, block, layout, column_indices)
     return numbers.reshape(-1, len(column_indices))  # type: ignore[no-any-return]
@@ -197,16 +202,20 @@ def _complete_rows(
 ) -> tuple[dict[str, np.ndarray], np.ndarray | None, tuple[str, ...]]:
     """Return the rows that have every number, and notes about those left out.
 
-    NoCurve if more than MAX_INVALID_FRACTION of the rows are incomplete.
+    NoCurve if more than half of the rows are incomplete.
     """
     columns = np.column_stack(list(values.values()))
     if not len(columns):
         raise NoCurve("no line of numbers")
-    is_complete = np.isfinite(columns).all(axis=1) & (np.abs(columns) < LARGEST_MEASURED).all(
+    # A larger number is no measurement, whatever its unit.
+    largest_measured = 1e100
+    is_complete = np.isfinite(columns).all(axis=1) & (np.abs(columns) < largest_measured).all(
         axis=1
     )
     invalid_count = int(np.count_nonzero(~is_complete))
-    if invalid_count > MAX_INVALID_FRACTION * len(is_complete):
+    # No more than this fraction of the rows may lack a number.
+    max_invalid_fraction = 0.5
+    if invalid_count > max_invalid_fraction * len(is_complete):
         raise NoCurve(f"{invalid_count} of {len(is_complete)} rows lack a number")
     if words is not None and len(words) != len(is_complete):
         raise NoCurve("the column of parts and the others have different lengths")

@@ -14,26 +14,18 @@ from indent_sim.process.errors import ConfigError, UsageError, printable
 
 CurvePart = Literal["approach", "hold", "retract", "all"]
 Abscissa = Literal["delta", "z"]
-# Rows within this fraction of the range of depths from the deepest one may be a hold. A path at a
-# constant rate in and out has 2 % of its rows there; five times as many, and at least ten, are a
-# hold.
-PLATEAU_WIDTH = 0.01
-MIN_HOLD_FRACTION = 0.1
-MIN_HOLD_ROWS = 10
-MIN_RETRACTION = 0.1  # A path that goes back by less than this fraction has no retraction.
 DIMENSIONS = {"delta": "length", "z": "length", "force": "force", "t": "time"}
 SI = {"length": "m", "force": "N", "time": "s"}
 # These packages are needed to read AFM files.
 PACKAGES = "afmformats igor2 jprops pyfmreader tifffile 'pandas<3' pytz tzdata"
 INSTALL_HINT = f"install it with `make setup AFM=1`, or `pip install --no-deps {PACKAGES}`"
 # Part of a curve by the words for it in files.
-PART_WORDS = dict.fromkeys(("approach", "extend", "loading", "load", "trace", "appr"), "approach")
-PART_WORDS |= dict.fromkeys(("hold", "pause", "dwell", "intermediate"), "hold")
-PART_WORDS |= dict.fromkeys(
-    ("retract", "unloading", "unload", "withdraw", "retrace", "retr"), "retract"
-)
+PART_WORDS = {
+    **dict.fromkeys(("approach", "extend", "loading", "load", "trace", "appr"), "approach"),
+    **dict.fromkeys(("hold", "pause", "dwell", "intermediate"), "hold"),
+    **dict.fromkeys(("retract", "unloading", "unload", "withdraw", "retrace", "retr"), "retract"),
+}
 STIFFNESS_KEY = "--set experiment.cantilever.stiffness=..."
-UNITS_REMEDY = "add units: {length: um, force: nN} to the scene"
 
 
 class NoCurve(UsageError):
@@ -147,10 +139,11 @@ def _unit_ratio(kind: str, curve_unit: str, wanted_unit: str) -> float:
     if not curve_unit or curve_unit == wanted_unit:
         return 1.0
     if not wanted_unit:
+        remedy = "add units: {length: um, force: nN} to the scene"
         raise ConfigError(
             "units",
             f"the curve has the {kind} in {curve_unit}, and the scene has no unit for it",
-            UNITS_REMEDY,
+            remedy,
         )
     return si_factor(curve_unit, kind) / si_factor(wanted_unit, kind)
 
@@ -171,17 +164,25 @@ def curve_parts(x: np.ndarray) -> dict[str, slice]:
         return {"approach": slice(0, n)}
     deepest = int(np.argmax(x))
     top = float(x.max())
-    if top - x[0] < MIN_RETRACTION * span:  # The path begins at the largest depth and goes out.
+    # A path that goes back by less than this fraction has no retraction.
+    min_retraction = 0.1
+    if top - x[0] < min_retraction * span:  # The path begins at the largest depth and goes out.
         return {"approach": slice(0, n)}
-    high = np.flatnonzero(x > top - PLATEAU_WIDTH * span)
+    # Rows within this fraction of the range of depths from the deepest one may be a hold. A path at
+    # a constant rate in and out has 2 % of its rows there; five times as many, and at least ten,
+    # are a hold.
+    plateau_width = 0.01
+    min_hold_fraction = 0.1
+    min_hold_rows = 10
+    high = np.flatnonzero(x > top - plateau_width * span)
     first = int(high[0])
     last = int(high[-1]) + 1
-    if len(high) > max(MIN_HOLD_FRACTION * n, MIN_HOLD_ROWS):
+    if len(high) > max(min_hold_fraction * n, min_hold_rows):
         parts = {"approach": slice(0, first + 1), "hold": slice(first + 1, last)}
     else:
         parts = {"approach": slice(0, deepest + 1)}
         last = deepest + 1
-    if last < n and top - x[last:].min() > MIN_RETRACTION * span:
+    if last < n and top - x[last:].min() > min_retraction * span:
         return parts | {"retract": slice(last, n)}
     if "hold" in parts:
         return parts | {"hold": slice(first + 1, n)}

@@ -11,9 +11,6 @@ from indent_sim.process.errors import UsageError
 from indent_sim.process.version import VERSION
 from indent_sim.results.reader import Results
 
-TAB_COLUMNS = ("force", "height (measured)", "tip position", "time", "segment")
-DEPTHS_PER_SECOND = 1.0
-
 
 def tab_text(results: Results) -> str:
     """Return the text of a .tab file of a result: a free approach, approach and retract.
@@ -52,8 +49,9 @@ def tab_text(results: Results) -> str:
     # cantilever hardly bends.
     stiff_spring_ratio = 1e3
     k = stiff_spring_ratio * float(np.max(np.abs(force) / np.maximum(np.abs(delta), 1e-3 * step)))
+    depths_per_second = 1.0
     time = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(delta)))]) / (
-        DEPTHS_PER_SECOND * delta.max()
+        depths_per_second * delta.max()
     )
     retracts = np.arange(len(delta)) >= len(free_depths) + turn
     table = zip(force, -(delta + force / k), -delta, time, retracts, strict=True)
@@ -73,4 +71,5 @@ def _tab_header(stiffness: float, points: int) -> list[str]:
     }
     json_lines = json.dumps(entries | {"software": f"indent-sim {VERSION}"}, indent=2).splitlines()
     metadata = [f"# {line}" for line in json_lines]
-    return ["# BEGIN METADATA", *metadata, "# END METADATA", "#", "# " + "\t".join(TAB_COLUMNS)]
+    columns = ("force", "height (measured)", "tip position", "time", "segment")
+    return ["# BEGIN METADATA", *metadata, "# END METADATA", "#", "# " + "\t".join(columns)]

@@ -10,8 +10,6 @@ from indent_sim.config.quantities import si_factor
 from indent_sim.process.errors import ConfigError
 from indent_sim.results.measured.measurement import DIMENSIONS, NoCurve
 
-HEAD_LINES = 2000  # The first line of numbers is searched in these lines.
-MAX_LINE_CHARACTERS = 100_000  # A longer line does not belong to a table of curves.
 COLUMN_TITLES = {
     "delta": (
         "delta",
@@ -94,7 +92,9 @@ def detect_layout(text: str) -> TextLayout:
     decimal = "," if separator != "," and "," in middle else "."
     shape = TextLayout(separator, decimal, (), 0, 0)
     width = len(shape.cells(middle))
-    head = text[: HEAD_LINES * 200].split("\n")[:HEAD_LINES]
+    # The first line of numbers is searched in these lines.
+    max_lines = 2000
+    head = text[: max_lines * 200].split("\n")[:max_lines]
     first = next((k for k, line in enumerate(head) if _is_number_row(shape, line, width)), None)
     if first is None:
         raise NoCurve("no line of numbers")
@@ -104,11 +104,13 @@ def detect_layout(text: str) -> TextLayout:
 def _middle_line(text: str) -> str:
     """Return the first line from the middle on that is neither blank nor a comment."""
     begin = text.rfind("\n", 0, len(text) // 2) + 1
+    # A longer line does not belong to a table of curves.
+    max_characters = 100_000
     for start in (begin, 0):
-        for line in text[start : start + 10 * MAX_LINE_CHARACTERS].split("\n"):
+        for line in text[start : start + 10 * max_characters].split("\n"):
             if line.strip() and line.lstrip()[0] not in "#%":
-                if len(line) > MAX_LINE_CHARACTERS:
-                    raise NoCurve(f"a line has more than {MAX_LINE_CHARACTERS} characters")
+                if len(line) > max_characters:
+                    raise NoCurve(f"a line has more than {max_characters} characters")
                 return line.strip()
     raise NoCurve("no line of numbers")
 

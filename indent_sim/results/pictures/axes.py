@@ -28,27 +28,15 @@ PREFIX_POWERS = {
     "M": 6,
     "G": 9,
 }
-KIND_EXAMPLES = {
-    "length": "nm, um, mm",
-    "force": "pN, nN, mN",
-    "pressure": "Pa, kPa, MPa",
-    "line": "mN/m, N/m",
-}
 BASE_UNITS = {"length": "m", "force": "N", "pressure": "Pa", "line": "N/m"}
 SHOWN_UNITS = "shown_units"  # Entry of a report: units requested for a picture, by kind.
 COLUMN_LABELS = {
     "delta": ("depth δ", "length"),
     "force": ("force F", "force"),
     "a": ("contact radius a", "length"),
-}
-COLUMN_LABELS |= {"pore_pressure_max": ("largest pore pressure p", "pressure")}
-COLUMN_LABELS |= {
+    "pore_pressure_max": ("largest pore pressure p", "pressure"),
     "p_max": ("largest pressure p", "pressure"),
     "penetration": ("penetration", "length"),
-}
-PLANE_STRAIN_LABELS = {
-    "a": ("contact half-width a", "length"),
-    "force": ("force F per length", "line"),
 }
 
 
@@ -152,7 +140,11 @@ def axis_of_column(column: str, runs: Sequence[Results]) -> Axis:
     """Return the axis of a column of the force table, in the common unit of the results."""
     name, kind = COLUMN_LABELS[column]
     if all(is_plane_strain(run) for run in runs):
-        name, kind = PLANE_STRAIN_LABELS.get(column, (name, kind))
+        plane_strain_labels = {
+            "a": ("contact half-width a", "length"),
+            "force": ("force F per length", "line"),
+        }
+        name, kind = plane_strain_labels.get(column, (name, kind))
     return scaled_axis(kind, runs, np.concatenate([run[column] for run in runs]), name)
 
 
@@ -192,9 +184,13 @@ def scaled_axis(kind: str, runs: Sequence[Results], values: ArrayLike, name: str
     if wanted_unit:
         wanted_power = _prefix_power(wanted_unit, BASE_UNITS[kind])
         if wanted_power is None:
-            raise UsageError(
-                f"{wanted_unit} is no unit of {kind}: for example {KIND_EXAMPLES[kind]}"
-            )
+            examples = {
+                "length": "nm, um, mm",
+                "force": "pN, nN, mN",
+                "pressure": "Pa, kPa, MPa",
+                "line": "mN/m, N/m",
+            }
+            raise UsageError(f"{wanted_unit} is no unit of {kind}: for example {examples[kind]}")
         return Axis(name, 10.0 ** (power - wanted_power), wanted_unit)
     is_chosen = unit not in BASE_UNITS.values() and kind in ("length", "force")
     return (

@@ -10,8 +10,6 @@ import numpy as np
 
 from indent_sim.results.pictures.figures import COLOURS, MARKERS, MAX_MARKED_POINTS, Axes, PlotStyle
 
-POINTS_BETWEEN_ROWS = 20  # A drawn curve has so many points between two rows.
-MAX_EXPONENT = 3.0  # Exponents of power laws are between 1/MAX_EXPONENT and MAX_EXPONENT.
 UNLOADING_STYLE = {"ls": (0, (4, 2)), "mfc": "white"}  # Dashed, with hollow markers.
 Points = tuple[np.ndarray, np.ndarray]  # x and y.
 Rows = tuple[np.ndarray, np.ndarray, np.ndarray]  # Depths, x and y.
@@ -78,9 +76,11 @@ def smooth_curve(x: np.ndarray, y: np.ndarray) -> Points:
     n = _power_law_exponent(x, y)
     order = slice(None, None, 1 if goes_up else -1)
     straightened = PchipInterpolator(x[order], y[order] ** (1 / n))
-    fine_x = np.append(np.linspace(x[:-1], x[1:], POINTS_BETWEEN_ROWS, endpoint=False).T, x[-1])
+    # A drawn curve has so many points between two rows.
+    points_between_rows = 20
+    fine_x = np.append(np.linspace(x[:-1], x[1:], points_between_rows, endpoint=False).T, x[-1])
     fine_y = np.maximum(straightened(fine_x), 0.0) ** n
-    fine_y[::POINTS_BETWEEN_ROWS] = y  # The curve passes through the rows without rounding errors.
+    fine_y[::points_between_rows] = y  # The curve passes through the rows without rounding errors.
     return fine_x, fine_y
 
 
@@ -91,7 +91,9 @@ def _power_law_exponent(x: np.ndarray, y: np.ndarray) -> float:
         return 1.0
     first, last = np.flatnonzero(is_positive)[[0, -1]]
     exponent = np.log(y[last] / y[first]) / np.log(x[last] / x[first])
-    return float(np.clip(exponent, 1 / MAX_EXPONENT, MAX_EXPONENT))
+    # Exponents of power laws are between 1/max_exponent and max_exponent.
+    max_exponent = 3.0
+    return float(np.clip(exponent, 1 / max_exponent, max_exponent))
 
 
 def polyline(x: np.ndarray, y: np.ndarray) -> Points:

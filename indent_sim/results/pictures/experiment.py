@@ -27,11 +27,6 @@ from indent_sim.results.result_files import Report, read_report
 from indent_sim.results.tables import EXPERIMENT
 
 EXPERIMENT_PICTURE = "experiment.png"
-BRANCH_STYLES = {
-    "hold": (COLOURS[2], "-"),
-    "retract": (COLOURS[1], "-"),
-    "unstable": (GREY, "--"),
-}
 
 
 def has_elastic_curve(folder: Path, report: Report) -> bool:
@@ -48,7 +43,7 @@ def draw(folder: Path, path: Path | None = None) -> None:
     config = config_by_key(folder)
     has_times = not np.isnan(rows["t"][0])
     has_base = bool((rows["z"] != rows["delta"]).any())
-    # With prescribed forces the depth is drawn over time.
+    # The depth is drawn over time if forces are prescribed.
     has_forces = any(
         config.get(f"{section}.force_history") for section in ("loading", "experiment")
     )
@@ -121,10 +116,15 @@ def draw_branches(
     """
     labelled: set[str] = set()
     branches = rows["branch"]
+    styles = {
+        "hold": (COLOURS[2], "-"),
+        "retract": (COLOURS[1], "-"),
+        "unstable": (GREY, "--"),
+    }
     for begin, end in branch_ranges(branches):
         branch = str(branches[begin])
         piece = slice(max(begin - 1, 0), end)
-        colour, style = BRANCH_STYLES.get(branch, (COLOURS[0], "-"))
+        colour, style = styles.get(branch, (COLOURS[0], "-"))
         piece_x = x(rows[abscissa][piece])
         piece_y = y(rows[ordinate][piece])
         if len(piece_x) > 1:

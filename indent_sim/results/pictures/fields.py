@@ -30,16 +30,6 @@ from indent_sim.results.pictures.profile import draw_tip
 from indent_sim.results.reader import Results
 from indent_sim.results.result_scene import scene_of
 
-# Half-width of the view around the tip, in contact radii or depths; the second is the least for a
-# thin body.
-FIELD_VIEW = 3.0
-THIN_BODY_VIEW = 1.5
-SPACE_ABOVE = 0.35  # Room for the tip above the surface, in contact radii or depths.
-WHOLE_BODY_RATIO = 1.6  # A body that is so many times wider or deeper than the view is shown whole.
-# The colours cover this percentage of the area in view: the stress at an edge is infinite, and the
-# mesh has many points there.
-COLOURED_PERCENT = 99.8
-SLIVER_HEIGHT = 2e-3  # Height of a sliver relative to the width of the view: about half a pixel.
 # Points, deformed points, cells, and values at the points.
 RegionPart = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
@@ -224,7 +214,7 @@ def deformed_section(results: Results, step: float, field: FieldQuantity) -> Sec
     is_half = plan_choice(results.report, "symmetry") != "full" and left >= center[
         0
     ] - 1e-9 * np.ptp(fields["points"][:, 0])
-    # On both sides of the axis of an axisymmetric body, the component rz refers to its own r.
+    # The component rz refers to its own r on both sides of the axis of an axisymmetric body.
     is_odd = field.is_odd and horizontal_axis_name(results) == "x"
     return section.mirror(center[0], -1.0 if is_odd else 1.0) if is_half else section
 
@@ -353,27 +343,35 @@ class FieldRow:
         # A swelling body may lift the tip: then there is no contact to show.
         if not contact_radius > 0 and max(depths) <= max_lift * size:
             size = (top - bottom) / 2
+        # Room for the tip above the surface, in contact radii or depths.
+        space_above = 0.35
         if self.zoom is not None:
             half_width = self.zoom * size
             sides = (
                 max(left, self.axis_position - half_width),
                 min(right, self.axis_position + half_width),
             )
-            return np.array([*sides, max(bottom, -half_width), top + SPACE_ABOVE * size])
+            return np.array([*sides, max(bottom, -half_width), top + space_above * size])
         # Half-width of the view in heights of a thin body, whose field would be too small
         # in a wider one.
         thin_body_heights = 4.0
+        # Half-width of the view around the tip, in contact radii or depths; the second is the least
+        # for a thin body.
+        field_view = 3.0
+        thin_body_view = 1.5
         half_width = size * np.clip(
-            thin_body_heights * (top - bottom) / size, THIN_BODY_VIEW, FIELD_VIEW
+            thin_body_heights * (top - bottom) / size, thin_body_view, field_view
         )
         sides = (self.axis_position - half_width, self.axis_position + half_width)
-        if right - left <= 2 * WHOLE_BODY_RATIO * half_width:
+        # A body that is so many times wider or deeper than the view is shown whole.
+        whole_body_ratio = 1.6
+        if right - left <= 2 * whole_body_ratio * half_width:
             sides = (left, right)
         return np.array(
             [
                 *sides,
-                bottom if -bottom <= WHOLE_BODY_RATIO * half_width else -half_width,
-                top + SPACE_ABOVE * size,
+                bottom if -bottom <= whole_body_ratio * half_width else -half_width,
+                top + space_above * size,
             ]
         )
 
@@ -425,12 +423,14 @@ class FieldRow:
         axis = Axis(name) if kind == "1" else scaled_axis(kind, runs, inside, name)
         low, high, colours = _colour_range(axis(inside), areas, self.field)
         low, high = self.limits or (low, high)
+        # Height of a sliver relative to the width of the view: about half a pixel.
+        relative_height = 2e-3
         for axes, (run, step, words), section in zip(
             panels, self.steps[some], self.sections[some], strict=True
         ):
             look = {"vmin": low, "vmax": high, "cmap": colours, "rasterized": True}
             colour_mesh = _draw_section(
-                axes, section, length, axis, SLIVER_HEIGHT * np.ptp(frame[:2]), look
+                axes, section, length, axis, relative_height * np.ptp(frame[:2]), look
             )
             if (scene := scene_of(run.path)) is not None:
                 draw_tip(
@@ -499,8 +499,8 @@ def _colour_range(
 ) -> tuple[float, float, Any]:
     """Return the colour limits and the colour map of a field.
 
-    The range begins at the lowest value, or is symmetric about the neutral value. COLOURED_PERCENT
-    of the area is inside it.
+    The range begins at the lowest value, or is symmetric about the neutral value. Nearly
+    all of the area is inside it.
     """
     middle = field.neutral_value
     if middle is not None:
@@ -512,10 +512,13 @@ def _colour_range(
     deviations = np.abs(values - base_value)
     order = np.argsort(deviations)
     covered_area = np.cumsum(areas[order])
+    # The colours cover this percentage of the area in view: the stress at an edge is infinite, and
+    # the mesh has many points there.
+    coloured_percent = 99.8
     high = (
         float(
             deviations[
-                order[np.searchsorted(covered_area, COLOURED_PERCENT / 100 * covered_area[-1])]
+                order[np.searchsorted(covered_area, coloured_percent / 100 * covered_area[-1])]
             ]
         )
         or 1.0

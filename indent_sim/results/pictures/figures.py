@@ -36,44 +36,14 @@ GREY = "#6e6e6e"
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 FORCE_PICTURE = "force_indentation.png"
-FONT_SIZE = 10.0  # Standard font size [points].
 PICTURE_FORMATS = (".png", ".svg", ".pdf")
-DPI = {"png": 160, "svg": 200, "pdf": 300}  # Resolution of rasterized parts.
-# Largest number of intervals of an axis, and least distance of its tick labels [pixels].
-MAX_TICKS = 9
-TICK_LABEL_GAP = 3.0
-# Agg cannot draw longer sides [pixels]. A pixel takes 11 bytes until it is compressed: the second
-# limit keeps a picture below about 1 GB.
-MAX_SIDE_PIXELS = 2**16 - 1
-MAX_PIXELS = 1e8
-# No date is written: equal results give equal files.
-METADATA: dict[str, dict[str, str | None]] = {
-    "png": {"Software": "indent-sim"},
-    "svg": {"Date": None},
-    "pdf": {"CreationDate": None},
-}
+FONT_SIZE = 10.0  # Standard font size [points].
 MAX_MARKED_POINTS = 40  # A line with more points has no markers.
-MAX_STACKED_NAMES = 30  # A legend beside a panel with more names has columns.
-LEGEND_MARGIN = 0.6  # Least height above and below a legend beside a panel [inches].
-LEGEND_LEFT = 0.6  # Left margin of a legend below all panels [inches].
-# Widths of a small letter and of the handle before a name, height of the labels below a panel and
-# their width to the left of it, and height of a colour bar under it, at the standard font size
-# [inches].
-LETTER_WIDTH = 0.07
-HANDLE_WIDTH = 0.45
+# Height of the labels below a panel at the standard font size [inches].
 AXIS_LABEL_HEIGHT = 0.58
-AXIS_LABEL_WIDTH = 0.75
-BAR_HEIGHT = 0.12
-MIN_LINE_LETTERS = 12  # Texts are broken into lines of so many letters at least.
 MM_PER_INCH = 25.4
-POINTS_PER_INCH = 72.0
 BarPosition = Literal["right", "bottom", "beside"]
-TITLE_LETTERS_PER_INCH = 9.0
-# Longer texts are shortened.
-MAX_SUBTITLE_LETTERS = 200
-MAX_LABEL_LETTERS = 120
 PlotStyle = dict[str, Any]  # Keyword arguments of matplotlib's functions.
-THEORY_STYLE: PlotStyle = {"color": "#D55E00", "ls": "--", "lw": 1.4, "zorder": 3}
 # Formulas of the half-space are drawn beside the curve of any body.
 FORMULA_STYLE: PlotStyle = {"color": GREY, "ls": ":", "lw": 1.2, "zorder": 2}
 RC_PARAMETERS: PlotStyle = {
@@ -91,15 +61,6 @@ RC_PARAMETERS: PlotStyle = {
     **dict.fromkeys(("axes.labelcolor", "text.color", "xtick.labelcolor", "ytick.labelcolor"), INK),
 }
 
-# Lengths at the standard font size [points]; they grow with the letters.
-RC_LENGTHS = {
-    **dict.fromkeys(("xtick.major.size", "ytick.major.size"), 3.5),
-    **dict.fromkeys(("xtick.minor.size", "ytick.minor.size"), 2.0),
-    **dict.fromkeys(("xtick.major.pad", "ytick.major.pad"), 3.5),
-    "axes.labelpad": 4.0,
-    "axes.titlepad": 6.0,
-}
-
 
 @contextmanager
 def new_figure(size: tuple[float, float] = (9.2, 4.8), font: float = FONT_SIZE) -> Iterator[Figure]:
@@ -109,7 +70,15 @@ def new_figure(size: tuple[float, float] = (9.2, 4.8), font: float = FONT_SIZE) 
         warnings.filterwarnings("ignore", "Unable to import Axes3D")
         import matplotlib
         from matplotlib.figure import Figure
-    lengths = {name: length * font / FONT_SIZE for name, length in RC_LENGTHS.items()}
+    # Lengths at the standard font size [points]; they grow with the letters.
+    rc_lengths = {
+        **dict.fromkeys(("xtick.major.size", "ytick.major.size"), 3.5),
+        **dict.fromkeys(("xtick.minor.size", "ytick.minor.size"), 2.0),
+        **dict.fromkeys(("xtick.major.pad", "ytick.major.pad"), 3.5),
+        "axes.labelpad": 4.0,
+        "axes.titlepad": 6.0,
+    }
+    lengths = {name: length * font / FONT_SIZE for name, length in rc_lengths.items()}
     with matplotlib.rc_context(RC_PARAMETERS | lengths | {"font.size": font}):
         yield Figure(figsize=size, layout="constrained")
 
@@ -129,16 +98,20 @@ def draw_legend_right(axes: Axes, labelled_axes: Axes) -> None:
     handles, names = labelled_axes.get_legend_handles_labels()
     if not names:
         return
+    # A legend beside a panel with more names has columns.
+    max_stacked_names = 30
     legend = axes.legend(
         handles,
         names,
         loc="upper left",
         bbox_to_anchor=(1, 1),
-        ncol=-(-len(names) // MAX_STACKED_NAMES),
+        ncol=-(-len(names) // max_stacked_names),
     )
     legend_width, legend_height = legend.get_window_extent().size / figure.dpi
     width, height = figure.get_size_inches()
-    figure.set_size_inches(width + legend_width, max(height, legend_height + LEGEND_MARGIN))
+    # Least height above and below a legend beside a panel [inches].
+    legend_margin = 0.6
+    figure.set_size_inches(width + legend_width, max(height, legend_height + legend_margin))
 
 
 def draw_legend_under(axes: Axes) -> float:
@@ -170,15 +143,17 @@ def draw_figure_legend(figure: Figure, labelled_axes: Axes) -> None:
     if not names:
         return
     width, height = figure.get_size_inches()
+    # Left margin of a legend below all panels [inches].
+    legend_left = 0.6
     draw = partial(
         figure.legend,
         handles,
         names,
         loc="lower left",
-        bbox_to_anchor=(LEGEND_LEFT / width, 0),
+        bbox_to_anchor=(legend_left / width, 0),
         borderaxespad=0,
     )
-    legend = _draw_in_columns(draw, width - LEGEND_LEFT)
+    legend = _draw_in_columns(draw, width - legend_left)
     legend_height = legend.get_window_extent().height / figure.dpi
     figure.set_size_inches(width, height + legend_height)
     _reserve_margin(figure, below=legend_height)
@@ -189,14 +164,17 @@ def _draw_in_columns(draw: Callable[..., Legend], width: float) -> Legend:
     legend = draw(ncol=1)
     column_width = legend.get_window_extent().width / legend.figure.dpi
     names = legend.get_texts()
-    gap = legend.columnspacing * names[0].get_fontsize() / POINTS_PER_INCH
+    points_per_inch = 72.0
+    gap = legend.columnspacing * names[0].get_fontsize() / points_per_inch
     legend.remove()
     return draw(ncol=int(np.clip((width + gap) / (column_width + gap), 1, len(names))))
 
 
 def _wrap_names(names: Sequence[str], width: float) -> list[str]:
     """Break the names of a legend into lines that fit into a width [inches] with their handles."""
-    return [_wrap_text(name, width - HANDLE_WIDTH * _font_scale()) for name in names]
+    # Width of the handle before a name at the standard font size [inches].
+    handle_width = 0.45
+    return [_wrap_text(name, width - handle_width * _font_scale()) for name in names]
 
 
 def draw_panel_title(axes: Axes, title: str) -> None:
@@ -208,8 +186,12 @@ def draw_panel_title(axes: Axes, title: str) -> None:
 
 def _wrap_text(text: str, width: float) -> str:
     """Break a small text into lines that fit into a width [inches]."""
-    letters = int(width / (LETTER_WIDTH * _font_scale()))
-    return "\n".join(textwrap.wrap(text, max(MIN_LINE_LETTERS, letters)))
+    # Width of a small letter at the standard font size [inches].
+    letter_width = 0.07
+    letters = int(width / (letter_width * _font_scale()))
+    # Texts are broken into lines of so many letters at least.
+    min_letters = 12
+    return "\n".join(textwrap.wrap(text, max(min_letters, letters)))
 
 
 def _panel_width(axes: Axes) -> float:
@@ -218,9 +200,11 @@ def _panel_width(axes: Axes) -> float:
     spec = getattr(axes, "get_subplotspec", lambda: None)()
     if spec is None:  # Axes outside of a grid have their final place.
         return float(axes.get_window_extent().width / figure.dpi)
+    # Width of the labels to the left of a panel at the standard font size [inches].
+    axis_label_width = 0.75
     return float(
         figure.bbox.width / figure.dpi / spec.get_gridspec().ncols
-        - AXIS_LABEL_WIDTH * _font_scale()
+        - axis_label_width * _font_scale()
     )
 
 
@@ -248,12 +232,14 @@ def draw_colour_bar(
         look["cax"] = panels[0].inset_axes((1.07, 0.0, 0.07, 1.0), label="<colorbar>")
     else:
         look["orientation"] = "horizontal"
+        # Height of a colour bar at the standard font size [inches].
+        bar_height = 0.12
         look["cax"] = panels[0].inset_axes(
-            (0, -AXIS_LABEL_HEIGHT - BAR_HEIGHT, 1, BAR_HEIGHT),
+            (0, -AXIS_LABEL_HEIGHT - bar_height, 1, bar_height),
             transform=_inches_below(panels[0]),
             label="<colorbar>",
         )
-    # With uniform spacing, the bar of contours draws numbers beyond its ends at its ends.
+    # A bar of contours with uniform spacing draws numbers beyond its ends at its ends.
     bar = figure.colorbar(drawn, label=label, spacing="proportional", **look)
     bar.outline.set_visible(False)
     return bar
@@ -295,7 +281,8 @@ def draw_title(figure: Figure, title: str, subtitle: str) -> None:
     The figure has its final height.
     """
     height = figure.get_figheight()
-    title_letters = int(TITLE_LETTERS_PER_INCH * figure.get_figwidth())
+    letters_per_inch = 9.0
+    title_letters = int(letters_per_inch * figure.get_figwidth())
     _reserve_margin(figure, above=0.64)
     figure.text(
         0.01,
@@ -306,10 +293,12 @@ def draw_title(figure: Figure, title: str, subtitle: str) -> None:
         fontsize=13,
         fontweight="bold",
     )
+    # Longer subtitles are shortened.
+    max_subtitle_letters = 200
     figure.text(
         0.01,
         1 - 0.46 / height,
-        picture_text(subtitle, MAX_SUBTITLE_LETTERS),
+        picture_text(subtitle, max_subtitle_letters),
         ha="left",
         va="top",
         color=GREY,
@@ -401,6 +390,7 @@ def thin_tick_labels(figure: Figure) -> None:
 
     panels = figure.axes
     bars = [bar for axes in panels for bar in axes.child_axes]
+    max_ticks = 9
     for axes in (*panels, *bars):
         # Axes true to scale, and colour bars below panels, are placed as matplotlib will draw them.
         locator = axes.get_axes_locator()
@@ -409,7 +399,7 @@ def thin_tick_labels(figure: Figure) -> None:
             ticks = axis.get_major_locator()
             if not isinstance(ticks, MaxNLocator):
                 continue
-            bins = int(np.clip(axis.get_tick_space(), 1, MAX_TICKS))
+            bins = int(np.clip(axis.get_tick_space(), 1, max_ticks))
             ticks.set_params(nbins=bins)
             while bins > 1 and _has_touching_labels(axis):
                 bins -= 1
@@ -425,7 +415,9 @@ def _has_touching_labels(axis: Any) -> bool:
     ]
     side = 0 if axis.axis_name == "x" else 1
     ends = sorted((box.min[side], box.max[side]) for box in boxes)
-    return any(after[0] - before[1] < TICK_LABEL_GAP for before, after in pairwise(ends))
+    # Least distance of tick labels [pixels].
+    least_gap = 3.0
+    return any(after[0] - before[1] < least_gap for before, after in pairwise(ends))
 
 
 def save(figure: Figure, path: Path | str, dpi: float | None = None) -> None:
@@ -438,7 +430,7 @@ def save(figure: Figure, path: Path | str, dpi: float | None = None) -> None:
     path
         The file.
     dpi
-        Resolution of rasterized parts; by default that of DPI.
+        Resolution of rasterized parts; by default that of the format.
 
     Raises
     ------
@@ -447,20 +439,32 @@ def save(figure: Figure, path: Path | str, dpi: float | None = None) -> None:
     """
     path = Path(path)
     kind = picture_format(path)
-    _refuse_too_many_pixels(figure, dpi or DPI[kind])
+    # Resolution of rasterized parts [dots per inch].
+    resolutions = {"png": 160, "svg": 200, "pdf": 300}
+    _refuse_too_many_pixels(figure, dpi or resolutions[kind])
     # A box stands for a letter that the font lacks, without a warning.
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", r"Glyph \d+ .*missing from", UserWarning)
         apply_layout(figure)
         picture = io.BytesIO()
-        figure.savefig(picture, format=kind, dpi=dpi or DPI[kind], metadata=METADATA[kind])
+        # No date is written: equal results give equal files.
+        metadata: dict[str, dict[str, str | None]] = {
+            "png": {"Software": "indent-sim"},
+            "svg": {"Date": None},
+            "pdf": {"CreationDate": None},
+        }
+        figure.savefig(picture, format=kind, dpi=dpi or resolutions[kind], metadata=metadata[kind])
     write_atomically(path, picture.getvalue(), sync=False)
 
 
 def _refuse_too_many_pixels(figure: Figure, dpi: float) -> None:
     """Raise UsageError for a picture too large for matplotlib, or for the memory."""
     width, height = (float(inches) for inches in figure.get_size_inches())
-    max_dpi = min((MAX_PIXELS / (width * height)) ** 0.5, MAX_SIDE_PIXELS / max(width, height))
+    # Agg cannot draw longer sides [pixels]. A pixel takes 11 bytes until it is compressed: the
+    # second limit keeps a picture below about 1 GB.
+    max_side_pixels = 2**16 - 1
+    max_pixels = 1e8
+    max_dpi = min((max_pixels / (width * height)) ** 0.5, max_side_pixels / max(width, height))
     if dpi > max_dpi:
         size = f"{width * dpi:.0f} x {height * dpi:.0f} pixels"
         raise UsageError(

@@ -20,8 +20,6 @@ from indent_sim.results.pictures.axes import (
 from indent_sim.results.pictures.figures import (
     FORMULA_STYLE,
     GREY,
-    MAX_LABEL_LETTERS,
-    THEORY_STYLE,
     Axes,
     PlotStyle,
     save,
@@ -33,10 +31,9 @@ from indent_sim.results.result_files import Report
 from indent_sim.results.result_scene import has_adhesion
 from indent_sim.results.unit_conversion import convert_to_common_units, refuse_different_units
 
-ACCURACY_NOTE = "the required accuracy is that of the force"
+THEORY_STYLE: PlotStyle = {"color": "#D55E00", "ls": "--", "lw": 1.4, "zorder": 3}
 ERROR_LABEL = "estimated error"
 UNLOADING_LABEL = "unloading"
-MEASURED_STYLE: PlotStyle = {"ls": "", "marker": ".", "ms": 3, "zorder": 1}
 # Width and height of all panels [inches].
 PANELS_WIDTH = 9.2
 PANELS_HEIGHT = 4.8
@@ -68,8 +65,9 @@ def draw_force_indentation(results: Results, path: Path | str) -> None:
             draw_pressure(panels["pressure"], results, step)
             if results.report.get("accuracy"):
                 panel_title = panels["pressure"].get_title(loc="left")
+                note = "the required accuracy is that of the force"
                 panels["pressure"].set_title(
-                    f"{panel_title}\n{ACCURACY_NOTE}", loc="left", fontsize="small", color=GREY
+                    f"{panel_title}\n{note}", loc="left", fontsize="small", color=GREY
                 )
         figures.draw_figure_legend(figure, panels["force"])
         figures.draw_title(
@@ -176,12 +174,13 @@ def draw_force(
 ) -> None:
     """Draw the force of one result over its depth, from the origin on without adhesion."""
     if run.report.get(MEASURED):
+        measured_style: PlotStyle = {"ls": "", "marker": ".", "ms": 3, "zorder": 1}
         axes.plot(
             depth(run["delta"]),
             force(run["force"]),
             color=look["color"],
             label=name,
-            **MEASURED_STYLE,
+            **measured_style,
         )
         return
     rows, begin, joined = _force_rows(run, depth, force)
@@ -254,6 +253,8 @@ def _draw_error_bands(axes: Axes, runs: Sequence[Results], depth: Axis, force: A
 
 def _draw_theory(axes: Axes, theory: Report, depth: Axis, force: Axis) -> None:
     """Draw the curve of the reference theory, and the formula of the half-space."""
+    # Longer labels are shortened.
+    max_letters = 120
     if (curve := theory.get("curve", {})).get("delta"):
         # The stable branch of an adhesive tip begins at a negative depth, not at the origin.
         begin = [0.0] if curve["delta"][0] > 0 else []
@@ -264,13 +265,13 @@ def _draw_theory(axes: Axes, theory: Report, depth: Axis, force: Axis) -> None:
         deviation_text = "" if deviation is None else f", this run {deviation:+.2%}"
         if "delta_deviation" in theory:
             deviation_text = f", depth of this run {theory['delta_deviation']:+.2%}"
-        label = picture_text(f"{theory.get('name', 'theory')}{deviation_text}", MAX_LABEL_LETTERS)
+        label = picture_text(f"{theory.get('name', 'theory')}{deviation_text}", max_letters)
         axes.plot(*drawn, **THEORY_STYLE, label=label)
     if half_space := theory.get("half_space"):
         deviation = half_space.get("deviation")
         deviation_text = "" if deviation is None else f": {_deviation_text(deviation)}"
         label = picture_text(
-            f"{half_space['name'].split(' (')[0]}, half-space{deviation_text}", MAX_LABEL_LETTERS
+            f"{half_space['name'].split(' (')[0]}, half-space{deviation_text}", max_letters
         )
         # The point is the formula's force at the run's depth, or its depth at the run's force.
         formula_point = {**theory, **half_space}
@@ -278,7 +279,7 @@ def _draw_theory(axes: Axes, theory: Report, depth: Axis, force: Axis) -> None:
         curve = half_space.get("curve", {"delta": (), "force": ()})
         x = depth([0, *curve["delta"]])
         y = force([0, *curve["force"]])
-        # In load control the formula's depth can be larger than that of the run.
+        # The formula's depth can be larger than that of the run in load control.
         if formula_point["delta"] > 1.001 * max(curve["delta"], default=0.0):
             x = np.append(x, depth(formula_point["delta"]))
             y = np.append(y, force(formula_point["force"]))

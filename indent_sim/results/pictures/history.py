@@ -24,12 +24,6 @@ from indent_sim.results.pictures.forces import subtitle
 from indent_sim.results.reader import Results
 from indent_sim.results.result_files import Report
 
-# Width and height of a panel [inches], and the width of a single panel.
-PANEL_SIZE = (4.6, 3.5)
-SINGLE_PANEL_WIDTH = 6.4
-FILM_STATES = 5  # A film shows about so many states.
-LIMIT_STYLES = ("--", ":")  # Limits before, and after all flow and relaxation.
-
 
 def is_time_stepped(report: Report) -> bool:
     """Return whether the rows of a run are time steps of the whole body."""
@@ -42,8 +36,11 @@ def draw(results: Results, path: Path) -> None:
     columns = 2 if len(panels) in (2, 4) else min(len(panels), 3)
     rows = [panels[k : k + columns] for k in range(0, len(panels), columns)]
     rows[-1] += ["."] * (columns - len(rows[-1]))
+    # Width and height of a panel [inches], and the width of a single panel.
+    panel_size = (4.6, 3.5)
+    single_panel_width = 6.4
     with new_figure(
-        (PANEL_SIZE[0] * columns if columns > 1 else SINGLE_PANEL_WIDTH, PANEL_SIZE[1] * len(rows))
+        (panel_size[0] * columns if columns > 1 else single_panel_width, panel_size[1] * len(rows))
     ) as figure:
         panel_axes: dict[str, Axes] = figure.subplot_mosaic(rows)
         time = results.report.get("time") or {}
@@ -150,7 +147,9 @@ def _draw_limits(results: Results, panel_axes: dict[str, Axes], legend_axes: Axe
     if column_name not in panel_axes or plan_choice(results.report, "strain") != "small":
         return
     value_axis = axis_of_column(column_name, [results])
-    for (name, value), style in zip(limits.items(), LIMIT_STYLES, strict=False):
+    # Limits before, and after all flow and relaxation.
+    styles = ("--", ":")
+    for (name, value), style in zip(limits.items(), styles, strict=False):
         if value is not None:
             look = {"color": GREY, "ls": style, "lw": 1.1}
             panel_axes[column_name].axhline(float(value_axis(value)), zorder=1, **look)
@@ -178,19 +177,21 @@ def _spans_decades(results: Results) -> bool:
 
 
 def film_steps(results: Results, steps: Sequence[int]) -> list[int]:
-    """Return about FILM_STATES of the steps for a film.
+    """Return about five of the steps for a film.
 
     They are evenly spaced; in a history in time evenly in the logarithm of time from the first
     visible time on, with the step of the largest force.
     """
-    if len(steps) <= FILM_STATES + 1:
+    # A film shows about so many states.
+    count = 5
+    if len(steps) <= count + 1:
         return list(steps)
     if not is_time_stepped(results.report):
-        return [steps[k] for k in np.linspace(0, len(steps) - 1, FILM_STATES).round().astype(int)]
+        return [steps[k] for k in np.linspace(0, len(steps) - 1, count).round().astype(int)]
     rows = np.searchsorted(results["step"], steps)
     begin = min(results["t"][0], 0.0)
     t = np.log(np.maximum(results["t"][rows] - begin, first_visible_time(results) - begin))
-    chosen = {int(np.argmin(np.abs(t - at))) for at in np.linspace(t[0], t[-1], FILM_STATES)} | {
+    chosen = {int(np.argmin(np.abs(t - at))) for at in np.linspace(t[0], t[-1], count)} | {
         len(steps) - 1
     }
     if np.any(results["force"][rows] > 0):

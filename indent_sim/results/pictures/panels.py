@@ -42,15 +42,6 @@ PANEL_OPTIONS = {
     "zoom": ("--zoom", MAP_PANELS),
 }
 MM = 1 / figures.MM_PER_INCH  # One millimetre in inches.
-PANEL_WIDTH = 4.4  # Default width of a panel [inches].
-LINE_ASPECT = 0.72  # Ratio of height to width of panels of curves.
-# First estimate of the height of labels, numbers and colour bars around the panels of a line
-# [inches]; the layout then finds the height that they need.
-LABELS_HEIGHT = 1.6
-NAME_HEIGHT = 0.2  # Height of a line of a legend in that estimate.
-LAYOUT_PASSES = 3  # Each pass knows the heights and tick labels of the pass before.
-MAX_MAPS_IN_ROW = 4
-MAX_FILM_COLUMNS = 6
 MAX_LINE_COLUMNS = 3
 MAX_PANELS = 40
 T = TypeVar("T")
@@ -251,7 +242,11 @@ def requested_figure(runs: Sequence[Results], request: PlotRequest) -> Iterator[
         else _automatic_rows(runs, names, request)
     )
     width = _picture_width(request, rows)
-    labels_height = LABELS_HEIGHT + NAME_HEIGHT * (len(runs) + len(request.what))
+    # First estimate of the height of labels, numbers and colour bars around the panels of a line,
+    # and of a line of a legend [inches]; the layout then finds the height that they need.
+    height_of_labels = 1.6
+    name_height = 0.2
+    labels_height = height_of_labels + name_height * (len(runs) + len(request.what))
     heights = [
         row.lines * (row.aspect * width / row.columns + labels_height * request.font_scale)
         for row in rows
@@ -263,10 +258,12 @@ def requested_figure(runs: Sequence[Results], request: PlotRequest) -> Iterator[
         if request.letters:
             _letter_panels(figure)
         true_scale_axes = [axes for axes in figure.axes if axes.get_aspect() != "auto"]
-        # For axes that are smaller than their place the layout reserves no room for tick labels.
+        # The layout reserves no room for tick labels of axes that are smaller than their place.
         for axes in true_scale_axes:
             axes.set_aspect("auto")
-        for _ in range(LAYOUT_PASSES):
+        # Each pass knows the heights and tick labels of the pass before.
+        passes = 3
+        for _ in range(passes):
             figures.place_panels(figure)
             figures.thin_tick_labels(figure)
             heights = [
@@ -286,7 +283,8 @@ def _picture_width(request: PlotRequest, rows: Sequence[_Row]) -> float:
     columns = max(row.columns for row in rows)
     min_width = request.font_scale * max(row.columns * row.min_panel_width for row in rows)
     if request.width is None:
-        return max(PANEL_WIDTH * min(MAX_LINE_COLUMNS, columns), min_width)
+        default_panel_width = 4.4
+        return max(default_panel_width * min(MAX_LINE_COLUMNS, columns), min_width)
     width = request.width * MM
     if width < min_width:
         panels = "panels" if columns == 1 else f"{columns} panels side by side"
@@ -394,6 +392,8 @@ def _automatic_rows(
     """
     single_panels: list[_Panel] = []
     map_rows: list[_Row] = []
+    max_maps_in_row = 4
+    max_film_columns = 6
     for panel_kind in request.what:
         single_panels += _line_panels(runs, names, request, panel_kind)
         for maps in _map_groups(runs, names, request, panel_kind):
@@ -401,7 +401,7 @@ def _automatic_rows(
                 single_panels.append(_map_panel(maps, 0))
             else:
                 max_columns = request.max_columns(
-                    MIN_MAP_WIDTH, MAX_FILM_COLUMNS if panel_kind == "film" else MAX_MAPS_IN_ROW
+                    MIN_MAP_WIDTH, max_film_columns if panel_kind == "film" else max_maps_in_row
                 )
                 map_rows.append(_map_row(maps, max_columns))
     max_columns = request.max_columns(MIN_PANEL_WIDTH, MAX_LINE_COLUMNS)
@@ -532,8 +532,10 @@ def _map_panel(maps: FieldRow | PressureMaps, i: int) -> _Panel:
 
 def _panel_row(panels: Sequence[_Panel], columns: int) -> _Row:
     """Return panels side by side, of equal size, whether the row is full or not."""
+    # Ratio of height to width of panels of curves.
+    line_aspect = 0.72
     aspect = max(
-        (panel.aspect for panel in panels if panel.aspect is not None), default=LINE_ASPECT
+        (panel.aspect for panel in panels if panel.aspect is not None), default=line_aspect
     )
 
     def into(part: SubFigure) -> Sequence[Axes]:

@@ -36,12 +36,9 @@ from indent_sim.results.result_scene import scene_of
 # A peak is shown up to so many medians of the pressure inside the contact: beside a singularity the
 # rest of the curve would be invisible otherwise.
 PEAK_MEDIANS = 5.0
-PRESSURE_VIEW = 1.5  # Half-width of the view around the tip, in contact radii.
 # A pressure above this fraction of the median inside the contact is contact; below it, it may be an
 # oscillation of the solution.
 PRESSED_FRACTION = 0.02
-# Darkest colour of the map, behind labels that may be outside of the body.
-LABEL_BACKGROUND = "#00224e"
 
 
 @dataclass(frozen=True)
@@ -91,16 +88,18 @@ class ContactSurface:
 
     @property
     def half_width(self) -> float:
-        """Half-width of the view [length]: PRESSURE_VIEW radii, and all loaded points.
+        """Half-width of the view [length]: 1.5 radii, and all loaded points.
 
-        Corners of a contact with few sides are farther from the axis than PRESSURE_VIEW times the
+        Corners of a contact with few sides are farther from the axis than 1.5 times the
         radius of a circle with its area.
         """
         pressed = np.abs(self.p) > PRESSED_FRACTION * self.median_pressure
         farthest = max(
             np.abs(self.x[pressed]).max(initial=0.0), np.abs(self.y[pressed]).max(initial=0.0)
         )
-        return max(PRESSURE_VIEW * self.a, farthest + 0.1 * self.a)
+        # Half-width of the view around the tip, in contact radii.
+        view = 1.5
+        return max(view * self.a, farthest + 0.1 * self.a)
 
     def is_bounded(self) -> np.ndarray:
         """Return the points (n,) away from pressure singularities."""
@@ -544,10 +543,12 @@ def _draw_shear(axes: Axes, contact: ContactSurface, length: Axis) -> None:
         contact.stick_radius * np.array([np.cos(angle), np.sin(angle)]) + contact.center[:, None]
     )
     axes.plot(*map(length, stick_circle), color="black", lw=1.4, ls=":")
+    # Darkest colour of the map, behind labels that may be outside of the body.
+    background = "#00224e"
     look: PlotStyle = {
         "color": "white",
         "fontsize": "x-small",
-        "bbox": {"facecolor": LABEL_BACKGROUND, "lw": 0, "pad": 1.5},
+        "bbox": {"facecolor": background, "lw": 0, "pad": 1.5},
     }
     axes.annotate(
         "lines: equal shear\ndots: stick radius", (0.03, 0.03), xycoords="axes fraction", **look

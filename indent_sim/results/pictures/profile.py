@@ -14,8 +14,6 @@ from indent_sim.results.reader import Results
 from indent_sim.results.result_scene import contacts_per_body, scene_of
 from indent_sim.results.tip_geometry import section
 
-PROFILE_VIEW = 3.0  # Half-width of the view around the tip, in contact radii or depths.
-
 
 @dataclass(frozen=True)
 class SurfaceProfile:
@@ -109,7 +107,9 @@ def draw_profiles(axes: Axes, shown: Sequence[tuple[Results, float, str, object]
     """
     runs = [results for results, *_ in shown]
     profiles = [surface_profile(results, step) for results, step, *_ in shown]
-    half_width = max(PROFILE_VIEW * max(line.a, abs(line.delta)) for line in profiles)
+    # Half-width of the view around the tip, in contact radii or depths.
+    view = 3.0
+    half_width = max(view * max(line.a, abs(line.delta)) for line in profiles)
     middle, name = tip_axis_position(runs)
     length = scaled_axis("length", runs, half_width, name)
     profiles = [
@@ -122,10 +122,10 @@ def draw_profiles(axes: Axes, shown: Sequence[tuple[Results, float, str, object]
     low = min(heights.min(initial=0.0), -delta)
     high = max(heights.max(initial=0.0), 0.3 * delta)
     if (scene := scene_of(runs[deepest].path)) is not None:
-        draw_tip(axes, scene, delta, middle, PROFILE_VIEW * half_width, length)
+        draw_tip(axes, scene, delta, middle, view * half_width, length)
     for i, ((run, _, name, colour), line) in enumerate(zip(shown, profiles, strict=True)):
         if i != deepest and (scene := scene_of(run.path)) is not None:
-            s, z = _tip_line(scene, line.delta, middle, PROFILE_VIEW * half_width, length)
+            s, z = _tip_line(scene, line.delta, middle, view * half_width, length)
             axes.plot(s, z, color=colour, lw=0.7, ls=(0, (1, 1.5)), zorder=2)
         axes.plot(length(line.x), length(line.z), color=colour, label=name or None, zorder=3)
     axes.plot(

@@ -13,8 +13,6 @@ from indent_sim.results.atomic_files import read_regular_file
 from indent_sim.results.reader import Results
 from indent_sim.results.result_files import CONFIG, Report
 
-MOST_NAME_LETTERS = 48  # A longer name is shortened.
-
 
 def natural_sort_key(name: str) -> list[tuple[float, str]]:
     """Return a sort key that orders the numbers within names by value."""
@@ -54,10 +52,9 @@ def _differing_settings(runs: Sequence[Results]) -> list[str]:
         ", ".join(f"{name} {short_yaml(value)}" for name, value in pairs if value is not None)
         for pairs in settings
     ]
-    return [
-        text if len(text) <= MOST_NAME_LETTERS else f"{text[: MOST_NAME_LETTERS - 1]}…"
-        for text in words
-    ]
+    # A longer name is shortened.
+    max_letters = 48
+    return [text if len(text) <= max_letters else f"{text[: max_letters - 1]}…" for text in words]
 
 
 def config_by_key(folder: Path) -> Report:

@@ -53,8 +53,9 @@ from indent_sim.run.error_estimation.error_budget import (
 )
 from indent_sim.run.error_estimation.film_error import FilmError
 from indent_sim.run.error_estimation.step_refinement import StepRefinement, value_difference
-from indent_sim.scene.expected_error import EDGE_ERROR, FORCE_DEPTH_EXPONENT, edge_error
-from indent_sim.scene.resolution import ERROR_CONSTANT, ORDER_OF_CONVERGENCE, error_decay
+from indent_sim.scene.expected_error import FORCE_DEPTH_EXPONENT, edge_error
+from indent_sim.scene.measured_constants import EDGE_ERROR, ERROR_CONSTANT, ORDER_OF_CONVERGENCE
+from indent_sim.scene.resolution import error_decay
 from indent_sim.scene.scene import Scene
 
 # Lower bound of the error, relative to ERROR_CONSTANT n^-ORDER_OF_CONVERGENCE (see `resolution`).
@@ -62,9 +63,6 @@ MIN_ERROR_FRACTION = 0.2
 RADIUS_ERROR = 0.09  # error of the contact radius, relative to the element where the contact ends
 PRESSURE_ORDER = 2.0  # order of convergence of p_max: that of the stresses of quadratic elements
 PEAK_ERROR = 0.2  # lower bound of the error of p_max, relative to n^-PRESSURE_ORDER p_max
-
-# Columns other than the force that have error bars.
-SECONDARY_COLUMNS = ("a", "p_max", "stick_radius", "dissipation")
 
 
 class ErrorBars:
@@ -329,7 +327,9 @@ class ErrorBars:
 
     def _secondary_names(self, state: State) -> list[str]:
         """Columns other than the force that the row has."""
-        return [name for name in SECONDARY_COLUMNS if getattr(state, name) is not None]
+        # Columns other than the force that have error bars.
+        columns = ("a", "p_max", "stick_radius", "dissipation")
+        return [name for name in columns if getattr(state, name) is not None]
 
     def _secondary_error(self, state: State, name: str) -> float:
         """Error of a number other than the force."""

@@ -26,9 +26,6 @@ from indent_sim.scene.path_rows import PathRow, path_rows
 from indent_sim.scene.problem_definition import is_undrained_incompressible
 from indent_sim.scene.scene import Scene
 
-# Depth or force of a second equilibrium, relative to the largest, from which the slope follows.
-SECOND_DEPTH_FRACTION = 0.95
-
 
 @dataclass(frozen=True)
 class FilmError:
@@ -139,13 +136,13 @@ def sudden_load_scene(scene: Scene) -> Scene | None:
         return None
     largest = max(path.values)
     deepest = max(scene.physics.deltas)
+    # Depth or force of a second equilibrium, relative to the largest, from which the slope follows.
+    second_fraction = 0.95
     sudden_path = LoadPath(
         path.control,
-        (SECOND_DEPTH_FRACTION * largest, largest),
+        (second_fraction * largest, largest),
         times=(path.start_time or 0.0,) * 2,
         branches=("approach",) * 2,
         start_time=path.start_time,
     )
-    return scene.replace_physics(
-        path=sudden_path, deltas=(SECOND_DEPTH_FRACTION * deepest, deepest)
-    )
+    return scene.replace_physics(path=sudden_path, deltas=(second_fraction * deepest, deepest))

@@ -13,15 +13,12 @@ from indent_sim.model.contact import AugmentedLagrangian, Friction, SlipReferenc
 from indent_sim.model.load_path import LoadPath
 from indent_sim.process.usage import machine_memory
 from indent_sim.run.error_estimation.coarser_run import CoarserRun, States
+from indent_sim.run.measured_constants import STICK_STEPS
 from indent_sim.scene.cost import MAX_CANDIDATES, SolverWork, predict_cost
+from indent_sim.scene.measured_constants import STICK_FRICTION
 from indent_sim.scene.mesh_counts import candidate_count
-from indent_sim.scene.no_slip_effect import STICK_FRICTION, NoSlipEffect, tensile_rim_width
+from indent_sim.scene.no_slip_effect import NoSlipEffect, tensile_rim_width
 from indent_sim.scene.scene import Scene
-
-SLIP_REFERENCES: tuple[SlipReference, ...] = ("mid", "implicit", "glue")
-# Steps to the depth by dimension of the mesh. New contact sticks during a step; with these numbers
-# the force is accurate to 0.05 % and 0.15 %.
-STICK_STEPS = {2: 10, 3: 4}
 
 
 def solve_no_slip_effect(run: CoarserRun, follow: Callable[[Scene], States]) -> NoSlipEffect | None:
@@ -64,9 +61,10 @@ def no_slip_scenes(scene: Scene, depth: float) -> list[Scene]:
         return []
     frictional = _sticking_scene(frictionless)
     steps = STICK_STEPS[scene.physics.domain.dim]
+    slip_references: tuple[SlipReference, ...] = ("mid", "implicit", "glue")
     return [
         _scene_to_depth(frictionless, depth, 1),
-        *(_scene_to_depth(frictional, depth, steps, anchor) for anchor in SLIP_REFERENCES),
+        *(_scene_to_depth(frictional, depth, steps, anchor) for anchor in slip_references),
     ]
 
 

@@ -15,26 +15,15 @@ from indent_sim.run.error_estimation.coarser_run import (
 from indent_sim.run.error_estimation.film_error import sudden_load_scene
 from indent_sim.run.error_estimation.no_slip_runs import no_slip_base_run, no_slip_scenes
 from indent_sim.run.error_estimation.refinement import MAX_LEVELS, MIN_REFINEMENT, refinement_ratio
-from indent_sim.scene.cost import (
+from indent_sim.run.measured_constants import DRAINAGE_ERROR, DRAINAGE_ORDER, SMEARED_EDGE_ERROR
+from indent_sim.scene.cost import Cost
+from indent_sim.scene.measured_constants import (
     SECONDS_PER_RUN,
     SECONDS_PER_THEORY_RUN,
     START_SECONDS,
     THEORY_SECONDS,
-    Cost,
 )
 from indent_sim.scene.scene import Scene
-
-# The expected relative error of a draining body is DRAINAGE_ERROR n^-DRAINAGE_ORDER with n elements
-# in the contact radius, since the fluid pressure is singular where the tip's seal ends. It is
-# SMEARED_EDGE_ERROR n^-DRAINAGE_ORDER where that edge lies within partly sealed elements. Measured
-# on a punch and a ball with n = 5 to 56.
-DRAINAGE_ERROR = 0.04
-
-
-SMEARED_EDGE_ERROR = 0.16
-
-
-DRAINAGE_ORDER = 1.3
 
 
 def predict_total_cost(scene: Scene, error_bars: bool = False) -> Scene:

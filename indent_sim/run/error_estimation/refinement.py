@@ -11,17 +11,11 @@ from typing import Any
 from indent_sim.config.schema import Config
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.error_estimation.coarser_run import (
-    CoarserRun,
-)
+from indent_sim.run.error_estimation.coarser_run import CoarserRun
 from indent_sim.run.error_estimation.error_bars import AnyErrorBars
 from indent_sim.run.error_estimation.error_budget import ErrorBudget
-from indent_sim.scene.resolution import (
-    MAX_ELEMENTS,
-    ORDER_OF_CONVERGENCE,
-    MeshResolution,
-    target_error,
-)
+from indent_sim.scene.measured_constants import ORDER_OF_CONVERGENCE
+from indent_sim.scene.resolution import MAX_ELEMENTS, MeshResolution, target_error
 from indent_sim.scene.scene import Scene
 
 MAX_LEVELS = 6

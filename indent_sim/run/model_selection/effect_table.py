@@ -30,6 +30,7 @@ from indent_sim.model.tips import (
 )
 from indent_sim.model.unbounded_bodies import HalfSpace, InfiniteLayer, UnboundedBody
 from indent_sim.model.walled_bodies import Strip, StripSides
+from indent_sim.run.measured_constants import EDGE_ROUNDING
 from indent_sim.run.model_selection.effects import (
     Absent,
     Cases,
@@ -53,12 +54,6 @@ from indent_sim.scene.prescribed_history import remaining_modulus_fraction
 
 # Friction coefficients that are tried if a scene has no friction.
 SAMPLE_FRICTIONS: tuple[Friction, ...] = (0.1, 0.3, "stick")
-# Radius of the edge of a flat punch at finite strain, relative to that of the punch: a sharper edge
-# cannot be solved. The effect of finite strain depends little on it: for nu = 0.3 and
-# delta/a = 0.1 it is 1.18 to 1.23 % with edges of 0.005 to 0.1, and 1.6 % with a sharp edge.
-EDGE_ROUNDING = 0.05
-# The modulus of a substrate is varied downwards from this multiple of that of the layer.
-MAX_MODULUS_RATIO = 1e3
 # Poisson's ratio of that substrate.
 SUBSTRATE_NU = 0.3
 
@@ -119,9 +114,11 @@ def _side_wall_range(v: SceneVariants) -> tuple[float, float, None]:
 
 
 def _substrate_modulus(v: SceneVariants, x: float) -> float:
-    """Modulus of a substrate, MAX_MODULUS_RATIO E/x."""
+    """Modulus of a substrate, 1000 E/x."""
     material: Any = v.config.layers[0].material
-    return float(MAX_MODULUS_RATIO / x * material.canonical().constants.E)
+    # The modulus of a substrate is varied downwards from this multiple of that of the layer.
+    max_ratio = 1e3
+    return float(max_ratio / x * material.canonical().constants.E)
 
 
 def _substrate_variant(v: SceneVariants, x: float) -> Config:

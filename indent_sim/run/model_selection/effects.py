@@ -24,15 +24,6 @@ from indent_sim.config.schema import Config
 from indent_sim.process.errors import ConfigError, NotConverged
 from indent_sim.theory.solution import SOLUTION_ERRORS
 
-# Ratio of successive values of a varied parameter. An effect that exceeds the tolerance only
-# between two of them is not found.
-FIRST_STEP_RATIO = 1.5
-# A parameter is varied by at most this factor in either direction.
-MAX_PARAMETER_RANGE = 1e6
-# A parameter is varied until the force has changed by this fraction.
-MAX_FORCE_CHANGE = 0.5
-# Relative width of the interval of a threshold, in which the effect is interpolated linearly.
-THRESHOLD_TOLERANCE = 0.01
 # Errors of a variant that cannot be solved.
 UNSOLVED = (NotConverged, ConfigError, *SOLUTION_ERRORS)
 
@@ -276,27 +267,34 @@ class _ThresholdSearch:
         """Samples of the change, and a text on the scene that could not be solved, if any.
 
         Samples begin where the change is below the tolerance, and end where it exceeds
-        MAX_FORCE_CHANGE, where x has its largest value, or where a scene cannot be solved.
+        50 %, where x has its largest value, or where a scene cannot be solved.
         """
         x = self._initial
         stop_reason = ""
         change = self._change(x)
+        # Ratio of successive values of a varied parameter. An effect that exceeds the tolerance
+        # only between two of them is not found.
+        first_step_ratio = 1.5
+        # A parameter is varied by at most this factor in either direction.
+        max_parameter_range = 1e6
         while abs(change) >= self._tolerance:
-            x /= FIRST_STEP_RATIO**2
+            x /= first_step_ratio**2
             change = self._change(x)
-            if x < self._initial / MAX_PARAMETER_RANGE:
+            if x < self._initial / max_parameter_range:
                 raise NotConverged(
                     f"{self.parameter} changes the force by more than the tolerance at all values "
                     "that were tried"
                 )
         samples = [(x, change)]
-        step = FIRST_STEP_RATIO
+        step = first_step_ratio
         # The ratio shrinks to this value towards parameters for which a scene cannot be
         # solved.
         min_step_ratio = 1.03
+        # A parameter is varied until the force has changed by this fraction.
+        max_force_change = 0.5
         while (
-            abs(change) < MAX_FORCE_CHANGE
-            and x < min(self._max_value, self._initial * MAX_PARAMETER_RANGE)
+            abs(change) < max_force_change
+            and x < min(self._max_value, self._initial * max_parameter_range)
             and step > min_step_ratio
         ):
             factor = step if abs(change) > self._tolerance / 10 else step**2
@@ -323,9 +321,12 @@ class _ThresholdSearch:
     def _bisect(self, level: float, low: Sample, high: Sample) -> float:
         """Value of x at which the change passes a level between two samples.
 
-        The interval is bisected to THRESHOLD_TOLERANCE, and the change is interpolated in it.
+        The interval is bisected to 1 %, and the change is interpolated in it.
         """
-        while high[0] > low[0] * (1 + THRESHOLD_TOLERANCE):
+        # Relative width of the interval of a threshold, in which the effect is interpolated
+        # linearly.
+        tolerance = 0.01
+        while high[0] > low[0] * (1 + tolerance):
             x = (low[0] * high[0]) ** 0.5
             middle = x, self._change(x)
             if (middle[1] - level) * (low[1] - level) > 0:

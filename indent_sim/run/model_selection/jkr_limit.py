@@ -8,9 +8,6 @@ from indent_sim.theory.layer import Layer
 from indent_sim.theory.punches import LayerPunches
 from indent_sim.theory.roots import increasing_root
 
-# Depths of that search are at least this fraction of the prescribed depth.
-MIN_DEPTH_FRACTION = 1e-6
-
 
 class JkrLimit:
     """The JKR limit of a scene that theory solves as a layer."""
@@ -27,9 +24,11 @@ class JkrLimit:
         # The search for the contact radius with adhesion begins above that without, by
         # this fraction.
         radius_margin = 1e-3
+        # Depths of that search are at least this fraction of the prescribed depth.
+        min_depth_fraction = 1e-6
         # The contact radius of the stable equilibrium is larger than that without adhesion.
         radius = increasing_root(
-            lambda a: max(jkr.equilibrium_at(a).delta, MIN_DEPTH_FRACTION * self._delta),
+            lambda a: max(jkr.equilibrium_at(a).delta, min_depth_fraction * self._delta),
             self._delta,
             self._nonadhesive.a * (1 + radius_margin),
             self._punches.max_radius,

@@ -25,10 +25,7 @@ from indent_sim.run.model_selection import variants
 from indent_sim.run.model_selection.effect_table import EFFECTS
 from indent_sim.run.model_selection.effects import Effect, find_effect
 from indent_sim.run.model_selection.scene_variants import SceneVariants
-from indent_sim.run.model_selection.time_dependence import (
-    TransientVariants,
-    elastic_limit_changes,
-)
+from indent_sim.run.model_selection.time_dependence import TransientVariants, elastic_limit_changes
 from indent_sim.run.model_selection.variants import Document, replace_sections
 from indent_sim.scene.regions import remove_unused_material
 from indent_sim.scene.scene import resolve
@@ -45,8 +42,6 @@ BODY_MODELS: dict[str, tuple[ConfigChange | None, tuple[str, ...]]] = {
     "": (None, ()),
 }
 BATH_TEXT = "a bath swells or shrinks the body, so that no elastic body has the same force"
-# Effects that only the scene itself can have, and no model that is chosen here.
-SCENE_ONLY_EFFECTS = ("rate", "adhesion", "cantilever", "calibration")
 # Parts of a history on the elastic curve that cause an effect.
 EXPERIMENT_PARTS = {
     "adhesion": ("adhesion",),
@@ -398,9 +393,11 @@ def _recommendation_text(
         text += "nothing simpler is within the tolerance."
     # The row "stick" tells the effect of any friction only if the scene has none.
     slip_effect = "friction" if effects["friction"].is_possible else "stick"
+    # Effects that only the scene itself can have, and no model that is chosen here.
+    scene_only_effects = ("rate", "adhesion", "cantilever", "calibration")
     names = [
         name
-        for name in (slip_effect, *SCENE_ONLY_EFFECTS)
+        for name in (slip_effect, *scene_only_effects)
         if name != contact_extra and name in effects
     ]
     significant = [

@@ -35,14 +35,9 @@ from indent_sim.scene.scene import Scene, resolve
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.roots import increasing_root
 
-# Without theory, the exponent of the load curve follows from the force at this fraction of the
-# depth.
-SECOND_DEPTH_FRACTION = 0.9
 # Steps of a path-dependent contact. Friction then has an error of 0.1 % of the force. Adhesion has
 # no memory, and its error cancels in a ratio of forces.
 PATH_STEPS = {"friction": 20, "adhesion": 2}
-# Relative change of the size of the tip for the derivative of the force.
-RADIUS_CHANGE = 0.02
 
 
 class SceneVariants:
@@ -409,9 +404,12 @@ class SceneVariants:
             deepest_solution = theory.solution_at_depth(deepest)
             if solution and deepest_solution:
                 return self.scene_force * solution.force / deepest_solution.force
-        nearby_scene = self._linear_scene_at(SECOND_DEPTH_FRACTION * self.delta)
+        # Without theory, the exponent of the load curve follows from the force at this fraction of
+        # the depth.
+        fraction = 0.9
+        nearby_scene = self._linear_scene_at(fraction * self.delta)
         force_ratio = self.solver.force(nearby_scene) / self.scene_force
-        return self.scene_force * depth_ratio ** (log(force_ratio) / log(SECOND_DEPTH_FRACTION))
+        return self.scene_force * depth_ratio ** (log(force_ratio) / log(fraction))
 
     @cached_property
     def tolerated_depth_error(self) -> float:
@@ -439,9 +437,11 @@ class SceneVariants:
         """Exponent n = d ln F/d ln R for the radius of the tip; 0 for a tip without radius."""
         if self.tip_radius is None:
             return 0.0
-        larger_tip = self.tip.scaled(1 + RADIUS_CHANGE)
+        # Relative change of the size of the tip for the derivative of the force.
+        change = 0.02
+        larger_tip = self.tip.scaled(1 + change)
         ratio = self.force_ratio(self.replace_tip(larger_tip), self.plain_scene)
-        return log(ratio) / log(1 + RADIUS_CHANGE)
+        return log(ratio) / log(1 + change)
 
 
 def _positive_ratio(numerator: float, denominator: float) -> float:

@@ -37,11 +37,6 @@ from indent_sim.scene.prescribed_history import remaining_modulus_fraction
 from indent_sim.scene.problem_definition import largest_diffusivity
 from indent_sim.scene.scene import Scene, resolve
 
-# Forces that agree to this relative tolerance count as equal. The first row of the largest force
-# is used, because a prescribed force is often held.
-FORCE_TOLERANCE = 1e-6
-# First and second elastic limit of each effect.
-LIMITS = {"drainage": ("drained", "undrained"), "rate": ("unrelaxed", "relaxed")}
 TIME_EFFECTS: dict[str, Cases] = {
     "drainage": (
         Range(
@@ -217,7 +212,10 @@ class TransientVariants(SceneVariants):
         """The first row of the largest force; NotConverged if the force is not positive."""
         rows = self._rows(self._transient_scene)
         max_force = max(row.force for row in rows)
-        min_force = max_force - FORCE_TOLERANCE * abs(max_force)
+        # Forces that agree to this relative tolerance count as equal. The first row of the largest
+        # force is used, because a prescribed force is often held.
+        force_tolerance = 1e-6
+        min_force = max_force - force_tolerance * abs(max_force)
         largest_row = next(row for row in rows if row.force >= min_force)
         if not largest_row.force > 0:
             raise NotConverged("the largest force is not positive")
@@ -313,7 +311,9 @@ def elastic_limit_changes(effect: Effect) -> dict[str, float | None]:
 
     F is the force of the scene and F_limit that of the limit; None if it is unknown.
     """
-    first, second = LIMITS[effect.name]
+    # First and second elastic limit of each effect.
+    limits = {"drainage": ("drained", "undrained"), "rate": ("unrelaxed", "relaxed")}
+    first, second = limits[effect.name]
     second_percent = None
     if effect.percent is not None and effect.low is not None and effect.high is not None:
         range_end = effect.low if effect.low < 0 else effect.high

@@ -20,14 +20,6 @@ from indent_sim.scene.scene import Scene, resolve
 from indent_sim.theory.solution import SOLUTION_ERRORS
 
 T = TypeVar("T")
-# Longest run of a variant in time, and of an elastic one in three dimensions [s]: a table of
-# effects should not take more than a few minutes.
-MAX_SECONDS_IN_TIME = 600.0
-MAX_SECONDS_3D = 120.0
-
-
-# Parts of a resolved scene on which its solution depends.
-PROBLEM_PARTS = ("physics", "sizes", "solver", "experiment", "history_on_curve", "relaxation")
 
 
 class VariantSolver:
@@ -81,7 +73,16 @@ class VariantSolver:
         def solve_scene() -> T:
             """The result of the resolved variant."""
             scene = self.theory_scene(config) or resolve(config)
-            problem = " ".join(repr(getattr(scene, part)) for part in PROBLEM_PARTS)
+            # Parts of a resolved scene on which its solution depends.
+            problem_parts = (
+                "physics",
+                "sizes",
+                "solver",
+                "experiment",
+                "history_on_curve",
+                "relaxation",
+            )
+            problem = " ".join(repr(getattr(scene, part)) for part in problem_parts)
             return self._compute_once(f"{kind} {problem}", lambda: solve(scene))
 
         return self._compute_once(f"{kind} {config!r}", solve_scene)
@@ -108,13 +109,17 @@ class VariantSolver:
 def _solve_path(scene: Scene) -> list[State]:
     """Rows of a scene; NotConverged if a table of effects cannot wait for them."""
     seconds = scene.plan.prediction.get("seconds", 0.0)
+    # Longest run of a variant in time, and of an elastic one in three dimensions [s]: a table of
+    # effects should not take more than a few minutes.
+    max_seconds_in_time = 600.0
+    max_seconds_3d = 120.0
     if scene.physics.is_time_dependent:
-        if seconds > MAX_SECONDS_IN_TIME:
+        if seconds > max_seconds_in_time:
             raise NotConverged(
                 f"the run would take about {seconds:.2g} s; run the scene and its elastic limits "
                 "instead"
             )
-    elif scene.is_meshed and scene.physics.domain.dim == 3 and seconds > MAX_SECONDS_3D:
+    elif scene.is_meshed and scene.physics.domain.dim == 3 and seconds > max_seconds_3d:
         raise NotConverged(
             f"a run in three dimensions would take about {seconds:.2g} s; run the scene with and "
             "without the effect instead"

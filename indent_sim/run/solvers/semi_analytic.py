@@ -18,9 +18,6 @@ from indent_sim.run.run_output import Comm
 from indent_sim.scene.scene import Scene
 from indent_sim.theory.solution import Solution
 
-# Extent of the written surface in contact radii, if no wall is nearer.
-SURFACE_EXTENT = 10.0
-
 
 class SemiAnalyticSolver:
     """Solver by theory, row by row, with the interface of the load stepper of a meshed scene.
@@ -122,12 +119,14 @@ class SemiAnalyticSolver:
 def surface_radii(scene: Scene) -> np.ndarray:
     """Distances from the tip's axis at which the surface is written.
 
-    They extend to the end of the body or to SURFACE_EXTENT radii of the largest contact, and
+    They extend to the end of the body or to ten radii of the largest contact, and
     contain the end of that contact.
     """
     sizes = scene.sizes
     lateral_extent = scene.physics.body.lateral_extent(scene.physics.center)
-    end = min(SURFACE_EXTENT * sizes.a, lateral_extent)
+    # Extent of the written surface in contact radii, if no wall is nearer.
+    extent = 10.0
+    end = min(extent * sizes.a, lateral_extent)
     distances = [0.0]
     while distances[-1] < end * (1 - 1e-9):
         distances.append(

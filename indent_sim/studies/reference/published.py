@@ -12,13 +12,8 @@ from indent_sim.config.strict_yaml import KeyPath, key_text
 from indent_sim.process.errors import ConfigError
 from indent_sim.results.reader import RESULT_COLUMNS
 
-CLAIMS = ("exact", "fit", "elements")
 PULL_OFF = "pull_off"
 QUANTITIES = (*RESULT_COLUMNS, PULL_OFF)
-ROW_KEYS = ("delta", "t", "step")  # one of these columns identifies the row of a value
-PUBLISHED_KEYS = ("quantity", "at", "value", "claims", "within", "source")
-REQUIRED_KEYS = ("quantity", "value", "claims", "source")
-EXACT_KEYS = ("value", "case", "by")
 
 
 @dataclass(frozen=True)
@@ -52,7 +47,9 @@ class ExactValue:
 
 def read_published(raw_section: Any, keys: KeyPath) -> PublishedValue:
     """Return the section `published` of a case; its ConfigError has no file and line."""
-    section = _check_section(raw_section, keys, PUBLISHED_KEYS, REQUIRED_KEYS)
+    allowed_keys = ("quantity", "at", "value", "claims", "within", "source")
+    required_keys = ("quantity", "value", "claims", "source")
+    section = _check_section(raw_section, keys, allowed_keys, required_keys)
     quantity = section["quantity"]
     claims = section["claims"]
     if quantity not in QUANTITIES:
@@ -65,7 +62,8 @@ def read_published(raw_section: Any, keys: KeyPath) -> PublishedValue:
         raise _config_error(
             (*keys, "quantity"), problem, f"force, a, p_max, {PULL_OFF}, E_hertz or another column"
         )
-    if claims not in CLAIMS:
+    valid_claims = ("exact", "fit", "elements")
+    if claims not in valid_claims:
         raise _config_error(
             (*keys, "claims"),
             "is none of exact, fit, elements",
@@ -93,7 +91,8 @@ def read_published(raw_section: Any, keys: KeyPath) -> PublishedValue:
 
 def read_exact(raw_section: Any, keys: KeyPath) -> ExactValue:
     """Return the section `exact` of a case; its ConfigError has no file and line."""
-    section = _check_section(raw_section, keys, EXACT_KEYS, ("by",))
+    allowed_keys = ("value", "case", "by")
+    section = _check_section(raw_section, keys, allowed_keys, ("by",))
     if ("value" in section) == ("case" in section):
         raise _config_error(
             keys,
@@ -130,7 +129,9 @@ def _read_row_key(section: Mapping[str, Any], keys: KeyPath) -> tuple[str, float
     row_key = section.get("at")
     if row_key is None:
         return None
-    if not isinstance(row_key, dict) or len(row_key) != 1 or next(iter(row_key)) not in ROW_KEYS:
+    # One of these columns identifies the row of a value.
+    row_keys = ("delta", "t", "step")
+    if not isinstance(row_key, dict) or len(row_key) != 1 or next(iter(row_key)) not in row_keys:
         raise _config_error(
             (*keys, "at"), "must name one row", "write {delta: 0.01}, {t: 1.5} or {step: 3}"
         )

@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import nan
 from pathlib import Path
 from typing import Any
 
@@ -20,14 +21,6 @@ from indent_sim.studies.cases import Case
 from indent_sim.studies.study_file import StudyFile
 
 DEPTH_TOLERANCE = 1e-9  # relative
-MAX_DEPTHS = 200  # theory is evaluated at no more depths than these
-DEPTH_FACTOR = 1.3  # the depth of a prescribed force differs from its prediction by less than this
-NO_COMPARISON_NOTE = (
-    "every run solves another problem, so that no run is compared with another; curves.csv and "
-    "curves.png have the curves"
-)
-APPROACH_NOTE = "the reference is a time history: runs are compared with the rows of its approach"
-NAN = math.nan
 
 
 @dataclass(frozen=True)
@@ -51,15 +44,17 @@ class ReferenceCurve:
         columns = self.force, self.a, self.p_max
         if self.is_measured:
             return tuple(
-                float(np.interp(delta, self.delta, column, NAN, NAN)) for column in columns
+                float(np.interp(delta, self.delta, column, nan, nan)) for column in columns
             )  # type: ignore[return-value]
         if self.is_interpolated:
-            return tuple(_interpolate_power_law(delta, self.delta, column) for column in columns)  # type: ignore[return-value]
+            return tuple(  # type: ignore[return-value]
+                _interpolate_power_law(delta, self.delta, column) for column in columns
+            )
         matching_rows = np.flatnonzero(np.isclose(self.delta, delta, rtol=DEPTH_TOLERANCE, atol=0))[
             -1:
         ]
         return tuple(
-            float(column[matching_rows[0]]) if len(matching_rows) else NAN for column in columns
+            float(column[matching_rows[0]]) if len(matching_rows) else nan for column in columns
         )  # type: ignore[return-value]
 
 
@@ -75,7 +70,7 @@ def _interpolate_power_law(x: float, known_x: np.ndarray, values: np.ndarray) ->
         None,
     )
     if x <= 0 or second_index is None:
-        return NAN
+        return nan
     slope = np.log(values[second_index] / values[nearest[0]]) / np.log(
         known_x[second_index] / known_x[nearest[0]]
     )
@@ -117,8 +112,12 @@ class ReferenceSolution:
             try:
                 results = _read_result(self._compare_to, cases)
                 self._file_curve = result_curve(results)
+                note = (
+                    "the reference is a time history: runs are compared with the rows of its "
+                    "approach"
+                )
                 self.notes = (
-                    (APPROACH_NOTE,)
+                    (note,)
                     if "t" in results.table and not results.report.get(reader.MEASURED)
                     else ()
                 )
@@ -197,7 +196,11 @@ class ReferenceSolution:
             for problem, finest_case in self._finest_cases.items()
         }
         if cases_by_problem and not self._finest_cases and not self._has_named_cases:
-            self.notes = (NO_COMPARISON_NOTE,)
+            note = (
+                "every run solves another problem, so that no run is compared with another; "
+                "curves.csv and curves.png have the curves"
+            )
+            self.notes = (note,)
         if len(self._finest_cases) == 1:
             (finest_case,) = self._finest_cases.values()
             unknowns = results_by_id[finest_case.id].report.get("dofs") or "no"
@@ -210,7 +213,7 @@ class ReferenceSolution:
         """Return the reference of a case; None if there is none."""
         if isinstance(self._compare_to, float):
             return ReferenceCurve(
-                *(np.array([value]) for value in (case.last_depth, self._compare_to, NAN, NAN))
+                *(np.array([value]) for value in (case.last_depth, self._compare_to, nan, nan))
             )
         curve = self._file_curve or self._curves.get(case.problem_key)
         return _adapt_to_case(case, curve) if curve else None
@@ -244,17 +247,21 @@ def _adapt_to_case(case: Case, curve: ReferenceCurve) -> ReferenceCurve:
 def theory_curve(case: Case) -> ReferenceCurve | None:
     """Return theory at the depths of a case; None if no theory applies.
 
-    At most `MAX_DEPTHS` depths are evaluated. If forces are prescribed, the depths cover a range
+    At most 200 depths are evaluated. If forces are prescribed, the depths cover a range
     around the predicted ones.
     """
     scene = case.planned_run.scene
     depths = [delta for delta in scene.physics.deltas if delta > 0]
-    depths = depths[:: -max(1, len(depths) // MAX_DEPTHS)][::-1]  # includes the last depth
+    # Theory is evaluated at no more depths than these.
+    max_depths = 200
+    depths = depths[:: -max(1, len(depths) // max_depths)][::-1]  # includes the last depth
     if case.planned_run.has_prescribed_forces and depths:
+        # The depth of a prescribed force differs from its prediction by less than this.
+        depth_factor = 1.3
         depths_around = np.geomspace(
-            min(depths) / DEPTH_FACTOR,
-            min(max(depths) * DEPTH_FACTOR, scene.physics.body.height),
-            MAX_DEPTHS,
+            min(depths) / depth_factor,
+            min(max(depths) * depth_factor, scene.physics.body.height),
+            max_depths,
         )
         depths = [float(depth) for depth in depths_around]
     solutions: Sequence[Any] | None = []
@@ -304,7 +311,7 @@ def result_curve(results: Results) -> ReferenceCurve:
 
     The approach of a measured curve is sorted by depth.
     """
-    unknown = np.full(len(results), NAN)
+    unknown = np.full(len(results), nan)
     if "t" in results.table and not results.report.get(reader.MEASURED):
         rows = curve_parts(results["delta"])["approach"]
         return ReferenceCurve(
@@ -328,7 +335,7 @@ def _peak_pressure(solution: Any) -> float:
     with np.errstate(all="ignore"):
         p = np.asarray(solution.pressure(radii), dtype=float)
     is_unbounded = p[:-1].max() > 1.5 * p[2:-2].max()
-    return NAN if not np.isfinite(p).all() or is_unbounded else float(p.max())
+    return nan if not np.isfinite(p).all() or is_unbounded else float(p.max())
 
 
 def _resolution_order(case: Case, results_by_id: Mapping[str, Results]) -> tuple[Any, ...]:

@@ -22,7 +22,6 @@ from indent_sim.studies.reference.published import PULL_OFF, PublishedValue
 from indent_sim.studies.study_file import CASE_COLUMN, NamedCase
 
 ROW_TOLERANCE = 1e-9  # relative difference of equal depths or times
-JUDGEMENT_COLUMNS = ("within", "ours_difference", "wrong")
 SCOREBOARD_COLUMNS = (
     "case",
     "quantity",
@@ -34,15 +33,15 @@ SCOREBOARD_COLUMNS = (
     "difference",
     "claims",
     "source",
-    *JUDGEMENT_COLUMNS,
+    "within",
+    "ours_difference",
+    "wrong",
 )
 NOBODY = "nobody"
 PUBLISHED = "published"
 OURS = "ours"
 BOTH = "both"
 UNKNOWN = "unknown"
-TEXT_COLUMNS = ("case", "quantity", "exact_by", "claims", "source", "wrong")
-ROUNDING = 1e-9  # relative rounding error of an exact value
 Row = dict[str, Any]
 
 
@@ -116,7 +115,8 @@ def read_row(row: Mapping[str, str]) -> Row:
 def _parse_cell(name: str, text: str) -> str | float | None:
     if not text:
         return None
-    return text if name in TEXT_COLUMNS else float(text)
+    text_columns = ("case", "quantity", "exact_by", "claims", "source", "wrong")
+    return text if name in text_columns else float(text)
 
 
 def read(text: str) -> list[Row]:
@@ -177,7 +177,9 @@ def _wrong_side(
     """Return who is wrong: the source beyond the error it claims, we beyond our error bar."""
     if exact is None:
         return UNKNOWN
-    exact_uncertainty = (exact.error or 0.0) + ROUNDING * abs(exact.number)
+    # Relative rounding error of an exact value.
+    rounding = 1e-9
+    exact_uncertainty = (exact.error or 0.0) + rounding * abs(exact.number)
     claimed_error = math.inf if published.claimed_error is None else published.claimed_error
     is_published_wrong = (
         abs(published.value - exact.number) > claimed_error * abs(exact.number) + exact_uncertainty

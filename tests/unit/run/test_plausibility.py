@@ -18,7 +18,7 @@ from indent_sim.run.row_warnings import (
 )
 from indent_sim.run.sanity_checks import CONTACT_RULES, GENERAL_RULES, violated_bound
 from indent_sim.scene.expected_error import error_text
-from indent_sim.scene.fluid_warnings import SUDDEN_BATH_RATIO
+from indent_sim.scene.measured_constants import SUDDEN_BATH_RATIO
 from indent_sim.scene.scene import Scene, resolve
 
 BODIES: dict[str, Any] = {

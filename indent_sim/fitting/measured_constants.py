@@ -1,0 +1,18 @@
+"""Measured constants of fits: numbers from fits and solved scenes, with their source.
+
+Each entry names the unit, what was measured on which scenes, and the test that checks what follows
+from it ("Checked"). Tolerances and limits that are a choice stand where they are used.
+"""
+
+from __future__ import annotations
+
+# Depths at which a scene is solved [-], and the degree of the polynomial through them. The relative
+# error of theory's force is 5e-11. Checked: tests/unit/fitting/test_scene_forces.py.
+SOLVED_DEPTHS = 20
+DEGREE = 12
+
+# Nodes [-] and steps, logarithmic and linear [-], of the parameter grid of forces along a measured
+# path; the interpolation error is 3e-4 of the force of a poroelastic layer.
+HISTORY_GRID_NODES = 4
+HISTORY_LOG_STEP = 0.4
+HISTORY_LINEAR_STEP = 0.05

@@ -1,0 +1,60 @@
+"""Measured constants of runs: numbers from runs and comparisons, with their source.
+
+Each entry names the unit, what was measured on which scenes, and the test or script that measures
+it again ("Again") or checks what follows from it ("Checked"). Tolerances and limits that are a
+choice stand where they are used.
+"""
+
+from __future__ import annotations
+
+# The expected relative error of a draining body is DRAINAGE_ERROR n^-DRAINAGE_ORDER [-] with n
+# elements in the contact radius, since the fluid pressure is singular where the tip's seal ends. It
+# is SMEARED_EDGE_ERROR n^-DRAINAGE_ORDER [-] where that edge lies within partly sealed elements.
+# Measured on a punch and a ball with n = 5 to 56. Checked: tests/physics/test_cost.py.
+DRAINAGE_ERROR = 0.04
+SMEARED_EDGE_ERROR = 0.16
+DRAINAGE_ORDER = 1.3
+
+# Steps [-] to the depth by dimension of the mesh, in runs with stick. New contact sticks during a
+# step; with these numbers the force is accurate to 0.05 % and 0.15 %.
+STICK_STEPS = {2: 10, 3: 4}
+
+# Distance from the zero of the edge pressure of nodal punches to the end of the contact, relative
+# to the distance of nodes [-], by formulation. Measured against theory on layers of nu = 0 to 0.5:
+# 0.14 to 0.18 and 0.04 to 0.08.
+EDGE_SHIFT = {"displacement": 0.16, "mixed": 0.06}
+# Least error of the depth at pull-off under force control on a mesh, relative to that under depth
+# control [-]; measured: 0.0019.
+MIN_PULL_OFF_ERROR = 0.002
+
+# Radius of the edge of a flat punch at finite strain, relative to that of the punch [-]: a sharper
+# edge cannot be solved. The effect of finite strain depends little on it: for nu = 0.3 and
+# delta/a = 0.1 it is 1.18 to 1.23 % with edges of 0.005 to 0.1, and 1.6 % with a sharp edge.
+# Checked: tests/physics/test_require.py.
+EDGE_ROUNDING = 0.05
+# Least edge radius that is tried as a remedy, relative to the radius of the tip [-]. Rods with edge
+# radii of 1 and 0.99 R reached 4.75 R in neo-Hookean rubber, punches with 0.1 R reached 1.3 R and
+# those with 0.001 R a few per cent of R.
+LEAST_ROUNDING = 0.2
+
+# Rows are reported whose contact pressure oscillates from node to node by more than this fraction
+# [-] of p_max. It is 0.002 to 0.02 where the pressure is smooth and 0.09 to 0.5 in a saw-tooth
+# (docs/decisions/0053). Again: `python tests/rubber_with_friction.py`.
+MAX_ROUGHNESS = 0.03
+# Rows are reported whose stick radius or dissipation may be wrong by more than this fraction [-]
+# because of a long step. Measured with 1, 2, 5, 10 and 40 even steps under a paraboloid (thick
+# layer, nu 0). Friction 0.3: the stick radius is 0.24, 0.45, 0.50, 0.52 and 0.54 of the contact
+# radius, and the total dissipation 2.4, 1.5, 1.07, 1.01 times that of 40 steps. Friction 0.6: 0.82,
+# 0.82, 0.85, 0.87 and 0.90, and 0.97, 0.60, 0.64, 0.89 times. The last step adds 1, 0.29, 0.11 and
+# 0.05 of the contact radius. Checked: tests/unit/run/test_plausibility.py.
+MAX_STEP_CHANGE = 0.25
+
+# Largest overlap of a facet with the tip, relative to the depth and to an element [-]: twice the
+# largest that was seen with a contact of one element.
+MAX_OVERLAP = (0.1, 0.5)
+# Largest penetration outside the contact surface, relative to the depth [-]. A contact group of a
+# mesh file that ends within the contact reduces the force: by 0.02 % where the tip is 2e-4 inside
+# the next facets, 0.4 % at 8e-3, 4 % at 6e-2, 20 % at 0.2 (axisymmetric and plane; both gaps). The
+# penetration is 0 where the contact surface is large enough. Checked:
+# tests/physics/test_beside_the_contact.py.
+MAX_OUTSIDE_PENETRATION = 1e-3

@@ -1,0 +1,175 @@
+"""Measured constants of planning: numbers from runs and meshes, with their source.
+
+Each entry names the unit, what was measured on which scenes, and the test or script that measures
+it again ("Again") or checks what follows from it ("Checked"). Tolerances and limits that are a
+choice stand where they are used.
+"""
+
+from __future__ import annotations
+
+# The error estimate of the force is about ERROR_CONSTANT n^-ORDER_OF_CONVERGENCE [-] at the worst
+# step with n elements in the contact radius, by dimension. Again:
+# `python -m pytest -m verify tests/physics/test_accuracy.py -s` prints it for every scene.
+ERROR_CONSTANT = {2: 0.65, 3: 0.33}
+ORDER_OF_CONVERGENCE = 2.5
+# Elements [-] in the radius of the contact without a requested accuracy, by dimension: the force of
+# the last step is within 0.3 %, measured on a paraboloid in two dimensions and on a cube. Checked:
+# tests/physics/test_layer_wall.py.
+ELEMENTS_PER_RADIUS = {2: 10.0, 3: 5.0}
+
+# The fluid pressure in a draining column extends over all of the height and does not decay below a
+# contact. It is linear in an element, so that the relative error of the force is
+# COLUMN_GRADING_ERROR grading^2 [-]. Measured on "Biot, confined ramp" of
+# configs/studies/verification/published.yaml (height 1, radius 0.1, at t = 0.1 height^2/D): 7.4e-4
+# when the grading is 0.2, 4.2e-4 when it is 0.167, and 1.2e-5 when all elements are 0.01.
+COLUMN_GRADING_ERROR = 0.02
+
+# h_edge n^ORDER_OF_CONVERGENCE divided by the punch's radius [-], by dimension. In three dimensions
+# it is so small that the error by the edge (EDGE_ERROR times h_edge over the radius) alone is
+# within ERROR_CONSTANT n^-ORDER_OF_CONVERGENCE: with 3.0 the first mesh missed its target, and the
+# second one took longer than the first one with 1.2. Checked: tests/physics/test_cost.py.
+EDGE_SIZE_FACTOR = {2: 0.3, 3: 1.2}
+# Relative error of the force, at most, divided by the element size at a punch's sharp edge relative
+# to its radius [-]. It was 0.09 to 0.22 on 25 quarter cylinders, and 0.65 on sections of nearly
+# incompressible bodies: INCOMPRESSIBLE_EDGE_FACTOR times as much. Again, on the quarter cylinders:
+# scripts/make_error_bar_table.
+EDGE_ERROR = 0.25
+INCOMPRESSIBLE_EDGE_FACTOR = 2.6
+# The sensitivity of the force to a punch's radius next to a wall is this times (1 + radius/gap)
+# [-], to 20 % of layer theory. Checked: tests/physics/test_corners.py.
+EDGE_REFINEMENT = 0.74
+
+# Bound of the relative error of the force [-] with elements of size h at a corner at the distance
+# d: CORNER_ERROR (2 nu)^2 (h/d)^SINGULARITY_RATE. Measured on cylinders 0.2 to 8 heights wide under
+# punches of 0.05 to 1 times their radius, with nu = 0 to 0.4999. Checked:
+# tests/physics/test_corners.py.
+CORNER_ERROR = 0.035
+# This constant where a body overhangs its base, without the factor of nu and for any support [-].
+# Measured on caps with contact angles from 60 to 170 degrees and elements of 0.01 to 0.3 of the
+# base radius: the errors were 0.1 to 1.3 times this bound, and no more than noise up to 90 degrees.
+NOTCH_ERROR = 0.1
+# The error by a corner decays as exp(-DECAY_RATE (s - DECAY_ONSET)) [-] with the distance s of
+# contact and side in heights of the body. Measured on the same cylinders. Checked:
+# tests/physics/test_corners.py.
+DECAY_ONSET = 0.5
+DECAY_RATE = 1.25
+
+# Elements [-] across a coating. Again: tests/physics/test_skins.py measures the error of the force.
+ELEMENTS_PER_COATING = 1.5
+# Relative change of the force by a missing part of an inclusion, at most [-], and the factor of the
+# elements in an inclusion with flat faces, of which no part is missing. The force was within 0.02
+# to 0.1 % without a requested accuracy, for moduli of 1e-3 to 1e3 times that of the body. Checked:
+# tests/physics/test_inclusions.py.
+MAX_INCLUSION_WEIGHT = 0.25
+FLAT_INCLUSION_FACTOR = 0.5
+# Elements [-] between an inclusion and the top of a cap or ball, which bends as a shell above a
+# soft inclusion. The force was within 0.1 to 0.2 % of the series solution, with 0.05 to 0.4 radii
+# between them. Checked: tests/physics/test_layered_ball.py.
+ELEMENTS_ABOVE_INCLUSION = 4.0
+
+# Elements [-] in the smallest and the largest contact radius of an adhesive contact in the JKR
+# limit: the pull-off force is within 0.2 %, measured on bonded layers.
+ADHESIVE_ELEMENTS_PER_RADIUS = 30.0
+# Elements [-] in the contact radius for time steps by nodal pressures: the error of the force is
+# 0.03 %.
+STEPPED_ELEMENTS_PER_RADIUS = 25.0
+# Elements [-] in the cohesive zone of an adhesive contact: the force is within 0.3 %. Checked, to
+# 0.35 %: tests/physics/test_adhesion.py.
+ELEMENTS_PER_ZONE = 2.0
+# Largest ratio of element size and cohesive zone [-]: with coarser elements the contact jumps from
+# node to node.
+MAX_ELEMENT_RATIO = 1.5
+# The surface below a frictionless tip stretches by exp(STRETCH_GROWTH (s - 1)) [-] at a depth of
+# s > 1 radii of the tip. A stretch of 13.5 was measured at the apex of a rod with a round end, 4.75
+# radii deep in a neo-Hookean material of nu = 0.49.
+STRETCH_GROWTH = 0.7
+
+# Relative difference of the forces of several equilibria on one mesh [-], with active_set and a
+# path of 1, 3 and 6 steps.
+EQUILIBRIA_DIFFERENCE = 0.002
+# Coefficient of friction [-] up to which the edge of the contact slips: ten steps along the path
+# then change the force by 0.01 %, and no second solution is needed. Checked, to 0.05 %:
+# tests/physics/test_friction.py.
+MAX_SLIPPING_FRICTION = 0.3
+# Largest element size at the edge, in widths of the tensile rim [-], at which the elements resolve
+# the rim. Newton's method was found to cycle with sizes up to 5 of them.
+MAX_RIM_ELEMENTS = 6.0
+# Coefficient of friction [-] that replaces stick then. The force is 0.05 % lower, measured at
+# nu = 0. Checked, to 0.1 %: tests/physics/test_friction.py.
+STICK_FRICTION = 5.0
+
+# Elastocapillary length over contact radius [-] beyond which p_max is off by more than its error
+# estimate; it is off by 5 % at 200. Checked: tests/physics/test_surface_tension.py.
+TENSION_PRESSURE_LIMIT = 30.0
+# Displacement elements are too stiff for a drained gel with a larger Poisson's ratio [-]: the force
+# is wrong by LOCKING_ERROR [-] at 0.4999.
+DRAINED_LOCKING_NU = 0.495
+LOCKING_ERROR = 0.01
+# Elements [-] in the radius of a contact that a tip seals, with which the unknown end of the sealed
+# area costs 2 % of the force that relaxes.
+MIN_SEALED_ELEMENTS = 10.0
+# Rows earlier than this many ramp times of the bath [-] get a warning: at this time a gel has risen
+# by 2.6 % less than after a sudden change. Checked: tests/unit/run/test_plausibility.py.
+SUDDEN_BATH_RATIO = 10.0
+# A time step is at least the diffusion time of an element over this number [-]. In a shorter one,
+# elements with linear pressure do not drain as a half-space does, and the force is up to 1.4 % too
+# low.
+ELEMENT_DRAINAGE_FACTOR = 6.0
+# Least number [-] of time steps between a change of the tip's speed and the next output row. The
+# boundary layer of pore pressure beside a drained face grows with the square root of that time. In
+# one step the force of a row was 6 % wrong with an error bar of 20 %, in eight steps 0.3 %, of
+# confined columns. Again: `python tests/early_times.py --kinds column --accuracy 0.01`.
+STEPS_TO_ROW = 8.0
+
+# Ratio of Young's moduli [-] up to which layer theory keeps the error THEORY_ERROR; beyond it the
+# error grows with the power CONTRAST_ERROR_EXPONENT of the ratio. It was 2e-6 at a ratio of 1e5.
+# Checked, up to a ratio of 1e3: tests/unit/theory/test_stack.py.
+INEXACT_CONTRAST = 1e4
+CONTRAST_ERROR_EXPONENT = 2.5
+
+# Iterative solvers need so many iterations with larger Poisson's ratios [-] and contact stiffnesses
+# [E*/h_contact] that some systems are not solved: 7 iterations at nu = 0.45 with displacement
+# elements, 25 at 0.495, 56 at 0.499, too many at 0.4999; 7 with a contact stiffness of 3e5
+# E*/h_contact, 10 and more Newton iterations with 9e5.
+MAX_ITERATIVE_NU = 0.495
+MAX_ITERATIVE_STIFFNESS = 3e5
+
+# Smallest element size relative to the longest side of the model domain [-]. With smaller elements
+# gmsh aborts or does not end: up to 3e-9 were seen, and 1e-10 in an axisymmetric section, where the
+# tip is at r = 0 and coordinates have all their digits. Checked: tests/physics/test_extremes.py.
+MIN_ELEMENT_SIZE = 5e-9
+MIN_AXIS_SIZE = 1e-10
+
+# Cells, nodes and vertices of a mesh: in two dimensions per size^2 of the section; in three per
+# size^3 of the volume, and per size^2 of its surface, where gmsh's elements are as small but lie on
+# one side only. They are within 5 % on 23 boxes, quarters and cylinders with 1 000 to 63 000 cells,
+# graded and uniform. Checked: tests/physics/test_cost.py.
+COUNTS_2D = {"cells": 2.63, "nodes": 5.58, "vertices": 1.45}
+COUNTS_3D = {"cells": (4.16, 1.94), "nodes": (5.15, 5.90), "vertices": (0.56, 1.22)}
+# Facets per size^(dim - 1) of the surface, by dimension, and nodes per facet [-].
+FACETS_PER_AREA = {2: 1.0, 3: 2.3}
+NODES_PER_FACET = 2.1
+
+# Costs were fitted to runs of this program on one core of about 2020 (see `cost`). Checked, within
+# a factor of two: tests/physics/test_cost.py.
+# Processor time [s] of a run by theory, of each of its rows, and of a row under a tip with slope
+# discontinuities, whose contact radius is found by a search.
+THEORY_SECONDS = 0.5
+SECONDS_PER_ROW = 4e-4
+SECONDS_PER_SEARCHED_ROW = 0.03
+# Processor time [s] to import the libraries, to mesh and to write; and of every further scene of a
+# process that has imported the libraries, with and without a mesh.
+START_SECONDS = 1.05
+SECONDS_PER_RUN = 0.07
+SECONDS_PER_THEORY_RUN = 0.003
+# Memory of the process without its scene [bytes].
+PROCESS_MEMORY = 1.7e8
+# Iterations of a Krylov solver [-], time of an iteration per unknown [s], and memory per unknown
+# [bytes].
+KRYLOV_ITERATIONS = 10.0
+KRYLOV_SECONDS = 3e-7
+KRYLOV_BYTES = 3.3e3
+# Time of a step of Newton's method with friction relative to one without [-], by dimension; and of
+# one of a time-dependent body at finite strain, which was 1.3 to 1.9 on three scenes of configs/.
+FRICTION_STEP_FACTOR = {2: 2.2, 3: 1.0}
+TIME_DEPENDENT_STEP_FACTOR = 1.6
