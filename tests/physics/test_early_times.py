@@ -143,7 +143,11 @@ def test_a_column_is_followed_in_steps_that_reach_its_rows(tmp_path: Path) -> No
         * column["body"]["radius"] ** 2
         for t in times
     ]
-    assert [row.force for row in rows(column, tmp_path).states] == pytest.approx(right, rel=0.01)
+    found = rows(column, tmp_path).states
+    assert [row.force for row in found] == pytest.approx(right, rel=0.01)
+    # All fluid leaves through the tip. While a step started without contact, its tangent was
+    # singular, and the first row took 25 or 300 iterations, as round-off would have it.
+    assert found[0].newton_iterations < 60
 
 
 @pytest.mark.parametrize("base", ["fixed", "roller"])
