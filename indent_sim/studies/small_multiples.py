@@ -461,9 +461,15 @@ def draw_map(
             set_plain_log_ticks(matplotlib_axis, value_ratio(numbers))
     axes.set(xlabel=key_label(curve_groups, keys[0]), ylabel=key_label(curve_groups, keys[1]))
     bar = figures.draw_colour_bar([axes], filled_contours, label, "bottom")
-    log_ticks = LogLocator(subs=(1, 2, 5) if high < 1000 * low else (1,))
-    bar.set_ticks(log_ticks if is_log else AutoLocator())
-    bar.ax.xaxis.set_major_formatter("{x:g}")
+    # Numbers of the colour bar over more than three decades are powers of ten.
+    max_plain_ratio = 1000.0
+    if not is_log:
+        bar.set_ticks(AutoLocator())
+    elif high < max_plain_ratio * low:
+        bar.set_ticks(LogLocator(subs=(1, 2, 5)))
+        bar.ax.xaxis.set_major_formatter("{x:g}")
+    else:
+        bar.set_ticks(LogLocator())
     bar.minorticks_off()
 
 

@@ -621,7 +621,10 @@ class TestNothingToGoOnWith:
             and error["key"] == "solver.petsc"
             and "was removed" in error["message"]
         )
-        assert "leave --resume out" in error["remedy"] and "PETSC_OPTIONS" in error["remedy"]
+        assert (
+            "give --overwrite in place of --resume" in error["remedy"]
+            and "PETSC_OPTIONS" in error["remedy"]
+        )
         assert snapshot(tmp_path) == before and scene_of(tmp_path / "out") == usual is not None
         for words in (
             ["compare", "out", "out"],

@@ -256,7 +256,12 @@ MALFORMED = [
     ),
     ("base: scene.yaml\nvary: {k: {from: 0, to: 1, cuont: 3}}\n", 2, "vary.k.cuont", "a range has"),
     ("base: scene.yaml\nvary: {k: {from: 0, to: 1}}\n", 2, "vary.k.count", "whole number"),
-    ("base: scene.yaml\nvary: {zip: true, a: [1], b: [1, 2]}\n", 2, "vary.zip", "equally many"),
+    (
+        "base: scene.yaml\nvary: {zip: true, a: [1], b: [1, 2]}\n",
+        2,
+        "vary.zip",
+        "same number of values",
+    ),
     ("base: scene.yaml\nvary: {zip: [c], a: [1]}\n", 2, "vary.zip", "varied here"),
     ("base: scene.yaml\nvary: {zip: [[]], a: [1]}\n", 2, "vary.zip", "varied here"),
     ("base: scene.yaml\nvaryy: {mesh.h_far: [0.4]}\n", 2, "varyy", "did you mean 'vary'"),
