@@ -49,7 +49,7 @@ def show_progress(print_line: Callable[[str], None], config: Config) -> Iterator
         yield lambda state, step, total: _log_progress(
             print_line,
             state.summary(units),
-            f"{state.newton_iterations} iterations",
+            f"{state.newton_iterations} iteration{'s' * (state.newton_iterations != 1)}",
             step,
             total,
             estimate,
