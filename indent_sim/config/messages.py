@@ -123,7 +123,12 @@ def _error_at(path: KeyPath, findings: list[Any], document: Mapping[str, Any]) -
     node = schema.node_at(path, document)
     if node.type is None:
         return ConfigError(key_text(path), findings[0]["msg"])
-    return _wrong_value_error(node)
+    error = _wrong_value_error(node)
+    key_of_list = f"{path[-1]}s" if path else ""
+    is_list = isinstance(node.value, list)
+    if is_list and key_of_list in schema.allowed_keys_at(path[:-1], document):
+        error.remedy = f"a list of values is given as '{key_of_list}'"
+    return error
 
 
 def _unknown_key_error(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:

@@ -578,3 +578,13 @@ def test_bombs_are_refused_fast(tmp_path, text):
         load(path)
     assert len(str(caught.value)) < 5000
     assert time.process_time() - start < 10
+
+
+@pytest.mark.parametrize(("key", "key_of_list"), [("delta", "deltas"), ("force", "forces")])
+def test_a_list_where_its_own_key_takes_lists(key: str, key_of_list: str, tmp_path) -> None:
+    file = tmp_path / "scene.yaml"
+    file.write_text(edited("delta: 0.01\n  steps: 10", f"{key}: [0.01, 0.02]"))
+    with pytest.raises(ConfigError) as caught:
+        load(file)
+    assert caught.value.key == f"loading.{key}"
+    assert f"'{key_of_list}'" in caught.value.remedy
