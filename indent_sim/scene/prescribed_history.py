@@ -68,7 +68,7 @@ def time_steps_per_doubling(config: Config) -> int:
     """
     # Relative error of the force by time stepping with STEPS_PER_DOUBLING steps of each length. It
     # is of second order in the step size. With friction it is known less accurately: the error bar
-    # is five times the change by half the step size.
+    # is three times the change by half the step size.
     time_stepping_error = 0.004
     friction_stepping_error = 0.02
     default_error = (

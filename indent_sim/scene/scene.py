@@ -380,7 +380,7 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
     gap, gap_choice = contact_choices.gap(config.contact, setup)
     sizes = sizing.sizes(config, setup, fineness, gap)
     law, law_choice = contact_choices.contact(config.contact, setup, sizes, fineness)
-    law, anchor, friction_choice = contact_choices.friction(law, setup, sizes)
+    law, slip_reference, friction_choice = contact_choices.friction(law, setup, sizes)
     adhesion, adhesion_choice = contact_choices.adhesion(law, setup, sizes)
     wall_stiffness, wall_choice = _wall_stiffness(setup, sizes)
     tip, tip_choice = contact_choices.tip(config, setup, gap)
@@ -390,7 +390,7 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
         indenter=tip,
         contact=law,
         gap=gap,
-        slip_reference=anchor,
+        slip_reference=slip_reference,
     )
     solver, linear, cost = _choose_solver(config, setup, physics, sizes)
     if is_in_time := choices.is_followed_on_body(config, setup, solver):

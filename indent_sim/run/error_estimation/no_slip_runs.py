@@ -64,7 +64,7 @@ def no_slip_scenes(scene: Scene, depth: float) -> list[Scene]:
     slip_references: tuple[SlipReference, ...] = ("mid", "implicit", "glue")
     return [
         _scene_to_depth(frictionless, depth, 1),
-        *(_scene_to_depth(frictional, depth, steps, anchor) for anchor in slip_references),
+        *(_scene_to_depth(frictional, depth, steps, reference) for reference in slip_references),
     ]
 
 
