@@ -72,7 +72,7 @@ Floats = Sequence[float]
 log = logging.getLogger("indent_sim")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Outcome:
     """Result of a finished run.
 
@@ -92,6 +92,11 @@ class Outcome:
     report: dict[str, Any]
     states: list[State]
     resumed_after: int = 0
+
+    def __repr__(self) -> str:
+        """Return the folder, the number of rows and the last row."""
+        last_row = f", the last one: {self.states[-1]}" if self.states else ""
+        return f"<Outcome in {self.directory}: {len(self.states)} rows{last_row}>"
 
 
 def simulate(

@@ -129,3 +129,11 @@ ROW_THAT_PULLS = {"step": 1, "delta": -0.1, "force": -1.0}
 def test_a_tip_that_adheres_ends_with_its_pull_off(found: dict[str, Any] | None, line: str) -> None:
     adhesion = {"largest_pull": ROW_THAT_PULLS, "pull_off": found, "jkr_pull_off": -0.9}
     assert line in last_lines(states([-0.1], [-1.0]), adhesion=adhesion)
+
+
+def test_a_printed_outcome_is_one_line() -> None:
+    """In a notebook an outcome shows its folder and its last row, not thousands of numbers."""
+    outcome = Outcome(Path("results/none"), {"units": UNITS}, states(range(1000), range(1000)))
+    assert repr(outcome) == (
+        "<Outcome in results/none: 1000 rows, the last one: delta 999  force 999  a 999>"
+    )
