@@ -58,11 +58,11 @@ class Snapshot:
 class Problem:
     """Discrete problem: the sum of the terms of the virtual work of a body.
 
-    Attributes
- ---------- frozen : list of fem.Function
-        Functions of the current iterate that Newton's method does not solve for.
-    histories : list of fem.Function
-        Internal variables of all terms.
+       Attributes
+    ---------- frozen : list of fem.Function
+           Functions of the current iterate that Newton's method does not solve for.
+       histories : list of fem.Function
+           Internal variables of all terms.
     """
 
     def __init__(self, body: Body, terms: Iterable[Term]):
@@ -192,8 +192,7 @@ class Problem:
         A.assemble()
 
     def stages(self, dt: float) -> list[Stage]:
-        """Return the stages of a step of length `dt` [time]: two of SDIRK2 with fluid flow, else
-        one."""
+        """Return the stages of a step of length `dt` [time]: two (SDIRK2) with flow, else one."""
         return sdirk2_stages(dt) if dt and self.has_flow else [Stage(dt, dt)]
 
     def begin_stage(self, stage: Stage) -> None:

@@ -346,7 +346,7 @@ class Condenser:
     def _constrained_node_reactions(
         self, owned: OwnedDofs, signs: np.ndarray, n: int
     ) -> np.ndarray:
-        """Return the reactions (surfaces, n) to unit forces at constrained nodes.
+        """Return the support reactions (surfaces, n) to unit forces at constrained nodes.
 
         Such a force acts on the support directly, so that the reaction is minus the force.
         """

@@ -29,8 +29,7 @@ class Equilibrium(Protocol):
 
     @property
     def observed_body(self) -> Any:
-        """The body in its present state, for the evaluation of fields, surface table and
-        results."""
+        """The body in its present state, for the evaluation of fields and results."""
 
     @property
     def statistics(self) -> SolverStatistics:

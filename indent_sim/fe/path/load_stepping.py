@@ -282,8 +282,7 @@ class LoadStepper:
         return True
 
     def _pull_point(self, point: EquilibriumPoint, number: int = 0) -> PullPoint:
-        """Return the present equilibrium `point` in the form needed by the pull-off search.
-        """
+        """Return the present equilibrium `point` in the form needed by the pull-off search."""
         a = float(self.equilibrium.state_values()["a"])
         return PullPoint(point.delta, point.load_point.t, self.equilibrium.force, a, point, number)
 
@@ -445,8 +444,7 @@ class LoadStepper:
             yield State(step=step, delta=self._last_point.delta, surface=surface, **values)
 
     def _step_to_force(self, force: float, t: float, step: int) -> int:
-        """Find the equilibrium at a force and a time; return the increments made, 0 on failure.
-        """
+        """Find the equilibrium at a force and a time; return the increments made, 0 on failure."""
         self._accept_pending()
         self._search_points = self._points
         substeps = self._substeps

@@ -144,8 +144,7 @@ class Fields:
         return dofs[:, : self.body.body_mesh.dim + 1]  # a cell's vertices come first
 
     def _vertex_values(self) -> np.ndarray:
-        """Displacement and, with pore fluid, pore pressure at the vertices (points, dim or dim +
-        1)."""
+        """Displacement and, with pore fluid, pore pressure of vertices (points, dim or dim + 1)."""
         body = self.body
         corners = compat.geometry_dofs(self.body.mesh)
         values = np.zeros(
@@ -218,8 +217,7 @@ def _stress_fields(stress: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _sort_to_grid(grid_numbers: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Reorder rows to the numbering of the grid: row `grid_numbers[k]` of the result is
-    `rows[k]`."""
+    """Reorder rows to the grid's numbering: row `grid_numbers[k]` of the result is `rows[k]`."""
     table = np.zeros((grid_numbers.max() + 1, rows.shape[1]))
     table[grid_numbers] = rows
     return table

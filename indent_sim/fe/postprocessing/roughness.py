@@ -80,8 +80,7 @@ def _node_numbers(X: np.ndarray) -> np.ndarray:
 
 
 def _patch_members(sides: np.ndarray) -> np.ndarray:
-    """Facets that have a neighbour at every side, followed by these neighbours (patches, 1 +
-    sides)."""
+    """Facets with a neighbour at every side, followed by the neighbours (patches, 1 + sides)."""
     count = sides.shape[1]
     order = np.argsort(sides, axis=None, kind="stable")
     numbers = sides.ravel()[order]

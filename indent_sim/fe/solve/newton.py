@@ -182,9 +182,9 @@ class Newton:
     def solve(self, rtol: float = 0.0, max_iterations: int | None = None) -> bool:
         """Find the equilibrium at the problem's depth, starting from its present solution.
 
-        Full Newton steps are tried first: a line search stalls where the active points of the
-        contact change. If they do not converge, the stiffness of the contact is increased in steps
-        from a soft one. On failure the solution is left as it was.
+        Full Newton steps are tried first, because a line search stalls where the active points of
+        the contact change. If they do not converge, the stiffness of the contact is increased in
+        steps from a small value. On failure the solution is restored.
 
         Parameters
         ----------
@@ -209,15 +209,16 @@ class Newton:
         return solved
 
     def approach_stiff_contact(self, after_each: Callable[[], object] = lambda: None) -> bool:
-        """Approach the equilibrium of a stiff contact through softer ones, each solved roughly.
+        """Approach the equilibrium of a stiff contact by solving softer contacts to a low accuracy.
 
-        This takes fewer iterations than the stiff contact at once: with 100 E*/h_contact Newton's
-        method finds the contact edge point by point. On failure the solution is left as it was.
+        This needs fewer iterations than solving the stiff contact directly, where Newton's method
+        (at 100 E*/h_contact) moves the contact edge point by point. On failure the solution is
+        restored.
 
         Parameters
         ----------
         after_each
-            Called after each of the softer contacts.
+            Function that is called after each of the softer contacts.
 
         Returns
         -------
@@ -263,15 +264,15 @@ class Newton:
         return converged
 
     def accept(self) -> None:
-        """Accept the present equilibrium: its reactions set the level of round-off from now on.
+        """Accept the present equilibrium, whose reactions from now on define the round-off level.
 
-        The reactions of a trial equilibrium do not count, since they may be of any size: those of a
-        closed body full of fluid before its surface drains, for example.
+        Reactions of trial equilibria are not used, because they may be arbitrarily large, such as
+        those of a sealed body full of fluid before its surface drains.
         """
         self._largest_reaction = max(self._largest_reaction, self._reaction)
 
     def _run_snes(self, trial_solution: PETSc.Vec) -> bool:
-        """Run SNES; return False if the factorisation fails, as it may far from equilibrium."""
+        """Run SNES; return False if a factorisation fails, as may happen far from equilibrium."""
         try:
             self.snes.solve(None, trial_solution)
         except PETSc.Error as error:
@@ -283,7 +284,7 @@ class Newton:
         return True
 
     def _solve_by_continuation(self) -> bool:
-        """Solve with a soft contact and increase its stiffness by decades to the law's own."""
+        """Solve with a soft contact and increase its stiffness by decades to the nominal one."""
         problem = self.problem
         failure = self.failure
         reason = self.snes.getConvergedReason()
@@ -316,9 +317,9 @@ class Newton:
     def is_stable(self) -> bool:
         """True if the equilibrium just found is a local minimum of the energy (collective).
 
-        The criterion is the inertia of the last LDL^T factor: at a minimum it has one negative
-        pivot for each free dof of the fields other than the displacement, and no more. True where
-        no such factor was made.
+        The criterion is the inertia of the last LDL^T factor: at a minimum it has exactly one
+        negative pivot for each free dof of the fields other than the displacement. True if no such
+        factor was computed.
         """
         if not self._uses_cholesky or not self.snes.getIterationNumber():
             return True
@@ -336,9 +337,9 @@ class Newton:
         """Return dF/ddelta [force/length] of the equilibrium just found (collective).
 
         The derivative w of the solution with respect to the depth is found by iterative refinement
-        with the last tangent: each correction takes one residual at depth + step and no new
-        tangent. If the tangent is symmetric, the force is corrected by w . r, with the residual r
-        that is left, so that the error is of second order in r.
+        with the last tangent: each correction needs one residual at depth + step and no new
+        tangent. If the tangent is symmetric, the force is corrected by w . r with the remaining
+        residual r, so that the error is of second order in r.
 
         Returns
         -------
@@ -394,8 +395,7 @@ class Newton:
     def _is_stiffness_converged(self, remaining: PETSc.Vec, step: float, stiffness: float) -> bool:
         """Return whether the energy of the remaining residual is negligible.
 
-        The norm of the residual would be misleading: a stiff contact dominates it and hides the
-        body.
+        The norm of the residual would be misleading, because a stiff contact dominates it.
         """
         assert self._iterative
         stiffness_error = (
@@ -430,9 +430,9 @@ class Newton:
 def _reaction_floor(problem: Problem) -> float:
     """Return the reaction [force] that sets the level of round-off before any was computed.
 
-    It is zero without fluid flow. A body that swells freely has no reactions to compare with; 100 E
-    times the square of its height stands for them (of the contact radius, if the body only drains),
-    of which REACTION_ROUNDOFF allows 1e-12.
+    It is zero without fluid flow. A body that swells freely has no reactions; 100 E times the
+    square of its height (of the contact radius, if the body only drains) is used instead, of which
+    REACTION_ROUNDOFF allows 1e-12.
     """
     physics = problem.scene.physics
     E = max(region.material.constants.E for region in physics.domain.regions)
@@ -444,9 +444,8 @@ def _reaction_floor(problem: Problem) -> float:
 def finest_tolerance(problem: Problem) -> float:
     """Return the smallest relative residual that is above round-off.
 
-    It is used where small changes of the state count: in Uzawa's iteration and in the search for
-    the depth of a force. The round-off in the gap enters the residual in proportion to the
-    stiffness of the contact.
+    It is used where small changes of the state matter: in Uzawa's iteration and in load control.
+    The round-off in the gap enters the residual in proportion to the stiffness of the contact.
     """
     return max(1e-11, 1e-17 * stiffness_scale(problem.scene))
 
