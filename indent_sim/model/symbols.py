@@ -1,7 +1,7 @@
 """Symbols: the names of scene keys and result columns with meaning, dimension and LaTeX.
 
-One name has one meaning in YAML, Python and CSV alike. A word that means something else in one
-section has an entry under `section.word` as well.
+A name has the same meaning in YAML, Python and CSV. A key with a different meaning in one section
+has an additional entry `section.key`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ WORD_DIMENSION = "word"
 
 @dataclass(frozen=True)
 class Symbol:
-    """Name with its meaning, its dimension, and its notation in formulas (LaTeX, may be empty)."""
+    """Name of a key or column with meaning, dimension and LaTeX symbol (may be empty)."""
 
     name: str
     meaning: str
@@ -441,7 +441,7 @@ def _parse_entry(text: str) -> Symbol:
 
 
 def _parse_groups() -> dict[str, tuple[Symbol, ...]]:
-    """Return the symbols by the headings of their groups."""
+    """Return the symbols of each group, keyed by the heading of the group."""
     groups = (group.strip().split("\n", 1) for group in GLOSSARY.split("## ")[1:])
     return {
         title: tuple(map(_parse_entry, re.split(r"\n(?! )", entries))) for title, entries in groups
@@ -455,5 +455,5 @@ PULL_OFF = (SYMBOLS["maugis_pull_off"], SYMBOLS["jkr_pull_off"])
 
 
 def lookup(name: str, section: str = "") -> Symbol | None:
-    """Return the symbol of a name, the section's own first; None if there is none."""
+    """Return the symbol of a name, preferring an entry for the section; None if there is none."""
     return SYMBOLS.get(f"{section}.{name}") or SYMBOLS.get(name)

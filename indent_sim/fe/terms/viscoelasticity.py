@@ -99,8 +99,7 @@ class ViscoelasticStrainEnergy(StrainEnergy):
         self.begin_stage(Stage(0.0))
 
     def _energy_densities(self, material: Material, H: Expr, q: Expr | None) -> tuple[Expr, Expr]:
-        """Return the potential density of a stage with h at quadrature points, and with cell
-        means."""
+        """Return the stage's potential density with h at quadrature points, and with cell means."""
         assert isinstance(material, ShearRelaxingLaw)
         shear, theta = material.isochoric_parts(H)
         # The field q is defined by the relaxed body, so that its meaning does not change in time
@@ -132,8 +131,7 @@ class ViscoelasticStrainEnergy(StrainEnergy):
         )
 
     def _evaluate_shear_stress(self) -> np.ndarray:
-        """Evaluate S at the quadrature points, as a function's local array; 0 outside the
-        region."""
+        """Return S at the quadrature points as a function's local array; 0 outside the region."""
         values: np.ndarray = np.zeros_like(self._h.x.array)
         width = self._h.function_space.dofmap.index_map_bs
         components = compat.evaluate_expression(
