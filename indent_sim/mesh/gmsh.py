@@ -53,9 +53,9 @@ def start_meshing(domain: ModelDomain, sizes: Sizes) -> Callable[[], Grid]:
 
 
 def mesh_domain(domain: ModelDomain, sizes: Sizes) -> Grid:
-    """Mesh a domain, with smaller shifts of points where gmsh fails or leaves flat cells.
+    """Mesh a domain, with smaller random shifts of points if gmsh fails or leaves flat cells.
 
-    The MeshError of a domain that cannot be meshed says which other sizes at the contact were tried
+    If the domain cannot be meshed, the MeshError names other sizes at the contact that were tried,
     and whether they can be meshed.
     """
     try:
@@ -75,7 +75,7 @@ def mesh_domain(domain: ModelDomain, sizes: Sizes) -> Grid:
 
 
 def _can_be_meshed(domain: ModelDomain, sizes: Sizes) -> bool:
-    """Return whether a domain can be meshed with other sizes."""
+    """Return whether a domain can be meshed with the given sizes."""
     try:
         _mesh_with_shifts(domain, sizes)
     except MeshError:
@@ -84,7 +84,7 @@ def _can_be_meshed(domain: ModelDomain, sizes: Sizes) -> bool:
 
 
 def _mesh_with_shifts(domain: ModelDomain, sizes: Sizes) -> Grid:
-    """Mesh a domain with the given sizes alone, with ever smaller random shifts of points."""
+    """Mesh a domain with the given sizes, with smaller random shifts after each failure."""
     failure = MeshError("gmsh left cells without volume")
     # With the factor 1, 4 of 10 meshes of a strip had flat triangles; with 0.1 none had.
     for shift_factor in (1.0, 0.1, 0.01):
@@ -99,7 +99,7 @@ def _mesh_with_shifts(domain: ModelDomain, sizes: Sizes) -> Grid:
 
 
 def has_flat_cells(grid: Grid) -> bool:
-    """Return whether a cell has practically no volume."""
+    """Return whether any cell has a volume of zero up to round-off."""
     return bool(is_flat(grid.points, grid.cells).any())
 
 

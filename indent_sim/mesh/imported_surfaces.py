@@ -1,4 +1,4 @@
-"""Surfaces of an imported mesh: its boundary facets by name or by orientation."""
+"""Surfaces of an imported mesh: boundary facets selected by name or by orientation."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ORIENTATION_RULES = {
     "top": "z points up and the tip comes from above: the contact surface must face up everywhere",
     "base": "z points up: a base must face down or sideways",
 }
-ORIENTATIONS = {"top": "faces up", "base": "faces down and is level", "sides": "is vertical"}
+ORIENTATIONS = {"top": "faces up", "base": "faces down and is horizontal", "sides": "is vertical"}
 
 
 def find_surfaces(
@@ -57,7 +57,7 @@ def find_surfaces(
     Raises
     ------
     ConfigError
-        If a name is missing, or facets are not what the surface needs.
+        If a name is missing, or facets are unsuitable for their surface.
     """
     outer_facets, opposite = boundary_facets(cells)
     vertical_component = _vertical_components(points, outer_facets, opposite)
@@ -100,7 +100,7 @@ def _vertical_components(
 ) -> np.ndarray:
     """Return the vertical component of the outer unit normals of facets (k,).
 
-    `opposite` (k,) is the corner of each facet's cell that is not on the facet.
+    `opposite` (k,) is the corner of each facet's cell opposite to the facet.
     """
     normal_vectors = unit_normals(points[outer_facets])
     inward_vectors = points[opposite] - points[outer_facets[:, 0]]
@@ -133,7 +133,7 @@ def _facets_by_orientation(
     Raises
     ------
     MeshFileError
-        If there are none, or those of the base are not at one height.
+        If there are no such facets, or facets of the base are at different heights.
     """
     rows = np.flatnonzero(
         {
@@ -151,7 +151,7 @@ def _facets_by_orientation(
 
 
 def _naming_advice(name: str, dim: int) -> str:
-    """Return how a surface is named in gmsh, for messages."""
+    """Return the text of a message that explains how to name a surface in gmsh."""
     facets, cells = {2: ("Curve", "Surface"), 3: ("Surface", "Volume")}[dim]
     return (
         f'in gmsh: Physical {facets}("{name}") = {{...}}; and Physical {cells}("body") = '
@@ -205,7 +205,7 @@ def _facets_by_name(
 def _check_orientation(
     surface: str, name: str | None, vertical_component: np.ndarray, corners: np.ndarray
 ) -> None:
-    """Raise ConfigError if contact facets do not face up, or facets of the base do."""
+    """Raise ConfigError if contact facets do not face up, or if facets of the base face up."""
     is_wrong = {
         "top": vertical_component <= LEVEL_TOLERANCE,
         "base": vertical_component > LEVEL_TOLERANCE,
@@ -227,7 +227,7 @@ def _check_orientation(
 
 
 def _refuse_overhang(name: str | None, corners: np.ndarray) -> None:
-    """Raise ConfigError if a part of the contact surface lies above another one."""
+    """Raise ConfigError if a part of the contact surface lies above another part."""
     plan_corners = corners[..., :-1]
     centroids = plan_corners.mean(axis=1)
     lower_bounds = plan_corners.min(axis=1)

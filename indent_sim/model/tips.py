@@ -221,8 +221,7 @@ class Cone(_PointedTip):
         return cap + slope * (r - s)
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
-        """Return the gap: (f - depth) sin(half_angle) on the flank, distance from the sphere
-        else."""
+        """Return the gap: (f - depth) sin(half_angle) on the flank, else the sphere distance."""
         rho = self.tip_radius
         slope = 1 / tan(self.half_angle)
         square = x * x + y * y

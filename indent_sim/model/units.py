@@ -174,8 +174,7 @@ class Scales:
 
     @property
     def report(self) -> dict[str, float]:
-        """Return the entry of run.json for the scales; `pieces` is the number of contacts per
-        body."""
+        """Return the entry of run.json; `pieces` is the number of contacts per body."""
         return {
             "length": self.length,
             "pressure": self.pressure,

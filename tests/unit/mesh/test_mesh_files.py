@@ -165,7 +165,7 @@ def test_cells_alone_have_the_surfaces_that_their_names_would_give(
     )  # tilted: the base is not level
     with pytest.raises(
         MeshFileError,
-        match="no single part of the boundary faces down and is level; in gmsh: Physical",
+        match="no single part of the boundary faces down and is horizontal; in gmsh: Physical",
     ):
         piece(tmp_path, without_names(body), kinematics, name, MeshSurfaces())
     body["points"][:, -1 if kinematics == "3d" else 1] -= body["points"][:, 0] / 10
@@ -462,7 +462,7 @@ def _lines_alone(body: dict[str, Any]) -> None:
 
 
 MALFORMED: list[tuple[Callable[[dict[str, Any]], None], str, str]] = [
-    (_pulled, "body.file", "cells are inverted: they overlap a neighbour, the first at"),
+    (_pulled, "body.file", "cells are inverted and overlap an adjacent cell, the first at"),
     (_flat, "body.file", "cells have no volume, the first at"),
     (_torn, "body.file", "the mesh is in 2 pieces that share no points; merge double points"),
     (_swapped, "body.surfaces.contact", "8 facets of 'top' face down, the first at"),
@@ -570,8 +570,8 @@ def test_a_mesh_is_part_of_no_other_shape() -> None:
     ("suffix", "points", "cells", "words"),
     [
         (".vtu", np.zeros((3, 6)), [[0, 1, 2]], "two or three real coordinates"),
-        (".xdmf", np.full((3, 3), np.nan), [[0, 1, 2]], "are no numbers, or beyond 1e"),
-        (".xdmf", np.full((3, 3), 1e200), [[0, 1, 2]], "are no numbers, or beyond 1e"),
+        (".xdmf", np.full((3, 3), np.nan), [[0, 1, 2]], "are not finite or exceed 1e"),
+        (".xdmf", np.full((3, 3), 1e200), [[0, 1, 2]], "are not finite or exceed 1e"),
         (".vtu", np.eye(3), np.array([[0.0, 1.4, 2.0]]), "is not a mesh that can be read"),
         (".xdmf", np.eye(3), np.array([[0.0, 1.4, 2.0]]), "corners are not indices of points"),
         (".xdmf", np.eye(3), [[0, 1, 9]], "corners that are not points of the file"),
