@@ -10,9 +10,9 @@ from typing import Any
 
 
 def printable(text: str, line_breaks: bool = False) -> str:
-    """Text from outside the program, made safe for a terminal or a picture.
+    """Return text from outside the program, made safe for a terminal or a picture.
 
-    Characters that control a terminal or turn the direction of text become escapes such as \\x1b.
+    Characters that control a terminal or change the text direction become escapes such as \\x1b.
 
     Parameters
     ----------
