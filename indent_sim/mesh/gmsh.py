@@ -85,7 +85,7 @@ def _can_be_meshed(domain: ModelDomain, sizes: Sizes) -> bool:
 
 def _mesh_with_shifts(domain: ModelDomain, sizes: Sizes) -> Grid:
     """Mesh a domain with the given sizes, with smaller random shifts after each failure."""
-    failure = MeshError("gmsh left cells without volume")
+    failure = MeshError("gmsh created cells with zero volume")
     # With the factor 1, 4 of 10 meshes of a strip had flat triangles; with 0.1 none had.
     for shift_factor in (1.0, 0.1, 0.01):
         try:
@@ -129,7 +129,7 @@ def _extract_grid(gmsh: Gmsh, domain: ModelDomain, sizes: Sizes) -> Grid:
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     _, nodes = gmsh.model.mesh.getElementsByType(2 if dim == 2 else 4)
     if len(nodes) == 0:
-        raise MeshError("gmsh made no cells")
+        raise MeshError("gmsh created no cells")
     used_tags, cells = np.unique(np.asarray(nodes, dtype=np.int64), return_inverse=True)
     order = np.argsort(tags)
     node_rows = order[np.searchsorted(np.asarray(tags)[order], used_tags)]

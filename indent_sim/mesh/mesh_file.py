@@ -298,12 +298,12 @@ def _refuse_foreign_references(version: MeshFileVersion) -> None:
         data_file = version.path.parent / name
         if item.get("Format") != "HDF" or "/" in name or "\\" in name or data_file.is_symlink():
             raise mesh_file_error(
-                f"'{file}' takes its numbers from '{_quote(name)}'",
-                "they must be in an HDF5 file in the same folder",
+                f"'{file}' refers to data in '{_quote(name)}'",
+                "the data must be in an HDF5 file in the same folder",
             )
         if not data_file.is_file() or data_file.stat().st_size > MAX_MESH_BYTES:
             raise mesh_file_error(
-                f"'{file}' takes its numbers from '{_quote(name)}', which is missing or too long"
+                f"'{file}' refers to data in '{_quote(name)}', which is missing or too long"
             )
         _refuse_external_data(data_file, dataset_path, file)
         sizes[name] = data_file.stat().st_size
@@ -326,13 +326,13 @@ def _refuse_external_data(path: Path, dataset_path: str, file: str) -> None:
         dataset = store[dataset_path] if is_internal else None
         if not isinstance(dataset, h5py.Dataset) or dataset.external or dataset.is_virtual:
             raise mesh_file_error(
-                f"'{file}' takes its numbers from '{_quote(dataset_path)}', which are not in "
-                f"'{path.name}' itself"
+                f"'{file}' refers to data in '{_quote(dataset_path)}', which are stored "
+                f"outside of '{path.name}'"
             )
         if dataset.dtype.kind not in "fiu":
             raise mesh_file_error(
-                f"'{file}' takes its numbers from '{_quote(dataset_path)}' of '{path.name}', which "
-                "are not real"
+                f"'{file}' refers to data in '{_quote(dataset_path)}' of '{path.name}', which "
+                "are not real numbers"
             )
 
 

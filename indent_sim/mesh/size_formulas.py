@@ -99,15 +99,15 @@ def drained_face_formula(face: DrainedFace, axis: float, grading: float) -> str:
 
 
 def _positive_part(a: str) -> str:
-    """Return the expression of max(a, 0)."""
+    """Return a MathEval expression for max(a, 0)."""
     return f"(0.5*({a}+Abs({a})))"
 
 
 def _maximum(a: str, b: str) -> str:
-    """Return the expression of max(a, b)."""
+    """Return a MathEval expression for max(a, b)."""
     return f"(0.5*(({a})+({b})+Abs(({a})-({b}))))"
 
 
 def _minimum(a: str, b: str) -> str:
-    """Return the expression of min(a, b)."""
+    """Return a MathEval expression for min(a, b)."""
     return f"(0.5*(({a})+({b})-Abs(({a})-({b}))))"

@@ -26,7 +26,7 @@ class Adhesion:
 
     @property
     def _interaction_range(self) -> Expr:
-        """Range [length], which must be given."""
+        """Range of the attraction [length]; it must be given here."""
         return self.range
 
     def energy(self, g: Expr) -> Expr:

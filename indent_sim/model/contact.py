@@ -159,7 +159,7 @@ class _StiffnessLaw(_ContactLaw):
         The condensed solver implements only the potential of this class.
         """
         if self.may_snap_through:
-            return "adhesion with a range is solved on the whole body"
+            return "the condensed solver does not support adhesion with a range"
         if type(self).potential is not _StiffnessLaw.potential:
             return f"the condensed solver does not implement the contact potential of {self.method}"
         return ""
@@ -172,7 +172,7 @@ class _NormalStiffness(_StiffnessLaw):
 
     @property
     def stiffness(self) -> Expr:  # type: ignore[override]
-        """epsilon_n [pressure/length]."""
+        """Penalty stiffness epsilon_n [pressure/length]."""
         return self.epsilon_n
 
 
@@ -199,7 +199,7 @@ class Penalty(_NormalStiffness):
     def reason_not_condensable(self) -> str:
         """Reason of `_StiffnessLaw`, or friction, which the condensed solver lacks for penalty."""
         friction_reason = (
-            "" if self.is_conservative else "penalty with friction is solved on the whole body"
+            "" if self.is_conservative else "the condensed solver has no penalty with friction"
         )
         return super().reason_not_condensable or friction_reason
 
@@ -269,11 +269,13 @@ class Nitsche(_StiffnessLaw):
     # at 0.3.
     min_stiffness_factor: ClassVar[float] = 1.0
 
-    reason_not_condensable: ClassVar[str] = "Nitsche's method needs the stress inside the body"  # type: ignore[misc]
+    reason_not_condensable: ClassVar[str] = (  # type: ignore[misc]
+        "Nitsche's method needs the stress inside the body"
+    )
 
     @property
     def stiffness(self) -> Expr:  # type: ignore[override]
-        """gamma [pressure/length]."""
+        """Stabilization parameter gamma [pressure/length]."""
         return self.gamma
 
 

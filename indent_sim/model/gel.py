@@ -195,7 +195,7 @@ class Gel(ElasticLaw):
 
     @property
     def shear_modulus(self) -> Expr:
-        """G/l [pressure]."""
+        """Shear modulus G/l of the reference state [pressure]."""
         return self.G / self._l
 
     @property
@@ -223,7 +223,7 @@ class Gel(ElasticLaw):
         return self.shear_modulus * excess + self._swelling_energy(growth)
 
     def energy_of_bar(self, l1: float, l2: float, l3: float) -> float:
-        """Return psi [pressure] of principal stretches."""
+        """Return the strain energy density [pressure] for principal stretches."""
         J = l1 * l2 * l3
         excess = (l1 * l1 + l2 * l2 + l3 * l3 - 3) / 2 - math.log(J)
         return float(self.shear_modulus * excess + self._swelling_energy(J - 1))

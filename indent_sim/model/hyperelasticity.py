@@ -41,12 +41,12 @@ class NeoHookean(TwoConstantLaw):
     model: Literal["neo_hookean"] = "neo_hookean"
 
     def energy_parts(self, H: Expr) -> tuple[Expr, Expr]:
-        """Return mu/2 (I1 - 3) - mu ln J and ln J."""
+        """Return the energy mu/2 (I1 - 3) - mu ln J [pressure], and ln J."""
         excess, log_J = excess_and_log_J(H)
         return self.shear_modulus * excess, log_J
 
     def energy_of_bar(self, l1: float, l2: float, l3: float) -> float:
-        """Return psi [pressure] of principal stretches."""
+        """Return the strain energy density [pressure] for principal stretches."""
         log_J = math.log(l1 * l2 * l3)
         shear_energy = float(self.shear_modulus) * ((l1 * l1 + l2 * l2 + l3 * l3 - 3) / 2 - log_J)
         E, nu = self.constants
@@ -120,7 +120,7 @@ class _IsochoricLaw(ElasticLaw):
         nu = (3 * self.kappa - 2 * mu) / (2 * (3 * self.kappa + mu))
         if not nu > -1:
             raise ValueError(
-                f"kappa = {self.kappa:g} is too small against mu = {mu:g}: "
+                f"kappa = {self.kappa:g} is too small relative to mu = {mu:g}: "
                 "nu would be -1 to all digits"
             )
         material = replace(self, nu=nu, kappa=None)
@@ -199,7 +199,7 @@ class _IsochoricLaw(ElasticLaw):
         return mean_stress * log_J - mean_stress * mean_stress * self.volumetric_compliance / 2
 
     def energy_of_bar(self, l1: float, l2: float, l3: float) -> float:
-        """Return psi [pressure] of principal stretches."""
+        """Return the strain energy density [pressure] for principal stretches."""
         J = l1 * l2 * l3
         isochoric_factor = J ** (-1 / 3)
         isochoric = self.energy_of_stretches(
@@ -214,7 +214,7 @@ class _IsochoricLaw(ElasticLaw):
 
     @property
     def inverse_bulk_modulus(self) -> Expr:
-        """1/kappa [1/pressure]."""
+        """Inverse bulk modulus 1/kappa [1/pressure]."""
         return self.volumetric_compliance
 
 

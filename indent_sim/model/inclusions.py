@@ -42,7 +42,7 @@ class _Inclusion(ABC):
     @property
     @abstractmethod
     def volume(self) -> float:
-        """Volume [length^3]."""
+        """Volume of the inclusion [length^3]."""
 
     @abstractmethod
     def half_width(self, axis: int) -> float:
@@ -72,7 +72,7 @@ class _Inclusion(ABC):
 
     @abstractmethod
     def farthest_distance(self, point: Sequence[float], axes: Sequence[int] = ALL_AXES) -> float:
-        """Return the distance from a point to the farthest one of the inclusion along axes."""
+        """Return the largest distance of a point from points of the inclusion, along given axes."""
 
     @property
     def min_half_width(self) -> float:
@@ -148,7 +148,7 @@ class _ProductInclusion(_Inclusion):
 
     @property
     def volume(self) -> float:
-        """Volume [length^3]."""
+        """Volume of the inclusion [length^3]."""
         return prod(UNIT_BALL_MEASURES[len(axes)] * half ** len(axes) for axes, half in self.spans)
 
     def is_curved_where_thinnest(self, dim: int) -> bool:
@@ -190,7 +190,7 @@ class _ProductInclusion(_Inclusion):
         return coordinates
 
     def farthest_distance(self, point: Sequence[float], axes: Sequence[int] = ALL_AXES) -> float:
-        """Return the distance from a point to the farthest one of the inclusion along axes."""
+        """Return the largest distance of a point from points of the inclusion, along given axes."""
         relevant_spans = [
             (tuple(axis for axis in span_axes if axis in axes), half)
             for span_axes, half in self.spans
@@ -263,7 +263,7 @@ class EllipsoidInclusion(_Inclusion):
 
     @property
     def volume(self) -> float:
-        """Volume [length^3]."""
+        """Volume of the inclusion [length^3]."""
         return UNIT_BALL_MEASURES[3] * prod(self.semi_axes)
 
     def half_width(self, axis: int) -> float:
@@ -295,7 +295,7 @@ class EllipsoidInclusion(_Inclusion):
         )
 
     def nearest_point(self, point: Sequence[Expr]) -> list[Expr]:
-        """Return its point nearest to a point (x, y, z) [length].
+        """Return the point of the inclusion nearest to a point (x, y, z) [length].
 
         For a point center + v it is center + s^2 v/(t + s^2), with the t > 0 for which it lies on
         the surface.
@@ -311,7 +311,7 @@ class EllipsoidInclusion(_Inclusion):
         return [c + component for c, component in zip(self.center, surface_offset, strict=True)]
 
     def farthest_distance(self, point: Sequence[float], axes: Sequence[int] = ALL_AXES) -> float:
-        """Return the distance from a point to the farthest one of the inclusion along axes.
+        """Return the largest distance of a point from points of the inclusion, along given axes.
 
         The formula of `nearest_point` with the smallest root t < 0 gives the farthest point, on the
         other side of the center. With -t = max(s)^2 + x, x > 0.

@@ -108,11 +108,11 @@ class ThreeDimensional(_Kinematics):
         return point[0] - center[0], point[1] - center[1]
 
     def space_vector(self, v: Expr) -> Expr:
-        """Return the vector itself."""
+        """Return the vector itself, because model and space have the same axes."""
         return v
 
     def model_vector(self, v: Expr) -> Expr:
-        """Return the vector itself."""
+        """Return the vector itself, because model and space have the same axes."""
         return v
 
 

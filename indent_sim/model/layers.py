@@ -42,5 +42,5 @@ class Coating:
 
     @property
     def thickness(self) -> float:
-        """outer_radius - inner_radius [length]."""
+        """Thickness of the coating [length]."""
         return self.outer_radius - self.inner_radius

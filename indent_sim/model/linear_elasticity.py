@@ -36,7 +36,7 @@ class LinearElastic(TwoConstantLaw):
     is_small_strain: ClassVar[bool] = True
 
     def energy_parts(self, H: Expr) -> tuple[Expr, Expr]:
-        """Return mu eps:eps and tr eps."""
+        """Return the energy mu eps:eps [pressure], and tr eps."""
         eps = ufl.sym(H)
         return self.shear_modulus * ufl.inner(eps, eps), ufl.tr(eps)
 
@@ -127,7 +127,7 @@ class TransverselyIsotropic(ElasticLaw):
 
     @property
     def _d(self) -> Expr:
-        """d = D/(1 + nu)."""
+        """Constant d = D/(1 + nu) of the energy."""
         return self._D / (1 + self.nu)
 
     @property

@@ -54,11 +54,11 @@ class _Tip:
     is_axisymmetric: ClassVar[bool] = True
 
     def height(self, x: Expr, y: Expr) -> Expr:
-        """Return f(x, y) [length]."""
+        """Return the height f(x, y) of the surface above the apex [length]."""
         raise NotImplementedError
 
     def slope(self, r: Expr) -> Expr:
-        """Return f'(r), by a central difference of the height."""
+        """Return the slope f'(r), by a central difference of the height."""
         step = SLOPE_STEP * r
         return (self.height(r + step, 0.0 * r) - self.height(r - step, 0.0 * r)) / (2 * step)
 
@@ -136,7 +136,7 @@ class Paraboloid(_Tip):
     shape: Literal["paraboloid"] = "paraboloid"
 
     def height(self, x: Expr, y: Expr) -> Expr:
-        """Return f(x, y) [length]."""
+        """Return the height f(x, y) of the surface above the apex [length]."""
         return (x * x + y * y) / (2 * self.R)
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
@@ -164,7 +164,7 @@ class Sphere(_Tip):
     shape: Literal["sphere"] = "sphere"
 
     def height(self, x: Expr, y: Expr) -> Expr:
-        """Return f(x, y) [length], in a form that loses no digits for r << R."""
+        """Return the height f(x, y) [length] without loss of digits for r << R."""
         square = x * x + y * y
         R2 = self.R * self.R
         # Both branches of a conditional are differentiated, so the root's argument stays positive.
@@ -173,7 +173,7 @@ class Sphere(_Tip):
         return where_less(square, R2, cap, ENDED_TIP_HEIGHT * self.R)
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
-        """Return the distance from the sphere with its stem.
+        """Return the gap, the distance from the sphere and its stem [length].
 
         |v| - R - 2 <cos(phi) - cos(STEM)>^2 |v| / (1 - cos(STEM))^2 with v = X + u - c from the
         center c, phi the angle between v and the upward axis, and STEM the half angle of the stem.
@@ -211,7 +211,7 @@ class Cone(_PointedTip):
     shape: Literal["cone"] = "cone"
 
     def height(self, x: Expr, y: Expr) -> Expr:
-        """Return f(x, y) [length]."""
+        """Return the height f(x, y) of the surface above the apex [length]."""
         r = sqrt(x * x + y * y)
         rho = self.tip_radius
         slope = 1 / tan(self.half_angle)
@@ -261,7 +261,7 @@ class Hyperboloid(_Tip):
     shape: Literal["hyperboloid"] = "hyperboloid"
 
     def height(self, x: Expr, y: Expr) -> Expr:
-        """Return f(x, y) [length]."""
+        """Return the height f(x, y) of the surface above the apex [length]."""
         square = x * x + y * y
         return square / (self.R * (1 + self._root(square)))
 
@@ -271,7 +271,7 @@ class Hyperboloid(_Tip):
         return (self.height(x, y) - depth) / sqrt(1 + square / (self.R * self._root(square)) ** 2)
 
     def slope(self, r: Expr) -> Expr:
-        """Return f'(r)."""
+        """Return the slope f'(r) of the surface at the radius r."""
         return r / (self.R * self._root(r * r))
 
     def _root(self, square: Expr) -> Expr:
@@ -313,7 +313,7 @@ class FlatPunch(_Tip):
     shape: Literal["flat_punch"] = "flat_punch"
 
     def height(self, x: Expr, y: Expr) -> Expr:
-        """Return f(x, y) [length]."""
+        """Return the height f(x, y) of the surface above the apex [length]."""
         r = sqrt(x * x + y * y)
         e = self.edge_radius
         edge_distance = minimum(maximum(r - (self.radius - e), 0.0 * r), e)
@@ -364,7 +364,7 @@ class Plate(_Tip):
     shape: Literal["plate"] = "plate"
 
     def height(self, x: Expr, y: Expr) -> Expr:
-        """Return f(x, y) = 0 [length]."""
+        """Return the height f(x, y) = 0 of the surface [length]."""
         return 0.0 * x
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
@@ -397,7 +397,7 @@ class RegularPyramid(_PointedTip):
     is_axisymmetric: ClassVar[bool] = False
 
     def height(self, x: Expr, y: Expr) -> Expr:
-        """Return f(x, y) [length]."""
+        """Return the height f(x, y) of the surface above the apex [length]."""
         rho = self.tip_radius
         slope = 1 / tan(self.half_angle)
         square = x * x + y * y
@@ -577,7 +577,7 @@ class Profile(_Tip):
         ]
 
     def slope(self, r: Expr) -> Expr:
-        """Return f'(r)."""
+        """Return the slope f'(r) of the surface at the radius r."""
         arcs = ((r - c, w, jump) for c, w, jump in self.rounding_arcs())
         rho = self.tip_radius + TINY_LENGTH
         return sum(
@@ -598,7 +598,7 @@ class Profile(_Tip):
         return height
 
     def height(self, x: Expr, y: Expr) -> Expr:
-        """Return f(x, y) [length]."""
+        """Return the height f(x, y) of the surface above the apex [length]."""
         r = sqrt(x * x + y * y)
         max_radius = self.points[-1][0]
         return where_less(

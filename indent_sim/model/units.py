@@ -159,17 +159,17 @@ class Scales:
 
     @property
     def force(self) -> float:
-        """Scale of force."""
+        """Scale by which forces are divided."""
         return self.pressure * self.length ** (self.dim - 1)
 
     @property
     def stiffness(self) -> float:
-        """Scale of pressure per length."""
+        """Scale by which stiffnesses (pressure per length) are divided."""
         return self.pressure / self.length
 
     @property
     def energy(self) -> float:
-        """Scale of energy."""
+        """Scale by which energies are divided."""
         return self.contacts_per_body * self.pressure * self.length**self.dim
 
     @property

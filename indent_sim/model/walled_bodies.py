@@ -163,7 +163,7 @@ class Box(_WalledBody):
 
     @property
     def height(self) -> float:
-        """Thickness lz [length]."""
+        """Thickness lz of the body [length]."""
         return self.size[2]
 
     @property

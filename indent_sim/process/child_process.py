@@ -85,7 +85,7 @@ class ChildProcess:
         atexit.register(self.stop)
 
     def begin_call(self, function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
-        """Begin a call in the process.
+        """Begin a call in the child process.
 
         Parameters
         ----------

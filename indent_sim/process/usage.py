@@ -119,7 +119,7 @@ class ProgressEstimate:
     last_step_end: float = field(default_factory=time.monotonic)
 
     def record_step(self, remaining_steps: int) -> tuple[float, str]:
-        """Record the end of a step.
+        """Record the end of a step and estimate the remaining time.
 
         Parameters
         ----------

@@ -112,7 +112,7 @@ class Jkr:
         if self.equilibrium_at(low).force > 0.0:
             raise ValueError(
                 "the adhesion is too weak: every contact with a tensile force has a radius below "
-                f"{low:g}, the smallest one of the load curve"
+                f"{low:g}, the smallest of the load curve"
             )
         largest = high
         # Every contact at a wall pulls, since K' vanishes there: smaller radii are tried in turn.
@@ -121,7 +121,7 @@ class Jkr:
             if high <= low:
                 raise ValueError(
                     "the adhesion is too strong: the force is tensile at all radii up to "
-                    f"{largest:g}, the largest one of the load curve"
+                    f"{largest:g}, the largest of the load curve"
                 )
         return math.exp(
             brentq(
@@ -191,7 +191,7 @@ class Jkr:
         while value(a) < z:
             if a >= high:
                 raise ValueError(
-                    f"the contact radius would exceed {high:g}, the largest one of the load curve"
+                    f"the contact radius would exceed {high:g}, the largest of the load curve"
                 )
             a = min(1.5 * a, high)
         return a

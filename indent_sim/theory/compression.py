@@ -41,7 +41,7 @@ class Bar(Protocol):
         """Return the strain energy per undeformed volume [F/L^2]."""
 
     def tangent_modulus(self, strain: float) -> float:
-        """Return d stress/d strain [F/L^2]."""
+        """Return the derivative of stress with respect to strain [F/L^2]."""
 
     def area_ratio(self, strain: float) -> float:
         """Return the ratio of the deformed to the undeformed area of the ends."""
@@ -54,11 +54,11 @@ class LinearBar:
     modulus: float
 
     def stress(self, strain: float) -> float:
-        """Return modulus times strain [F/L^2]."""
+        """Return the stress, modulus times strain [F/L^2]."""
         return self.modulus * strain
 
     def energy(self, strain: float) -> float:
-        """Return modulus times strain^2/2 [F/L^2]."""
+        """Return the energy density, modulus times strain^2/2 [F/L^2]."""
         return self.modulus * strain**2 / 2
 
     def tangent_modulus(self, strain: float) -> float:
@@ -110,7 +110,7 @@ class HyperelasticBar:
         return self._energy(self._lateral_strain(axial_strain), axial_strain)
 
     def tangent_modulus(self, strain: float) -> float:
-        """Return d stress/d strain [F/L^2] by a central difference."""
+        """Return the derivative of stress with respect to strain by a central difference."""
         step = 1e-4 * (1 - strain)
         return (self.stress(strain + step) - self.stress(strain - step)) / (2 * step)
 

@@ -73,7 +73,7 @@ class ElasticCurve:
     def depth_of_force(self, force: float) -> float:
         """Return the depth [L] of a force [F] >= 0; raises ValueError beyond the deepest sample."""
         if not 0.0 <= force <= float(self.force(np.array(self.deepest))):
-            raise ValueError(f"the force {force:g} is beyond the deepest point known")
+            raise ValueError(f"the force {force:g} is beyond the last sample of the load curve")
         return self._root(lambda x: float(self.force(np.array(x))) - force, self.deepest)
 
     def depth_behind_spring(self, compliance: float, z: float) -> float:
@@ -85,7 +85,7 @@ class ElasticCurve:
             return z
         upper_depth = min(z, self.deepest)
         if upper_depth + compliance * float(self.force(np.array(upper_depth))) < z:
-            raise ValueError(f"the depth at z = {z:g} is beyond the deepest point known")
+            raise ValueError(f"the depth at z = {z:g} is beyond the last sample of the load curve")
         return self._root(
             lambda x: x + compliance * float(self.force(np.array(x))) - z, upper_depth
         )

@@ -43,7 +43,7 @@ class Kernel:
     weight: np.ndarray
 
     def basis(self, x: np.ndarray) -> np.ndarray:
-        """Return b_j(x), shape (modes, len(x))."""
+        """Return the basis functions b_j(x), shape (modes, len(x))."""
         cosines = np.cos(np.multiply.outer(self.k, x))
         if not self.y.size:
             return cosines
@@ -121,7 +121,7 @@ class EvenKernel:
     matrix: np.ndarray
 
     def basis(self, x: np.ndarray) -> np.ndarray:
-        """Return b_j(x), shape (modes, len(x))."""
+        """Return the basis functions b_j(x), shape (modes, len(x))."""
         return chebvander(self._chebyshev_argument(x), len(self.matrix) - 1).T
 
     def apply_weights(self, values: np.ndarray) -> np.ndarray:
@@ -137,7 +137,7 @@ class EvenKernel:
         )
 
     def slope_over_x(self, x: np.ndarray) -> np.ndarray:
-        """Return b_j'(x)/x, shape (modes, len(x))."""
+        """Return b_j'(x)/x of the basis functions, shape (modes, len(x))."""
         derivative_matrix = _derivative_matrix(len(self.matrix))
         return (
             4.0

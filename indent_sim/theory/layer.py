@@ -119,7 +119,7 @@ class Layer(ContactCurve):
         )
 
     def linear_solutions(self, sizes: Sequence[float], largest: float) -> Sequence[_LinearSolution]:
-        """Solve for several contact radii at once if the tip's slope is continuous.
+        """Solve for several contact radii, vectorized if the tip's slope is continuous.
 
         All radii have the number of quadrature points that the largest one requires.
         """
@@ -153,7 +153,7 @@ class Layer(ContactCurve):
     def load_values(
         self, sizes: np.ndarray, linear_solutions: Sequence[_LinearSolution]
     ) -> np.ndarray:
-        """Return depth, force, stiffness and energy of all contacts, a vectorized `solution`."""
+        """Return depth, force, stiffness and energy of contacts, without Solution objects."""
         if self.tip.slope_discontinuities:
             return super().load_values(sizes, linear_solutions)
         parts = (
@@ -174,7 +174,7 @@ class Layer(ContactCurve):
     def center_pressures(
         self, sizes: np.ndarray, linear_solutions: Sequence[_LinearSolution]
     ) -> np.ndarray:
-        """Return the central pressures of all contacts at once if the tip's slope is continuous."""
+        """Return the central pressures of contacts, vectorized if the tip's slope is continuous."""
         if self.tip.slope_discontinuities or self.tip.apex_slope:
             return super().center_pressures(sizes, linear_solutions)
         s, w = gauss_legendre(0.0, 1.0, TIP_INTEGRAL_POINTS)
@@ -195,7 +195,7 @@ class Layer(ContactCurve):
     def pressures(
         self, sizes: np.ndarray, linear_solutions: Sequence[_LinearSolution], point_count: int
     ) -> np.ndarray:
-        """Return the pressures of all contacts at once if the tip's slope is continuous."""
+        """Return the pressures of all contacts, vectorized if the tip's slope is continuous."""
         if self.tip.slope_discontinuities or self.tip.apex_slope:
             return super().pressures(sizes, linear_solutions, point_count)
         radius_fractions, t, tip_weights = tip_pressure_rule(point_count)

@@ -90,7 +90,7 @@ def contact_radius(punches: Punches, delta: float, start_radius: float = 0.0) ->
     if radius < 0.5 * punches.min_radius:
         raise ValueError(
             f"the contact radius {radius:g} is smaller than {punches.min_radius:g}, the smallest "
-            "one of the load curve"
+            "of the load curve"
         )
     return radius
 

@@ -36,7 +36,7 @@ class ShearRelaxation:
         return 1.0 - sum(self.fractions) if self.given_long_term is None else self.given_long_term
 
     def _sum(self, terms: np.ndarray) -> np.ndarray:
-        """Return sum g_i terms_i."""
+        """Return the sum over the Prony terms, sum g_i terms_i."""
         if not self.fractions:
             return 0.0 * terms.sum(axis=0)
         return np.tensordot(np.array(self.fractions), terms, axes=1)

@@ -107,7 +107,7 @@ class LoadControl:
             if math.isfinite(upper - lower) and upper - lower <= 4e-16 * max(
                 abs(upper), abs(lower)
             ):
-                self.failure = "the force changes discontinuously there"
+                self.failure = "the force is a discontinuous function of the depth there"
                 return abs(reached_force - force) <= FORCE_SLACK * (force + pull)
             if (
                 len(tried_points) > 1
@@ -125,7 +125,7 @@ class LoadControl:
             longest_step = 4.0 * abs(step)
             if not lower < delta < upper:
                 delta = (lower + upper) / 2
-        self.failure = f"{MOST_TRIES} trial depths did not lead to this force"
+        self.failure = f"{MOST_TRIES} trial depths did not reach this force"
         return False
 
     def add_curve_point(self, force: float, delta: float) -> None:
@@ -180,7 +180,7 @@ class LoadControl:
                 _next_depth(force, [*curve_points, *tried_points], lower, upper, len(tried_points)),
                 self._deepest,
             )
-        self.failure = f"{MOST_TRIES} trial depths did not lead to this force"
+        self.failure = f"{MOST_TRIES} trial depths did not reach this force"
         return False
 
     def _neighbour_points(self, force: float) -> list[ForceDepth]:
@@ -203,7 +203,7 @@ class LoadControl:
         elif reached_force < force and reached_depth >= self._deepest:
             self.failure = "the force is smaller even with the tip close to the base of the body"
         elif upper <= lower * (1 + 4e-16):
-            self.failure = "the force changes discontinuously there"
+            self.failure = "the force is a discontinuous function of the depth there"
         else:
             return False
         return True

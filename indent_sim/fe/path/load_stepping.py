@@ -185,7 +185,7 @@ class LoadStepper:
     def resume(
         self,
         points: Sequence[PackedState],
-        later_places: Sequence[tuple[float, float]],
+        later_load_points: Sequence[tuple[float, float]],
         step: int = 0,
         pull_off_points: Mapping[int, PackedState] | None = None,
     ) -> bool:
@@ -198,8 +198,8 @@ class LoadStepper:
         Parameters
         ----------
         points, pull_off_points
-            Values of these attributes in the checkpoint of the earlier run.
-        later_places
+            Values of the attributes of these names, stored in the checkpoint of the earlier run.
+        later_load_points
             Depth [length] and time of each load point after the checkpoint.
         step
             Row at which the earlier run stopped, counted from 1.
@@ -218,7 +218,7 @@ class LoadStepper:
             for load_point, state in unpacked
             if state is not None
         ]
-        load_points = [LoadPoint(*depth_and_time) for depth_and_time in later_places]
+        load_points = [LoadPoint(*depth_and_time) for depth_and_time in later_load_points]
         if resumed_points and self._adhesion_range:
             self._points = resumed_points
         else:
@@ -372,7 +372,7 @@ class LoadStepper:
         """Reason why the last prescribed depth or force was not reached."""
         return (
             self._load_control.failure
-            or f"{self.equilibrium.failure}, in shorter and shorter increments too"
+            or f"{self.equilibrium.failure}, also after all cutbacks of the increment"
         )
 
     def states(

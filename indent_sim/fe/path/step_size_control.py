@@ -73,7 +73,7 @@ class StepSizeControl:
         return None if next_coordinate == coordinate else next_coordinate
 
     def record_success(self) -> None:
-        """Record that the increment converged."""
+        """Record that the increment converged, and adapt the step length."""
         self._successes += 1
         if self._successes == 2:
             self.step_limit = min(2 * self.step_limit, self.max_step)

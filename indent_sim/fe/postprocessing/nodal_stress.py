@@ -26,7 +26,7 @@ OWN_COORDINATE = {2: 2 / 3, 3: (5 + 3 * 5**0.5) / 20}
 
 
 class _CellStress(NamedTuple):
-    """Extrapolated stress of some cells.
+    """Stress of cells, extrapolated to their vertices.
 
     Attributes
     ----------

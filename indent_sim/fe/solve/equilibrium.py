@@ -185,7 +185,7 @@ class BodyEquilibrium:
         )
 
     def _sealing_algorithm(self, algorithm: Callable[[], bool]) -> Callable[[], bool]:
-        """Return an algorithm that solves and updates the contact seal until the seal is unchanged."""
+        """Return an algorithm that repeats solution and seal update until the seal is unchanged."""
         seal = self.bulk_terms.seal
         if seal is None:
             return algorithm

@@ -97,7 +97,7 @@ def iterate(
         if change <= tolerance:
             return solve(0.0)
         solver.failure = (
-            f"the multiplier does not converge, its last relative change is {change:.1e}"
+            f"the multiplier does not converge; its last relative change is {change:.1e}"
         )
         # The next solve must know the state much better than the multiplier changes
         rtol = min(FIRST_TOLERANCE, 1e-2 * change)

@@ -149,7 +149,7 @@ class ContactSeal(Term):
         )
 
     def add_tangent(self, A: PETSc.Mat) -> None:
-        """Add -dt g_i to the diagonal."""
+        """Add the derivative -dt g_i of the outflow to the diagonal of the tangent."""
         values = self._conductance
         dt = float(self.body.dt.value)
         for i in np.flatnonzero(values):

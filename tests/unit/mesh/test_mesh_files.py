@@ -646,7 +646,7 @@ def test_an_xdmf_file_takes_numbers_from_beside_it_alone(
     text = (tmp_path / "part.xdmf").read_text(encoding="utf-8")
     text = text.replace("part.h5:/data0", where).replace('Format="HDF"', f'Format="{form}"', 1)
     (tmp_path / "part.xdmf").write_text(text, encoding="utf-8")
-    with pytest.raises(ConfigError, match="takes its numbers from"):
+    with pytest.raises(ConfigError, match="refers to data in"):
         scene(tmp_path, "part.xdmf")
 
 
@@ -720,7 +720,7 @@ def test_an_hdf5_file_has_its_numbers_itself(
     tmp_path: Path, kept: Callable[[h5py.File], None], said: str
 ) -> None:
     with_numbers(tmp_path, kept)
-    with pytest.raises(MeshFileError, match=f"takes its numbers from '/data0'.*{said}"):
+    with pytest.raises(MeshFileError, match=f"refers to data in '/data0'.*{said}"):
         scene(tmp_path, "part.xdmf")
 
 
@@ -730,7 +730,7 @@ def test_no_link_on_the_way_to_numbers_leads_out(tmp_path: Path) -> None:
     text = (tmp_path / "part.xdmf").read_text(encoding="utf-8")
     text = text.replace("/data0", "/away/data0").replace("DataItem", "Anything")
     (tmp_path / "part.xdmf").write_text(text, encoding="utf-8")
-    with pytest.raises(MeshFileError, match="takes its numbers from '/away/data0'"):
+    with pytest.raises(MeshFileError, match="refers to data in '/away/data0'"):
         scene(tmp_path, "part.xdmf")
 
 
