@@ -269,9 +269,7 @@ class Nitsche(_StiffnessLaw):
     # at 0.3.
     min_stiffness_factor: ClassVar[float] = 1.0
 
-    reason_not_condensable: ClassVar[str] = (  # type: ignore[misc]
-        "Nitsche's method needs the stress inside the body"
-    )
+    reason_not_condensable: ClassVar[str] = "Nitsche's method needs the stress inside the body"  # type: ignore[misc]
 
     @property
     def stiffness(self) -> Expr:  # type: ignore[override]

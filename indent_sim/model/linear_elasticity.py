@@ -19,7 +19,7 @@ from indent_sim.model.units import (
     Modulus,
 )
 
-# Rounding error of a strain energy that is 0, relative to 1.
+# Round-off error of a strain energy that is zero.
 ENERGY_ROUNDING = 1e-14
 
 

@@ -140,7 +140,7 @@ class Jkr:
         log_radius = float(
             minimize_scalar(lambda x: value(math.exp(x)), bounds=(low, high), method="bounded").x
         )
-        # So near to the extremum a polynomial through 14 points finds it to 1e-10.
+        # In this interval a polynomial through 14 points locates the extremum to 1e-10.
         bounds = max(log_radius - 0.05, low), min(log_radius + 0.05, high)
         polynomial = Chebyshev.interpolate(
             np.vectorize(lambda x: value(math.exp(x))), 13, domain=bounds

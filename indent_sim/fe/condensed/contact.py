@@ -218,7 +218,7 @@ class CondensedContact:
         start = self.forces
         epsilon_n = self.law.stiffness
         unit = self.scene.physics.material.E_star / self.scene.sizes.h_contact
-        # The tolerance makes the choice independent of round-off in the units
+        # The tolerance makes the choice independent of round-off in the conversion of units
         has_other_stiffness = np.ndim(inverse_mass) and not isclose(epsilon_n, unit, rel_tol=1e-9)
         solve = (
             self.friction.solve_newton

@@ -153,7 +153,7 @@ class CondensedEquilibrium(Equilibrium):
 
         The set of candidate nodes is enlarged until the contact does not reach its rim.
         """
-        assert dt == 0.0  # nothing of a condensed body takes time
+        assert dt == 0.0  # a condensed body does not depend on time
         contact = self.contact
         forces = contact.forces
         lam = contact.lam
@@ -163,7 +163,7 @@ class CondensedEquilibrium(Equilibrium):
                 return True
             forces_before = _forces_on_surface(contact, forces, lam, last_depth)
             is_enlarged = self._enlarge_candidate_set()
-            # Starting anew makes the result independent of the candidates before
+            # A restart makes the result independent of the previous candidates
             self._set_trial_state(forces_before)
             if not is_enlarged:
                 break

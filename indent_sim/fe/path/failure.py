@@ -85,6 +85,6 @@ def _advice(scene: Scene) -> str:
         remedies.append("nu slightly below 0.5")
     if is_drop:
         remedies.append(f"a larger shear modulus: gamma/(mu R) is {scene.physics.drop_number:.2g}")
-    if not law.may_snap_through:  # another mesh has never helped where a tip snaps
+    if not law.may_snap_through:  # a different mesh has never helped where a tip snaps
         remedies.append("another mesh.h_contact")
     return f"; {' or '.join(remedies)} may help" if remedies else ""

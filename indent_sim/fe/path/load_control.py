@@ -117,7 +117,7 @@ class LoadControl:
             ):
                 slope = self._slope = force_change / depth_change
             elif not reached_force:
-                slope /= 2  # out of contact, the body may be further away
+                slope /= 2  # without contact, the body may be further away
             # A step is at most four times the one before: the slope at first touch says little
             # about the rest of the curve
             step = min(max((force - reached_force) / slope, -longest_step), longest_step)

@@ -250,7 +250,7 @@ class _Bracket:
 
     def next_depth(self, parabola: _Parabola) -> float:
         """Return the depth of the next equilibrium by parabolic interpolation [length]."""
-        # An equilibrium so near to the best one tells nothing new
+        # An equilibrium so close to the best one adds no information
         if abs(parabola.delta - self.best.delta) < 0.05 * self.width:
             golden_section = (3 - sqrt(5)) / 2
             return self.best.delta + golden_section * (self._end_of_longer_part - self.best.delta)

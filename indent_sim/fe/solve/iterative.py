@@ -116,7 +116,7 @@ class Iterative:
         ):
             step.array[dofs] = weight * block.array_r
         if self.has_failed:
-            step.set(np.nan)  # a system that was not solved makes the step no number
+            step.set(np.nan)  # a system that was not solved gives a step of NaN
 
     def residual_energy(self, residual: PETSc.Vec) -> float:
         """Return the energy r . A^-1 r of a residual r, with the preconditioner in place of A^-1.
@@ -143,7 +143,7 @@ class Iterative:
         """
         self._ksp.solve(self._b, self._x)
         iterations = self._ksp.getIterationNumber()
-        # The first digits take the most iterations, so no system counts as one of fewer digits
+        # The first digits need the most iterations, so a minimum number of digits is assumed
         digits = -log10(min(self.rtol, INEXACT_REDUCTION))
         self.iterations += iterations
         self._solve_count += 1

@@ -21,7 +21,7 @@ def membrane_continuation(newton: Newton, algorithm: Callable[[], bool]) -> Call
 
     def decrease_stiffness() -> bool:
         stiffness = 1.0
-        ratio = 0.1  # a decade at once was enough but for one row in ten
+        ratio = 0.1  # steps of a decade were sufficient except for one row in ten
         problem.set_membrane_stiffness(stiffness)
         if not (algorithm() and problem.is_admissible()):
             return False

@@ -72,7 +72,7 @@ class Multigrid:
         interpolation = compat.interpolation_matrix(linear, space)
         is_free = self._coarse.matrix.createVecRight()
         is_free.set(1.0)
-        # The unit diagonal entry of a constrained dof would give it a correction without meaning
+        # The unit diagonal entry of a constrained dof would give a meaningless correction
         is_free.array[self._coarse.constrained_dofs] = 0.0
         interpolation.diagonalScale(R=is_free)
         self._pc.setMGInterpolation(1, interpolation)

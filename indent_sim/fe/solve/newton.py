@@ -51,7 +51,7 @@ class Newton:
         self.iterations = 0
         self._reaction = 0.0
         self._largest_reaction = _reaction_floor(problem)
-        self._tangent_parameters: tuple[float, ...] = ()  # those of the last tangent
+        self._tangent_parameters: tuple[float, ...] = ()  # parameters of the last tangent
         self._last_solved_depth = 0.0
         self._residual = 0.0
         self._previous_residual = 0.0  # one Newton step earlier
@@ -92,8 +92,8 @@ class Newton:
             use_direct_solver(ksp, "cholesky" if symmetric else "lu")
         with default_options({"snes_linesearch_type": line_search(self.problem)}):
             snes.setFromOptions()
-        # stol = 0: a short step is no sign of an equilibrium, and PETSc would accept one after a
-        # failed line search.
+        # stol = 0: a short step does not indicate an equilibrium, and PETSc would accept one after
+        # a failed line search.
         snes.setTolerances(stol=0.0, max_it=self.max_iterations)
         snes.setConvergenceTest(self._test_convergence)
         self._uses_cholesky = symmetric and ksp.getPC().getType() == "cholesky"
@@ -370,7 +370,7 @@ class Newton:
         try:
             self._evaluate_residual(self.snes, start, start_residual)
             problem.delta.value = depth + step
-            for _ in range(6):  # corrections; an old factor that needs more is of no use
+            for _ in range(6):  # corrections; an old factor that needs more is discarded
                 self._evaluate_residual(self.snes, start + step * derivative, remaining)
                 remaining.axpy(-1.0, start_residual)
                 stiffness = (
@@ -405,7 +405,7 @@ class Newton:
         )
         allowed_error = 1e-9 * abs(stiffness)
         if stiffness_error > allowed_error:
-            # The energy goes as the square of the residual, which the next system has to reduce
+            # The energy is proportional to the square of the residual
             self._iterative.rtol = max(0.3 * (allowed_error / stiffness_error) ** 0.5, 1e-8)
         return stiffness_error <= allowed_error
 

@@ -99,13 +99,13 @@ def iterate(
         solver.failure = (
             f"the multiplier does not converge; its last relative change is {change:.1e}"
         )
-        # The next solve must know the state much better than the multiplier changes
+        # The next solve must be much more accurate than the change of the multiplier
         rtol = min(FIRST_TOLERANCE, 1e-2 * change)
         if change < smallest_change / 2:
             smallest_change = change
             stagnant_iterations = 0
         else:
             stagnant_iterations += 1
-        if stagnant_iterations > 60:  # in so many iterations the change must have halved once
+        if stagnant_iterations > 60:  # within this many iterations the change must have been halved
             return False
     return False

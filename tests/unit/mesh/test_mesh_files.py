@@ -712,7 +712,7 @@ def with_numbers(folder: Path, kept: Callable[[h5py.File], None]) -> None:
 @pytest.mark.parametrize(
     ("kept", "said"),
     [
-        *((kept, "which are not in 'part.h5' itself") for kept in ELSEWHERE),
+        *((kept, "which are stored outside of 'part.h5'") for kept in ELSEWHERE),
         *((k, "which are not real") for k in NOT_REAL),
     ],
 )
