@@ -81,7 +81,7 @@ class FacetValues:
         self._size = int(np.prod(expression.ufl_shape, dtype=int))
 
     def __call__(self) -> np.ndarray:
-        """Values (facets, points, components) at the current solution."""
+        """Evaluate the expression (facets, points, components) at the current solution."""
         values = np.zeros((len(self._cells), self._points, self._size))
         for k in np.unique(self._local):
             facet_indices = np.flatnonzero(self._local == k)

@@ -72,7 +72,7 @@ class Trace:
         return shape_functions(points) @ nodal
 
     def tangents(self, nodal: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Derivatives (facets, points, dim, dim - 1) of a nodal field by reference coordinates."""
+        """Derivatives (facets, points, dim, dim - 1) of a nodal field along the facet."""
         step = 1e-3  # central differences are exact for quadratics
         shifts = step * np.eye(points.shape[1])
         slopes = np.stack(

@@ -37,7 +37,7 @@ class CoulombPoint:
 
     @cached_property
     def trial_magnitude(self) -> Expr:
-        """|t_hat| [pressure], regularized so that it is > 0."""
+        """Magnitude |t_hat| [pressure], regularized so that it is > 0."""
         return length(self.trial_traction)
 
     @cached_property

@@ -255,16 +255,16 @@ class TwoConstantLaw(ElasticLaw):
 
     @property
     def constants(self) -> Constants:
-        """E [pressure] and nu, for a material defined by them (`canonical`)."""
+        """Young's modulus and Poisson's ratio; they must be the given constants (`canonical`)."""
         assert self.E is not None and self.nu is not None
         return Constants(self.E, self.nu)
 
     @property
     def shear_modulus(self) -> Expr:
-        """mu = E / (2 (1 + nu)) [pressure]."""
+        """Shear modulus mu = E / (2 (1 + nu)) [pressure]."""
         return self.E / (2 * (1 + self.nu))  # type: ignore[operator]
 
     @property
     def volumetric_compliance(self) -> Expr:
-        """1/lame_lambda = (1 + nu)(1 - 2 nu)/(E nu) [1/pressure]; 0 when incompressible."""
+        """Inverse 1/lame_lambda = (1 + nu)(1 - 2 nu)/(E nu) [1/pressure]; 0 if incompressible."""
         return (1 + self.nu) * (1 - 2 * self.nu) / (self.E * self.nu)  # type: ignore[operator]

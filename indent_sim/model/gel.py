@@ -200,7 +200,7 @@ class Gel(ElasticLaw):
 
     @property
     def _swelling_stiffness(self) -> Expr:
-        """1/(l^2 (J0 - 1)) + n/l^2 - 2 chi/l^5 = (lambda + mu) n l/G."""
+        """Constant s = 1/(l^2 (J0 - 1)) + n/l^2 - 2 chi/l^5 = (lambda + mu) n l/G."""
         return (1 / (self._J0 - 1) + self.n_omega - 2 * self.chi / self._J0) / self._l**2
 
     @property
@@ -214,7 +214,7 @@ class Gel(ElasticLaw):
 
     @property
     def volumetric_compliance(self) -> Expr:
-        """1/lambda [1/pressure] with lambda = (G/l)(s/n - 1), s as in `constants`."""
+        """Inverse 1/lambda [1/pressure] of lambda = (G/l)(s/n - 1), with s as in `constants`."""
         return 1 / (self.shear_modulus * (self._swelling_stiffness / self.n_omega - 1))
 
     def energy(self, H: Expr) -> Expr:

@@ -110,8 +110,8 @@ class History:
     def rows_per_segment(self) -> tuple[int, ...]:
         """Number of rows in each segment of `points_from_rest`; 1 for a jump.
 
-        HISTORY_ROWS are distributed in proportion to the durations; a segment gets at least
-        HISTORY_ROWS/segments.
+        HISTORY_ROWS rows are distributed in proportion to the duration of the segments; a segment
+        has at least HISTORY_ROWS divided by the number of segments.
         """
         spans = [end - start for (start, _), (end, _) in pairwise(self.points_from_rest)]
         fractions = [max(span / self.duration, 1.0 / len(spans)) for span in spans]

@@ -134,7 +134,7 @@ class _IsochoricLaw(ElasticLaw):
 
     @property
     def volumetric_compliance(self) -> Expr:
-        """1/kappa = 3 (1 - 2 nu)/(2 mu (1 + nu)) [1/pressure]; 0 when incompressible."""
+        """Inverse bulk modulus 3 (1 - 2 nu)/(2 mu (1 + nu)) [1/pressure]; 0 if incompressible."""
         return 3 * (1 - 2 * self.nu) / (2 * self.small_strain_mu * (1 + self.nu))  # type: ignore[operator]
 
     def energy_parts(self, H: Expr) -> tuple[Expr, Expr]:
@@ -264,7 +264,7 @@ class MooneyRivlin(_InvariantLaw):
 
     @property
     def poynting_coefficient(self) -> Expr:
-        """k = (2 C10 + 4 C01)/3 [pressure]."""
+        """Coefficient k = (2 C10 + 4 C01)/3 of the Poynting effect [pressure]."""
         return (2 * self.C10 + 4 * self.C01) / 3
 
     def energy_of_invariants(self, i1: Expr, i2: Expr) -> Expr:
@@ -323,7 +323,9 @@ class Ogden(_IsochoricLaw):
 
     @property
     def poynting_coefficient(self) -> Expr:
-        """k = sum mu_i alpha_i (6 - alpha_i)/24 [pressure], since c = sum mu_i alpha_i^2 / 2."""
+        """Coefficient k = sum mu_i alpha_i (6 - alpha_i)/24 of the Poynting effect [pressure].
+
+        It follows from c = sum mu_i alpha_i^2 / 2 in k = mu/2 - c/12."""
         pairs = zip(self.mu, self.alpha, strict=True)
         return sum(mu * alpha * (6 - alpha) for mu, alpha in pairs) / 24
 

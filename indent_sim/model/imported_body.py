@@ -69,7 +69,7 @@ class MeshFromFile:
 
     @property
     def dim(self) -> int:
-        """3, or 2 in plane strain, where forces are per unit length."""
+        """Dimension of the body: 3, or 2 in plane strain, where forces are per unit length."""
         return 2 if self.kinematics == "plane_strain" else 3
 
     @property

@@ -56,7 +56,7 @@ class LinearElastic(TwoConstantLaw):
 
     @property
     def inverse_bulk_modulus(self) -> Expr:
-        """1/kappa = 3 (1 - 2 nu)/E [1/pressure]."""
+        """Inverse bulk modulus 1/kappa = 3 (1 - 2 nu)/E [1/pressure]."""
         return 3 * (1 - 2 * self.nu) / self.E  # type: ignore[operator]
 
 
@@ -107,7 +107,7 @@ class TransverselyIsotropic(ElasticLaw):
 
     @property
     def constants(self) -> Constants:
-        """E [pressure] and nu of the equivalent isotropic material.
+        """Young's modulus [pressure] and Poisson's ratio of the equivalent isotropic material.
 
         It has the same indentation modulus and the same compressibility, nu = (1 - d)/2.
         """
@@ -122,7 +122,7 @@ class TransverselyIsotropic(ElasticLaw):
 
     @property
     def _D(self) -> Expr:
-        """D = 1 - nu - 2 nu_z^2 E/E_z, which vanishes if the material is incompressible."""
+        """Constant D = 1 - nu - 2 nu_z^2 E/E_z, which is 0 if the material is incompressible."""
         return 1 - self.nu - 2 * self.nu_z**2 * self.E / self.E_z
 
     @property
@@ -176,7 +176,7 @@ class TransverselyIsotropic(ElasticLaw):
 
     @property
     def volumetric_compliance(self) -> Expr:
-        """Inverse of the volumetric stiffness, 2 D/(E (1 - d)) [1/pressure]."""
+        """Inverse volumetric stiffness 2 D/(E (1 - d)) [1/pressure]."""
         return 2 * self._D / (self.E * (1 - self._d))
 
     def energy_parts(self, H: Expr) -> tuple[Expr, Expr]:

@@ -49,7 +49,7 @@ class SphericalBody(RoundBody):
 
     @property
     def base_edge(self) -> tuple[float, float]:
-        """(r, z) [length] of the edge between the curved surface and the base."""
+        """Coordinates (r, z) [length] of the edge between the curved surface and the base."""
         depth = self.radius if self.height == 2 * self.radius else self.height
         return float(depth * (2 * self.radius - depth)) ** 0.5, -depth
 

@@ -97,7 +97,7 @@ class _Tip:
         return self._strain_of_slope(a)
 
     def _strain_of_slope(self, a: float) -> tuple[float, str]:
-        """Return 0.2 times the slope at the edge of the contact, and a text for it."""
+        """Return the strain, 0.2 times the slope at the contact edge, and its formula as text."""
         return 0.2 * self.slope(a), "0.2 times the slope at the contact's edge"
 
     def scaled(self, factor: float) -> Self:
@@ -296,7 +296,7 @@ class Hyperboloid(_Tip):
         return self.R
 
     def characteristic_strain(self, delta: float, a: float) -> tuple[float, str]:
-        """Return 0.2 times the slope at the edge of the contact, and a text for it."""
+        """Return the strain, 0.2 times the slope at the contact edge, and its formula as text."""
         return self._strain_of_slope(a)
 
 

@@ -56,7 +56,7 @@ class FailureConsensus:
         self._comm = comm.Dup() if comm.size > 1 else None
 
     def all_ranks_failed(self) -> bool:
-        """Return True if all other ranks make this call, too, within RANK_TIMEOUT."""
+        """Return True if all other ranks also make this call within RANK_TIMEOUT."""
         return self.count_failures(1) is not None
 
     def count_failures(self, own_failures: int) -> int | None:

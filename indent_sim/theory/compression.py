@@ -160,14 +160,14 @@ class HyperelasticBar:
 
 
 def _first_derivative(function: Callable[[float], float], x: float) -> float:
-    """Return the first derivative by the five-point formula."""
+    """Return the first derivative of a function at x by the five-point formula."""
     near_difference = function(x + DIFFERENCE_STEP) - function(x - DIFFERENCE_STEP)
     far_difference = function(x + 2 * DIFFERENCE_STEP) - function(x - 2 * DIFFERENCE_STEP)
     return (8 * near_difference - far_difference) / (12 * DIFFERENCE_STEP)
 
 
 def _second_derivative(function: Callable[[float], float], x: float) -> float:
-    """Return the second derivative by the three-point formula."""
+    """Return the second derivative of a function at x by the three-point formula."""
     return (
         function(x + DIFFERENCE_STEP) - 2 * function(x) + function(x - DIFFERENCE_STEP)
     ) / DIFFERENCE_STEP**2

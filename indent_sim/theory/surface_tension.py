@@ -132,7 +132,7 @@ class LayerWithSurfaceTension(ContactCurve):
         return bool(self.tip.slope_discontinuities) or self.tip.apex_slope > 0.0
 
     def _tip_shape(self, a: float, theta: np.ndarray) -> np.ndarray:
-        """Return g [h] at the angles theta.
+        """Return the tip's Abel transform g [h] at the angles theta.
 
         For a tip with slope discontinuities g is projected on as many functions cos(2 m theta) as
         there are angles.
@@ -209,7 +209,7 @@ class LayerWithSurfaceTension(ContactCurve):
         )
 
     def outside_displacement(self, a: float, phi: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Return the left side of the integral equation at positions x > a [h].
+        """Return the left-hand side of the integral equation at positions x > a [h].
 
         `_u_z` computes the surface displacement outside the contact from this quantity.
         """

@@ -191,7 +191,7 @@ class CondensedContact:
 
     @cached_property
     def inverse_mass(self) -> np.ndarray:
-        """M^-1 (n, n) [1/area] of the candidates, whose multiplier is lam = M^-1 F."""
+        """Inverse mass matrix M^-1 (n, n) [1/area] of the candidates, with lam = M^-1 F."""
         return self.project(np.eye(self.compliance.size))[self.candidates]
 
     def assemble_vector(self, local: np.ndarray) -> np.ndarray:

@@ -194,7 +194,7 @@ class CondensedEquilibrium(Equilibrium):
 
     @property
     def stiffness(self) -> float:
-        """dF/ddelta of the whole body at the present equilibrium [force/length]."""
+        """Stiffness dF/ddelta of the whole body at the present equilibrium [force/length]."""
         return self.scene.physics.domain.symmetry_factor * self.contact.stiffness()
 
     def punches(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -1,7 +1,8 @@
 """Load stepping: increments with extrapolation, cutback and recovery along a load path.
 
 Each increment is started from an extrapolation of the previous equilibria, solved, and cut back if
-the solution fails (Belytschko et al. 2014, chapter 6.6).
+the solution fails (Belytschko et al. 2014, chapter 6.6). One or more increments lead to each
+prescribed depth or force, whose results are a row of the force table.
 """
 
 from __future__ import annotations

@@ -82,7 +82,7 @@ class BodyEquilibrium:
 
     @property
     def stiffness(self) -> float:
-        """dF/ddelta of the whole body at the present equilibrium [force/length] (collective)."""
+        """Stiffness dF/ddelta of the whole body at the equilibrium [force/length] (collective)."""
         return self.newton.stiffness()
 
     def tighten_tolerance(self) -> float:

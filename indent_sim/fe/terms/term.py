@@ -21,7 +21,7 @@ from indent_sim.mesh.reactions import SurfaceComponent
 
 
 class Term:
-    """A term of the virtual work over one load or time increment.
+    """Base class of the terms of the virtual work over one load or time increment.
 
     The defaults describe a term with a potential, without internal variables and without additional
     fields; subclasses override what differs.
