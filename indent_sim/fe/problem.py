@@ -58,11 +58,12 @@ class Snapshot:
 class Problem:
     """Discrete problem: the sum of the terms of the virtual work of a body.
 
-       Attributes
-    ---------- frozen : list of fem.Function
-           Functions of the current iterate that Newton's method does not solve for.
-       histories : list of fem.Function
-           Internal variables of all terms.
+    Attributes
+    ----------
+    frozen : list of fem.Function
+        Functions of the current iterate that Newton's method does not solve for.
+    histories : list of fem.Function
+        Internal variables of all terms.
     """
 
     def __init__(self, body: Body, terms: Iterable[Term]):

@@ -325,7 +325,8 @@ class Ogden(_IsochoricLaw):
     def poynting_coefficient(self) -> Expr:
         """Coefficient k = sum mu_i alpha_i (6 - alpha_i)/24 of the Poynting effect [pressure].
 
-        It follows from c = sum mu_i alpha_i^2 / 2 in k = mu/2 - c/12."""
+        It follows from c = sum mu_i alpha_i^2 / 2 in k = mu/2 - c/12.
+        """
         pairs = zip(self.mu, self.alpha, strict=True)
         return sum(mu * alpha * (6 - alpha) for mu, alpha in pairs) / 24
 

@@ -62,7 +62,8 @@ class MeshFromFile:
     def surface_names(self) -> MeshSurfaces:
         """Names of all surfaces, with default names for surfaces that the scene does not name.
 
-        The copy of the mesh in the result folder uses these names."""
+        The copy of the mesh in the result folder uses these names.
+        """
         given = self.surfaces
         sides = "sides" if self.sides in ("roller", "fixed") else None
         return MeshSurfaces(given.contact or "contact", given.base or "base", given.sides or sides)

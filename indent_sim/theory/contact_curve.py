@@ -457,7 +457,8 @@ class ChebyshevContactCurve:
     def _load_scales(self, a: np.ndarray) -> np.ndarray:
         """Return the scales (4, len(a)) of depth, force, stiffness and energy, as in Hertz' theory.
 
-        The polynomials approximate the load values divided by these scales [L, F, F/L, F L]."""
+        The polynomials approximate the load values divided by these scales [L, F, F/L, F L].
+        """
         curve = self.curve
         h = self.curve.h
         g = h * curve.profile(a)

@@ -117,7 +117,8 @@ class CondensedFriction:
     def set_slip_reference(self, slip_reference: SlipReference) -> None:
         """Set the point from which the slip of new contact points is counted.
 
-        See `solve.slip_reference`."""
+        See `solve.slip_reference`.
+        """
         self._new_contact_sticks = slip_reference != "glue"
         self._slip_start = self._accepted_state.u[1:]
         self._largest_passed_gap = 1.0
