@@ -175,7 +175,7 @@ def _facets_by_name(
     dim = outer_facets.shape[1]
     key = f"body.surfaces.{SURFACE_KEYS[surface]}"
     if not file.point_sets and not any(dim - 1 in group for group in file.groups.values()):
-        problem = f"the file names no {CELL_KINDS[dim - 1]}, so it has no '{name}'"
+        problem = f"the file has no named {CELL_KINDS[dim - 1]} and thus no '{name}'"
         remedy = (
             f"leave the key out if this surface {ORIENTATIONS[surface]}, or name it "
             f"{_naming_advice(name, dim)}"

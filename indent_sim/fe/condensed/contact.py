@@ -234,7 +234,7 @@ class CondensedContact:
                 return True
         self.failure = (
             f"no equilibrium was found within {MOST_CONTACT_ITERATIONS} iterations, or the active "
-            "set of the contact repeats itself"
+            "sets of the contact recur"
         )
         return False
 

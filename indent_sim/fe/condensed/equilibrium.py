@@ -177,9 +177,9 @@ class CondensedEquilibrium(Equilibrium):
         )
         if nodes > MAX_CANDIDATES:
             self._candidate_set_failure = (
-                f"the contact outgrows the {self.contact.compliance.size} surface nodes to which "
-                f"the body is condensed, and {nodes} are more than the limit of {MAX_CANDIDATES}: "
-                "use solver.method: newton"
+                f"the contact extends beyond the {self.contact.compliance.size} surface nodes to "
+                f"which the body is condensed, and the next larger set of {nodes} nodes exceeds "
+                f"the limit of {MAX_CANDIDATES}; use solver.method: newton"
             )
             return False
         self._iterations = self.contact.iterations

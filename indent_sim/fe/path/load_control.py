@@ -155,8 +155,8 @@ class LoadControl:
         if self._touch_pull is not None:
             if force < -self._touch_pull:
                 self.failure = (
-                    "the pulling force is larger than that of the tip at first touch (delta = 0), "
-                    "and such forces are not searched for: prescribe depths instead"
+                    "the tensile force exceeds the attraction at first touch (delta = 0), which "
+                    "load control does not support; prescribe depths instead"
                 )
                 return False
             force += self._touch_pull
@@ -201,7 +201,7 @@ class LoadControl:
         if (reached_force < force and reached_depth != target_depth) or is_blocked_out:
             self.failure = ""
         elif reached_force < force and reached_depth >= self._deepest:
-            self.failure = "the force is smaller even with the tip close to the base of the body"
+            self.failure = "the force is too small even with the tip close to the base of the body"
         elif upper <= lower * (1 + 4e-16):
             self.failure = "the force is a discontinuous function of the depth there"
         else:

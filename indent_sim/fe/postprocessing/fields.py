@@ -26,8 +26,8 @@ class Fields:
       vertex as in the surface table;
     * `pore_pressure` (points,) [pressure], with pore fluid;
     * `nodal_stress` (points, 3, 3) and `nodal_von_mises` (points,) [pressure], on request. With
-    them, a vertex on an interface has one row for each adjacent region in all vertex fields, in the
-    order of `mesh.grid.split_at_interfaces`.
+      them, a vertex on an interface has one row for each adjacent region in all vertex fields, in
+      the order of `mesh.grid.split_at_interfaces`.
 
     At the centroids of cells:
 

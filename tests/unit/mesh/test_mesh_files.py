@@ -200,7 +200,7 @@ def test_cells_alone_have_the_surfaces_that_their_names_would_give(
 
 def test_names_that_a_file_without_any_cannot_have(tmp_path: Path) -> None:
     with pytest.raises(
-        MeshFileError, match=r'names no lines, so it has no .top.; .* Physical Curve\("top"\)'
+        MeshFileError, match=r'has no named lines and thus no .top.; .* Physical Curve\("top"\)'
     ) as found:
         piece(tmp_path, without_names(section()))
     assert found.value.exit_code == 4 and found.value.key == "body.surfaces.contact"
