@@ -10,7 +10,8 @@ G = work at the edge of the contact makes the whole equilibrium curve a function
 This is exact for small strain without friction if the range of the attraction is short (Tabor
 number above about 5); see `maugis` for longer ranges.
 
-delta > 0 pushes in, force > 0 pushes and < 0 pulls. Lengths [L], forces [F], work [F/L].
+delta > 0 in indentation; force > 0 in compression, < 0 in tension. Lengths [L], forces [F], work
+[F/L].
 Sources: Johnson, Kendall & Roberts (1971), Proc. R. Soc. A 324, 301; Maugis (1992), J. Colloid
 Interface Sci. 150, 243.
 """

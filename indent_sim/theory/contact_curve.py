@@ -1,14 +1,14 @@
-"""Load curve of a layer theory: its contacts at one or many depths or forces.
+"""Load curve of a layer theory: contact solutions at given depths or forces.
 
-Without the powers of Hertz's contact all quantities of a contact of size a are analytic in a,
+Divided by the powers of a in Hertz's theory, all quantities of a contact of size a are analytic,
     delta = h g d(a),  F = E* h^n a^(n-1) g f(a),  dF/ddelta = E* h^(n-1) a^(n-1) s(a),
     U = E* h^(n+1) a^(n-1) g^2 u(a),  p_max = E* (g/a) p(a),
 with g(a) the tip's profile, a and g in units of h, n = 2 (n = 1 in plane strain). Chebyshev
-polynomials through a few sizes approximate them to rounding; their last coefficients measure the
-error. Where these are not small, nothing is interpolated: tips with slope discontinuities,
-pressures whose maximum moves.
+polynomials through a few sizes approximate them to round-off; the last coefficients measure the
+error. If these are not small, the quantity is not interpolated, for example for tips with slope
+discontinuities, or for pressures whose maximum is not at a fixed position.
 
-delta > 0 pushes in; force, pressure > 0 push.
+delta, force and pressure are > 0 in indentation.
 Source: Trefethen (2013), Approximation Theory and Approximation Practice, chapters 3 and 8.
 """
 

@@ -1,8 +1,8 @@
 """Elastic load curve of a body from samples: force and contact radius as functions of the depth.
 
 ln F and ln a are cubic splines of ln delta; below the first sample the curve is continued as a
-power law. delta > 0 pushes in, force > 0 pushes. Lengths [L], forces [F]. Source: de Boor (1978), A
-Practical Guide to Splines, chapter 4, for cubic splines.
+power law. delta and force are > 0 in indentation. Lengths [L], forces [F].
+Source: de Boor (1978), A Practical Guide to Splines, chapter 4, for cubic splines.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ the top layer. Forces are accurate to 1e-9 for a/h < 100 and ratios of moduli up
 half-space softer than the top layer by a factor of 1e4 they are accurate to 1e-8, by 1e5 to 2e-6,
 because of cancellation between the stiffness of layer and half-space.
 
-Small strain, gap at the reference radius. delta > 0 pushes in; force, pressure > 0 push. Any
+Small strain, gap at the reference radius. delta, force and pressure are > 0 in indentation. Any
 consistent units. Sources: Lebedev & Ufliand (1958), PMM 22, 442; Hayes et al. (1972), J. Biomech.
 5, 541.
 """

@@ -10,7 +10,7 @@ delta(t) (Lee & Radok 1960). While it shrinks (Ting 1966), delta_1 follows from 
 - s(delta)) d delta + int_unloading G(t - s) delta'(s) ds = 0. This is exact for any shape of body
 and tip.
 
-delta > 0 pushes in, force > 0 pushes. Any unit of time.
+delta and force are > 0 in indentation. Any unit of time.
 Sources: Lee & Radok (1960), J. Appl. Mech. 27, 438; Ting (1966), J. Appl. Mech. 33, 845.
 """
 

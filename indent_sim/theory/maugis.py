@@ -1,6 +1,6 @@
 """Adhesion of a paraboloid on a half-space between the DMT and JKR limits (Maugis-Dugdale).
 
-Force > 0 pushes and < 0 pulls. Lengths [L], forces [F], work of adhesion [F/L].
+The force is > 0 in compression, < 0 in tension. Lengths [L], forces [F], work of adhesion [F/L].
 Source: Maugis (1992), J. Colloid Interface Sci. 150, 243.
 """
 

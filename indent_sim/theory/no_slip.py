@@ -13,7 +13,7 @@ are those of frictionless contact.
 
 For bonded layers, the ratio of forces is taken from a table of finite element solutions.
 
-delta > 0 and force > 0 while the tip pushes into the body.
+delta and force are > 0 in indentation.
 Sources: Mossakovskii (1963), J. Appl. Math. Mech. 27, 627; Spence (1968), Proc. R. Soc. A 305, 55.
 """
 

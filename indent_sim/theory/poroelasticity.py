@@ -15,8 +15,9 @@ a), with r = (nu_u - nu)/(1 - nu) and gamma^2 = k^2 + s,
     q = 1 - 2 k^2/(gamma (gamma + k))     for a sealed one.
 
 delta and force are > 0 in indentation, p > 0 in compressed fluid. Any consistent units, and any
-unit of time [T]. Sources: Biot (1941), J. Appl. Phys. 12, 155; Agbezuge & Deresiewicz (1974),
-Israel J. Technol. 12, 322; Weideman (2006), SIAM J. Numer. Anal. 44, 2342, for Talbot's contour.
+unit of time [T].
+Sources: Biot (1941), J. Appl. Phys. 12, 155; Agbezuge & Deresiewicz (1974), Israel J. Technol. 12,
+322; Weideman (2006), SIAM J. Numer. Anal. 44, 2342, for Talbot's contour.
 """
 
 from __future__ import annotations

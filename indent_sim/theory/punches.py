@@ -9,7 +9,7 @@ where delta_1(a) is the depth of this contact without adhesion. The energy relea
 is G = (delta - delta_1)^2 K'(a)/(4 pi a). This is exact for every linear, frictionless,
 axisymmetric body.
 
-delta > 0 pushes in, force > 0 pushes. Lengths [L], forces [F].
+delta and force are > 0 in indentation. Lengths [L], forces [F].
 Sources: Barthel (2008), J. Phys. D 41, 163001; Popov & Hess (2015), Method of Dimensionality
 Reduction.
 """

@@ -20,7 +20,7 @@ the ends is included. For the infinite strip q = x/a and S = a/2. A kink at the 
 Lengths are in units of h, the thickness of the top layer; force, energy and stiffness are per unit
 length of the strip.
 
-Small strain, gap at the reference point. delta > 0 pushes in; force, pressure > 0 push. Any
+Small strain, gap at the reference point. delta, force and pressure are > 0 in indentation. Any
 consistent units.
 Sources: Johnson, Contact Mechanics (1985), sections 2.7 and 5.8; Meijers (1968), Appl. Sci. Res.
 18, 353, for the layer.

@@ -25,7 +25,7 @@ If the contact is much smaller than gamma/E*, the surface is a membrane: under a
 gamma/R, F = 2 pi gamma a^2/R and, on a half-space, delta = a^2/R (ln(4 gamma/(E* a)) + 1/2 -
 0.5772...).
 
-Small strain, gap at the reference radius. delta > 0 pushes in; force, pressure > 0 push. Any
+Small strain, gap at the reference radius. delta, force and pressure are > 0 in indentation. Any
 consistent units; lengths [h] are in units of the top layer's thickness h.
 Sources: Hajji (1978), J. Appl. Mech. 45, 320; Long & Wang (2013), Proc. R. Soc. A 469, 20120567;
 Abramowitz & Stegun 5.2.13 for G; Sneddon (1966), Mixed Boundary Value Problems, section 2.1, for

@@ -12,7 +12,7 @@ compliance.
 
 Unlike Ting's solution (`lee_radok_ting`), this method is valid for histories with reloading.
 
-delta > 0 pushes in, force > 0 pushes. Lengths [L], forces [F], any unit of time.
+delta and force are > 0 in indentation. Lengths [L], forces [F], any unit of time.
 Source: Taylor, Pister & Goudreau (1970), Int. J. Numer. Methods Eng. 2, 45, for the recursion of
 exponentials.
 """
