@@ -111,7 +111,7 @@ class _IsochoricLaw(ElasticLaw):
         Raises ValueError unless exactly one of nu and kappa is given.
         """
         if (self.nu is None) == (self.kappa is None):
-            raise ValueError("needs exactly one of nu and kappa, besides the constants of the law")
+            raise ValueError("needs exactly one of nu, kappa in addition to its constants")
         mu = self.small_strain_mu
         if not (math.isfinite(mu) and mu > 0):
             raise ValueError(f"the small-strain shear modulus is {mu:g}; it must be > 0")
