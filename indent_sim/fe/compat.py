@@ -64,9 +64,9 @@ else:
 
 @cache
 def kernel_folder() -> Path:
-    """Folder of the program's compiled kernels, below that of dolfinx; one per version of Python.
+    """Return the program's own folder for compiled kernels, a subfolder of dolfinx's cache.
 
-    The first call reads the settings of dolfinx and FFCx.
+    Every version of Python has its own. The first call reads the settings of dolfinx and FFCx.
     """
     name = "options" if DOLFINX_VERSION >= (0, 6) else "parameters"
     settings = getattr(dolfinx.jit, f"get_{name}")()
@@ -76,13 +76,13 @@ def kernel_folder() -> Path:
 
 
 def jit_options() -> dict[str, dict[str, str]]:
-    """Keyword argument by which dolfinx compiles a kernel into the folder of the program."""
+    """Return the keyword argument that makes dolfinx compile into the program's kernel folder."""
     keyword = "jit_options" if DOLFINX_VERSION >= (0, 6) else "jit_params"
     return {keyword: {"cache_dir": str(kernel_folder())}}
 
 
 def lagrange_element(dim: int, order: int, components: int = 1) -> Element:
-    """Continuous Lagrange element of an order on simplices, scalar or with several components."""
+    """Continuous Lagrange element of a given order on simplices, scalar or vector-valued."""
     if DOLFINX_VERSION >= (0, 8):
         return basix.ufl.element(
             "Lagrange", CELL_NAMES[dim], order, shape=(components,) if components > 1 else ()
@@ -93,7 +93,7 @@ def lagrange_element(dim: int, order: int, components: int = 1) -> Element:
 
 
 def quadrature_element(dim: int, degree: int, components: int) -> Element:
-    """Element with values of several components at the points of a quadrature rule on simplices."""
+    """Vector-valued quadrature element (values at quadrature points) on simplices."""
     if DOLFINX_VERSION >= (0, 8):
         return basix.ufl.quadrature_element(
             CELL_NAMES[dim], value_shape=(components,), degree=degree
@@ -104,14 +104,14 @@ def quadrature_element(dim: int, degree: int, components: int) -> Element:
 
 
 def cellwise_element(dim: int, components: int) -> Element:
-    """Element with one value of several components in each cell."""
+    """Piecewise constant vector-valued element (one vector in each cell)."""
     if DOLFINX_VERSION >= (0, 8):
         return basix.ufl.element("DG", CELL_NAMES[dim], 0, shape=(components,))
     return ufl.VectorElement("DG", CELL_NAMES[dim], 0, dim=components)
 
 
 def mixed_element(*elements: Element) -> Element:
-    """Mixed element of several elements."""
+    """Mixed element that combines several elements."""
     return (
         basix.ufl.mixed_element(list(elements))
         if DOLFINX_VERSION >= (0, 8)
@@ -129,7 +129,7 @@ def function_space(mesh: Mesh, element: Element) -> fem.FunctionSpace:
 
 
 def _coordinate_element(dim: int, order: int) -> Element:
-    """Vector element of a mesh's geometry.
+    """Vector-valued Lagrange element of the mesh coordinates.
 
     FFCx before 0.7 sets the variant of the element when it compiles the first kernel, which changes
     the names of later kernels; so it is set here.
@@ -147,10 +147,10 @@ def create_mesh(comm: MPI.Comm, cells: np.ndarray, points: np.ndarray, dim: int)
     comm : MPI.Comm
         Communicator.
     cells : ndarray of int, (n, corners) or (n, corners + edges)
-        Some of the cells, by their corners, optionally followed by the midpoints of their edges,
-        each opposite to a corner in turn.
+        This rank's share of the cells, as numbers of their corners, optionally followed by the edge
+        midpoints, each opposite to a corner in turn.
     points : ndarray, (m, dim)
-        Some of the points [length].
+        This rank's share of the points [length].
     dim : int
         Dimension.
     """
@@ -164,12 +164,12 @@ def create_mesh(comm: MPI.Comm, cells: np.ndarray, points: np.ndarray, dim: int)
 
 
 def zero_bc(dofs: np.ndarray, space: fem.FunctionSpace) -> fem.DirichletBC:
-    """Dirichlet condition that dofs of a space are zero."""
+    """Homogeneous Dirichlet condition on given dofs of a function space."""
     return fem.dirichletbc(PETSc.ScalarType(0), dofs.astype(np.int32), space)
 
 
 def cell_dofs(dofmap: Any) -> np.ndarray:
-    """Cell dofs of a dofmap, or points of a geometry, as an array (cells, dofs per cell)."""
+    """Return the dofs of each cell, or the geometry nodes, as an array (cells, dofs per cell)."""
     table = dofmap.list if hasattr(dofmap, "list") else dofmap
     if hasattr(table, "array"):  # an AdjacencyList
         return np.asarray(table.array).reshape(table.num_nodes, -1)
@@ -177,12 +177,12 @@ def cell_dofs(dofmap: Any) -> np.ndarray:
 
 
 def geometry_dofs(mesh: Mesh) -> np.ndarray:
-    """Geometry nodes (cells, dim + 1) at the corners of every local cell."""
+    """Return the geometry nodes (cells, dim + 1) at the corners of every local cell."""
     return cell_dofs(mesh.geometry.dofmap)[:, : mesh.topology.dim + 1]
 
 
 def exterior_facets(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
-    """Boundary facets of this rank (n,), ascending, and numbers (n, dim) of their grid points."""
+    """Return this rank's boundary facets (n,), ascending, and the grid points (n, dim) of each."""
     topology = mesh.topology
     dim = topology.dim
     topology.create_connectivity(dim, 0)
@@ -201,19 +201,19 @@ def exterior_facets(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
 
 
 def petsc_vector(function: fem.Function) -> PETSc.Vec:
-    """PETSc vector of a function."""
+    """Return the PETSc vector that stores the dof values of a function."""
     return function.x.petsc_vec if hasattr(function.x, "petsc_vec") else function.vector
 
 
 def evaluate_expression(expression: fem.Expression, mesh: Mesh, cells: np.ndarray) -> np.ndarray:
-    """Values of an Expression at its points in each of the cells, as an array."""
+    """Evaluate an Expression at its points in the given cells; return (cells, values)."""
     return np.asarray(
         expression.eval(cells) if DOLFINX_VERSION < (0, 7) else expression.eval(mesh, cells)
     )
 
 
 class _ComponentSimplifier(MultiFunction):
-    """Simplifies components of tensors: [a, b, 0][1] is b, and multiples of [a, b, 0][2] vanish."""
+    """UFL transformation that evaluates components of list tensors, e.g. [a, b, 0][1] = b."""
 
     expr = MultiFunction.reuse_if_untouched
 
@@ -243,7 +243,7 @@ class _ComponentSimplifier(MultiFunction):
 
 
 class _IndexReplacement(MultiFunction):
-    """Replaces free indices by others."""
+    """UFL transformation that replaces free indices by others."""
 
     expr = MultiFunction.reuse_if_untouched
 
@@ -275,7 +275,7 @@ def expand_derivatives(form: ufl.Form) -> ufl.Form:
 
 
 def interpolation_matrix(coarse: fem.FunctionSpace, fine: fem.FunctionSpace) -> PETSc.Mat:
-    """PETSc matrix that interpolates functions of a coarse space in a fine one on the same mesh."""
+    """Return the matrix that interpolates from a coarse into a fine space on the same mesh."""
     if DOLFINX_VERSION >= (0, 8):
         matrix = fem_petsc.interpolation_matrix(coarse, fine)
     else:
@@ -295,13 +295,13 @@ def create_vector(form: fem.Form, space: fem.FunctionSpace) -> PETSc.Vec:
 
 
 def quadrature_rule(cell: str, degree: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points (n, dim) and weights (n,) of a quadrature rule on a reference cell, by its name."""
+    """Return points (n, dim) and weights (n,) of the quadrature rule on a named reference cell."""
     points, weights = basix.make_quadrature(getattr(basix.CellType, cell), degree)
     return np.asarray(points).reshape(len(weights), -1), np.asarray(weights)
 
 
 def versions() -> dict[str, str]:
-    """Versions of the libraries on which the results of a run depend.
+    """Return the versions of the libraries on which the results of a run depend, by name.
 
     The version of gmsh is not among them, because gmsh runs in another process.
     """

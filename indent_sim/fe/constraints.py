@@ -39,7 +39,7 @@ def support_and_pin_dofs(
 
 
 def zero_bc(space: fem.FunctionSpace, dofs: np.ndarray) -> fem.DirichletBC:
-    """Dirichlet condition that sets dofs of a space to zero."""
+    """Homogeneous Dirichlet condition on given dofs of a function space."""
     return compat.zero_bc(dofs, space)
 
 
@@ -48,9 +48,9 @@ def find_support_shares(
 ) -> dict[SurfaceComponent, tuple[np.ndarray, np.ndarray]]:
     """Divide the reaction of each constrained dof among the supports that constrain it.
 
-    Two supports that constrain a node along the same axis, as at the edge between a fixed base and
-    fixed sides, have half of its reaction each. On a mirror plane or the axis the normal reaction
-    belongs to the symmetry, and other supports that reach it have none of it.
+    Two supports that constrain a node along the same axis, such as a fixed base and fixed sides at
+    their common edge, each get half of its reaction. On a mirror plane or the axis, the normal
+    reaction is attributed to the symmetry condition alone.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def find_support_shares(
     Returns
     -------
     dict
-        Owned dofs of each surface and component, and its share of the reaction of each dof.
+        Owned dofs of each surface and component, and the share of each dof's reaction.
     """
     symmetry_surfaces = {"r_min", *part.mirror_planes}
     groups: dict[SurfaceComponent, np.ndarray] = {}
@@ -90,6 +90,6 @@ def find_support_shares(
 
 
 def owned_dofs(groups: list[np.ndarray], owned_count: int) -> np.ndarray:
-    """Unique dofs of all groups that this rank owns, ascending."""
+    """Return the sorted unique dofs of all groups that this rank owns."""
     dofs = np.unique(np.concatenate([np.empty(0, dtype=np.int64), *groups]))
     return dofs[dofs < owned_count]

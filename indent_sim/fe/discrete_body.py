@@ -53,7 +53,7 @@ class Body:
     bcs : list of fem.DirichletBC
         Constraints of the solution.
     support_dofs, pin_dofs, constrained_dofs : ndarray of int
-        Owned dofs that supports and pins, pins alone, and all constraints constrain.
+        Owned dofs constrained by supports and pins, by pins alone, and by any constraint.
     support_shares : dict
         Dofs and shares of each support, see `find_support_shares`.
     active_dof_count : int
@@ -90,7 +90,7 @@ class Body:
 
     @property
     def before(self) -> TimeLevel:
-        """The accepted state, created on first use, because few terms need it."""
+        """Accepted state, created on first use because few terms need it."""
         self._before = self._before or self._create_time_level(fem.Function(self.unknowns.space))
         return self._before
 
@@ -205,7 +205,7 @@ class Body:
                 self._constrain_at_supports(field)
 
     def _constrain_outside_domain(self, field: Field) -> None:
-        """Set a field to zero outside of its domain, where it then costs nothing to solve."""
+        """Constrain a field to zero outside of its domain."""
         if field.domain in ("", self.scene.physics.domain.regions):
             return
         if isinstance(field.domain, str):
@@ -222,7 +222,7 @@ class Body:
     def _constrain_at_supports(self, field: Field) -> None:
         """Set components of a field to zero where the same component of u is constrained.
 
-        The component does no work there and would be undetermined.
+        The component does no work there and would otherwise be undetermined.
         """
         dim = self.body_mesh.dim - 1
         surfaces = self.body_mesh.surfaces
@@ -238,7 +238,7 @@ class Body:
     def constrain_dofs(
         self, name: str, component: int | None, dofs: np.ndarray, value: float = 0.0
     ) -> None:
-        """Prescribe a value for local dofs of a field or of one component of it (collective)."""
+        """Prescribe a value at local dofs of a field or of one of its components (collective)."""
         self.bcs.append(zero_bc(self.unknowns.subspace(name, component), dofs))
         new_dofs = np.setdiff1d(dofs[dofs < self.unknowns.owned_count], self.constrained_dofs)
         self.constrained_dofs = np.union1d(self.constrained_dofs, new_dofs)

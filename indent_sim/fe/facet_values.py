@@ -13,7 +13,7 @@ from indent_sim.fe.shape_functions import barycentric
 
 
 def adjacent_cells(mesh: Mesh, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Cell of each boundary facet, and local number of the facet in it, both (facets,)."""
+    """Return the cell of each boundary facet and the facet's local number in it, both (facets,)."""
     dim = mesh.topology.dim
     to_cell = mesh.topology.connectivity(dim - 1, dim)
     to_facet = mesh.topology.connectivity(dim, dim - 1)
@@ -35,7 +35,7 @@ def facet_nodes(mesh: Mesh, space: fem.FunctionSpace, facets: np.ndarray) -> np.
 
 
 def cell_heights(mesh: Mesh, facets: np.ndarray) -> np.ndarray:
-    """Height (facets,) of the cell of each facet above it [length]: dim volume/area."""
+    """Return the height (facets,) of each cell above its facet [length]: dim volume/area."""
     dim = mesh.topology.dim
     cells, local = adjacent_cells(mesh, facets)
     corners = mesh.geometry.x[compat.cell_dofs(mesh.geometry.dofmap)[cells][:, : dim + 1], :dim]
@@ -81,7 +81,7 @@ class FacetValues:
         self._size = int(np.prod(expression.ufl_shape, dtype=int))
 
     def __call__(self) -> np.ndarray:
-        """Values (facets, points, components) at the current solution."""
+        """Evaluate the expression (facets, points, components) at the current solution."""
         values = np.zeros((len(self._cells), self._points, self._size))
         for k in np.unique(self._local):
             facet_indices = np.flatnonzero(self._local == k)

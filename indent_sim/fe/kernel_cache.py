@@ -2,9 +2,9 @@
 
 FFCx creates a .c file when it begins to compile a kernel and a .c.cached file when it has finished.
 A process that finds the first without the second waits ten seconds and fails, even if the process
-that compiled was killed. Here, processes compile under a lock on a file, which the operating system
-releases however a process ends. A kernel that is incomplete while the lock is free was abandoned
-and is compiled again.
+that compiled was killed. Here, processes compile while they hold a file lock, which the operating
+system releases even if the process is killed. A kernel that is incomplete while the lock is free
+was abandoned and is compiled again.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def create_function_space(mesh: Mesh, element: compat.Element) -> fem.FunctionSp
 
 @contextmanager
 def _exclusive_cache(comm: MPI.Comm) -> Iterator[None]:
-    """Keep other processes from compiling during the block.
+    """Context manager that keeps other processes from compiling kernels.
 
     Only rank 0 holds the lock, because dolfinx compiles there before the other ranks look for the
     kernel.
@@ -96,7 +96,7 @@ def _exclusive_cache(comm: MPI.Comm) -> Iterator[None]:
 
 
 def _acquire(lock: IO[Any], folder: Path) -> None:
-    """Wait for the lock; on a file system without locks, continue without one."""
+    """Acquire the file lock; on a file system without locks, continue without one."""
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

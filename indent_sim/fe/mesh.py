@@ -31,7 +31,7 @@ class BodyMesh:
     noncontact_facets : ndarray of int
         Boundary facets on this rank outside of the contact surface, mirror planes and rollers.
     regions : ndarray of int, (cells,)
-        Number of the region of each cell on this rank.
+        Region number of each cell on this rank.
     hash : str
         Hash of the grid.
     """
@@ -65,7 +65,7 @@ class BodyMesh:
 def distribute(grid: Grid | None, part: ModelDomain, comm: MPI.Comm) -> BodyMesh:
     """Distribute the grid of a model domain among all ranks (collective).
 
-    Each rank receives a slice of the points and cells, from which dolfinx partitions the mesh.
+    Each rank receives a part of the points and cells, and dolfinx partitions the mesh.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def distribute(grid: Grid | None, part: ModelDomain, comm: MPI.Comm) -> BodyMesh
 
 
 def _curved_geometry(grid: Grid, part: ModelDomain) -> tuple[np.ndarray, np.ndarray]:
-    """Points and cells of a grid, with edge midpoints if the top is spherical.
+    """Return points and cells of a grid, with edge midpoints if the top is spherical.
 
     The midpoints of edges on spherical surfaces and layer interfaces are moved onto the sphere.
     """
@@ -167,7 +167,7 @@ def _layer_interfaces(
 
 
 def _match_facets(facets: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Mask (n,) of the facets (n, dim) that are among the wanted ones, points in any order."""
+    """Return a mask (n,) of the facets (n, dim) that are in `wanted`, points in any order."""
     first, *later_columns = np.sort(np.concatenate([wanted, facets]).astype(np.int64), axis=1).T
     facet_number = first
     # Numbers are built column by column, because sorting whole rows takes ten times as long

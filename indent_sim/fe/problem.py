@@ -2,8 +2,8 @@
 
     Pi(u, q, lam; delta) = int psi dOmega + int potential(g, lam) dGamma
 
-with the residual dPi, the tangent d(dPi) and the force dPi/d(delta). The mechanics is in the terms
-(`fe.terms`). A term without a potential, such as friction, adds its virtual work to dPi.
+with the residual dPi, the tangent d(dPi) and the force dPi/d(delta). The terms are implemented in
+`fe.terms`. A term without a potential, such as friction, adds its virtual work to dPi.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ class Snapshot:
     depth : float
         Indentation depth delta [length].
     unknowns : tuple of PETSc.Vec
-        Solution vector and frozen functions; they may be extrapolated and interpolated.
+        Solution vector and frozen functions, which may be extrapolated and interpolated.
     history : tuple of ndarray
-        Internal variables of the terms; they must not be extrapolated.
+        Internal variables of the terms, which must not be extrapolated.
     t : float
         Time [time].
     modulus_ratio : float
-        Modulus to which the contact stiffness was adapted, divided by the initial one.
+        Modulus by which the contact stiffness was scaled, divided by the initial modulus.
     """
 
     depth: float
@@ -56,7 +56,7 @@ class Snapshot:
 
 
 class Problem:
-    """Sum of the terms of the virtual work of a body.
+    """Discrete problem: the sum of the terms of the virtual work of a body.
 
     Attributes
     ----------
@@ -91,17 +91,17 @@ class Problem:
 
     @property
     def can_reuse_tangent(self) -> bool:
-        """True if the tangent stays valid for the next step while the contact does not change.
+        """True if the tangent is constant while the contact does not change.
 
-        This is so for fluid flow in a linear body without friction.
+        This holds for fluid flow in a linear body without friction.
         """
         return self.has_flow and self.scene.physics.is_linear and self.law.is_conservative
 
     def _time_levels(self, term: Term) -> tuple[TimeLevel, TimeLevel, fem.Constant]:
-        """Arguments of the term's forms: current and accepted time level, and the time step.
+        """Return the arguments of a term's forms: current and accepted time level, and time step.
 
-        A term without memory gets the current level twice, so that `Body.before` is not created
-        for it.
+        A term without memory gets the current level twice, so that `Body.before` need not be
+        created.
         """
         before = self.body.before if term.has_memory else self.body.now
         return self.body.now, before, self.body.dt
@@ -125,8 +125,8 @@ class Problem:
     def row_weights(self) -> np.ndarray:
         """Factors (owned dofs,) that convert the residual of each field into forces.
 
-        The rows of the fields have different units (force, volume, length); the norm of the
-        residual needs one.
+        The residuals of the fields have different units (force, volume, length), and their common
+        norm needs one unit.
         """
         weights = np.ones(self.unknowns.owned_count)
         for name, field in self.unknowns.fields_by_name.items():
@@ -155,7 +155,7 @@ class Problem:
         return any(term.has_membrane for term in self.terms)
 
     def set_membrane_stiffness(self, stiffness: float) -> None:
-        """Set the shear modulus of a drop's surface membrane, as a fraction of its tension.
+        """Set the shear modulus of a drop's surface membrane, divided by the surface tension.
 
         See `terms.surface_tension`.
         """
@@ -163,13 +163,13 @@ class Problem:
             term.set_membrane_stiffness(stiffness)
 
     def follow_modulus(self, modulus_ratio: float) -> None:
-        """Scale the contact stiffness with the body's modulus, relative to the initial one."""
+        """Scale the contact stiffness by the ratio of the body's current to its initial modulus."""
         self._modulus_ratio = modulus_ratio
         for term in self.terms:
             term.follow_modulus(modulus_ratio)
 
     def begin_solve(self) -> None:
-        """Set the prescribed values and discard what terms recorded during the previous solve."""
+        """Set the prescribed values and reset the data that terms record during a solve."""
         self.body.apply_prescribed_values()
         for term in self.terms:
             term.begin_solve()
@@ -193,7 +193,7 @@ class Problem:
         A.assemble()
 
     def stages(self, dt: float) -> list[Stage]:
-        """The stages of a step of length `dt` [time]: two of SDIRK2 if fluid flows, else one."""
+        """Return the stages of a step of length `dt` [time]: two (SDIRK2) with flow, else one."""
         return sdirk2_stages(dt) if dt and self.has_flow else [Stage(dt, dt)]
 
     def begin_stage(self, stage: Stage) -> None:
@@ -203,7 +203,7 @@ class Problem:
             term.begin_stage(stage)
 
     def end_stage(self, stage: Stage) -> None:
-        """Let all terms evaluate the equilibrium of a stage."""
+        """Let all terms update their data from the equilibrium of a stage."""
         for term in self.terms:
             term.end_stage(stage)
 
@@ -214,7 +214,7 @@ class Problem:
         self.body.accept()
 
     def trial_state(self) -> list[PETSc.Vec]:
-        """Copies of the solution vector and of the frozen functions."""
+        """Return copies of the solution vector and of the frozen functions."""
         return [vector.copy() for vector in self._vectors]
 
     def set_trial_state(self, trial_state: Sequence[PETSc.Vec]) -> None:
@@ -251,8 +251,8 @@ class Problem:
     def is_admissible(self) -> bool:
         """Return whether J > 0 and all limits of the elastic law hold at every quadrature point.
 
-        The energy is then finite. Residual and tangent do not show a violation: the derivative of
-        ln J is finite for J < 0, too.
+        Only then is the energy finite. Residual and tangent do not reveal a violation, because the
+        derivative of ln J is finite also for J < 0.
         """
         return self.scene.physics.small_strain or bool(np.isfinite(self.energy()))
 
@@ -263,20 +263,21 @@ class Problem:
     def side_force(self, axis: int) -> float:
         """Force on the tip along a horizontal axis [force], times the symmetry factor.
 
-        Normal to a mirror plane this is not the force of the whole body, which is zero by symmetry.
+        Normal to a mirror plane it differs from the force of the whole body, which is zero by
+        symmetry.
         """
         return self.sum_over_body(sum(term.side_force(axis) for term in self.terms))
 
     def dissipation(self) -> float:
-        """Energy that the whole body dissipates in the current increment."""
+        """Energy dissipated by the whole body in the current increment [energy]."""
         return self.sum_over_body(sum(term.dissipation() for term in self.terms))
 
     def energy(self) -> float:
-        """Potential Pi of the whole body: strain energy plus contact energy."""
+        """Potential Pi of the whole body: strain energy plus contact energy [energy]."""
         return self.sum_over_body(fem.assemble_scalar(self._energy_form))
 
     def sum_over_body(self, local_value: float) -> float:
-        """Sum a value over ranks and multiply it by the symmetry factor (collective)."""
+        """Sum a value over all ranks and multiply it by the symmetry factor (collective)."""
         return float(
             self.scene.physics.domain.symmetry_factor * self.comm.allreduce(local_value, op=MPI.SUM)
         )

@@ -16,7 +16,7 @@ QUADRATURE_DEGREE = {2: 20, 3: 10}
 
 @cache
 def split_quadrature(dim: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points and weights of a rule for integrals with `pressure_shape_functions`.
+    """Return points and weights of a quadrature rule for `pressure_shape_functions`.
 
     An edge has one rule for each half, because the functions have a kink in the middle.
     """
@@ -28,9 +28,9 @@ def split_quadrature(dim: int) -> tuple[np.ndarray, np.ndarray]:
 
 @cache
 def facet_lattice(dim: int) -> tuple[np.ndarray, np.ndarray]:
-    """Equally spaced points (n, dim - 1) on the reference facet, and simplices between them.
+    """Equally spaced points (n, dim - 1) on the reference facet, and the simplices between them.
 
-    The contact edge is found inside a facet by these subdivisions of its edges.
+    They are used to locate the contact edge inside a facet.
     """
     n = {2: 32, 3: 8}[dim]
     if dim == 2:
@@ -61,5 +61,5 @@ def node_points(dim: int) -> np.ndarray:
 
 @cache
 def evaluation_points(dim: int) -> np.ndarray:
-    """Points at which a row is evaluated: lattice, contact quadrature and nodes, in this order."""
+    """Points at which contact values are evaluated: lattice, contact quadrature, then nodes."""
     return np.vstack([facet_lattice(dim)[0], contact_quadrature(dim)[0], node_points(dim)])

@@ -39,9 +39,9 @@ def pressure_shape_functions(points: np.ndarray) -> np.ndarray:
     """Hat functions (points, nodes) of the nodal pressures p_i >= 0 on the reference facet.
 
     They sum to one and are never negative. On an edge they are piecewise linear between all three
-    nodes. On a triangle they are the linear functions of the vertices, and zero for midpoints: the
-    integral of the quadratic shape function of a vertex is zero, so that pressures at all nodes
-    would be determined only up to an oscillation.
+    nodes. On a triangle they are the linear shape functions of the vertices, and zero for the
+    midpoints: with pressures at all nodes an oscillation would remain undetermined, because the
+    integral of the quadratic shape function of a vertex is zero.
     """
     vertices = barycentric(points)
     if points.shape[1] == 2:
@@ -53,18 +53,18 @@ def pressure_shape_functions(points: np.ndarray) -> np.ndarray:
 def interpolate_from_midpoints(
     nodal: np.ndarray, sum_over_facets: Callable[[np.ndarray], np.ndarray]
 ) -> np.ndarray:
-    """Replace the vertex values of a quadratic multiplier on triangles by means of its midpoints.
+    """Replace the vertex values of a quadratic multiplier on triangles by means of midpoint values.
 
-    The integral of the quadratic shape function of a vertex is zero, so the multiplier oscillates
-    at vertices and is accurate at midpoints. The mean over the midpoints of the edges that meet in
-    a vertex is exact for a constant.
+    The integral of the quadratic shape function of a vertex is zero, so that the multiplier
+    oscillates at vertices and is accurate at midpoints. The mean is taken over the midpoints of the
+    edges that meet at a vertex.
 
     Parameters
     ----------
     nodal : ndarray, (facets, nodes)
         Nodal values.
     sum_over_facets : callable
-        Sums contributions (facets, nodes) over the facets that share a node.
+        Function that sums contributions (facets, nodes) over the facets that share a node.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Entry point of the finite-element solver: everything that a run needs from this package."""
+"""Entry point of the finite-element solver: the functions of `fe` that a run uses."""
 
 from __future__ import annotations
 
@@ -57,8 +57,8 @@ def create_load_stepper(scene: Scene, mesh: BodyMesh, started: float | None = No
 def release(mesh: BodyMesh) -> None:
     """Free the PETSc objects of this mesh that Python has already collected (collective).
 
-    PETSc keeps them, matrices with their factors, until all ranks agree to free them, even if there
-    is only one rank.
+    PETSc keeps collected matrices and factors until all ranks agree to free them, even on a single
+    rank.
     """
     gc.collect()
     PETSc.garbage_cleanup(mesh.comm)

@@ -1,7 +1,7 @@
 """Traces of nodal fields on the facets of a surface, evaluated in numpy.
 
 The solver integrates over the contact surface with UFL. Results (contact radius, peak pressure,
-penetration, surface table) are evaluated at any points of the facets from the dofs on them.
+penetration, surface table) are evaluated in numpy, at any points of the facets, from their dofs.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ class Trace:
         return self.X.shape[2]
 
     def select_facets(self, is_chosen: np.ndarray) -> Trace:
-        """Trace of some of the facets, by a mask (facets,)."""
+        """Return the trace of the facets selected by a mask (facets,)."""
         return Trace(self.nodes[is_chosen], self.X[is_chosen], self.dofs[is_chosen])
 
     def join(self, second: Trace) -> Trace:
-        """Trace of these facets and those of a second trace of the same body."""
+        """Return a trace of these facets and the facets of another trace of the same body."""
         pairs = ((self.nodes, second.nodes), (self.X, second.X), (self.dofs, second.dofs))
         return Trace(*(np.concatenate(pair) for pair in pairs))
 
@@ -56,7 +56,8 @@ class Trace:
     def facet_sizes(self) -> np.ndarray:
         """Size of each facet (facets,) [length].
 
-        It is the length of an edge, or the side of the equilateral triangle of equal area.
+        The size of an edge is its length, that of a triangle the side of an equilateral triangle of
+        equal area.
         """
         edges = self.X[:, 1 : self.dim] - self.X[:, :1]
         squares = np.linalg.det(edges @ np.swapaxes(edges, 1, 2))
@@ -71,7 +72,7 @@ class Trace:
         return shape_functions(points) @ nodal
 
     def tangents(self, nodal: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Derivatives (facets, points, dim, dim - 1) of a nodal field by reference coordinates."""
+        """Derivatives (facets, points, dim, dim - 1) of a nodal field along the facet."""
         step = 1e-3  # central differences are exact for quadratics
         shifts = step * np.eye(points.shape[1])
         slopes = np.stack(
@@ -84,7 +85,7 @@ class Trace:
         return np.einsum("pnk,fnd->fpdk", slopes, nodal)
 
     def measures(self, points: np.ndarray) -> np.ndarray:
-        """Jacobian (facets, points): length or area per length or area of the reference facet."""
+        """Jacobian determinant (facets, points) of the map from the reference facet to a facet."""
         tangents = self.tangents(self.X, points)
         return np.sqrt(np.linalg.det(np.einsum("fpdi,fpdj->fpij", tangents, tangents)))
 

@@ -10,10 +10,10 @@ from dolfinx import mesh as dolfinx_mesh
 
 
 def symbolic_copy(item: Any, mesh: dolfinx_mesh.Mesh) -> Any:
-    """Copy a dataclass with every float replaced by a `fem.Constant`, also inside its fields.
+    """Copy a dataclass with every float replaced by a `fem.Constant`, also in nested fields.
 
-    A changed value then does not need a new kernel. Integers stay: they are counts, such as the
-    faces of a pyramid, on which the formula itself depends.
+    A changed value then needs no new compiled kernel. Integers are kept, because the formula
+    depends on them (e.g. the number of faces of a pyramid).
     """
 
     def symbolic_value(value: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Unknown fields of a body: their function space, degrees of freedom and time levels."""
+"""Unknown fields of a body with their function space, degrees of freedom and time levels."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class Field:
     order : int
         Polynomial order.
     axes : tuple of int
-        Axes of the components, empty for a scalar. Where the displacement along an axis is
-        constrained, so is the component.
+        Axes of the components, empty for a scalar. A component is constrained where the
+        displacement along the same axis is.
     domain : tuple of Region or str
         Regions, or name of the surface, on which the field is defined; empty for the whole body.
     weight : float
@@ -56,13 +56,13 @@ class TimeLevel:
     function : fem.Function
         Solution vector.
     fields : mapping of str to Expr
-        Its fields as UFL expressions.
+        Fields of the solution as UFL expressions.
     delta : fem.Constant
         Indentation depth [length].
     t : fem.Constant
         Time [time].
     test, trial : Expr
-        Variations for the virtual work and for its derivative.
+        Test and trial functions: variations for the virtual work and for its derivative.
     """
 
     function: fem.Function
@@ -74,12 +74,12 @@ class TimeLevel:
 
 
 class Unknowns:
-    """Function space, solution vector and dof numbering of the fields; the first field is u.
+    """Function space, solution vector and dof numbering of all fields, the first of which is u.
 
     Attributes
     ----------
     owned_count : int
-        Number of dofs that this rank owns; they come first in its local array.
+        Number of dofs that this rank owns; they come first in the local array.
     total_count : int
         Number of dofs of all ranks.
     """
@@ -102,12 +102,12 @@ class Unknowns:
         self.total_count = rows.size_global * width
 
     def split_fields(self, function: Expr) -> dict[str, Expr]:
-        """Fields of a function of the space by name, as UFL expressions."""
+        """Return the fields of a function of the mixed space as UFL expressions, by name."""
         parts = (function,) if len(self.names) == 1 else ufl.split(function)
         return dict(zip(self.names, parts, strict=True))
 
     def variation(self, name: str, argument: Expr) -> Expr:
-        """Extend a test or trial function of one field by zeros to one of the whole space."""
+        """Extend a test or trial function of one field by zeros to the mixed space."""
         if len(self.names) == 1:
             return argument
         components_of_fields = {
@@ -142,7 +142,7 @@ class Unknowns:
         return self._collapsed_spaces[name][1]
 
     def component_dofs(self, name: str) -> dict[int | None, np.ndarray]:
-        """Positions of the dofs of each component; the key of a scalar is None."""
+        """Return the local positions of the dofs of each component; the key of a scalar is None."""
         dofs = self.dofs(name)
         size = len(self.fields_by_name[name].axes)
         return {c: dofs[c::size] for c in range(size)} if size > 1 else {None: dofs}

@@ -1,4 +1,4 @@
-"""Rows of a table distributed over the ranks: on each one slice of nearly equal length."""
+"""Rows of a table distributed over the ranks in contiguous slices of nearly equal length."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Comm = Any  # A communicator of mpi4py.
 
 
 def scatter_rows(comm: Comm, table: np.ndarray | None) -> np.ndarray:
-    """Send each rank its slice of a table (n, ...) that rank 0 can read (collective).
+    """Send each rank its slice of a table (n, *) on rank 0 (collective).
 
     The slices are sent one after the other, so that a table in a file is never in memory as a
     whole.
@@ -37,7 +37,7 @@ def scatter_rows(comm: Comm, table: np.ndarray | None) -> np.ndarray:
 def fetch_rows(comm: Comm, local_rows: np.ndarray, row_numbers: np.ndarray) -> np.ndarray:
     """Return rows of a distributed table by their numbers (collective).
 
-    `local_rows` is this rank's slice; the rows come from the ranks that have them.
+    `local_rows` is this rank's slice of the table.
     """
     slice_ends = _slice_ends(comm, comm.allreduce(len(local_rows)))
     owner = np.searchsorted(slice_ends, row_numbers, side="right") - 1
@@ -54,5 +54,5 @@ def fetch_rows(comm: Comm, local_rows: np.ndarray, row_numbers: np.ndarray) -> n
 
 
 def _slice_ends(comm: Comm, count: int) -> np.ndarray:
-    """Return the first row of each rank's slice, and the end of the last one (ranks + 1,)."""
+    """Return the first row of each rank's slice, followed by the number of rows (ranks + 1,)."""
     return np.arange(comm.size + 1) * count // comm.size

@@ -50,9 +50,9 @@ def start_meshing(domain: ModelDomain, sizes: Sizes) -> Callable[[], Grid]:
 
 
 def mesh_domain(domain: ModelDomain, sizes: Sizes) -> Grid:
-    """Mesh a domain, with smaller shifts of points where gmsh fails or leaves flat cells.
+    """Mesh a domain, with smaller random shifts of points if gmsh fails or leaves flat cells.
 
-    The MeshError of a domain that cannot be meshed says which other sizes at the contact were tried
+    If the domain cannot be meshed, the MeshError names other sizes at the contact that were tried,
     and whether they can be meshed.
     """
     try:
@@ -74,7 +74,7 @@ def mesh_domain(domain: ModelDomain, sizes: Sizes) -> Grid:
 
 
 def _can_be_meshed(domain: ModelDomain, sizes: Sizes) -> bool:
-    """Return whether a domain can be meshed with other sizes."""
+    """Return whether a domain can be meshed with the given sizes."""
     try:
         _mesh_with_shifts(domain, sizes)
     except MeshError:
@@ -83,9 +83,9 @@ def _can_be_meshed(domain: ModelDomain, sizes: Sizes) -> bool:
 
 
 def _mesh_with_shifts(domain: ModelDomain, sizes: Sizes) -> Grid:
-    """Mesh a domain with the given sizes alone, with ever smaller random shifts of points."""
-    failure = MeshError("gmsh left cells without volume")
-    # Four of 10 meshes of a strip had flat triangles with the factor 1, and none with 0.1.
+    """Mesh a domain with the given sizes, with smaller random shifts after each failure."""
+    failure = MeshError("gmsh created cells with zero volume")
+    # With the factor 1, 4 of 10 meshes of a strip had flat triangles; with 0.1 none had.
     for shift_factor in (1.0, 0.1, 0.01):
         try:
             grid = _generate_mesh(domain, sizes, shift_factor * point_shift(domain, sizes))
@@ -98,7 +98,7 @@ def _mesh_with_shifts(domain: ModelDomain, sizes: Sizes) -> Grid:
 
 
 def has_flat_cells(grid: Grid) -> bool:
-    """Return whether a cell has practically no volume."""
+    """Return whether any cell has a volume of zero up to round-off."""
     return bool(is_flat(grid.points, grid.cells).any())
 
 
@@ -128,7 +128,7 @@ def _extract_grid(gmsh: Gmsh, domain: ModelDomain, sizes: Sizes) -> Grid:
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     _, nodes = gmsh.model.mesh.getElementsByType(2 if dim == 2 else 4)
     if len(nodes) == 0:
-        raise MeshError("gmsh made no cells")
+        raise MeshError("gmsh created no cells")
     used_tags, cells = np.unique(np.asarray(nodes, dtype=np.int64), return_inverse=True)
     order = np.argsort(tags)
     node_rows = order[np.searchsorted(np.asarray(tags)[order], used_tags)]

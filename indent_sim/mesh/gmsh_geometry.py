@@ -1,4 +1,4 @@
-"""Geometry of a model domain for gmsh: its outline, layers, inclusions, and the field of sizes.
+"""Geometry of a model domain for gmsh: outline, layers, inclusions and size field.
 
 Source: Gmsh Reference Manual, for the built-in and the OpenCASCADE kernel.
 """
@@ -28,12 +28,12 @@ from indent_sim.model.inclusions import (
 
 
 def _cad_kernel(gmsh: Gmsh, domain: ModelDomain) -> Gmsh:
-    """Return gmsh's built-in CAD kernel, which needs no tolerance; OpenCASCADE for inclusions."""
+    """Return gmsh's CAD kernel: OpenCASCADE for inclusions, else the built-in one."""
     return gmsh.model.occ if domain.inclusions else gmsh.model.geo
 
 
 def draw_inclusions(gmsh: Gmsh, domain: ModelDomain) -> None:
-    """Cut the inclusions out of the domain, as far as they lie inside it, and put them in place."""
+    """Insert the inclusions, or the parts of them inside the domain, as separate volumes."""
     occ = gmsh.model.occ
     body_entities = gmsh.model.getEntities(domain.dim)
     solids = [
@@ -45,7 +45,7 @@ def draw_inclusions(gmsh: Gmsh, domain: ModelDomain) -> None:
 
 
 def _add_inclusion(occ: Gmsh, inclusion: Inclusion, dim: int) -> int:
-    """Add an inclusion as a solid; in two dimensions its section y = 0, drawn in (x, y)."""
+    """Add an inclusion as a solid; in two dimensions the section y = 0, drawn in (x, y)."""
     (x, y, z) = _round_point(inclusion.center)
     (a, b, c) = _round_point(tuple(map(inclusion.half_width, range(3))))
     if isinstance(inclusion, EllipsoidInclusion):
@@ -62,10 +62,10 @@ def _add_inclusion(occ: Gmsh, inclusion: Inclusion, dim: int) -> int:
 def _add_ellipsoid(
     occ: Gmsh, center: tuple[float, ...], semi_axes: tuple[float, ...], dim: int
 ) -> int:
-    """Add an ellipsoid as a stretched unit disk or ball: gmsh's own disk is longer along x.
+    """Add an ellipsoid as a stretched disk or ball, because gmsh's disk must be longer along x.
 
-    The ball is rotated first: OpenCASCADE 7.8 does not close a stretched one that is cut along its
-    seam or at a pole, as symmetry planes would cut it.
+    The ball is rotated first, because OpenCASCADE 7.8 does not close a stretched ball that symmetry
+    planes cut along the seam or at a pole.
     """
     (x, y, z) = center
     (a, b, c) = semi_axes
@@ -147,9 +147,9 @@ def _draw_interface(geo: Gmsh, domain: ModelDomain, right: Corner, left: Corner)
 def _split_corners(
     domain: ModelDomain, sizes: Sizes, side: Side
 ) -> list[tuple[tuple[float, ...], float | None]]:
-    """Return the points at which a side of a section begins or is split, each with its interface.
+    """Return the points at which a side of a section begins or is split by interfaces.
 
-    The second value is z of the interface, None where the point lies on no interface.
+    The second value of each is the level of the interface, None if the point is on no interface.
     """
     if side.surface == "top":
         R = domain.top_radius
@@ -165,7 +165,7 @@ def _split_corners(
 def _top_split_points(domain: ModelDomain, sizes: Sizes, x0: float, x1: float) -> list[float]:
     """Return the points at which the top edge is split, from left to right.
 
-    No point lies closer to a corner or the axis than ten random shifts of gmsh.
+    The distance of each point from corners and axis is at least ten random shifts of gmsh.
     """
     # gmsh aborts where its random shift makes points change places: seen up to distances of 4
     # shifts.
@@ -186,7 +186,7 @@ def _top_split_points(domain: ModelDomain, sizes: Sizes, x0: float, x1: float) -
 def draw_box(gmsh: Gmsh, domain: ModelDomain, sizes: Sizes) -> None:
     """Draw a box whose top is split along a punch's edge.
 
-    Elements that the edge crosses would feel a smaller punch, each a different one.
+    If elements crossed the edge, the punch would be effectively smaller.
     """
     (x0, x1), (y0, y1), (z0, z1) = map(_round_point, domain.extent)
     occ = gmsh.model.occ
@@ -237,9 +237,9 @@ def _round_point(point: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def prescribe_sizes(gmsh: Gmsh, sizes: Sizes, dim: int) -> None:
-    """Set the element size to the minimum of a field for each contact, inclusion, coating and face.
+    """Set the element size to the minimum of fields for contact, inclusions, coatings and faces.
 
-    Separate fields are shorter than one formula, which a minimum would double.
+    Separate fields are used because each minimum in a single formula doubles its length.
     """
     field = gmsh.model.mesh.field
     tags = []
@@ -263,7 +263,7 @@ def prescribe_sizes(gmsh: Gmsh, sizes: Sizes, dim: int) -> None:
 
 
 def point_shift(domain: ModelDomain, sizes: Sizes) -> float:
-    """Return gmsh's random shift of points over the body's longest side.
+    """Return gmsh's random shift of points, relative to the longest side of the body.
 
     Larger shifts invert cells or make gmsh abort.
     """

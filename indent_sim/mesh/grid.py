@@ -25,13 +25,13 @@ class Grid:
     points
         Coordinates (n, dim) [length of the scene].
     cells
-        Corners (m, dim + 1) of the cells, by their points.
+        Point numbers (m, dim + 1) of the corners of the cells.
     regions
         Region number (m,) of each cell.
     surfaces
-        Facets (k, dim) of each named surface, by their points.
+        Point numbers (k, dim) of the facets of each named surface.
     gmsh_version
-        Version of the gmsh that generated the mesh; empty for an imported one.
+        Version of gmsh that generated the mesh; empty for an imported mesh.
     """
 
     points: np.ndarray
@@ -42,7 +42,7 @@ class Grid:
 
     @property
     def hash(self) -> str:
-        """Fingerprint of the mesh for the record of a run, computed in chunks to save memory."""
+        """Hash of the mesh, which a run records, computed in chunks to save memory."""
         digest = hashlib.sha256()
         for chunk in row_slices(len(self.points)):
             digest.update(np.round(self.points[chunk], decimals=LENGTH_DIGITS).tobytes())
@@ -51,7 +51,7 @@ class Grid:
         return digest.hexdigest()[:16]
 
     def separate_regions(self) -> Grid:
-        """Return the same mesh with points of its own for each region where it meets others."""
+        """Return the same mesh with points duplicated at interfaces between regions."""
         origin, cells = split_at_interfaces(self.cells, self.regions, len(self.points))
         return replace(self, points=self.points[origin], cells=cells)
 
@@ -59,15 +59,15 @@ class Grid:
 def split_at_interfaces(
     cells: np.ndarray, regions: np.ndarray, point_count: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Give each region points of its own where it meets others.
+    """Duplicate the points on interfaces, so that each region has separate points.
 
-    A point keeps its number in the first of its regions. Those of the others come after all points.
+    A point keeps its number in the first adjacent region; the points of other regions are appended.
     The result does not depend on the order of the cells.
 
     Parameters
     ----------
     cells
-        Corners (m, k) of the cells, by their points.
+        Point numbers (m, k) of the corners of the cells.
     regions
         Region number (m,) of each cell.
     point_count
@@ -76,9 +76,9 @@ def split_at_interfaces(
     Returns
     -------
     origin
-        Point (n + added,) from which each point comes.
+        Original point number (n + added,) of each point.
     cells
-        Corners (m, k) of the cells, by the new points.
+        New point numbers (m, k) of the corners of the cells.
     """
     region_count = int(regions.max(initial=0)) + 1
     corners = cells.astype(np.int64) * region_count + regions[:, None]
@@ -93,19 +93,19 @@ def split_at_interfaces(
 def map_grid(
     grid: Grid, source: ModelDomain, target: ModelDomain, radii: tuple[float, ...]
 ) -> Grid | None:
-    """Map the mesh of one domain to another by scaling layers and contact radius.
+    """Map the mesh of one domain to another by scaling the layers and the contact radius.
 
     Parameters
     ----------
     source, target
-        Sections with straight sides and layers; the tip's axis is the left side of both.
+        Sections with straight sides and layers, whose left side is the tip's axis.
     radii
         Contact radius [length] in the source and in the target.
 
     Returns
     -------
     Grid or None
-        The mapped mesh; None if the domains have other shapes.
+        The mapped mesh; None for domains of other shapes.
     """
     if not (
         _is_mappable(source) and _is_mappable(target) and len(source.outline) == len(target.outline)
@@ -134,7 +134,7 @@ def map_grid(
 
 
 def _is_mappable(domain: ModelDomain) -> bool:
-    """Return whether a domain is a section of layers with straight sides, its axis at the left."""
+    """Return whether a domain is a straight-sided section of layers whose left side is the axis."""
     is_straight = all(side.center is None for side in domain.outline)
     return (
         domain.dim == 2
@@ -149,8 +149,8 @@ def named_surfaces(
 ) -> dict[str, np.ndarray]:
     """Return the boundary facets on each surface of a domain.
 
-    A facet belongs to the surface that holds all its corners, to a flat surface rather than to a
-    curved one. `finest` is the smallest element size [length].
+    A facet belongs to the surface that contains all its corners; flat surfaces take precedence over
+    curved ones. `finest` is the smallest element size [length].
     """
     # Coordinates are near 1 and have 12 digits; the next nodes are farther away than this.
     tolerance = min(1e-9, 1e-3 * finest)
@@ -169,7 +169,7 @@ def named_surfaces(
 
 
 def regions_of_cells(points: np.ndarray, cells: np.ndarray, domain: ModelDomain) -> np.ndarray:
-    """Return the number of the region (m,) that holds each cell's centroid."""
+    """Return the number of the region (m,) that contains the centroid of each cell."""
     x, *y, z = points[cells].mean(axis=1).T
     region_numbers = len(domain.interfaces) - np.searchsorted(
         domain.interfaces, domain.interface_level(x, z)
@@ -181,7 +181,7 @@ def regions_of_cells(points: np.ndarray, cells: np.ndarray, domain: ModelDomain)
 
 
 def boundary_facets(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the facets (k, dim) of one cell only, and the opposite corner (k,) of that cell."""
+    """Return the facets (k, dim) that belong to a single cell, and the opposite corners (k,)."""
     boundary = [cells[:0, 1:]]
     opposite = [cells[:0, 0]]
     for facets, cell, corner in iterate_facets(cells):
@@ -199,8 +199,8 @@ def iterate_facets(
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Yield the facets (k, dim) of all cells, the cell (k,) of each and its opposite corner (k,).
 
-    About `chunk_size` of them come at a time, sorted by their smallest point, so that facets with
-    the same points come in the same chunk. The opposite corner is a column of `cells`.
+    Each chunk has about `chunk_size` facets, sorted by their smallest point number, so that facets
+    with the same points are in the same chunk. The opposite corner is a column of `cells`.
     """
     m, corners = cells.shape
     smallest_corner, second_corner = np.partition(cells, 1, axis=1)[:, :2].T
@@ -217,7 +217,7 @@ def iterate_facets(
 
 
 def is_flat(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """Return which cells (m,) have no volume, as a triangle on three points of a straight side."""
+    """Return a mask (m,) of cells with zero volume, e.g. triangles with three points on a line."""
     edges = points[cells[:, 1:]] - points[cells[:, :1]]
     # Volume of a cell over its longest edge^dim below which it counts as flat. Next to a
     # split of a side at 1e-8 of the body it is 1e-8.
@@ -227,7 +227,7 @@ def is_flat(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
 
 
 def unit_normals(corners: np.ndarray) -> np.ndarray:
-    """Return unit normals of segments or triangles (k, n, n), of either direction."""
+    """Return unit normals of segments or triangles (k, n, n), with arbitrary sign."""
     edges = corners[:, 1:] - corners[:, :1]
     is_segment = corners.shape[2] == 2
     first_edge = edges[:, 0]
@@ -240,7 +240,7 @@ def unit_normals(corners: np.ndarray) -> np.ndarray:
 
 
 def sort_and_match_rows(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the order (k,) that sorts rows, and which sorted rows (k - 1,) equal the next one."""
+    """Return the order (k,) that sorts rows, and a mask (k - 1,) of rows equal to the next."""
     order = np.lexsort(table.T)
     return order, (table[order[1:]] == table[order[:-1]]).all(axis=1)
 

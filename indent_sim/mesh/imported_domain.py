@@ -26,14 +26,14 @@ LEVEL_TOLERANCE = 1e-9
 
 @dataclass(frozen=True)
 class ImportedDomain(ModelDomain):
-    """Model domain whose mesh comes from a file; it has no outline.
+    """Model domain whose mesh is read from a file; it has no outline.
 
     Attributes
     ----------
     mesh
         The imported mesh, with the surfaces of the domain.
     normal_axes
-        Axis that each surface is normal to; None if no single axis is.
+        Axis to which each surface is normal; None if there is no such axis.
     """
 
     mesh: ImportedMesh = field(kw_only=True, repr=False, compare=False)
@@ -47,7 +47,7 @@ class ImportedDomain(ModelDomain):
 
     @property
     def file_hash(self) -> str:
-        """Fingerprint of everything that was taken from the file."""
+        """Hash of all data that were taken from the file."""
         return self.mesh.hash
 
     @property
@@ -63,12 +63,12 @@ class ImportedDomain(ModelDomain):
         center : tuple of float
             Horizontal position of the tip's axis [length].
         inner_radius, outer_radius : float
-            Radii of the ring [length]; if it contains no facet, the nearest facets count.
+            Radii of the ring [length]; if it contains no facet, the nearest facets are used.
 
         Returns
         -------
         float
-            Facet size [length]; for a triangle, the edge of the equilateral one of equal area.
+            Facet size [length]; for a triangle, the edge of an equilateral triangle of equal area.
         """
         corners = self.mesh.facet_corners("top")
         edges = corners[:, 1:] - corners[:, :1]
@@ -83,17 +83,17 @@ class ImportedDomain(ModelDomain):
         return float(np.exp(np.log(sizes[excess_distances == excess_distances.min()]).mean()))
 
     def facet_sagitta(self, center: Point, radius: float, refinements: int = 0) -> float:
-        """Return the mean distance of contact facets to the arc through their corners [length].
+        """Return the mean distance of contact facets from the arc through their corners [length].
 
-        Facets of size h that meet at the angle t follow an arc of radius h/t, and their midpoints
-        are h t/8 inside it.
+        Facets of size h that meet at an angle t approximate an arc of radius h/t, and their
+        midpoints lie h t/8 inside it.
 
         Parameters
         ----------
         center : tuple of float
             Horizontal position of the tip's axis [length].
         radius : float
-            Radius around it within which facets count [length].
+            Radius around the axis within which facets are considered [length].
         refinements : int, optional
             Number of uniform refinements of the mesh.
         """
@@ -101,15 +101,15 @@ class ImportedDomain(ModelDomain):
         return self.facet_angle(center, radius, refinements) * size / 8
 
     def _facet_divisions(self, refinements: int) -> int:
-        """Return the number of straight facets across a facet after refinement.
+        """Return the number of straight facets that replace one facet after refinement.
 
-        It is 2 for a quadratic mesh, because its midside nodes lie on the curved surface and become
-        corners; the parts of a straight facet are in its plane, so that it counts as 1.
+        It is 2 for a quadratic mesh, whose midside nodes lie on the curved surface and become
+        corners, and 1 for a linear mesh, because the parts of a straight facet stay in its plane.
         """
         return 2 if refinements and len(self.mesh.midside_nodes[0]) else 1
 
     def facet_angle(self, center: Point, radius: float, refinements: int = 0) -> float:
-        """Return the mean angle [radians] at which neighbouring contact facets near the tip meet.
+        """Return the mean angle [radians] between adjacent contact facets near the tip.
 
         Parameters are those of `facet_sagitta`. Without facets within the radius it is 0.
         """
@@ -133,14 +133,14 @@ class ImportedDomain(ModelDomain):
         return float(angles.mean()) / self._facet_divisions(refinements)
 
     def normal_component(self, surface: str) -> int | None:
-        """Return the displacement component that a roller on a surface holds.
+        """Return the displacement component that a roller on a surface constrains.
 
-        It is None if no single axis is normal to the surface.
+        It is None if the surface is not normal to an axis.
         """
         return self.normal_axes[surface]
 
     def mirror_walls(self, center: Point) -> set[str]:
-        """Return the roller sides that lie in a plane through the tip's axis, named like x_min."""
+        """Return the names (x_min, y_max) of roller sides in a plane through the tip's axis."""
         walls: set[str] = set()
         for surface, axis in self.normal_axes.items():
             is_roller_side = self.supports.get(surface) == "roller" and surface.startswith("sides_")
@@ -181,16 +181,16 @@ def region_under_axis(mesh: ImportedMesh, center: tuple[float, ...]) -> int:
 def first_contact_height(tip: Indenter, mesh: ImportedMesh, center: tuple[float, ...]) -> float:
     """Return the height [length] of a tip's apex at first contact.
 
-    It is the largest z - f over the contact surface, where z is the height of the surface and f
-    that of the tip above its apex. Around the facets that are highest so far it is searched by
-    bisection.
+    It is the largest z - f over the contact surface, where z is the height of the surface and f the
+    height of the tip above the apex. It is found by bisection of the facets with the largest value.
 
     Parameters
     ----------
     tip : Indenter
         The tip, in the length unit of the mesh.
     mesh : ImportedMesh
-        The mesh. A quadratic one is refined once: its midside nodes lie on the curved surface.
+        The mesh. A quadratic mesh is refined once, because its midside nodes lie on the curved
+        surface.
     center : tuple of float
         Horizontal position of the tip's axis [length].
 
@@ -247,8 +247,8 @@ def _is_in_axis_plane(
 def refuse_forgotten_mirrors(mesh: ImportedMesh, source: MeshFromFile, center: Point) -> None:
     """Check that the support is given of a face in a plane through the tip's axis.
 
-    The face may be the mirror plane of half a body, which needs a roller. Left free by mistake, it
-    lowered the force by a third.
+    The face may be the mirror plane of half a body, which needs a roller. If it is left free by
+    mistake, the force is too small by up to a third.
 
     Raises
     ------
@@ -284,7 +284,7 @@ def imported_body(
     Parameters
     ----------
     mesh : ImportedMesh
-        The moved mesh.
+        The mesh, translated to first contact.
     source : MeshFromFile
         The body in the scene file.
     center : tuple of float
@@ -295,8 +295,7 @@ def imported_body(
     Returns
     -------
     ImportedBody
-        The body with its contact facets, the edges at which the contact surface ends, and its
-        points that are fixed.
+        The body with contact facets, edges of the contact surface, and fixed points.
     """
     top_facets = mesh.grid.surfaces["top"]
     boundary_edges, _ = boundary_facets(top_facets)
@@ -396,19 +395,19 @@ def imported_domain(
 
 
 def _check_roller_base(mesh: ImportedMesh, source: MeshFromFile) -> None:
-    """Raise ConfigError if a facet of a roller base is not level."""
+    """Raise ConfigError if a facet of a roller base is not horizontal."""
     is_tilted = ~_is_level(mesh, "base", mesh.dim - 1)
     if is_tilted.any():
         location = format_midpoint(mesh.facet_corners("base")[is_tilted][0])
         problem = (
-            f"{is_tilted.sum()} facets of '{source.surface_names.base}' are not level, the first "
-            f"at {location}: a roller, which holds u_z only, does not support them"
+            f"{is_tilted.sum()} facets of '{source.surface_names.base}' are not horizontal, the "
+            f"first at {location}, and a roller base constrains u_z only"
         )
         raise mesh_file_error(problem, "use base: fixed", "body.base")
 
 
 def _is_level(mesh: ImportedMesh, surface: str, axis: int) -> np.ndarray:
-    """Return which facets of a surface are normal to an axis (k,)."""
+    """Return a mask (k,) of the facets of a surface that are normal to an axis."""
     size = float(np.ptp(mesh.grid.points, axis=0).max())
     return np.asarray(
         np.ptp(mesh.facet_corners(surface)[..., axis], axis=1) <= LEVEL_TOLERANCE * size
@@ -416,12 +415,12 @@ def _is_level(mesh: ImportedMesh, surface: str, axis: int) -> np.ndarray:
 
 
 def _roller_facets(mesh: ImportedMesh, source: MeshFromFile) -> dict[int, np.ndarray]:
-    """Return the facets of roller sides by the horizontal axis that they are normal to.
+    """Return the facets of roller sides, keyed by the horizontal axis normal to them.
 
     Raises
     ------
     ConfigError
-        If a facet is normal to no axis.
+        If a facet is not normal to an axis.
     """
     facets = {}
     is_unassigned = np.ones(len(mesh.grid.surfaces["sides"]), dtype=bool)
@@ -433,8 +432,8 @@ def _roller_facets(mesh: ImportedMesh, source: MeshFromFile) -> dict[int, np.nda
     if is_unassigned.any():
         location = format_midpoint(mesh.facet_corners("sides")[is_unassigned][0])
         problem = (
-            f"{is_unassigned.sum()} facets of '{source.surface_names.sides}' are normal to no "
-            f"coordinate axis, the first at {location}: a roller cannot guide them"
+            f"{is_unassigned.sum()} facets of '{source.surface_names.sides}' are not normal to a "
+            f"coordinate axis, the first at {location}, as a roller requires"
         )
         remedy = "use sides: fixed or free, or mesh a round body as an axisymmetric section"
         raise mesh_file_error(problem, remedy, "body.sides")
@@ -442,7 +441,7 @@ def _roller_facets(mesh: ImportedMesh, source: MeshFromFile) -> dict[int, np.nda
 
 
 def _pins(domain: ImportedDomain) -> Pins:
-    """Return the point constraints of the rigid-body modes that a roller base leaves free."""
+    """Return point constraints of the rigid-body modes that a roller base does not prevent."""
     if domain.kinematics.name == "axisymmetric" or "fixed" in domain.supports.values():
         return ()
     held_axes = {
@@ -464,7 +463,7 @@ def _pins(domain: ImportedDomain) -> Pins:
 
 
 def refine_domain(domain: ImportedDomain, sizes: Sizes) -> Grid:
-    """Return the mesh of a domain, uniformly refined as often as `sizes` says."""
+    """Return the mesh of a domain after the number of uniform refinements in `sizes`."""
     mesh = domain.mesh.full_mesh
     for _ in range(sizes.refinements or 0):
         mesh = refined_once(mesh)

@@ -28,7 +28,7 @@ class MeshStatistics:
 
 @dataclass(frozen=True)
 class ImportedMesh:
-    """Mesh of a body from a file, at first in the units and the position of the file.
+    """Mesh of a body from a file, initially in the units and the position of the file.
 
     Attributes
     ----------
@@ -37,15 +37,15 @@ class ImportedMesh:
     region_names
         Names of the regions in the order of their numbers; "" for cells of no named region.
     midside_nodes
-        Midside nodes of a quadratic mesh: edges (k, 2) by their points, and coordinates (k, dim)
-        [length].
+        Midside nodes of a quadratic mesh: point numbers (k, 2) of their edges, and coordinates (k,
+        dim) [length].
     hash
-        Fingerprint of everything that was taken from the file.
+        Hash of all data that were taken from the file.
     leading_region
-        Number in the file's order of the region that has been made the first one.
+        Number in the file of the region that was moved to the first position.
     height_offset, length_unit
-        Height [length of the file] that has been moved to z = 0, and length unit of the
-        coordinates [length of the file].
+        Height in the file that was moved to z = 0, and length unit of the coordinates, both in the
+        length unit of the file.
     """
 
     grid: Grid
@@ -69,13 +69,13 @@ class ImportedMesh:
 
     @property
     def height(self) -> float:
-        """Height of the highest point above the lowest one [length]."""
+        """Distance between the highest and the lowest point [length]."""
         z = self.grid.points[:, -1]
         return float(z.max() - z.min())
 
     @cached_property
     def statistics(self) -> MeshStatistics:
-        """Size of the mesh in numbers."""
+        """Numbers of cells, points and facets, and the longest edge."""
         points = self.grid.points
         cells = self.grid.cells
         edges = (
@@ -87,7 +87,7 @@ class ImportedMesh:
 
     @property
     def full_mesh(self) -> ImportedMesh:
-        """Mesh with all cells of the file: this one."""
+        """The mesh with all cells of the file, here the mesh itself."""
         return self
 
     def facet_corners(self, surface: str) -> np.ndarray:
@@ -95,7 +95,7 @@ class ImportedMesh:
         return self.grid.points[self.grid.surfaces[surface]]
 
     def with_leading_region(self, region: int) -> Self:
-        """Return the mesh with its regions renumbered so that the given one is the first."""
+        """Return the mesh with its regions renumbered so that the given region is the first."""
         order = [region, *(k for k in range(len(self.region_names)) if k != region)]
         new_numbers = np.argsort(order).astype(np.int32)
         grid = replace(self.grid, regions=new_numbers[self.grid.regions])
@@ -134,8 +134,8 @@ class ImportedMesh:
 class BoundaryCells(ImportedMesh):
     """Cells of an imported mesh that touch its boundary.
 
-    They are all that a scene needs. On several MPI ranks every rank has them, and rank 0 alone has
-    the full mesh.
+    A scene needs only these cells. With several MPI ranks, every rank stores them, while only rank
+    0 stores the full mesh.
 
     Attributes
     ----------
@@ -144,7 +144,7 @@ class BoundaryCells(ImportedMesh):
     full_statistics
         Size of the full mesh, in the length unit of the file.
     unplaced_mesh
-        The full mesh in the units and the position of the file; None on all ranks but 0.
+        The full mesh in the units and the position of the file; None except on rank 0.
     """
 
     point_numbers: np.ndarray
@@ -153,18 +153,18 @@ class BoundaryCells(ImportedMesh):
 
     @property
     def statistics(self) -> MeshStatistics:  # type: ignore[override]
-        """Size of the full mesh in numbers."""
+        """Numbers of cells, points and facets of the full mesh, and its longest edge."""
         return replace(
             self.full_statistics, longest_edge=self.full_statistics.longest_edge / self.length_unit
         )
 
     def msh_text(self, source: MeshFromFile) -> Iterable[str]:
-        """Return the text of a mesh file of the body, in parts; nothing on all ranks but 0."""
+        """Return the text of a mesh file of the body, in parts; empty except on rank 0."""
         return () if self.unplaced_mesh is None else self.unplaced_mesh.msh_text(source)
 
     @property
     def full_mesh(self) -> ImportedMesh:
-        """Full mesh in the position and with the surfaces of these cells."""
+        """The full mesh with the same position, units and surfaces as these cells."""
         assert self.unplaced_mesh is not None
         placed_mesh = (
             self.unplaced_mesh.with_leading_region(self.leading_region)

@@ -1,4 +1,4 @@
-"""Surfaces of an imported mesh: its boundary facets by name or by orientation."""
+"""Surfaces of an imported mesh: boundary facets selected by name or by orientation."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from indent_sim.process.errors import MeshFileError
 # up to which faces count as level or vertical.
 LEVEL_TOLERANCE = 1e-9
 SURFACE_KEYS = {"top": "contact", "base": "base", "sides": "sides"}
-ORIENTATIONS = {"top": "faces up", "base": "faces down and is level", "sides": "is vertical"}
+ORIENTATIONS = {"top": "faces up", "base": "faces down and is horizontal", "sides": "is vertical"}
 
 
 def find_surfaces(
@@ -53,7 +53,7 @@ def find_surfaces(
     Raises
     ------
     ConfigError
-        If a name is missing, or facets are not what the surface needs.
+        If a name is missing, or facets are unsuitable for their surface.
     """
     outer_facets, opposite = boundary_facets(cells)
     vertical_component = _vertical_components(points, outer_facets, opposite)
@@ -96,7 +96,7 @@ def _vertical_components(
 ) -> np.ndarray:
     """Return the vertical component of the outer unit normals of facets (k,).
 
-    `opposite` (k,) is the corner of each facet's cell that is not on the facet.
+    `opposite` (k,) is the corner of each facet's cell opposite to the facet.
     """
     normal_vectors = unit_normals(points[outer_facets])
     inward_vectors = points[opposite] - points[outer_facets[:, 0]]
@@ -129,7 +129,7 @@ def _facets_by_orientation(
     Raises
     ------
     MeshFileError
-        If there are none, or those of the base are not at one height.
+        If there are no such facets, or facets of the base are at different heights.
     """
     rows = np.flatnonzero(
         {
@@ -147,7 +147,7 @@ def _facets_by_orientation(
 
 
 def _naming_advice(name: str, dim: int) -> str:
-    """Return how a surface is named in gmsh, for messages."""
+    """Return the text of a message that explains how to name a surface in gmsh."""
     facets, cells = {2: ("Curve", "Surface"), 3: ("Surface", "Volume")}[dim]
     return (
         f'in gmsh: Physical {facets}("{name}") = {{...}}; and Physical {cells}("body") = '
@@ -171,7 +171,7 @@ def _facets_by_name(
     dim = outer_facets.shape[1]
     key = f"body.surfaces.{SURFACE_KEYS[surface]}"
     if not file.point_sets and not any(dim - 1 in group for group in file.groups.values()):
-        problem = f"the file names no {CELL_KINDS[dim - 1]}, so it has no '{name}'"
+        problem = f"the file has no named {CELL_KINDS[dim - 1]} and thus no '{name}'"
         remedy = (
             f"leave the key out if this surface {ORIENTATIONS[surface]}, or name it "
             f"{_naming_advice(name, dim)}"
@@ -201,7 +201,7 @@ def _facets_by_name(
 def _check_orientation(
     surface: str, name: str | None, vertical_component: np.ndarray, corners: np.ndarray
 ) -> None:
-    """Raise ConfigError if contact facets do not face up, or facets of the base do."""
+    """Raise ConfigError if contact facets do not face up, or if facets of the base face up."""
     is_wrong = {
         "top": vertical_component <= LEVEL_TOLERANCE,
         "base": vertical_component > LEVEL_TOLERANCE,
@@ -228,7 +228,7 @@ def _check_orientation(
 
 
 def _refuse_overhang(name: str | None, corners: np.ndarray) -> None:
-    """Raise ConfigError if a part of the contact surface lies above another one."""
+    """Raise ConfigError if a part of the contact surface lies above another part."""
     plan_corners = corners[..., :-1]
     centroids = plan_corners.mean(axis=1)
     lower_bounds = plan_corners.min(axis=1)

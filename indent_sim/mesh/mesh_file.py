@@ -2,7 +2,7 @@
 
 A mesh file is not trusted. It is opened for reading only, references to files outside its folder
 are not followed, and meshio reads it in a child process with limits of time and memory that follow
-from its length. Every failure of meshio becomes an error of the file.
+from its length. Every failure of meshio is reported as an error of the file.
 """
 
 from __future__ import annotations
@@ -57,14 +57,14 @@ class MeshFile:
     points
         Coordinates (n, 3) [length].
     cells
-        Simplices (m, dim + 1) by their dimension, as numbers of points.
+        Point numbers (m, dim + 1) of the simplices of each dimension.
     groups
-        Indices of simplices by name and dimension.
+        Indices of the simplices of each group, keyed by name and dimension.
     point_sets
-        Indices of points by name.
+        Indices of the points of each named set.
     midside_nodes
-        Midside nodes of a quadratic mesh: edges (k, 2) by their points, and the points (k,) on
-        them.
+        Midside nodes of a quadratic mesh: point numbers (k, 2) of the ends of their edges, and
+        point numbers (k,) of the nodes.
     """
 
     points: np.ndarray
@@ -94,7 +94,7 @@ class MeshFileVersion:
     path
         Path of the file.
     name
-        Its name in the scene file, for messages.
+        Name of the file in the scene, for messages.
     size
         Length [bytes].
     modification
@@ -108,7 +108,7 @@ class MeshFileVersion:
 
 
 def find_mesh_file(folder: str, file: str) -> MeshFileVersion:
-    """Return the present version of a mesh file below the folder of the scene.
+    """Return the current version of a mesh file below the folder of the scene.
 
     Raises
     ------
@@ -146,7 +146,7 @@ def find_mesh_file(folder: str, file: str) -> MeshFileVersion:
 
 
 def read_mesh_file(version: MeshFileVersion, convert: Callable[[MeshFile], T]) -> T:
-    """Read a mesh file and convert its contents, both in a process of its own.
+    """Read a mesh file and convert its contents in a separate process.
 
     Parameters
     ----------
@@ -163,7 +163,7 @@ def read_mesh_file(version: MeshFileVersion, convert: Callable[[MeshFile], T]) -
     Raises
     ------
     MeshFileError
-        If the file is no mesh, or reading exceeds its limits of time or memory.
+        If the file is not a mesh, or reading exceeds the limits of time or memory.
     BackendError
         If meshio is missing or no process can be started.
     """
@@ -189,7 +189,7 @@ def read_mesh_file(version: MeshFileVersion, convert: Callable[[MeshFile], T]) -
 
 
 def _limit_reader(size: int) -> None:
-    """Limit time and memory of this process to those for reading `size` bytes."""
+    """Limit time and memory of this process to what reading `size` bytes may take."""
     limit_resources(
         *(base + per_byte * size for base, per_byte in (READING_SECONDS, READING_MEMORY))
     )
@@ -237,8 +237,7 @@ def named_simplices(file: MeshFile, name: str, dim: int, key: str) -> np.ndarray
 
 
 def _quote(text: str) -> str:
-    """Return a text from a file, cut to 200 letters."""
-    # Letters of a file that a message quotes.
+    """Return a text from a file, truncated to 200 letters."""
     max_letters = 200
     return text if len(text) <= max_letters else f"{text[:max_letters]}..."
 
@@ -270,19 +269,19 @@ def _read_and_convert(version: MeshFileVersion, convert: Callable[[MeshFile], T]
     except (IndentSimError, MemoryError):
         raise
     except Exception as failure:  # Readers of meshio raise exceptions of any type.
-        message = str(failure) or "it is empty or cut short"
+        message = str(failure) or "it is empty or truncated"
         if isinstance(failure, KeyError):
             # The key may be the number of a cell type.
-            message = f"its reader does not know {failure}"
+            message = f"it contains an unknown keyword or cell type, {failure}"
         problem = f"'{version.name}' is not a mesh that can be read: {_quote(message)}"
         raise mesh_file_error(problem, "write it again, for example in gmsh's format 4.1") from None
     return convert(mesh)
 
 
 def _refuse_foreign_references(version: MeshFileVersion) -> None:
-    """Raise MeshFileError if an XDMF file refers to data elsewhere than in HDF5 files beside it.
+    """Raise MeshFileError if an XDMF file refers to data other than HDF5 files in its folder.
 
-    The lengths of these files count for the limits of the reader, too.
+    The limits of the reader include the lengths of these files.
     """
     # Only XDMF files need an XML parser.
     from xml.etree import ElementTree
@@ -297,12 +296,12 @@ def _refuse_foreign_references(version: MeshFileVersion) -> None:
         data_file = version.path.parent / name
         if item.get("Format") != "HDF" or "/" in name or "\\" in name or data_file.is_symlink():
             raise mesh_file_error(
-                f"'{file}' takes its numbers from '{_quote(name)}'",
-                "they must be in an HDF5 file in the same folder",
+                f"'{file}' refers to data in '{_quote(name)}'",
+                "the data must be in an HDF5 file in the same folder",
             )
         if not data_file.is_file() or data_file.stat().st_size > MAX_MESH_BYTES:
             raise mesh_file_error(
-                f"'{file}' takes its numbers from '{_quote(name)}', which is missing or too long"
+                f"'{file}' refers to data in '{_quote(name)}', which is missing or too long"
             )
         _refuse_external_data(data_file, dataset_path, file)
         sizes[name] = data_file.stat().st_size
@@ -325,21 +324,21 @@ def _refuse_external_data(path: Path, dataset_path: str, file: str) -> None:
         dataset = store[dataset_path] if is_internal else None
         if not isinstance(dataset, h5py.Dataset) or dataset.external or dataset.is_virtual:
             raise mesh_file_error(
-                f"'{file}' takes its numbers from '{_quote(dataset_path)}', which are not in "
-                f"'{path.name}' itself"
+                f"'{file}' refers to data in '{_quote(dataset_path)}', which are stored "
+                f"outside of '{path.name}'"
             )
         if dataset.dtype.kind not in "fiu":
             raise mesh_file_error(
-                f"'{file}' takes its numbers from '{_quote(dataset_path)}' of '{path.name}', which "
-                "are not real"
+                f"'{file}' refers to data in '{_quote(dataset_path)}' of '{path.name}', which "
+                "are not real numbers"
             )
 
 
 def _refuse_ambiguous_abaqus(version: MeshFileVersion) -> None:
     """Raise MeshFileError for an Abaqus file that meshio would read as another mesh.
 
-    The reader of meshio opens included files, keeps the last of several lists of nodes only, and
-    assigns an ELSET to the wrong cells if some lists of elements have none.
+    meshio opens included files, keeps only the last of several node lists, and assigns an ELSET to
+    the wrong cells if some element lists have none.
     """
     with open(version.path, encoding="utf-8") as file:
         lines = [line for line in file if not line[:1].isdigit() and not line.startswith("**")]
@@ -366,7 +365,7 @@ def _refuse_ambiguous_abaqus(version: MeshFileVersion) -> None:
 
 
 def _refuse_several_vtu_pieces(version: MeshFileVersion) -> None:
-    """Raise MeshFileError for several pieces, of which meshio would keep the cells of the last."""
+    """Raise MeshFileError for a file of several pieces, of which meshio reads only the last."""
     if version.path.read_bytes().count(b"<Piece") > 1:
         raise mesh_file_error(f"'{version.name}' has several pieces", "write the mesh as one piece")
 
@@ -388,7 +387,7 @@ def _checked_points(mesh: Meshio, file: str) -> np.ndarray:
     largest_coordinate = 1e30
     if not (np.abs(points := points.astype(float)) < largest_coordinate).all():
         raise mesh_file_error(
-            f"'{file}' has coordinates that are no numbers, or beyond {largest_coordinate:g}"
+            f"'{file}' has coordinates that are not finite or exceed {largest_coordinate:g}"
         )
     return np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
 
@@ -438,11 +437,11 @@ def _mesh_file_of(mesh: Meshio, file: str) -> MeshFile:
 
 
 def _named_groups(mesh: Meshio) -> Iterator[tuple[str, int, np.ndarray]]:
-    """Generate the named groups of cells: name, number of the block of cells, indices in it.
+    """Generate the named groups of cells: name, number of the cell block, indices in the block.
 
-    Groups are the cell sets of the file, gmsh's physical groups, and for an integer array of cell
-    data `name` the groups `name=3` of cells with the value 3 and `name` of cells with any value
-    but 0.
+    Groups are the cell sets of the file and gmsh's physical groups. An integer array of cell data
+    `name` defines the groups `name=3` of cells with the value 3, and so on, and `name` of all cells
+    with a non-zero value.
     """
     for name, sets in mesh.cell_sets.items():
         if not name.startswith("gmsh:"):

@@ -1,4 +1,4 @@
-"""Import of a mesh file as a body: its cells, regions and midside nodes are checked."""
+"""Import of a mesh file as a body, with checks of its cells, regions and midside nodes."""
 
 from __future__ import annotations
 
@@ -57,12 +57,12 @@ def import_mesh(folder: str, body: MeshFromFile, material: Material | None) -> I
 
 @lru_cache(maxsize=1)
 def _import_cached(version: MeshFileVersion, body: MeshFromFile, regions: Regions) -> ImportedMesh:
-    """Return the mesh of a version of a file, which is read once for all scenes that use it."""
+    """Return the mesh of a version of a file, cached for all scenes that use it."""
     return read_mesh_file(version, partial(build_imported_mesh, body=body, regions=regions))
 
 
 def build_imported_mesh(file: MeshFile, body: MeshFromFile, regions: Regions) -> ImportedMesh:
-    """Return the mesh that the cells, surfaces and named regions of a file make up.
+    """Return the imported mesh with the cells, surfaces and named regions of a file.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def _check_cell_dimension(file: MeshFile, dim: int) -> None:
 
 
 def _hash_arrays(*arrays: np.ndarray) -> str:
-    """Return a fingerprint of the shapes and contents of arrays."""
+    """Return a hash of the shapes and contents of arrays."""
     digest = hashlib.sha256()
     for array in arrays:
         digest.update(repr(array.shape).encode() + np.ascontiguousarray(array).tobytes())
@@ -156,7 +156,7 @@ def _body_coordinates(points: np.ndarray, dim: int, body: MeshFromFile) -> np.nd
 
 
 def _refuse_tangled_cells(points: np.ndarray, cells: np.ndarray) -> None:
-    """Raise MeshFileError if cells are flat, overlap their neighbours, or are not connected."""
+    """Raise MeshFileError if cells are flat, overlap adjacent cells, or are not connected."""
     chunks = row_slices(len(cells))
     is_flat_cell = np.concatenate([is_flat(points, cells[chunk]) for chunk in chunks])
     flat_cells = cells[is_flat_cell]
@@ -174,7 +174,7 @@ def _refuse_tangled_cells(points: np.ndarray, cells: np.ndarray) -> None:
     if len(folded_facets):
         location = format_midpoint(points[folded_facets[0]])
         problem = (
-            f"{len(folded_facets)} cells are inverted: they overlap a neighbour, the first at "
+            f"{len(folded_facets)} cells are inverted and overlap an adjacent cell, the first at "
             f"{location}"
         )
         raise mesh_file_error(problem, REMESH_ADVICE)
@@ -187,10 +187,9 @@ def _refuse_tangled_cells(points: np.ndarray, cells: np.ndarray) -> None:
 
 
 def _folded_facets(points: np.ndarray, opposite: np.ndarray, facets: np.ndarray) -> np.ndarray:
-    """Return the facets whose two cells lie on the same side of them.
+    """Return the facets whose two cells lie on the same side of the facet.
 
-    `opposite` (k,) is the corner of a facet's cell that is not on the facet; a facet inside the
-    mesh occurs twice.
+    `opposite` (k,) is the corner of the cell opposite to the facet; an interior facet occurs twice.
 
     Raises
     ------
@@ -217,7 +216,7 @@ def _folded_facets(points: np.ndarray, opposite: np.ndarray, facets: np.ndarray)
 
 
 def _connected_points(cells: np.ndarray, count: int) -> np.ndarray:
-    """Return for every point the lowest number of a point that it is connected to (count,)."""
+    """Return the lowest number of all points connected to each point (count,)."""
     label = np.arange(count)
     while True:
         smallest_label = label[cells].min(axis=1)
@@ -235,7 +234,7 @@ def _number_regions(
 ) -> tuple[tuple[str, ...], np.ndarray]:
     """Return the names of the regions, and the number of each cell's region (count,).
 
-    Cells of no named region belong to a last one with the name "".
+    Cells of no named region are assigned to a last region with the name "".
 
     Raises
     ------
@@ -267,8 +266,8 @@ def _midside_nodes(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the edges (k, 2) and positions (k, dim) [length] of the cells' midside nodes.
 
-    They are empty unless every edge of the cells has one. `used_points` are the numbers of the
-    body's points in the file.
+    Both are empty unless every edge of the cells has a midside node. `used_points` are the numbers
+    of the body's points in the file.
     """
     dim = cells.shape[1] - 1
     (edges, nodes) = file.midside_nodes

@@ -35,7 +35,7 @@ def call_in_mesher(function: Callable[..., T], *arguments: object) -> Callable[[
 
 
 def start_mesher() -> None:
-    """Start the mesher process, which imports gmsh while this process goes on."""
+    """Start the mesher process, which imports gmsh while this process continues."""
     # The first mesh reports that no process can be started.
     with suppress(OSError):
         _mesher.start()

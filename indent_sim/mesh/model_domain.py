@@ -30,7 +30,7 @@ class Side:
     surface
         Name of the surface that the side belongs to.
     start, end
-        End points [length]; the inside of the outline is on the left of the way between them.
+        End points [length]; seen from start to end, the inside of the outline is on the left.
     center
         Center of an arc, which goes anticlockwise from start to end [length]; None for a line.
     """
@@ -42,7 +42,7 @@ class Side:
 
     @property
     def normal_axis(self) -> int | None:
-        """Axis that a straight side is normal to; None for an arc or an inclined side."""
+        """Axis to which a straight side is normal; None for an arc or an inclined side."""
         equal_axes = [axis for axis in (0, 1) if self.start[axis] == self.end[axis]]
         return equal_axes[0] if equal_axes and self.center is None else None
 
@@ -53,7 +53,7 @@ class Side:
         return float(np.hypot(self.start[0] - self.center[0], self.start[1] - self.center[1]))
 
     def inward_distance(self, x: Coordinates, y: Coordinates) -> np.ndarray:
-        """Return the signed distance [length] of points to the line or circle of the side.
+        """Return the signed distance [length] of points from the line or circle of the side.
 
         It is positive inside the outline: left of a line, and inside a circle.
         """
@@ -64,7 +64,7 @@ class Side:
         return ((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0)) / np.hypot(x1 - x0, y1 - y0)
 
     def distance(self, x: Coordinates, y: Coordinates) -> np.ndarray:
-        """Return the distance [length] of points to the arc, or to the line of a straight side."""
+        """Return the distance [length] of points from the arc, or from the line of the side."""
         distance_to_curve = np.abs(self.inward_distance(x, y))
         if self.center is None:
             return distance_to_curve
@@ -77,7 +77,7 @@ class Side:
         )
 
     def sample_points(self, n: int) -> tuple[np.ndarray, float]:
-        """Return n equidistant points (n, 2) on the side, and the length that belongs to each."""
+        """Return n equidistant points (n, 2) on the side, and the length that each represents."""
         fraction = ((np.arange(n) + 0.5) / n)[:, None]
         if self.center is None:
             start = np.array(self.start)
@@ -125,17 +125,17 @@ class Region:
     name
         Name for messages and results.
     material
-        The material; of a relaxing one its instantaneous law.
+        The elastic law; the instantaneous one if the material relaxes.
     formulation
-        displacement, or mixed with a pressure.
+        "displacement", or "mixed" (displacement and pressure).
     bottom
         Height z of a layer's lower face on the axis [length].
     inclusion
-        Shape and position of an inclusion; None for any other region.
+        Shape and position of an inclusion; None for other regions.
     relaxation_series
-        Relaxation of the shear stress as a Prony series, if it is solved step by step.
+        Prony series of the shear relaxation, if it is integrated in time.
     min_shear_fraction
-        Smallest part of the instantaneous shear modulus that remains during the load path.
+        Smallest fraction of the instantaneous shear modulus during the load path.
     """
 
     name: str
@@ -150,8 +150,7 @@ class Region:
     def softest_constants(self) -> Constants:
         """Small-strain E [pressure] and nu of the softest state during the load path.
 
-        The bulk modulus does not relax with the shear modulus, so that this state is the most
-        incompressible one.
+        Since only the shear modulus relaxes, this state is the closest to incompressibility.
         """
         return self.material.relaxed_constants(self.min_shear_fraction)
 
@@ -170,8 +169,8 @@ class ModelDomain:
         Number of model domains that make up the body.
     outline
         Sides in anticlockwise order. In two dimensions they enclose the section (r, z) or (x, z);
-        in three dimensions the section z = const, which is the same from the surface base at
-        z = -height to the surface top at z = 0.
+        in three dimensions the horizontal section, which is constant from the surface `base` at z =
+        -height to the surface `top` at z = 0.
     height
         Height [length].
     regions
@@ -180,10 +179,10 @@ class ModelDomain:
         free | roller | fixed by surface. Surfaces without an entry are free; mirror planes are
         rollers.
     pins
-        Points and displacement components that are held to remove rigid-body modes.
+        Points and displacement components that are constrained to remove rigid-body modes.
     mirror_axes
-        Axes, of x and y, that mirror planes are normal to. Such a plane is the side x_min or
-        y_min of the domain.
+        Axes (x, y) to which mirror planes are normal; such a plane is the side x_min or y_min of
+        the domain.
     """
 
     kinematics: Kinematics
@@ -205,17 +204,17 @@ class ModelDomain:
     def extent(self) -> tuple[tuple[float, float], ...]:
         """Smallest and largest coordinate along each axis [length].
 
-        The ends of the sides are enough, because no arc extends beyond its ends.
+        Only the ends of the sides are considered, because no arc extends beyond its ends.
         """
         coordinates = [[side.start[axis] for side in self.outline] for axis in (0, 1)]
         section_extent = tuple((min(values), max(values)) for values in coordinates)
         return section_extent if self.dim == 2 else (*section_extent, (-self.height, 0.0))
 
     def interface_level(self, x: Coordinates, z: Coordinates) -> np.ndarray:
-        """Return minus the depth [length] of points below the top, along its normal.
+        """Return the level of points: minus their distance below the top [length].
 
-        Interfaces between layers are surfaces of constant level. It is z below a flat top, and the
-        distance to the center of a spherical top minus its radius.
+        Interfaces between layers are surfaces of constant level. The level is z below a flat top,
+        and the distance from the center minus the radius below a spherical top.
         """
         if self.top_radius is None:
             return np.asarray(z)
@@ -227,7 +226,7 @@ class ModelDomain:
         Returns
         -------
         list of (point, level)
-            Point (x, z) and level of its interface [length], in order from the start of the side.
+            Point (x, z) and level of the interface [length], in order from the start of the side.
         """
         (x0, z0) = side.start
         (x1, z1) = side.end
@@ -275,7 +274,7 @@ class ModelDomain:
 
     @property
     def inclusions(self) -> tuple[Inclusion, ...]:
-        """Inclusions that are in the domain at least in part, rather than beyond a mirror plane."""
+        """Inclusions that lie at least partly in the domain, not beyond a mirror plane."""
 
         def is_inside(inclusion: Inclusion) -> bool:
             return all(
@@ -320,7 +319,7 @@ class ModelDomain:
         return radii[0] if radii else None
 
     def wall_distances(self, center: Point) -> dict[str, float]:
-        """Return the horizontal distance [length] from the tip's axis to each wall by its name."""
+        """Return the horizontal distance [length] from the tip's axis to each wall, by name."""
         x, y = (*center, 0.0)[:2]
         walls = [side for side in self.outline if side.surface not in ("top", "base")]
         return {side.surface: float(side.inward_distance(x, y)) for side in walls}
@@ -344,7 +343,7 @@ class ModelDomain:
 
     @property
     def constrained_components(self) -> tuple[tuple[int, str], ...]:
-        """Displacement components that supports hold, each with its surface."""
+        """Displacement components that supports constrain, each with its surface."""
         components: list[tuple[int, str]] = []
         for surface, support in self.supports.items():
             if support == "fixed":
@@ -357,7 +356,8 @@ class ModelDomain:
     def has_curved_roller(self) -> bool:
         """Return whether a curved wall in three dimensions is a roller.
 
-        No displacement component is normal to it, so that the condition is imposed weakly.
+        No single displacement component is normal to such a wall, so that the condition is imposed
+        weakly.
         """
         return self.wall_radius is not None and self.supports.get("r_max") == "roller"
 
@@ -373,18 +373,18 @@ class ModelDomain:
 
     @property
     def file_hash(self) -> str:
-        """Fingerprint of an imported mesh; empty for a domain that is meshed by the program."""
+        """Hash of an imported mesh; empty for a domain that is meshed by the program."""
         return ""
 
     def facet_sagitta(self, center: Point, radius: float, refinements: int = 0) -> float:
-        """Return how far facets near the tip are inside the surface that they approximate [length].
+        """Return the distance of facets near the tip from the exact surface [length].
 
         It is 0 for a domain that is meshed by the program, with a flat top or curved cells.
         """
         return 0.0
 
     def facet_angle(self, center: Point, radius: float, refinements: int = 0) -> float:
-        """Return the mean angle [radians] between neighbouring facets near the tip, here 0."""
+        """Return the mean angle [radians] between adjacent facets near the tip; 0 here."""
         return 0.0
 
     def normal_component(self, surface: str) -> int | None:
@@ -398,7 +398,7 @@ class ModelDomain:
 
 
 def _interface_radius(top_radius: float, level: float, z: float) -> float:
-    """Return the r [length] at which a spherical interface has the height z; -1 if it is lower."""
+    """Return the r [length] at which a spherical interface has the height z; -1 if none."""
     r_squared = (top_radius + level) ** 2 - (top_radius + z) ** 2
     return r_squared**0.5 if r_squared > 0 else -1.0
 
@@ -412,7 +412,7 @@ def _is_between(point: Point, start: Point, end: Point) -> bool:
 
 
 def polygon_sides(surfaces: tuple[str, ...], corners: tuple[Point, ...]) -> tuple[Side, ...]:
-    """Return the sides of a polygon with a surface name each, from corner to corner."""
+    """Return the sides of a polygon from its corners and the surface name of each side."""
     corner_pairs = pairwise((*corners, corners[0]))
     return tuple(
         Side(surface, start, end)
@@ -421,17 +421,17 @@ def polygon_sides(surfaces: tuple[str, ...], corners: tuple[Point, ...]) -> tupl
 
 
 def nearest_on_sphere(radius: float, r: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the points of a spherical top nearest to points (r, z) near it [length].
+    """Return the points on a spherical top that are nearest to given points (r, z) [length].
 
-    The apex of the top is the origin. The distance d of a point to the center (0, -radius) follows
-    from d^2 - radius^2 = r^2 + z (z + 2 radius), which does not lose digits near the apex.
+    The apex of the top is the origin. The distance d of a point from the center (0, -radius) is
+    computed from d^2 - radius^2 = r^2 + z (z + 2 radius), which loses no digits near the apex.
 
     Parameters
     ----------
     radius : float
         Radius of the top [length].
     r, z : numpy.ndarray
-        Coordinates [length], for example of points on facets, which are chords of the top.
+        Coordinates [length] of points near the top, for example on facets.
 
     Returns
     -------

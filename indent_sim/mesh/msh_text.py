@@ -24,17 +24,18 @@ def msh_text_parts(
 ) -> Iterator[str]:
     """Generate the text of a mesh in gmsh's format 2.2.
 
-    Coordinates have all digits, so that the text is read as the same mesh. It is generated in
-    parts, because the whole text takes several times the memory of the arrays.
+    Coordinates are written with all digits, so that reading the text gives the same mesh. The text
+    is generated in parts, because as a whole it takes several times the memory of the arrays.
 
     Parameters
     ----------
     grid : Grid
         The mesh with the surfaces top, base and sides.
     region_names : tuple of str
-        Names of its regions; "" for cells of no named region.
+        Names of the regions; "" for cells of no named region.
     midside_nodes : tuple of numpy.ndarray
-        Midside nodes of a quadratic mesh: edges (k, 2) by their points, and coordinates (k, dim).
+        Midside nodes of a quadratic mesh: point numbers (k, 2) of their edges, and coordinates (k,
+        dim).
     surface_names : MeshSurfaces
         Names of the surfaces in the file.
 
@@ -104,7 +105,7 @@ def msh_text_parts(
 
 
 def _msh_section(name: str, count: int, lines: Iterator[str]) -> Iterator[str]:
-    """Generate the text of a section of a file of gmsh, with the number of its lines."""
+    """Generate the text of a section of a gmsh file, including the number of lines."""
     yield f"${name}\n{count}\n"
     while chunk := list(islice(lines, ROWS_WRITTEN_AT_ONCE)):
         yield "\n".join(chunk) + "\n"
@@ -114,6 +115,6 @@ def _msh_section(name: str, count: int, lines: Iterator[str]) -> Iterator[str]:
 def _iterate_rows(
     rows: np.ndarray, convert: Callable[[np.ndarray], np.ndarray] = np.asarray
 ) -> Iterator[Any]:
-    """Generate the rows of an array as Python numbers, converted in chunks to save memory."""
+    """Generate the rows of an array as lists of Python numbers, in chunks to save memory."""
     for chunk in row_slices(len(rows), ROWS_WRITTEN_AT_ONCE):
         yield from convert(rows[chunk]).tolist()

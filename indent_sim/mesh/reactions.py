@@ -1,8 +1,8 @@
-"""Reactions of the supports of a whole body, from those of the supports of its model domain.
+"""Support reactions of the whole body, computed from those of the model domain.
 
 Sign convention: a reaction is the force of a support on the body. In equilibrium the reactions of
-all supports add up to the force of the body on the tip: their z components to `force`, > 0 while
-the tip pushes.
+all supports sum to the force of the body on the tip, and their z components to `force`, which is >
+0 while the tip pushes.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ SurfaceComponent = tuple[str, int]
 
 
 def bearing_surfaces(domain: ModelDomain) -> list[SurfaceComponent]:
-    """Return the supported surfaces of the model domain, with each component of the reaction.
+    """Return the supported surfaces of the model domain, once for each reaction component.
 
     A curved roller wall in three dimensions constrains the displacement along its normal only.
     """
@@ -31,11 +31,11 @@ def bearing_surfaces(domain: ModelDomain) -> list[SurfaceComponent]:
 def reactions_of_whole_body(
     domain: ModelDomain, domain_reactions: Mapping[SurfaceComponent, float]
 ) -> dict[str, float]:
-    """Return the reactions of the supports of the whole body, and the forces through mirror planes.
+    """Return the support reactions of the whole body, and the forces across mirror planes.
 
-    An image of the model domain in the mirror plane x = c bears the same forces, with x components
-    of the other sign. Components that cancel between the images are left out, and so is the axis of
-    an axisymmetric body, which no force crosses.
+    An image of the model domain in the mirror plane x = c has the same reactions, with x components
+    of opposite sign. Components that cancel between the images are omitted, as is the axis of an
+    axisymmetric body, across which no force acts.
 
     Parameters
     ----------
@@ -48,9 +48,9 @@ def reactions_of_whole_body(
     Returns
     -------
     dict
-        Reactions by the support's name in the scene and the axis, as in `base_z` or `x_max_x`; for
-        an axisymmetric body the radial force of the wall on all of it is `sides_r`. `mirror_x` is
-        the force of the other half of the body on the half x > c, along x.
+        Reactions by the name of the support in the scene and the axis, such as `base_z` or
+        `x_max_x`. For an axisymmetric body, `sides_r` is the integral of the radial traction over
+        the wall. `mirror_x` is the force along x of the other half of the body on the half x > c.
     """
     axes = {"axisymmetric": "rz", "plane_strain": "xz"}.get(domain.kinematics.name, "xyz")
     reactions: dict[str, float] = {}
@@ -71,7 +71,7 @@ def reactions_of_whole_body(
 
 
 def _mirror_images(domain: ModelDomain, surface: str, axis: str) -> Iterable[tuple[str, int]]:
-    """Yield a support's name on each image of the domain, and the sign of its force there."""
+    """Yield the name of a support on each image of the domain, and the sign of its reaction."""
     for mirror_flags in product((False, True), repeat=len(domain.mirror_axes)):
         mirrored = {
             mirror_axis
@@ -85,6 +85,6 @@ def _mirror_images(domain: ModelDomain, surface: str, axis: str) -> Iterable[tup
 
 
 def reaction_columns(domain: ModelDomain) -> tuple[str, ...]:
-    """Return the columns of the force table with the reactions of a domain's body, in order."""
+    """Return the names of the columns of the force table for the support reactions, in order."""
     no_forces = dict.fromkeys(bearing_surfaces(domain), 0.0)
     return tuple(f"{REACTION_PREFIX}{name}" for name in reactions_of_whole_body(domain, no_forces))

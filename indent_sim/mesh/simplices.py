@@ -10,7 +10,7 @@ from indent_sim.mesh.grid import row_slices
 
 
 def unique_edges(cells: np.ndarray) -> np.ndarray:
-    """Return the edges (k, 2) of simplices by their points, sorted and without duplicates."""
+    """Return the edges (k, 2) of simplices as point numbers, sorted and without duplicates."""
     pairs = combinations(range(cells.shape[1]), 2)
     return np.unique(
         np.sort(np.concatenate([cells[:, list(pair)] for pair in pairs]), axis=1), axis=0
@@ -18,7 +18,7 @@ def unique_edges(cells: np.ndarray) -> np.ndarray:
 
 
 def edge_keys(edges: np.ndarray) -> np.ndarray:
-    """Return one integer per edge (k,), in the order of sorted edges."""
+    """Return one integer for each edge (k,), whose order is that of sorted edges."""
     return np.asarray((edges[:, 0] << 32) + edges[:, 1])
 
 
@@ -31,7 +31,7 @@ def oriented(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
 
 
 def signed_volumes(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """Return the determinants (m,) of the cells' edge vectors: dim! times their signed volumes."""
+    """Return dim! times the signed volumes (m,) of cells: determinants of the edge vectors."""
     volumes = [
         np.linalg.det(points[cells[chunk, 1:]] - points[cells[chunk, :1]])
         for chunk in row_slices(len(cells))

@@ -1,7 +1,7 @@
 """Element sizes as expressions for gmsh's MathEval field, which has neither min nor max.
 
-All lengths are those of the scene; the sizes are those of `sizes.Sizes`. Source: Gmsh Reference
-Manual, section on mesh size fields.
+The expressions are the function `sizes.Sizes.size_at`, in the lengths of the scene. Source: Gmsh
+Reference Manual, section on mesh size fields.
 """
 
 from __future__ import annotations
@@ -43,9 +43,10 @@ def size_formula(sizes: Sizes, dim: int) -> str:
 
 
 def inclusion_formula(inclusion: Inclusion, inner_size: float, grading: float, dim: int) -> str:
-    """Return the element size that an inclusion asks for as a MathEval expression.
+    """Return the element size required by an inclusion as a MathEval expression.
 
-    The size inside it grows with the distance from it, for an ellipsoid to first order.
+    Outside the inclusion the size grows with the distance from it (to first order for an
+    ellipsoid).
     """
     number = "{:.12g}".format
     names = ("x", "0", "y") if dim == 2 else ("x", "y", "z")
@@ -67,7 +68,7 @@ def inclusion_formula(inclusion: Inclusion, inner_size: float, grading: float, d
 
 
 def coating_formula(coating: Coating, inner_size: float, grading: float) -> str:
-    """Return the element size that a coating asks for in a section as a MathEval expression."""
+    """Return the element size required by a coating in a section as a MathEval expression."""
     number = "{:.12g}".format
     rho = f"Sqrt(x^2+(y-({number(coating.center[2])}))^2)"
     outside = _positive_part(f"({rho}-{number(coating.outer_radius)})")
@@ -76,9 +77,9 @@ def coating_formula(coating: Coating, inner_size: float, grading: float) -> str:
 
 
 def drained_face_formula(face: DrainedFace, axis: float, grading: float) -> str:
-    """Return the element size that a drained face asks for in a section as a MathEval expression.
+    """Return the element size required by a drained face in a section as a MathEval expression.
 
-    `axis` is x of the tip's axis.
+    `axis` is the x coordinate of the tip's axis.
     """
     number = "{:.12g}".format
     if face.side.center is not None:
@@ -98,15 +99,15 @@ def drained_face_formula(face: DrainedFace, axis: float, grading: float) -> str:
 
 
 def _positive_part(a: str) -> str:
-    """Return the expression of max(a, 0)."""
+    """Return a MathEval expression for max(a, 0)."""
     return f"(0.5*({a}+Abs({a})))"
 
 
 def _maximum(a: str, b: str) -> str:
-    """Return the expression of max(a, b)."""
+    """Return a MathEval expression for max(a, b)."""
     return f"(0.5*(({a})+({b})+Abs(({a})-({b}))))"
 
 
 def _minimum(a: str, b: str) -> str:
-    """Return the expression of min(a, b)."""
+    """Return a MathEval expression for min(a, b)."""
     return f"(0.5*(({a})+({b})-Abs(({a})-({b}))))"

@@ -1,6 +1,6 @@
 """Element sizes of a mesh as a function of position.
 
-`size_formulas` holds the same function as expressions for gmsh.
+`size_formulas` implements the same function as expressions for gmsh.
 """
 
 from __future__ import annotations
@@ -27,8 +27,7 @@ class DrainedFace:
         The face.
     h
         Size [length] of the elements at the face within `fine_radius` of the point of first
-        contact. Beyond it sizes grow by `grading` of `Sizes`, along the face and away from it
-        alike.
+        contact. Elsewhere sizes grow by `grading` of `Sizes`, both along the face and away from it.
     fine_radius
         Distance [length] from the point of first contact.
     """
@@ -40,7 +39,7 @@ class DrainedFace:
 
 @dataclass(frozen=True)
 class Sizes:
-    """Element sizes of a mesh [length], which grow by `grading` outside refined regions.
+    """Element sizes of a mesh [length] as a function of position.
 
     Attributes
     ----------
@@ -53,27 +52,26 @@ class Sizes:
     grading
         Growth of the size per unit distance outside refined regions.
     punch_edge, h_edge
-        Radius of a sharp edge of the tip, and the size at it.
+        Radius of a sharp edge of the tip, and the element size there.
     h_axis, a
-        Where `h_axis` is given, the size inside the expected contact radius `a` is proportional to
-        the distance from the axis, h_contact r/a, but at least `h_axis`: a contact of any radius
-        down to a h_axis/h_contact has as many elements as the largest one.
+        Size at the axis and expected contact radius. If `h_axis` is given, the size for r < a is
+        h_contact r/a, but at least `h_axis`, so that contacts of all radii down to a
+        h_axis/h_contact have the same number of elements.
     corners, h_corner
-        Corner singularities (r, depth), and the size at them.
+        Corner singularities (r, depth), and the element size there.
     corner_error
-        Bound of the relative error of the force by the elements at the corners.
+        Bound on the relative error of the force due to the elements at the corners.
     inclusions, coatings
-        Each with the size inside it.
+        Inclusions and coatings, each with the element size inside it.
     drained_faces, h_film
-        Drained faces, and the size at those next to the contact.
+        Drained faces, and the element size at drained faces next to the contact.
     edge_refinement_factor
-        Sensitivity of the force to the radius of a sharp punch, relative to a far larger body.
+        Sensitivity of the force to the radius of a sharp punch, relative to that on a half-space.
     rounded_edge_width
-        Width of a punch's rounded edge where friction at finite strain needs fine elements on all
-        of it.
+        Width of a punch's rounded edge, if friction at finite strain requires fine elements on the
+        whole edge.
     refinements
-        Uniform refinements of a mesh from a file, which gives these sizes; None: the body is
-        meshed.
+        Number of uniform refinements of a mesh from a file; None if gmsh meshes the body.
     axis
         Position (x, y) of the tip's axis.
     """
@@ -100,19 +98,19 @@ class Sizes:
 
     @property
     def typical_size(self) -> float:
-        """Geometric mean of the sizes at the axis and at the edge of the contact [length]."""
+        """Geometric mean of the sizes at the axis and at the contact edge [length]."""
         return (
             self.h_contact if self.h_axis is None else float(np.sqrt(self.h_axis * self.h_contact))
         )
 
     @property
     def axis_size(self) -> float:
-        """Size at the axis [length]."""
+        """Element size at the axis [length]."""
         return self.h_axis or self.h_contact
 
     @property
     def min_size(self) -> float:
-        """Smallest size anywhere [length]."""
+        """Smallest element size in the mesh [length]."""
         local_sizes = [
             *(h for _, h in (*self.inclusions, *self.coatings)),
             *(film.h for film in self.drained_faces),
@@ -126,7 +124,7 @@ class Sizes:
 
     @property
     def refinement_points(self) -> list[tuple[float, float, float]]:
-        """Points (r, depth, size) [length] at which elements shrink: punch edge and corners."""
+        """Points (r, depth, size) [length] with local refinement: punch edge and corners."""
         edge_points = (
             []
             if self.punch_edge is None or self.h_edge is None
@@ -138,13 +136,13 @@ class Sizes:
 
     @property
     def size_slope(self) -> float:
-        """Growth of the size per unit distance from the axis inside the contact."""
+        """Growth of the element size per unit distance from the axis inside the contact."""
         return self.h_contact / self.a
 
     def size_at(self, r: np.ndarray, depth: np.ndarray) -> np.ndarray:
-        """Return the size [length] at a distance r from the tip's axis and a depth.
+        """Return the element size [length] at a distance r from the tip's axis and a depth.
 
-        Inclusions, coatings and drained faces are left out.
+        The refinement at inclusions, coatings and drained faces is not included.
         """
         contact_size: Any = self.h_contact
         if self.h_axis is not None:
@@ -168,16 +166,17 @@ class Sizes:
         return self.punch_edge - self.rounded_edge_width / 2, self.rounded_edge_width / 2
 
     def elements_in_contact(self, a: float) -> float:
-        """Return the contact radius a over the size of the element at the contact's edge."""
+        """Return the contact radius a divided by the element size at the contact edge."""
         return a / self.surface_size(a)
 
     def surface_size(self, r: float) -> float:
-        """Return the size of surface elements at a distance r from the tip's axis."""
+        """Return the size of surface elements at a distance r from the tip's axis [length]."""
         return float(self.size_at(np.array(r), np.array(0.0)))
 
     def is_resolved(self, a: float) -> bool:
         """Return whether a contact of radius a has enough elements.
 
-        A flat punch's contact radius is known beforehand and its edge is refined, so it always is.
+        The contact of a flat punch is always resolved, because its radius is known and the edge is
+        refined.
         """
         return self.punch_edge is not None or self.elements_in_contact(a) >= DOUBTFUL_ELEMENTS

@@ -68,7 +68,7 @@ def refined_once(mesh: ImportedMesh) -> ImportedMesh:
 def _split_simplices(
     points: np.ndarray, simplices: np.ndarray, find_midpoints: MidpointFinder
 ) -> np.ndarray:
-    """Return the parts of segments, triangles or tetrahedra, all first parts first."""
+    """Return the parts of bisected segments, triangles or tetrahedra, all first parts first."""
     corner_parts, midpoints = split_at_midpoints(list(simplices.T), find_midpoints)
     if len(simplices.T) < 4:
         return corner_parts
@@ -78,19 +78,19 @@ def _split_simplices(
 def split_at_midpoints(
     corners: Sequence[np.ndarray], find_midpoints: MidpointFinder
 ) -> tuple[np.ndarray, Midpoints]:
-    """Split segments in halves, triangles in quarters, and the corners off tetrahedra.
+    """Split segments in halves, triangles in quarters, and cut the four corners off tetrahedra.
 
     Parameters
     ----------
     corners : sequence of numpy.ndarray
-        First, second, ... corner of all simplices, by numbers (k,) or coordinates (k, dim).
+        First, second, ... corner of all simplices, as point numbers (k,) or coordinates (k, dim).
     find_midpoints : callable
         Function that returns the midpoints between two arrays of corners.
 
     Returns
     -------
     numpy.ndarray
-        Corners of the parts (m, number of corners, ...).
+        Corners of the parts (m, number of corners, *).
     dict
         The midpoints between each pair of corners.
     """

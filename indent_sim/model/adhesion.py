@@ -16,8 +16,9 @@ from indent_sim.model.units import ADHESION, LengthOrZero
 class Adhesion:
     """Attraction sigma = (work/range) exp(-g/range) [pressure] across the gap g.
 
-    Its integral over the gap is the work of adhesion. A scene without a range is refused with the
-    smallest range that the mesh resolves; a range of 0 is the limit of `experiment.adhesion` (JKR).
+    The integral over the gap is the work of adhesion. A scene that gives no range is rejected, and
+    the message names the smallest range that the mesh resolves. The limit of zero range (JKR) is
+    `experiment.adhesion`.
     """
 
     work: Annotated[float, Gt(0), ADHESION]
@@ -25,11 +26,11 @@ class Adhesion:
 
     @property
     def _interaction_range(self) -> Expr:
-        """Range [length] of an adhesion that has one."""
+        """Range of the attraction [length]; it must be given here."""
         return self.range
 
     def energy(self, g: Expr) -> Expr:
-        """Return the energy of the attraction per area [pressure length], negative.
+        """Return the energy of the attraction per area [pressure length], which is negative.
 
         gamma(g) = -work exp(-<g>/range) - (work/range) <-g>.
         """
@@ -40,17 +41,18 @@ class Adhesion:
     def attraction(self, g: Expr) -> Expr:
         """Return sigma(g) = (work/range) exp(-<g>/range) [pressure], >= 0.
 
-        It is constant where the gap is closed.
+        It is constant for g < 0.
         """
         return self.work / self._interaction_range * exp(-macaulay(g) / self._interaction_range)
 
     def cohesive_zone(self, E_star: float) -> float:
         """Return the width l = (pi/4) E* range^2/work [length] of the cohesive zone.
 
-        It is the distance outside the contact edge in which the tip attracts the surface.
+        The cohesive zone is the ring outside the contact edge in which the tip attracts the
+        surface.
         """
         return float(pi / 4 * E_star * self._interaction_range**2 / self.work)
 
     def range_for_cohesive_zone(self, cohesive_zone: float, E_star: float) -> float:
-        """Return the range [length] that has a cohesive zone of this width [length]."""
+        """Return the range [length] for which the cohesive zone has a given width [length]."""
         return (4 / pi * self.work * cohesive_zone / E_star) ** 0.5

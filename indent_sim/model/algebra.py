@@ -1,4 +1,4 @@
-"""Functions for formulas that work alike on UFL expressions and on numpy arrays.
+"""Functions for formulas that accept both UFL expressions and numpy arrays.
 
 A formula is written once; the solver differentiates it symbolically and numpy evaluates it.
 """
@@ -16,7 +16,7 @@ Expr = Any
 
 
 class _Ufl:
-    """UFL, imported at the first use of one of its names: plans and results do without it."""
+    """UFL, imported on first use, because planning and evaluation of results do not need it."""
 
     def __getattr__(self, name: str) -> Expr:
         import ufl
@@ -33,14 +33,14 @@ def is_symbolic(*values: Expr) -> bool:
 
 
 def _apply_function(name: str, x: Expr) -> Expr:
-    """Return a function of both libraries, by numpy's name, applied to x."""
+    """Return numpy's or UFL's function of the given numpy name, applied to x."""
     return (
         getattr(ufl, "ln" if name == "log" else name)(x) if is_symbolic(x) else getattr(np, name)(x)
     )
 
 
 def _apply_to_degrees(name: str, degrees: Expr) -> Expr:
-    """Return a trigonometric function, by numpy's name, of an angle in degrees."""
+    """Return the trigonometric function of the given numpy name for an angle in degrees."""
     return _apply_function(
         name, degrees * pi / 180 if is_symbolic(degrees) else np.radians(degrees)
     )
@@ -80,7 +80,7 @@ def expm1_remainder(x: Expr) -> Expr:
 
 
 def _odd_series(z: Expr) -> Expr:
-    """Return 1/3 + z^2/5 + z^4/7 + ... of the series of ln(1 + x)."""
+    """Return the series 1/3 + z^2/5 + z^4/7 + ..., which appears in ln(1 + x)."""
     z_squared = z * z
     series = 0.0
     for factor in reversed(LOG_SERIES_FACTORS):
@@ -96,7 +96,7 @@ def _where_small(x: Expr, small_value: Expr, large_value: Expr) -> Expr:
 def where_less(a: Expr, b: Expr, then: Expr, otherwise: Expr) -> Expr:
     """Return `then` where a < b, else `otherwise`.
 
-    Both branches are evaluated, so that both have to be finite.
+    Both branches are evaluated and must be finite.
     """
     if is_symbolic(a, b, then, otherwise):
         return ufl.conditional(ufl.lt(a, b), then, otherwise)
@@ -123,10 +123,10 @@ SMALL_DEVIATOR = 3e-3
 
 
 def power_sum(exponent: Expr, square: Expr, cube: Expr) -> Expr:
-    """Return sum (1 + t_i)^exponent - 3 of three t_i whose sum is zero, by the binomial series.
+    """Return sum (1 + t_i)^exponent - 3 for three t_i with sum zero, by the binomial series.
 
-    square = sum t_i^2/6, cube = their product. The sums of the k-th powers are p_k = 3 square
-    p_(k-2) + cube p_(k-3) (Newton's identities), with p_0 = 3, p_1 = 0.
+    The arguments are square = sum t_i^2/6 and cube = t_1 t_2 t_3. The sums of the k-th powers are
+    p_k = 3 square p_(k-2) + cube p_(k-3) (Newton's identities), with p_0 = 3, p_1 = 0.
     """
     sums = [3.0, 0.0, 6 * square]
     binomial = exponent
@@ -140,13 +140,13 @@ def power_sum(exponent: Expr, square: Expr, cube: Expr) -> Expr:
 
 
 def unimodular_stretches(mean: Expr, square: Expr, cube: Expr) -> tuple[Expr, Expr, Expr]:
-    """Return the principal stretches of an F with det F = 1, separated into one and a pair.
+    """Return the principal stretches for det F = 1, as one distinct stretch and a pair.
 
     With C = F^T F, the squared stretch that is farthest from the others is mean + 2 sqrt(square) y
-    with 4 y^3 - 3 y = cosine (Cardano). Newton's method solves this without the singular point of
-    the arc cosine; the other two stretches follow from the trace, the product and 1 - y^2. All
-    three results are smooth where two stretches are equal, as they are everywhere in uniaxial
-    stress; the difference of the pair is not.
+    with 4 y^3 - 3 y = cosine (Cardano). Newton's method solves this equation without the singular
+    point of the arc cosine; the other two stretches follow from the trace, the product and 1 - y^2.
+    All three results are smooth where two stretches are equal, as they are everywhere in uniaxial
+    stress, whereas the difference of the pair is not smooth there.
 
     Parameters
     ----------
@@ -184,10 +184,10 @@ def unimodular_stretches(mean: Expr, square: Expr, cube: Expr) -> tuple[Expr, Ex
 
 
 def pair_power_sum(exponent: Expr, mean_stretch: Expr, spread: Expr) -> Expr:
-    """Return l2^exponent + l3^exponent of the pair of `unimodular_stretches`.
+    """Return l2^exponent + l3^exponent for the pair of `unimodular_stretches`.
 
-    Near l2 = l3 it is the binomial series 2 m^a sum_k C(a, 2 k) spread^k: the second derivatives
-    through the root of the spread would lose all digits there.
+    Near l2 = l3 the binomial series 2 m^a sum_k C(a, 2 k) spread^k is used, because second
+    derivatives of the square root of the spread lose all digits there.
 
     Parameters
     ----------

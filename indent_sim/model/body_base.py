@@ -1,4 +1,4 @@
-"""Supports of a body, and base classes with what several shapes of bodies share."""
+"""Supports of a body, and base classes of several body shapes."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class RoundBody(CenteredBody):
         return self.max_section_radius + float(sum(c * c for c in center) ** 0.5)
 
     def top_points(self) -> Points:
-        """Return points as seen from above, each for an equal area in that view."""
+        """Return horizontal positions of points, each representing an equal projected area."""
         r = self.max_section_radius * np.sqrt(UNIT_MIDPOINTS)[:, None]
         angle = 2 * np.pi * UNIT_MIDPOINTS[None, :]
         return r * np.cos(angle), r * np.sin(angle)

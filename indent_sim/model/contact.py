@@ -1,15 +1,16 @@
-"""Contact laws: every method is a choice of the multiplier in one potential.
+"""Contact laws: all methods use one potential and differ in the choice of the multiplier.
 
 With p_hat = lam - epsilon_n g the contact term of the potential is
 
     1/(2 epsilon_n) ( <p_hat>^2 - lam^2 )   per unit contact area,
 
-its derivative is the traction <p_hat> along the tip's normal, and <p_hat> >= 0 is the pressure
-(signs: gap g >= 0 open, lam >= 0 a pressure, so lam = -lambda of the notes).
+and its derivative is the traction <p_hat> along the tip's normal, where <p_hat> >= 0 is the contact
+pressure (sign convention: gap g >= 0 open, lam >= 0 a pressure, so that lam = -lambda of the
+notes).
 
 Adhesion adds gamma(g) = -work exp(-g/range) for g > 0, continued linearly for g < 0. The traction
-is then <p_hat> - sigma with sigma = dgamma/dg >= 0 [pressure]; lam is the pressure of contact
-alone, without -sigma.
+is then <p_hat> - sigma with sigma = dgamma/dg >= 0 [pressure]; lam is the contact pressure without
+the attraction sigma.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ SlipReference = Literal["implicit", "glue", "mid"]
 
 
 class _ContactLaw:
-    """Base class of all contact laws, with the properties by which the solver chooses."""
+    """Base class of all contact laws, with the properties on which the choice of solver depends."""
 
     friction: Expr = 0.0
     epsilon_t: Expr = "auto"
@@ -42,7 +43,7 @@ class _ContactLaw:
 
     @property
     def is_conservative(self) -> bool:
-        """True if the contact has a potential, which friction has not."""
+        """True if the contact has a potential, that is, without friction."""
         return not self.friction
 
     @property
@@ -88,14 +89,14 @@ class _ContactLaw:
 
     @property
     def feature_without_theory(self) -> str:
-        """Description of the feature that no theory has; "" if there is none."""
+        """Description of a feature that no reference theory covers; "" if there is none."""
         return {"friction": "friction", "adhesion": "attraction with a range"}.get(
             self.path_key, ""
         )
 
     @property
     def reason_no_elastic_curve(self) -> str:
-        """Reason why a history cannot be computed from the elastic load curve; "" if it can."""
+        """Reason why a history cannot be computed from the elastic load curve; "" if possible."""
         if not self.path_key:
             return ""
         return (
@@ -106,7 +107,7 @@ class _ContactLaw:
     def reason_unsymmetric(self) -> str:
         """Reason why the tangent is not symmetric and definite; "" if it is.
 
-        A multiplier, which also makes it indefinite, is not considered.
+        The indefiniteness caused by a multiplier is not considered here.
         """
         effects = {
             "friction": "has a tangent that is not symmetric",
@@ -122,7 +123,7 @@ class _ContactLaw:
 
 @dataclass(frozen=True)
 class AutoContact(_ContactLaw):
-    """Contact with a method that the program chooses, with its reason."""
+    """Contact whose method the program chooses (`method: auto`)."""
 
     method: Literal["auto"] = "auto"
     gap: Gap = "auto"
@@ -155,12 +156,13 @@ class _StiffnessLaw(_ContactLaw):
     def reason_not_condensable(self) -> str:
         """Reason why the law cannot be solved on a condensed body; "" if it can.
 
-        The condensed solver has this potential written out.
+        The condensed solver implements only the potential of this class.
         """
         if self.may_snap_through:
-            return "adhesion with a range is solved on the whole body"
-        has_own_potential = type(self).potential is not _StiffnessLaw.potential
-        return f"{self.method} has a potential of its own" if has_own_potential else ""
+            return "the condensed solver does not support adhesion with a range"
+        if type(self).potential is not _StiffnessLaw.potential:
+            return f"the condensed solver does not implement the contact potential of {self.method}"
+        return ""
 
 
 class _NormalStiffness(_StiffnessLaw):
@@ -170,7 +172,7 @@ class _NormalStiffness(_StiffnessLaw):
 
     @property
     def stiffness(self) -> Expr:  # type: ignore[override]
-        """epsilon_n [pressure/length]."""
+        """Penalty stiffness epsilon_n [pressure/length]."""
         return self.epsilon_n
 
 
@@ -195,9 +197,9 @@ class Penalty(_NormalStiffness):
 
     @property
     def reason_not_condensable(self) -> str:
-        """Reason as of `_StiffnessLaw`, or friction, whose traction the condensed solver lacks."""
+        """Reason of `_StiffnessLaw`, or friction, which the condensed solver lacks for penalty."""
         friction_reason = (
-            "" if self.is_conservative else "penalty with friction is solved on the whole body"
+            "" if self.is_conservative else "the condensed solver has no penalty with friction"
         )
         return super().reason_not_condensable or friction_reason
 
@@ -208,9 +210,9 @@ class AugmentedLagrangian(_NormalStiffness):
 
     Source: notes 3.6-3.7.
 
-    epsilon_n affects the convergence only, and so does epsilon_t at points that slip. Where the
-    surface sticks, the part of the force that friction adds changes by 0.35 h_contact/a of itself
-    per decade of epsilon_t.
+    epsilon_n affects only the convergence, as does epsilon_t at points that slip. Where the surface
+    sticks, the force added by friction changes by a fraction of 0.35 h_contact/a per decade of
+    epsilon_t.
     """
 
     method: Literal["augmented_lagrangian"] = "augmented_lagrangian"
@@ -232,7 +234,7 @@ class AugmentedLagrangian(_NormalStiffness):
 class Uzawa(_NormalStiffness):
     """Uzawa iteration: Newton's method with a frozen multiplier, then lam <- <lam - epsilon_n g>.
 
-    It is repeated until lam does not change any more.
+    The iteration ends when lam does not change any more.
     """
 
     method: Literal["uzawa"] = "uzawa"
@@ -273,15 +275,15 @@ class Nitsche(_StiffnessLaw):
 
     @property
     def stiffness(self) -> Expr:  # type: ignore[override]
-        """gamma [pressure/length]."""
+        """Stabilization parameter gamma [pressure/length]."""
         return self.gamma
 
 
 @dataclass(frozen=True)
 class ActiveSet(_ContactLaw):
-    """Primal-dual active set on nodal pressures and weighted gaps.
+    """Primal-dual active set method with nodal pressures and weighted gaps.
 
-    Complementarity is exact, and there is no parameter.
+    Complementarity holds exactly, and the method has no parameter.
     """
 
     method: Literal["active_set"] = "active_set"

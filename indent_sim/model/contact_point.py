@@ -1,4 +1,4 @@
-"""Coulomb friction at one point of the contact surface, and points that change contact."""
+"""Coulomb friction at one point of the contact surface, also where contact begins or ends."""
 
 from __future__ import annotations
 
@@ -37,22 +37,22 @@ class CoulombPoint:
 
     @cached_property
     def trial_magnitude(self) -> Expr:
-        """|t_hat| [pressure], above zero."""
+        """Magnitude |t_hat| [pressure], regularized so that it is > 0."""
         return length(self.trial_traction)
 
     @cached_property
     def slip_limit(self) -> Expr:
-        """friction p [pressure]; larger than all tractions for "stick"."""
+        """Slip limit friction p [pressure]; a very large number for "stick"."""
         return friction_bound(self.friction, self.p)
 
     @cached_property
     def stick_margin(self) -> Expr:
-        """friction p - |t_hat| [pressure], >= 0 at a point that sticks."""
+        """Stick margin friction p - |t_hat| [pressure], >= 0 at a point that sticks."""
         return self.slip_limit - self.trial_magnitude
 
     @cached_property
     def traction_ratio(self) -> Expr:
-        """t/t_hat: 1 at a point that sticks."""
+        """Ratio t/t_hat of the return mapping, which is 1 at a point that sticks."""
         return (
             1.0
             if isinstance(self.friction, str)
@@ -62,9 +62,9 @@ class CoulombPoint:
     def dissipation(self, t: Vector, slip: Vector, previous_pressure: Expr) -> Expr:
         """Return the frictional dissipation of an increment per area [pressure length], >= 0.
 
-        It is t . slip, and 0 at a point that sticks. friction (p + previous_pressure)/2 replaces
-        friction p: the slip limit changes during the increment, and with its value at the end alone
-        the sum over increments would be of first order only.
+        It is t . slip, and 0 at a point that sticks. The slip limit uses the mean pressure (p +
+        previous_pressure)/2, because it changes during the increment and its final value alone
+        would make the sum over increments only first-order accurate.
 
         Parameters
         ----------
@@ -80,16 +80,16 @@ class CoulombPoint:
 
 
 def friction_bound(friction: Expr, p: Expr) -> Expr:
-    """Return friction p [pressure] of a pressure p >= 0; larger than all tractions for "stick"."""
+    """Return the slip limit friction p [pressure] for p >= 0; a very large number for "stick"."""
     return 1e30 + 0.0 * p if isinstance(friction, str) else friction * p
 
 
 def dissipation_on_separation(
     friction: Expr, previous_pressure: Expr, slip: Vector, step_fraction: Expr
 ) -> Expr:
-    """Return the dissipation of a point that slips until it separates, per area [pressure length].
+    """Return the dissipation per area of a point that slips until separation [pressure length].
 
-    Its pressure falls from `previous_pressure` to 0 during the slip.
+    The pressure is assumed to decrease linearly from `previous_pressure` to 0 during the slip.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def dissipation_on_separation(
     slip : Vector
         Slip during the whole increment [length].
     step_fraction : Expr
-        Fraction of the increment that was still to come at separation.
+        Fraction of the increment that remained at separation.
     """
     return friction_bound(friction, previous_pressure) / 2 * (1 - step_fraction) * length(slip)
 
@@ -108,21 +108,21 @@ def dissipation_on_separation(
 def is_new_contact(initial_gap: Expr, depth_increment: Expr) -> Expr:
     """Return 1 if the gap [length] was open at the beginning of an increment, else 0.
 
-    A gap below 1e-6 times the depth increment [length], or below zero, counts as closed, as under a
-    flat punch.
+    A gap below 1e-6 times the depth increment [length] counts as closed, because the gap under a
+    flat punch is zero up to round-off.
     """
     return where_less(1e-6 * abs(depth_increment), initial_gap, 1.0, 0.0)
 
 
 def passed_gap(initial_gap: Expr, is_new: Expr, trial_pressure: Expr, stiffness: Expr) -> Expr:
-    """Return the gap [length] that closed or opened where contact changed in an increment, else 0.
+    """Return the gap [length] closed or opened at points that changed contact, 0 at all others.
 
     Parameters
     ----------
     initial_gap : Expr
         Gap at the beginning of the increment, < 0 in contact [length].
     is_new : Expr
-        1 at a point that was open then (`is_new_contact`).
+        1 at a point that was open at the beginning (`is_new_contact`), else 0.
     trial_pressure : Expr
         Trial multiplier at the end of the increment, > 0 in contact [pressure].
     stiffness : Expr
@@ -135,9 +135,9 @@ def passed_gap(initial_gap: Expr, is_new: Expr, trial_pressure: Expr, stiffness:
 def step_fraction_at_contact(passed_gap: Expr, largest_gap: Expr) -> Expr:
     """Return the fraction of the increment that had passed when a point came into contact.
 
-    For a point that lost contact it is the fraction that was still to come. It is estimated as
-    CLOSING_FRACTION (passed_gap/largest_gap)^CLOSING_EXPONENT from the gap that the point closed,
-    over the largest gap closed in this increment.
+    For a point that lost contact it is the remaining fraction. It is estimated as CLOSING_FRACTION
+    (passed_gap/largest_gap)^CLOSING_EXPONENT, where largest_gap is the largest gap closed in this
+    increment.
     """
     return (
         CLOSING_FRACTION * maximum(0.0, minimum(passed_gap / largest_gap, 1.0)) ** CLOSING_EXPONENT
@@ -150,5 +150,5 @@ def dot(a: Vector, b: Vector) -> Expr:
 
 
 def length(t: Vector) -> Expr:
-    """Return the length of a vector, above zero."""
+    """Return the length of a vector, regularized so that it is > 0."""
     return sqrt(dot(t, t) + TRACTION_FLOOR)

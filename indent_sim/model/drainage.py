@@ -19,9 +19,9 @@ from indent_sim.model.units import (
 
 @dataclass(frozen=True)
 class Conductance:
-    """Permeable surface: flux conductance p [length/time] at the pore pressure p.
+    """Permeable surface with the flux q = conductance p [length/time].
 
-    p is counted from the pressure of the bath.
+    The pore pressure p is relative to the pressure of the bath.
     """
 
     conductance: Annotated[float, Gt(0), Unit("length/(pressure time)")]
@@ -33,29 +33,29 @@ BathPoint = Annotated[tuple[float, ...], Len(2, 2), UnitRow((TIME, PRESSURE))]
 
 @dataclass(frozen=True)
 class Drainage:
-    """Boundary conditions of the pore fluid and the pressure `bath` [pressure] of its bath.
+    """Boundary conditions of the pore fluid, and the pressure of the surrounding bath.
 
     Mirror planes are sealed.
 
     Attributes
     ----------
     surface
-        Contact surface where the tip does not touch.
+        Condition of the contact surface outside the contact.
     tip
-        Contact surface where the tip touches.
+        Condition of the contact surface where the tip touches.
     base
-        Lower face.
+        Condition of the lower face.
     sides
-        Walls; "auto": drained where they are free.
+        Condition of the walls; "auto": drained where they are free.
     bath
-        Pressure, or points [t, value] with straight lines between them; 0 in the undeformed body.
-        For a gel it is the solvent's chemical potential [kT], in the reference state that of free
-        swelling.
+        Pressure of the bath [pressure], constant or linear between points [t, value]; 0 in the
+        undeformed body. For a gel it is the solvent's chemical potential [kT], which in the
+        reference state is that of free swelling.
     bath_ramp
-        Time in which a sudden change of the bath is imposed at a constant rate. Newton's method
-        does not converge to the thin layer that swells at once at finite strain; "auto" is there
-        1/75 of the time that the fluid takes through the contact, whatever the mesh. At small
-        strain "auto" is 0: the change is imposed at once.
+        Time in which a sudden change of the bath is imposed at a constant rate. At finite strain a
+        sudden change swells a thin layer, for which Newton's method does not converge; "auto" is
+        then 1/75 of the diffusion time of the contact, independent of the mesh. At small strain
+        "auto" is 0.
     """
 
     surface: DrainCondition = "drained"
@@ -66,7 +66,7 @@ class Drainage:
     bath_ramp: Annotated[float, Gt(0), TIME] | Auto = "auto"
 
     def with_time_origin(self, origin: float) -> Drainage:
-        """Return the same drainage with the bath's times counted from `origin`."""
+        """Return the same drainage with the times of the bath measured from `origin`."""
         if isinstance(self.bath, float | int):
             return self
         return replace(self, bath=tuple((t - origin, value) for t, value in self.bath))
@@ -77,7 +77,7 @@ class Drainage:
 
     @property
     def bath_values(self) -> tuple[float, ...]:
-        """Values of the bath, between which its value always lies."""
+        """Given values of the bath; its value at any time lies between them."""
         return (
             (float(self.bath),)
             if isinstance(self.bath, float | int)

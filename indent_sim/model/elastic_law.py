@@ -1,9 +1,10 @@
-"""Base classes of the elastic laws: strain energy densities that UFL differentiates.
+"""Base classes of the elastic laws, with displacement and mixed (displacement-pressure) energies.
 
-A material is a frozen dataclass with its constants, an `energy` of the displacement gradient H
-(3x3) and a `mixed_energy`, made of the same `energy_parts`, in which a pressure-like field q
-replaces the volumetric stiffness (at the solution q = lame_lambda tr eps, or lame_lambda ln J, or
-kappa ln J - k (I1 - 3)), so that nu = 0.5 is allowed. Constants may be floats or UFL constants.
+A material is a frozen dataclass with its constants. UFL differentiates its strain energy density:
+`energy` as a function of the displacement gradient H (3x3), or `mixed_energy`, in which a
+pressure-like field q replaces the volumetric stiffness (at the solution q = lame_lambda tr eps, or
+lame_lambda ln J, or kappa ln J - k (I1 - 3)), so that nu = 0.5 is allowed. Constants may be floats
+or UFL constants.
 """
 
 from __future__ import annotations
@@ -45,9 +46,8 @@ class Constants(NamedTuple):
 class ElasticLaw(ABC):
     """Base class of all elastic laws.
 
-    It derives what follows from the small-strain constants E and nu, and from a strain energy
-    density of the form psi = remaining energy + stiffness theta^2/2, theta a measure of the volume
-    change.
+    It implements all properties that follow from the small-strain constants E and nu and from a
+    strain energy density psi = remaining energy + stiffness theta^2/2 with a volume measure theta.
     """
 
     is_small_strain: ClassVar[bool] = False
@@ -66,7 +66,7 @@ class ElasticLaw(ABC):
 
     @property
     def is_time_dependent(self) -> bool:
-        """True if the response changes with time by more than one common factor."""
+        """True if the response changes with time, other than by a common factor of all moduli."""
         return self.flow is not None or self.has_shear_relaxation
 
     @property
@@ -76,9 +76,9 @@ class ElasticLaw(ABC):
 
     @property
     def decay_rates(self) -> tuple[float, float]:
-        """Decay rates Re s of the two waves exp(-k s z) below a surface pressure, smaller first.
+        """Decay rates Re s of the two solutions exp(-k s z) below the surface, smaller first.
 
-        k is the wavenumber of the pressure along the surface; s = 1 twice if the law is isotropic.
+        k is the wavenumber of the pressure along the surface; both are 1 if the law is isotropic.
         """
         return 1.0, 1.0
 
@@ -93,7 +93,7 @@ class ElasticLaw(ABC):
         Parameters
         ----------
         shear_fraction : float
-            Fraction of the shear modulus mu that is left; 1 leaves the constants as they are.
+            Remaining fraction of the shear modulus mu.
 
         Returns
         -------
@@ -129,10 +129,10 @@ class ElasticLaw(ABC):
     def energy_of_bar(self, l1: float, l2: float, l3: float) -> float:
         """Return psi [pressure] at finite strain for principal stretches (floats).
 
-        The product of the stretches has to be 1 if the law is incompressible. TypeError for a law
-        of small strain.
+        The product of the stretches must be 1 if the law is incompressible. Raises TypeError for a
+        small-strain law.
         """
-        raise TypeError(f"{type(self).__name__} knows no stretches")
+        raise TypeError(f"{type(self).__name__} has no energy of finite stretches")
 
     @property
     def diffusivity(self) -> float:
@@ -140,7 +140,7 @@ class ElasticLaw(ABC):
 
         D = permeability/(storage + alpha^2/M_c), M_c the `confined_modulus`.
 
-        The flow has to be given by its permeability (`flow_by_permeability`).
+        The flow must be given by its permeability (`flow_by_permeability`).
         """
         assert self.flow and self.flow.permeability
         return self.flow.permeability / (
@@ -149,13 +149,13 @@ class ElasticLaw(ABC):
 
     @property
     def flow_by_permeability(self) -> Flow | None:
-        """Flow given by the permeability; raises ValueError as `Flow.canonical` does."""
+        """Flow given by its permeability, or None; raises ValueError as `Flow.canonical`."""
         return self.flow and self.flow.canonical(self.confined_modulus)
 
     def volume_growth(self, H: Expr) -> Expr:
         """Return the volume change e per undeformed volume: tr eps at small strain, else J - 1.
 
-        No digit is lost where H is small.
+        The formula loses no digits where H is small.
         """
         return ufl.tr(H) if self.is_small_strain else ufl.tr(H) + nonlinear_volume_growth(H)
 
@@ -168,7 +168,7 @@ class ElasticLaw(ABC):
         return self.flow.alpha * self.volume_growth(H) + self.flow.storage * p
 
     def swelling_ratio(self, J: Expr) -> Expr:
-        """Return the volume over that of the dry body; J for a law without swelling."""
+        """Return the ratio of the volume to the dry volume; J for a law without swelling."""
         return J
 
     def nominal_permeability(self, H: Expr) -> Expr:
@@ -191,23 +191,23 @@ class ElasticLaw(ABC):
         )
 
     def permeability_ratio(self, J: Expr) -> Expr:
-        """Return the permeability of the deformed body over that of the undeformed body."""
+        """Return the ratio of the permeability of the deformed to that of the undeformed body."""
         return (
             self.flow.holmes_mow.permeability_ratio(J) if self.flow and self.flow.holmes_mow else 1
         )
 
     def bath_pressure(self, bath: float) -> float:
-        """Return the pressure [pressure] of a bath above that of the undeformed body."""
+        """Return the pressure [pressure] of a bath relative to the bath of the undeformed body."""
         return bath
 
     @property
     @abstractmethod
     def volumetric_compliance(self) -> Expr:
-        """1/stiffness [1/pressure] of the volume measure theta; 0 if incompressible."""
+        """Inverse 1/stiffness [1/pressure] of the volumetric stiffness; 0 if incompressible."""
 
     @abstractmethod
     def energy_parts(self, H: Expr) -> tuple[Expr, Expr]:
-        """Return the energy [pressure] without its volumetric part, and theta: tr eps or ln J."""
+        """Return the energy [pressure] without the volumetric part, and theta (tr eps or ln J)."""
 
     def energy(self, H: Expr) -> Expr:
         """Return psi [pressure] of the displacement gradient H (3 x 3)."""
@@ -225,7 +225,7 @@ class ElasticLaw(ABC):
 
 @dataclass(frozen=True)
 class TwoConstantLaw(ElasticLaw):
-    """Base class of isotropic laws that any two constants define.
+    """Base class of isotropic laws that are defined by any two elastic constants.
 
     The constants are E [pressure], nu [1], mu [pressure], kappa [pressure], lame_lambda [pressure].
     """
@@ -240,9 +240,9 @@ class TwoConstantLaw(ElasticLaw):
     flow: Flow | None = None
 
     def canonical(self) -> Self:
-        """Return the same material given by E and nu.
+        """Return the same material defined by E and nu.
 
-        ValueError unless exactly two constants are given.
+        Raises ValueError unless exactly two constants are given.
         """
         given = {
             name: getattr(self, name)
@@ -255,16 +255,16 @@ class TwoConstantLaw(ElasticLaw):
 
     @property
     def constants(self) -> Constants:
-        """E [pressure] and nu of a canonical material."""
+        """Young's modulus and Poisson's ratio; they must be the given constants (`canonical`)."""
         assert self.E is not None and self.nu is not None
         return Constants(self.E, self.nu)
 
     @property
     def shear_modulus(self) -> Expr:
-        """mu = E / (2 (1 + nu)) [pressure]."""
+        """Shear modulus mu = E / (2 (1 + nu)) [pressure]."""
         return self.E / (2 * (1 + self.nu))  # type: ignore[operator]
 
     @property
     def volumetric_compliance(self) -> Expr:
-        """1/lame_lambda = (1 + nu)(1 - 2 nu)/(E nu) [1/pressure]; 0 when incompressible."""
+        """Inverse 1/lame_lambda = (1 + nu)(1 - 2 nu)/(E nu) [1/pressure]; 0 if incompressible."""
         return (1 + self.nu) * (1 - 2 * self.nu) / (self.E * self.nu)  # type: ignore[operator]

@@ -18,9 +18,9 @@ Compliance = Annotated[float, Ge(0), Unit("length/force")]
 
 @dataclass(frozen=True)
 class JKRAdhesion:
-    """Adhesion without range (JKR) with this work of adhesion.
+    """Adhesion without range (JKR), defined by the work of adhesion.
 
-    The range is used for Tabor's and Maugis' parameters only.
+    A range is only used to compute the parameters of Tabor and Maugis.
     """
 
     work: Work
@@ -29,7 +29,7 @@ class JKRAdhesion:
 
 @dataclass(frozen=True)
 class Cantilever:
-    """Spring that holds the tip: its base moves by z = delta + force/stiffness."""
+    """Cantilever spring that holds the tip; the base moves by z = delta + force/stiffness."""
 
     stiffness: SpringConstant
 
@@ -51,10 +51,10 @@ class Calibration:
 
 @dataclass(frozen=True)
 class Experiment:
-    """Instrument and conditions by which the frictionless curve of a linear body is measured.
+    """Instrument and conditions of the measurement of a frictionless contact with a linear body.
 
-    Every part is optional. `frequencies` [cycles per time] are those of small oscillations about
-    the end of the history, or about the deepest point of `loading`.
+    Every part is optional. `frequencies` [cycles per time] are the frequencies of small
+    oscillations about the end of the history, or about the deepest point of `loading`.
     """
 
     adhesion: JKRAdhesion | None = None
@@ -65,7 +65,7 @@ class Experiment:
 
     @property
     def compliance(self) -> float:
-        """Compliance (z - delta)/force [length/force] of cantilever and frame together."""
+        """Total compliance (z - delta)/force [length/force] of cantilever and frame."""
         spring = 1.0 / self.cantilever.stiffness if self.cantilever else 0.0
         return spring + (self.frame.compliance if self.frame else 0.0)
 

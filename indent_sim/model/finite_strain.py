@@ -13,7 +13,7 @@ from indent_sim.model.algebra import (
 def excess_and_log_J(H: Expr) -> tuple[Expr, Expr]:
     """Return (I1 - 3)/2 - ln J and ln J of F = 1 + H.
 
-    Neither they nor their derivatives lose digits where H is small.
+    The values and their derivatives lose no digits where H is small.
     """
     excess, growth = excess_and_volume_growth(H)
     return excess, log1p(growth)

@@ -26,14 +26,14 @@ from indent_sim.model.units import (
 
 
 class ConfinedSwelling(NamedTuple):
-    """Swelling equilibrium of a gel in a bath between fixed side walls, from its reference state.
+    """Swelling equilibrium of a gel in a bath between fixed side walls.
 
     Attributes
     ----------
     stretch
-        Stretch along the free axis.
+        Stretch along the free axis, relative to the reference state.
     lateral_stress
-        Nominal stress across it [pressure], < 0 in compression.
+        Nominal stress across the free axis [pressure], < 0 in compression.
     """
 
     stretch: float
@@ -44,11 +44,11 @@ class ConfinedSwelling(NamedTuple):
 class Gel(ElasticLaw):
     """Polymer network swollen by a solvent (Flory & Rehner 1943).
 
-    Its reference state has swollen freely by the stretch l. G = N kT [pressure] is the modulus of
-    the dry network of N chains per volume; n_omega = n = N Omega [1], Omega the volume of a solvent
-    molecule; chi [1] is Flory's parameter. With J0 = l^3, a = J0/(J0 - 1), e = J - 1, r(x) = x -
-    ln(1 + x), and J and I1 of the deformation from the reference state, the energy per volume of
-    the reference state is
+    The reference state has swollen freely by the stretch l from the dry state. G = N kT [pressure]
+    is the modulus of the dry network of N chains per volume; n_omega = n = N Omega [1], Omega the
+    volume of a solvent molecule; chi [1] is Flory's parameter. With J0 = l^3, a = J0/(J0 - 1), e =
+    J - 1, r(x) = x - ln(1 + x), and J and I1 of the deformation from the reference state, the
+    energy per volume of the reference state is
 
         psi = (G/l)((I1 - 3)/2 - ln J) - G (1/l - 1/J0) r(e)
               + G/(n J0) {(J0 - 1)[r(e) - r(a e) + a e (ln(1 + a e) - ln(1 + e))]
@@ -58,9 +58,10 @@ class Gel(ElasticLaw):
     [pressure] is G/n times the chemical potential [kT] of the solvent above that of free swelling.
     At J <= 1/J0 no solvent is left, and psi is NaN.
 
-    stretch: "auto" is that of free swelling in the first bath. flow.diffusivity [length^2/time] is
-    that of the solvent; without flow the gel is always in equilibrium with the bath in which it
-    swelled freely. Source: Hong, Zhao, Zhou & Suo (2008), J. Mech. Phys. Solids 56, 1779.
+    stretch "auto" is the stretch of free swelling in the first bath. flow.diffusivity
+    [length^2/time] is the diffusivity of the solvent; without flow the gel is always in equilibrium
+    with the bath in which it has swollen freely. Source: Hong, Zhao, Zhou & Suo (2008), J. Mech.
+    Phys. Solids 56, 1779.
     """
 
     G: Modulus
@@ -73,10 +74,10 @@ class Gel(ElasticLaw):
     model: Literal["gel"] = "gel"
 
     def canonical(self) -> Self:
-        """Return the same gel with its flow by the permeability of the reference state.
+        """Return the same gel with the flow defined by the permeability of the reference state.
 
-        A stretch that is still "auto" follows from a bath: `with_free_swelling`. ValueError if the
-        free swelling is unstable.
+        The stretch must be a number, see `with_free_swelling`. Raises ValueError if the free
+        swelling is unstable.
         """
         if self.stretch == "auto":
             return self
@@ -93,7 +94,7 @@ class Gel(ElasticLaw):
         )
 
     def with_free_swelling(self, bath: float) -> Self:
-        """Return the same gel whose stretch "auto" is replaced by that of free swelling in a bath.
+        """Return the same gel with "auto" replaced by the stretch of free swelling in a bath.
 
         `bath` is the chemical potential of the solvent in the bath [kT].
         """
@@ -102,7 +103,7 @@ class Gel(ElasticLaw):
         return replace(self, stretch=self.free_swelling_stretch(bath))
 
     def free_swelling_potential(self, stretch: Expr) -> Expr:
-        """Return the chemical potential [kT] of a bath in which the gel swells freely by l.
+        """Return the chemical potential [kT] of a bath in which the free-swelling stretch is l.
 
         mu(l) = n (1/l - 1/J0) + ln(1 - 1/J0) + 1/J0 + chi/J0^2.
         """
@@ -111,9 +112,9 @@ class Gel(ElasticLaw):
         return network + log1p(-1 / J0) + 1 / J0 + self.chi / J0**2
 
     def free_swelling_stretch(self, bath: float) -> float:
-        """Return the smallest free-swelling stretch l > 1 in a bath of a chemical potential [kT].
+        """Return the smallest free-swelling stretch l > 1 in a bath (chemical potential [kT]).
 
-        ValueError if there is none.
+        Raises ValueError if there is none.
         """
         stretch_increment = _first_root(
             lambda growth: float(self.free_swelling_potential(1 + growth)) - bath,
@@ -122,7 +123,7 @@ class Gel(ElasticLaw):
         if stretch_increment is None:
             raise ValueError(
                 f"no free swelling is in equilibrium with a bath of the chemical potential "
-                f"{bath:g} kT; give a bath below 0, or another chi"
+                f"{bath:g} kT; use a bath below 0, or another chi"
             )
         return 1 + stretch_increment
 
@@ -139,8 +140,8 @@ class Gel(ElasticLaw):
     def confined_swelling(self, bath_pressure: float) -> ConfinedSwelling:
         """Return the swelling equilibrium between fixed side walls in a bath.
 
-        The bath has the pressure p_b [pressure]. The walls are as far apart as the reference state
-        is wide; one axis is free. ValueError if there is no equilibrium.
+        The bath has the pressure p_b [pressure]. The distance of the walls is the width of the
+        reference state, and one axis is free. Raises ValueError if there is no equilibrium.
         """
         if bath_pressure == 0:
             return ConfinedSwelling(1.0, 0.0)
@@ -172,14 +173,14 @@ class Gel(ElasticLaw):
         return diffusivity * self.n_omega / self.G * (1 - 1 / (self._J0 * J))
 
     def permeability_ratio(self, J: Expr) -> Expr:
-        """Return the permeability over that of the reference state.
+        """Return the ratio of the permeability to that of the reference state.
 
-        It is the volume fraction of the solvent over that of the reference state.
+        It equals the ratio of the solvent's volume fraction to that of the reference state.
         """
         return (1 - 1 / (self._J0 * J)) / (1 - 1 / self._J0)
 
     def swelling_ratio(self, J: Expr) -> Expr:
-        """Return J0 J, the volume over that of the dry network."""
+        """Return J0 J, the ratio of the volume to that of the dry network."""
         return self._J0 * J
 
     @property
@@ -194,12 +195,12 @@ class Gel(ElasticLaw):
 
     @property
     def shear_modulus(self) -> Expr:
-        """G/l [pressure]."""
+        """Shear modulus G/l of the reference state [pressure]."""
         return self.G / self._l
 
     @property
     def _swelling_stiffness(self) -> Expr:
-        """1/(l^2 (J0 - 1)) + n/l^2 - 2 chi/l^5 = (lambda + mu) n l/G."""
+        """Constant s = 1/(l^2 (J0 - 1)) + n/l^2 - 2 chi/l^5 = (lambda + mu) n l/G."""
         return (1 / (self._J0 - 1) + self.n_omega - 2 * self.chi / self._J0) / self._l**2
 
     @property
@@ -213,7 +214,7 @@ class Gel(ElasticLaw):
 
     @property
     def volumetric_compliance(self) -> Expr:
-        """1/lambda [1/pressure] with lambda = (G/l)(s/n - 1), s as in `constants`."""
+        """Inverse 1/lambda [1/pressure] of lambda = (G/l)(s/n - 1), with s as in `constants`."""
         return 1 / (self.shear_modulus * (self._swelling_stiffness / self.n_omega - 1))
 
     def energy(self, H: Expr) -> Expr:
@@ -222,7 +223,7 @@ class Gel(ElasticLaw):
         return self.shear_modulus * excess + self._swelling_energy(growth)
 
     def energy_of_bar(self, l1: float, l2: float, l3: float) -> float:
-        """Return psi [pressure] of principal stretches."""
+        """Return the strain energy density [pressure] for principal stretches."""
         J = l1 * l2 * l3
         excess = (l1 * l1 + l2 * l2 + l3 * l3 - 3) / 2 - math.log(J)
         return float(self.shear_modulus * excess + self._swelling_energy(J - 1))
@@ -248,7 +249,7 @@ class Gel(ElasticLaw):
     def swelling_stress(self, e: Expr) -> Expr:
         """Return the derivative [pressure] of the swelling energy with respect to e = J - 1.
 
-        It is the isotropic part of the Cauchy stress that mixing and the change of volume cause.
+        It is the isotropic Cauchy stress due to mixing and to the change of volume.
         """
         J0 = self._J0
         a = self._J0 / (self._J0 - 1)
@@ -269,9 +270,9 @@ STRETCH_INCREMENTS = tuple(10 ** (k / 20) for k in range(-240, 241))
 
 
 def _first_root(function: Callable[[float], float], points: Iterable[float]) -> float | None:
-    """Return the first root of a function from 0 along `points`, to a relative error of 1e-15.
+    """Return the first root of a function between 0 and the successive `points`; None if none.
 
-    None if there is none.
+    The relative error is 1e-15.
     """
     # This import takes 0.2 s, which bodies without a gel need not spend.
     from scipy.optimize import brentq

@@ -1,4 +1,4 @@
-"""Histories: depths or forces prescribed in time, and their rows."""
+"""Loading histories: depths or forces prescribed in time, and the output rows."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from indent_sim.model.load_path import Control, LoadPath
 
 @dataclass(frozen=True)
 class HistoryRow:
-    """Row of a history: time [time], prescribed value, and branch (approach, hold or retract)."""
+    """Output row of a history: time, prescribed value and branch (approach, hold or retract)."""
 
     t: float
     value: float
@@ -24,9 +24,9 @@ class HistoryRow:
 class History:
     """Depths, base positions [length] or forces [force] prescribed in time.
 
-    `points` are (t, value), linear between them; two equal times are a jump. Before the first point
-    the body is undeformed. `times` are those of the rows; if empty, every point is a row and there
-    are enough rows between them for a curve.
+    The value is linear between `points` (t, value); two equal times define a jump. Before the first
+    point the body is undeformed. `times` are the times of the output rows; if empty, every point is
+    a row, and rows are added between them for a smooth curve.
     """
 
     control: Control
@@ -35,7 +35,7 @@ class History:
 
     @property
     def largest_value(self) -> float:
-        """Largest value."""
+        """Largest prescribed value."""
         return max(value for _, value in self.points)
 
     @property
@@ -45,7 +45,7 @@ class History:
 
     @property
     def loading_duration(self) -> float:
-        """Time from the beginning of loading to the largest value [time]; a jump takes none."""
+        """Time from the beginning of loading to the largest value [time]; 0 for a jump."""
         points = self.points_from_rest
         peak_index = max(range(len(points)), key=lambda k: (points[k][1], -k))
         start_index = max((k for k in range(peak_index) if points[k][1] <= 0), default=0)
@@ -53,7 +53,7 @@ class History:
 
     @property
     def hold_duration(self) -> float:
-        """Time for which the largest value is held until the end [time]; 0 if it is not."""
+        """Duration of a final hold at the largest value [time]; 0 without such a hold."""
         peak_index = next(
             k for k, (_, value) in enumerate(self.points) if value == self.largest_value
         )
@@ -62,14 +62,14 @@ class History:
 
     @property
     def shortest_segment(self) -> float:
-        """Shortest time > 0 between two points [time]."""
+        """Shortest non-zero time between two successive points [time]."""
         return min(end - start for (start, _), (end, _) in pairwise(self.points) if end > start)
 
     @property
     def shortest_time_to_row(self) -> float:
-        """Shortest time from the beginning of a segment of the history to a row in it [time].
+        """Shortest time from the beginning of a segment of the history to a row inside it [time].
 
-        Infinite if no `times` of rows are given: every time step is a row then.
+        Infinite if no `times` are given, because every time step is then a row.
         """
         durations = [
             t - start
@@ -81,7 +81,7 @@ class History:
 
     @property
     def has_reloading(self) -> bool:
-        """True if the value rises again after it fell."""
+        """True if the value increases again after a decrease."""
         steps = [next_value - value for (_, value), (_, next_value) in pairwise(self.points)]
         falls = [k for k, step in enumerate(steps) if step < 0]
         return bool(falls) and any(step > 0 for step in steps[falls[0] :])
@@ -95,7 +95,7 @@ class History:
 
     @property
     def points_from_rest(self) -> tuple[tuple[float, float], ...]:
-        """Points, with one at value 0 in front if the first one is a jump."""
+        """The points of the history, preceded by a point at value 0 if it begins with a jump."""
         (t, value), *_ = self.points
         return ((t, 0.0), *self.points) if value > 0 else self.points
 
@@ -103,8 +103,8 @@ class History:
     def rows_per_segment(self) -> tuple[int, ...]:
         """Number of rows in each segment of `points_from_rest`; 1 for a jump.
 
-        A segment gets 200 times its fraction of the duration, or times 1/segments if that
-        is more.
+        200 rows are distributed in proportion to the duration of the segments; a segment has at
+        least 200 divided by the number of segments.
         """
         spans = [end - start for (start, _), (end, _) in pairwise(self.points_from_rest)]
         fractions = [max(span / self.duration, 1.0 / len(spans)) for span in spans]
@@ -128,7 +128,7 @@ class History:
 
     @property
     def rows(self) -> tuple[HistoryRow, ...]:
-        """All points and the rows between them; at a jump the states before and after it."""
+        """All output rows: the points and the rows between them; two rows at a jump."""
         points = self.points_from_rest
         history_rows = (
             []
@@ -146,10 +146,11 @@ class History:
 
     @property
     def path(self) -> LoadPath:
-        """Load path of the whole body with rows as its rows.
+        """Load path of a body that does not depend on time.
 
-        A segment with a moving tip has 20 rows, a hold its end, a jump the state
-        after it. With `times`, the rows are at those, and the path turns between them.
+        A segment with a moving tip has 20 rows, a hold one row at its end, and a jump one row after
+        it. If `times` are given, the rows are at these times, and the points of the history between
+        them are turning points.
         """
         # Rows in each segment of a history on the whole body.
         segment_rows = 20
@@ -163,7 +164,7 @@ class History:
         Parameters
         ----------
         first_step : float
-            First increment of each segment [time].
+            First time increment of each segment [time].
         per_doubling : int
             Increments of each length before the length doubles. A segment with a moving tip has at
             least five times as many.
@@ -171,7 +172,8 @@ class History:
         Returns
         -------
         LoadPath
-            Path with all increments as rows, or with rows at `times` and increments between them.
+            Path whose rows are all increments, or the given `times` with further increments
+            between.
         """
 
         def step_fractions(span: float, moves: bool) -> list[float]:
@@ -186,10 +188,9 @@ class History:
     def _path_at_fractions(
         self, fractions_of: Callable[[float, bool], Sequence[float]]
     ) -> LoadPath:
-        """Return the path with rows at fractions of each segment in time and at its end.
+        """Return the load path with rows at fractions of each segment's duration and at its end.
 
-        `fractions_of` returns them for the span [time] of a segment and whether the tip moves in
-        it.
+        `fractions_of(duration, tip_moves)` returns the fractions of a segment.
         """
         rows = (
             []
@@ -212,9 +213,9 @@ class History:
         return LoadPath(self.control, values, times, branches)
 
     def _path_at_times(self, rows: Sequence[HistoryRow]) -> LoadPath:
-        """Return the path with rows at `times`; the given rows become points between them.
+        """Return the load path with rows at `times`; the given rows become points between them.
 
-        At a jump the state after it is taken.
+        A row at a jump has the value after the jump.
         """
         value_at = dict(self.with_row_times_inserted.points)
         row_times = [row.t for row in rows]
@@ -243,7 +244,7 @@ class History:
 def doubling_times(
     span: float, first_step: float, per_doubling: int, longest: float = inf
 ) -> list[float]:
-    """Return times between 0 and a span [time] whose increments double.
+    """Return times between 0 and `span` whose increments grow by repeated doubling.
 
     Parameters
     ----------

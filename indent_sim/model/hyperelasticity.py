@@ -1,4 +1,4 @@
-"""Hyperelastic laws: neo-Hookean, and isochoric laws of invariants or of stretches."""
+"""Hyperelastic laws: neo-Hookean, and laws with an isochoric energy of invariants or stretches."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ class NeoHookean(TwoConstantLaw):
     model: Literal["neo_hookean"] = "neo_hookean"
 
     def energy_parts(self, H: Expr) -> tuple[Expr, Expr]:
-        """Return mu/2 (I1 - 3) - mu ln J and ln J."""
+        """Return the energy mu/2 (I1 - 3) - mu ln J [pressure], and ln J."""
         excess, log_J = excess_and_log_J(H)
         return self.shear_modulus * excess, log_J
 
     def energy_of_bar(self, l1: float, l2: float, l3: float) -> float:
-        """Return psi [pressure] of principal stretches."""
+        """Return the strain energy density [pressure] for principal stretches."""
         log_J = math.log(l1 * l2 * l3)
         shear_energy = float(self.shear_modulus) * ((l1 * l1 + l2 * l2 + l3 * l3 - 3) / 2 - log_J)
         E, nu = self.constants
@@ -58,7 +58,7 @@ class NeoHookean(TwoConstantLaw):
 class _IsochoricLaw(ElasticLaw):
     """Base class of laws psi = isochoric energy(J^-2/3 C) + kappa/2 (ln J)^2.
 
-    They have constants of their own, and nu or kappa.
+    Besides the constants of the law, nu or kappa is given.
     """
 
     nu: PoissonRatio | None = None
@@ -77,8 +77,8 @@ class _IsochoricLaw(ElasticLaw):
     def poynting_coefficient(self) -> Expr:
         """Coefficient k [pressure] of the Poynting effect in simple shear.
 
-        Simple shear by gamma at constant volume gives the sheared plane a normal stress that is
-        less than the mean stress by k gamma^2, to leading order. In the logarithms h_i of stretches
+        In simple shear by gamma at constant volume the normal stress on the sheared plane is less
+        than the mean stress by k gamma^2, to leading order. In the logarithms h_i of stretches
         whose product is one, the energy of any isotropic law begins with mu (h_1^2 + h_2^2 + h_3^2)
         + c h_1 h_2 h_3. In simple shear the h_i are gamma/2, -gamma/2 and 0, and the principal axes
         are turned by gamma/4 from those at 45 degrees, from which k = mu/2 - c/12 follows.
@@ -106,12 +106,12 @@ class _IsochoricLaw(ElasticLaw):
         """
 
     def canonical(self) -> Self:
-        """Return the same material given by nu.
+        """Return the same material with nu instead of kappa.
 
-        ValueError unless exactly one of nu and kappa is given.
+        Raises ValueError unless exactly one of nu and kappa is given.
         """
         if (self.nu is None) == (self.kappa is None):
-            raise ValueError("needs exactly one of nu, kappa besides the law's own constants")
+            raise ValueError("needs exactly one of nu, kappa in addition to its constants")
         mu = self.small_strain_mu
         if not (math.isfinite(mu) and mu > 0):
             raise ValueError(f"the small-strain shear modulus is {mu:g}; it must be > 0")
@@ -120,7 +120,7 @@ class _IsochoricLaw(ElasticLaw):
         nu = (3 * self.kappa - 2 * mu) / (2 * (3 * self.kappa + mu))
         if not nu > -1:
             raise ValueError(
-                f"kappa = {self.kappa:g} is too small against mu = {mu:g}: "
+                f"kappa = {self.kappa:g} is too small relative to mu = {mu:g}: "
                 "nu would be -1 to all digits"
             )
         material = replace(self, nu=nu, kappa=None)
@@ -128,13 +128,13 @@ class _IsochoricLaw(ElasticLaw):
 
     @property
     def constants(self) -> Constants:
-        """Small-strain E [pressure] and nu of a canonical material."""
+        """Small-strain E [pressure] and nu, for a material with given nu (`canonical`)."""
         assert self.nu is not None
         return Constants(2 * self.small_strain_mu * (1 + self.nu), self.nu)
 
     @property
     def volumetric_compliance(self) -> Expr:
-        """1/kappa = 3 (1 - 2 nu)/(2 mu (1 + nu)) [1/pressure]; 0 when incompressible."""
+        """Inverse bulk modulus 3 (1 - 2 nu)/(2 mu (1 + nu)) [1/pressure]; 0 if incompressible."""
         assert self.nu is not None
         return 3 * (1 - 2 * self.nu) / (2 * self.small_strain_mu * (1 + self.nu))
 
@@ -157,7 +157,7 @@ class _IsochoricLaw(ElasticLaw):
         ), log_J
 
     def mixed_energy(self, H: Expr, q: Expr) -> Expr:
-        """Return the energy [pressure] with the field q of `mixed_volumetric_energy`."""
+        """Return the mixed energy [pressure] with the field q of `mixed_volumetric_energy`."""
         remaining_energy, log_J = self.energy_parts(H)
         return remaining_energy + self.mixed_volumetric_energy(H, log_J, q)
 
@@ -166,13 +166,12 @@ class _IsochoricLaw(ElasticLaw):
     ) -> Expr:
         """Return the volumetric energy with a field q, the normal stress on a sheared surface.
 
-        q is not the mean stress: the mean stress in sheared material is q + k (I1 - 3), with k the
-        `poynting_coefficient`, or 0 where that is negative; to leading order I1 - 3 is gamma^2.
-        Contact prescribes the normal stress of a surface, and the shear gamma along it jumps
-        between elements. A continuous mean stress cannot follow, and the contact pressure
-        alternated from node to node under friction. The stationary point is that of the
-        displacement law for any k, also if the law is incompressible
-        (docs/decisions/0048-a-mixed-pressure-that-shear-leaves-alone.md).
+        The mean stress is q + k (I1 - 3), where k is the `poynting_coefficient`, but at least 0; to
+        leading order I1 - 3 is gamma^2. Contact prescribes the normal stress on a surface, while
+        the shear gamma along it is discontinuous between elements. If q were the mean stress, which
+        then jumps too, the continuous q would make the contact pressure under friction oscillate
+        from node to node. The stationary point is that of the displacement law for any k, also if
+        the law is incompressible (docs/decisions/0048-a-mixed-pressure-that-shear-leaves-alone.md).
 
         Parameters
         ----------
@@ -183,7 +182,7 @@ class _IsochoricLaw(ElasticLaw):
         q : Expr
             Field [pressure], positive in tension.
         shear_fraction : Expr
-            Fraction of the shear modulus, and so of k, that is left after relaxation.
+            Fraction of the shear modulus, and thus of k, that remains after relaxation.
 
         Returns
         -------
@@ -201,7 +200,7 @@ class _IsochoricLaw(ElasticLaw):
         return mean_stress * log_J - mean_stress * mean_stress * self.volumetric_compliance / 2
 
     def energy_of_bar(self, l1: float, l2: float, l3: float) -> float:
-        """Return psi [pressure] of principal stretches."""
+        """Return the strain energy density [pressure] for principal stretches."""
         J = l1 * l2 * l3
         isochoric_factor = J ** (-1 / 3)
         isochoric = self.energy_of_stretches(
@@ -211,24 +210,24 @@ class _IsochoricLaw(ElasticLaw):
         return float(isochoric) + kappa * math.log(J) ** 2 / 2
 
     def isochoric_parts(self, H: Expr) -> tuple[Expr, Expr]:
-        """Return the energy that does not depend on the volume change, and ln J."""
+        """Return the isochoric energy, independent of the volume change, and ln J."""
         return self.energy_parts(H)
 
     @property
     def inverse_bulk_modulus(self) -> Expr:
-        """1/kappa [1/pressure]."""
+        """Inverse bulk modulus 1/kappa [1/pressure]."""
         return self.volumetric_compliance
 
 
 @dataclass(frozen=True)
 class _InvariantLaw(_IsochoricLaw):
-    """Base class of laws of the modified invariants J^-2/3 I1 and J^-4/3 I2."""
+    """Base class of laws that depend on the modified invariants J^-2/3 I1 and J^-4/3 I2."""
 
     @property
     def poynting_coefficient(self) -> Expr:
-        """k = mu/3 [pressure], which holds for a law of I1 alone.
+        """Coefficient k = mu/3 [pressure] of a law that depends on I1 alone.
 
-        A law that depends on I2 adds 2/3 of its derivative with respect to I2.
+        For a law that depends on I2, 2/3 of the derivative with respect to I2 is added.
         """
         return self.small_strain_mu / 3
 
@@ -261,16 +260,16 @@ class MooneyRivlin(_InvariantLaw):
 
     @property
     def small_strain_mu(self) -> Expr:
-        """2 (C10 + C01)."""
+        """Small-strain shear modulus 2 (C10 + C01) [pressure]."""
         return 2 * (self.C10 + self.C01)
 
     @property
     def poynting_coefficient(self) -> Expr:
-        """k = (2 C10 + 4 C01)/3 [pressure]."""
+        """Coefficient k = (2 C10 + 4 C01)/3 of the Poynting effect [pressure]."""
         return (2 * self.C10 + 4 * self.C01) / 3
 
     def energy_of_invariants(self, i1: Expr, i2: Expr) -> Expr:
-        """C10 i1 + C01 i2."""
+        """Return C10 i1 + C01 i2 [pressure]."""
         return self.C10 * i1 + self.C01 * i2
 
 
@@ -285,11 +284,11 @@ class Yeoh(_InvariantLaw):
 
     @property
     def small_strain_mu(self) -> Expr:
-        """2 C10."""
+        """Small-strain shear modulus 2 C10 [pressure]."""
         return 2 * self.C10
 
     def energy_of_invariants(self, i1: Expr, i2: Expr) -> Expr:
-        """C10 i1 + C20 i1^2 + C30 i1^3."""
+        """Return C10 i1 + C20 i1^2 + C30 i1^3 [pressure]."""
         return i1 * (self.C10 + i1 * (self.C20 + i1 * self.C30))
 
 
@@ -297,7 +296,7 @@ class Yeoh(_InvariantLaw):
 class Ogden(_IsochoricLaw):
     """Ogden law, sum mu_i/alpha_i (sum of stretches^alpha_i - 3).
 
-    Its small-strain shear modulus is sum mu_i alpha_i / 2.
+    The small-strain shear modulus is sum mu_i alpha_i / 2.
     """
 
     mu: Annotated[tuple[float, ...], Len(1, 20), PRESSURE]
@@ -305,14 +304,14 @@ class Ogden(_IsochoricLaw):
     model: Literal["ogden"] = "ogden"
 
     def canonical(self) -> Self:
-        """Return the same material given by nu.
+        """Return the same material with nu instead of kappa.
 
-        ValueError as of the other isochoric laws, and if mu and alpha differ in length or an alpha
-        is zero.
+        Raises ValueError as the other isochoric laws, and if mu and alpha differ in length or an
+        alpha is zero.
         """
         if len(self.mu) != len(self.alpha):
             raise ValueError(
-                f"mu has {len(self.mu)} entries and alpha {len(self.alpha)}; they belong in pairs"
+                f"mu has {len(self.mu)} entries and alpha {len(self.alpha)}; both need the same"
             )
         if 0 in self.alpha:
             raise ValueError("alpha must not be zero")
@@ -320,19 +319,22 @@ class Ogden(_IsochoricLaw):
 
     @property
     def small_strain_mu(self) -> Expr:
-        """sum mu_i alpha_i / 2."""
+        """Small-strain shear modulus sum mu_i alpha_i / 2 [pressure]."""
         return sum(mu * alpha for mu, alpha in zip(self.mu, self.alpha, strict=True)) / 2
 
     @property
     def poynting_coefficient(self) -> Expr:
-        """k = sum mu_i alpha_i (6 - alpha_i)/24 [pressure], since c = sum mu_i alpha_i^2 / 2."""
+        """Coefficient k = sum mu_i alpha_i (6 - alpha_i)/24 of the Poynting effect [pressure].
+
+        It follows from c = sum mu_i alpha_i^2 / 2 in k = mu/2 - c/12.
+        """
         pairs = zip(self.mu, self.alpha, strict=True)
         return sum(mu * alpha * (6 - alpha) for mu, alpha in pairs) / 24
 
     def isochoric_energy(self, excess: Expr, square: Expr, cube: Expr) -> Expr:
         """Return sum mu_i/alpha_i (sum of stretches^alpha_i - 3) [pressure].
 
-        At small strain, where the stretches lose digits, it is summed by a series.
+        At small strain, where this formula loses digits, a series is used.
         """
         distinct_stretch, mean_stretch, spread = algebra.unimodular_stretches(
             1 + excess, square, cube
@@ -347,7 +349,7 @@ class Ogden(_IsochoricLaw):
         )
 
     def _energy_series(self, excess: Expr, square: Expr, cube: Expr) -> Expr:
-        """Return the same energy as a series in the deviator of C.
+        """Return the energy as a series in the deviator of C, for small strain.
 
         The squared stretches are mean (1 + t_i) with mean = 1 + excess and the eigenvalues t_i of a
         traceless tensor.
@@ -368,7 +370,7 @@ class Ogden(_IsochoricLaw):
         return energy
 
     def energy_of_stretches(self, l1: Expr, l2: Expr, l3: Expr) -> Expr:
-        """sum mu_i/alpha_i (l1^alpha_i + l2^alpha_i + l3^alpha_i - 3)."""
+        """Return sum mu_i/alpha_i (l1^alpha_i + l2^alpha_i + l3^alpha_i - 3) [pressure]."""
         stretches = (l1, l2, l3)
         terms = zip(self.mu, self.alpha, strict=True)
         return sum(
@@ -378,9 +380,9 @@ class Ogden(_IsochoricLaw):
 
 @dataclass(frozen=True, kw_only=True)
 class Gent(_InvariantLaw):
-    """Gent law, -mu Jm/2 ln(1 - (I1 - 3)/Jm), with a limit Jm of I1 - 3.
+    """Gent law, -mu Jm/2 ln(1 - (I1 - 3)/Jm), with an upper limit Jm of I1 - 3.
 
-    It stiffens without bound as I1 - 3 approaches Jm.
+    The stiffness becomes infinite as I1 - 3 approaches Jm.
     """
 
     mu: Modulus
@@ -389,7 +391,7 @@ class Gent(_InvariantLaw):
 
     @property
     def small_strain_mu(self) -> Expr:
-        """mu."""
+        """Small-strain shear modulus mu [pressure]."""
         return self.mu
 
     def energy_of_invariants(self, i1: Expr, i2: Expr) -> Expr:
@@ -401,7 +403,7 @@ class Gent(_InvariantLaw):
 class Fung(_InvariantLaw):
     """Fung law of soft tissue, mu/(2 b) (exp(b (I1 - 3)) - 1), which stiffens exponentially.
 
-    For b -> 0 it is mooney_rivlin with C10 = mu/2.
+    In the limit b -> 0 it equals mooney_rivlin with C10 = mu/2.
     """
 
     mu: Modulus
@@ -410,7 +412,7 @@ class Fung(_InvariantLaw):
 
     @property
     def small_strain_mu(self) -> Expr:
-        """mu."""
+        """Small-strain shear modulus mu [pressure]."""
         return self.mu
 
     def energy_of_invariants(self, i1: Expr, i2: Expr) -> Expr:
@@ -427,8 +429,8 @@ LANGEVIN_SERIES = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
 class ArrudaBoyce(_InvariantLaw):
     """Arruda-Boyce law, mu sum_i c_i lambda_m^(2-2i) (I1^i - 3^i).
 
-    The coefficients c = 1/2, 1/20, 11/1050, 19/7000, 519/673750 are those of the series of the
-    inverse Langevin function.
+    The coefficients c = 1/2, 1/20, 11/1050, 19/7000, 519/673750 come from the series of the inverse
+    Langevin function.
     """
 
     mu: Modulus
@@ -437,9 +439,9 @@ class ArrudaBoyce(_InvariantLaw):
 
     @property
     def small_strain_mu(self) -> Expr:
-        """Twice the derivative of psi at I1 = 3 [pressure].
+        """Small-strain shear modulus, twice the derivative of psi at I1 = 3 [pressure].
 
-        mu (1 + 3/(5 lambda_m^2) + 99/(175 lambda_m^4) + ...).
+        It is mu (1 + 3/(5 lambda_m^2) + 99/(175 lambda_m^4) + ...).
         """
         terms = (
             i * c * 3 ** (i - 1) * self.lambda_m ** (2 - 2 * i)
@@ -450,7 +452,8 @@ class ArrudaBoyce(_InvariantLaw):
     def energy_of_invariants(self, i1: Expr, i2: Expr) -> Expr:
         """Return mu sum_i c_i lambda_m^(2-2i) (I1^i - 3^i) [pressure].
 
-        I1^i - 3^i is written as i1 (I1^(i-1) + 3 I1^(i-2) + ... + 3^(i-1)), which loses no digits.
+        I1^i - 3^i is evaluated as i1 (I1^(i-1) + 3 I1^(i-2) + ... + 3^(i-1)) without loss of
+        digits.
         """
         I1 = 3 + i1
         slope = 0.0

@@ -1,4 +1,4 @@
-"""Bodies whose mesh comes from a file."""
+"""Bodies whose mesh is read from a file."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from indent_sim.model.units import (
 
 @dataclass(frozen=True)
 class MeshSurfaces:
-    """Names in a mesh file of the surface that the tip may touch, of the base and of the sides.
+    """Names in a mesh file of the contact surface, of the base and of the sides.
 
-    Without names the contact surface is what faces up, the base what faces down and is level, and
-    supported sides are the vertical faces.
+    Without names, the contact surface consists of the upward faces, the base of the horizontal
+    downward faces, and supported sides are the vertical faces.
     """
 
     contact: str | None = None
@@ -35,13 +35,13 @@ class MeshSurfaces:
 class MeshFromFile:
     """Body whose mesh is read from a file, z up.
 
-    A file in two dimensions has (r, z) or (x, z) in its coordinates (x, y); the axis of revolution
-    is r = 0. The tip's axis is at x = 0, y = 0 of the file unless `indenter.center` is given. Faces
-    that are none of `surfaces` are free; a surface without a name is recognized by its orientation,
-    or the file is refused. `regions` gives each named region its material; cells of no region have
-    the scene's. sides "auto": free, but an error asks for the support where a face lies in a plane
-    through the tip's axis, which may be a mirror plane (roller) of half a body or an end (free) of
-    a whole one.
+    The coordinates (x, y) of a two-dimensional file are (r, z) or (x, z); the axis of revolution is
+    r = 0. The tip's axis is at x = 0, y = 0 of the file unless `indenter.center` is given. Faces in
+    none of `surfaces` are free; a surface without a name is recognized by its orientation, or the
+    file is rejected. `regions` gives the material of each named region; other cells have the
+    material of the scene. sides "auto" means free, but an error asks for the support if a face lies
+    in a plane through the tip's axis, which may be a mirror plane (roller) of half a body or a free
+    end of a whole body.
     """
 
     file: str
@@ -60,32 +60,35 @@ class MeshFromFile:
 
     @property
     def surface_names(self) -> MeshSurfaces:
-        """Names of all its surfaces, with defaults that a copy of the file gets."""
+        """Names of all surfaces, with default names for surfaces that the scene does not name.
+
+        The copy of the mesh in the result folder uses these names.
+        """
         given = self.surfaces
         sides = "sides" if self.sides in ("roller", "fixed") else None
         return MeshSurfaces(given.contact or "contact", given.base or "base", given.sides or sides)
 
     @property
     def dim(self) -> int:
-        """3, or 2 in plane strain, where forces are per unit length."""
+        """Dimension of the body: 3, or 2 in plane strain, where forces are per unit length."""
         return 2 if self.kinematics == "plane_strain" else 3
 
     @property
     def center(self) -> tuple[float, ...]:
-        """Axis of the file's coordinates."""
+        """Default horizontal position of the tip's axis: the origin of the file."""
         return (0.0,) * (self.dim - 1)
 
 
 @dataclass(frozen=True)
 class ImportedBody:
-    """Properties of an imported mesh as a body. z = 0 is where the tip first touches.
+    """Imported mesh with the properties of a body; the tip first touches it at z = 0.
 
     Attributes
     ----------
     facets : (k, n, n)
         Corners of the facets of the contact surface [length].
     boundary_edges : (m, n - 1, n)
-        Edges around the contact surface, in two dimensions its ends [length].
+        Boundary edges of the contact surface, or its end points in two dimensions [length].
     fixed_points : (j, n)
         Points of the contact surface whose displacement is prescribed by a support [length].
     layers
@@ -142,22 +145,22 @@ class ImportedBody:
         )
 
     def top_points(self) -> Points:
-        """Return the corners of the facets as seen from above."""
+        """Return the horizontal positions of the corners of the facets [length]."""
         x, y = np.moveaxis(np.pad(self.facets[..., :-1], ((0, 0), (0, 0), (0, 1)))[..., :2], -1, 0)
         return x, y
 
     def fixed_edge_points(self) -> Points:
-        """Return the supported points of the contact surface as seen from above."""
+        """Return the horizontal positions of supported points of the contact surface."""
         x, y = np.pad(self.fixed_points[:, :-1], ((0, 0), (0, 1)))[:, :2].T
         return x, y
 
     def _plan_coordinates(self, center: tuple[float, ...]) -> np.ndarray:
-        """Return the horizontal coordinates of a center in the dimension of the mesh."""
+        """Return the horizontal coordinates of a center, one or two as the mesh has."""
         return np.asarray(center[: self.facets.shape[2] - 1])
 
 
 def barycentric_coordinates(facets: np.ndarray, center: tuple[float, ...]) -> np.ndarray:
-    """Return barycentric coordinates (k, n) of a point in facets (k, n, n), seen from above."""
+    """Return barycentric coordinates (k, n) of a point in projected facets (k, n, n)."""
     plan_corners = facets[..., :-1]
     edges = np.swapaxes(plan_corners[:, 1:] - plan_corners[:, :1], 1, 2)
     coordinates = np.linalg.solve(

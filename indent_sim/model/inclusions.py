@@ -42,11 +42,11 @@ class _Inclusion(ABC):
     @property
     @abstractmethod
     def volume(self) -> float:
-        """Volume [length^3]."""
+        """Volume of the inclusion [length^3]."""
 
     @abstractmethod
     def half_width(self, axis: int) -> float:
-        """Return the extent from its center along an axis [length]."""
+        """Return the half-width of the inclusion along an axis [length]."""
 
     @abstractmethod
     def is_curved_where_thinnest(self, dim: int) -> bool:
@@ -57,34 +57,34 @@ class _Inclusion(ABC):
 
     @abstractmethod
     def is_axisymmetric_about(self, center: tuple[float, ...]) -> bool:
-        """Return whether it is a body of revolution about a vertical axis."""
+        """Return whether the inclusion is axisymmetric about a vertical axis."""
 
     @abstractmethod
     def measure_within_distance(self, distance: Expr, dim: int) -> Expr:
-        """Return approximately the measure of all points within `distance` of it.
+        """Return the approximate size of the region within `distance` of the inclusion.
 
-        The measure is the area of the section in two dimensions, the volume in three.
+        The size is the area of the section in two dimensions, the volume in three.
         """
 
     @abstractmethod
     def nearest_point(self, point: Sequence[Expr]) -> list[Expr]:
-        """Return its point nearest to a point (x, y, z) [length], which may be inside."""
+        """Return the point of the inclusion nearest to a point (x, y, z), which may be inside."""
 
     @abstractmethod
     def farthest_distance(self, point: Sequence[float], axes: Sequence[int] = ALL_AXES) -> float:
-        """Return the distance [length] from a point to its farthest point along some axes."""
+        """Return the largest distance of a point from points of the inclusion, along given axes."""
 
     @property
     def min_half_width(self) -> float:
-        """Half of its smallest thickness [length]."""
+        """Half of the smallest thickness of the inclusion [length]."""
         return min(map(self.half_width, ALL_AXES))
 
     @abstractmethod
     def contains(self, point: Sequence[Expr]) -> Expr:
-        """Return whether points (x, y, z) [length] are inside."""
+        """Return whether points (x, y, z) [length] are inside the inclusion."""
 
     def distance(self, point: Sequence[Expr]) -> Expr:
-        """Return the distance [length] from points to it, 0 inside."""
+        """Return the distance [length] from points to the inclusion, 0 inside."""
         return _norm(
             [
                 nearest_coordinate - coordinate
@@ -112,13 +112,13 @@ class _Inclusion(ABC):
         return distance < min_distance
 
     def mirror_image(self, axis: int, position: float) -> Self:
-        """Return its mirror image about a plane normal to an axis."""
+        """Return the mirror image of the inclusion about a plane normal to an axis."""
         center = list(self.center)
         center[axis] = 2 * position - center[axis]
         return replace(self, center=tuple(center))  # type: ignore[type-var]
 
     def _is_centered_on(self, center: tuple[float, ...]) -> bool:
-        """Return whether its center lies on a vertical axis."""
+        """Return whether the center of the inclusion lies on a vertical axis."""
         return bool(
             self._distance_from_center((*center, 0.0), (0, 1))
             <= POSITION_TOLERANCE * max(1.0, *map(abs, center))
@@ -139,7 +139,7 @@ def _norm(components: Sequence[Expr]) -> Expr:
 
 
 class _ProductInclusion(_Inclusion):
-    """Product of intervals and disks: all points within the half-width of each span."""
+    """Cartesian product of intervals and disks, called spans, each with a half-width."""
 
     @property
     @abstractmethod
@@ -148,7 +148,7 @@ class _ProductInclusion(_Inclusion):
 
     @property
     def volume(self) -> float:
-        """Volume [length^3]."""
+        """Volume of the inclusion [length^3]."""
         return prod(UNIT_BALL_MEASURES[len(axes)] * half ** len(axes) for axes, half in self.spans)
 
     def is_curved_where_thinnest(self, dim: int) -> bool:
@@ -157,15 +157,15 @@ class _ProductInclusion(_Inclusion):
         return len(axes) > (2 if dim == 2 else 1)
 
     def half_width(self, axis: int) -> float:
-        """Return the extent from its center along an axis [length]."""
+        """Return the half-width of the inclusion along an axis [length]."""
         return next(half for axes, half in self.spans if axis in axes)
 
     def is_axisymmetric_about(self, center: tuple[float, ...]) -> bool:
-        """Return whether it is a body of revolution about a vertical axis."""
+        """Return whether the inclusion is axisymmetric about a vertical axis."""
         return any({0, 1} <= set(axes) for axes, _ in self.spans) and self._is_centered_on(center)
 
     def measure_within_distance(self, distance: Expr, dim: int) -> Expr:
-        """Return approximately the measure of all points within `distance`, corners sharp."""
+        """Return the approximate size of the region within `distance`, without rounded corners."""
         spans = self.spans if dim == 3 else [((axis,), self.half_width(axis)) for axis in (0, 2)]
         return np.prod(
             [
@@ -176,12 +176,12 @@ class _ProductInclusion(_Inclusion):
         )
 
     def contains(self, point: Sequence[Expr]) -> Expr:
-        """Return whether points (x, y, z) [length] are inside."""
+        """Return whether points (x, y, z) [length] are inside the inclusion."""
         is_within = [self._distance_from_center(point, axes) <= half for axes, half in self.spans]
         return np.all(np.broadcast_arrays(*is_within), axis=0)
 
     def nearest_point(self, point: Sequence[Expr]) -> list[Expr]:
-        """Return its nearest point to (x, y, z) [length], which is nearest along each span."""
+        """Return the point of the inclusion nearest to (x, y, z) [length], nearest in each span."""
         coordinates = list(point)
         for axes, half in self.spans:
             scale = half / np.maximum(self._distance_from_center(point, axes), half)
@@ -190,7 +190,7 @@ class _ProductInclusion(_Inclusion):
         return coordinates
 
     def farthest_distance(self, point: Sequence[float], axes: Sequence[int] = ALL_AXES) -> float:
-        """Return the distance [length] from a point to its farthest point along some axes."""
+        """Return the largest distance of a point from points of the inclusion, along given axes."""
         relevant_spans = [
             (tuple(axis for axis in span_axes if axis in axes), half)
             for span_axes, half in self.spans
@@ -217,7 +217,7 @@ class BallInclusion(_ProductInclusion):
 
     @property
     def spans(self) -> Spans:
-        """Span along every axis."""
+        """One span with all three axes and the radius."""
         return ((ALL_AXES, self.radius),)
 
 
@@ -233,7 +233,7 @@ class CylinderInclusion(_ProductInclusion):
 
     @property
     def spans(self) -> Spans:
-        """A disk in (x, y) and an interval in z."""
+        """Two spans: a disk in (x, y) and an interval in z."""
         return ((0, 1), self.radius), ((2,), self.height / 2)
 
 
@@ -248,7 +248,7 @@ class BoxInclusion(_ProductInclusion):
 
     @property
     def spans(self) -> Spans:
-        """Three intervals."""
+        """Three spans: an interval along each axis."""
         return tuple(((axis,), edge / 2) for axis, edge in enumerate(self.size))
 
 
@@ -263,11 +263,11 @@ class EllipsoidInclusion(_Inclusion):
 
     @property
     def volume(self) -> float:
-        """Volume [length^3]."""
+        """Volume of the inclusion [length^3]."""
         return UNIT_BALL_MEASURES[3] * prod(self.semi_axes)
 
     def half_width(self, axis: int) -> float:
-        """Return the extent from its center along an axis [length]."""
+        """Return the half-width of the inclusion along an axis [length]."""
         return self.semi_axes[axis]
 
     def is_curved_where_thinnest(self, dim: int) -> bool:
@@ -275,17 +275,17 @@ class EllipsoidInclusion(_Inclusion):
         return True
 
     def is_axisymmetric_about(self, center: tuple[float, ...]) -> bool:
-        """Return whether it is a body of revolution about a vertical axis."""
+        """Return whether the inclusion is axisymmetric about a vertical axis."""
         a, b, _ = self.semi_axes
         return isclose(a, b, rel_tol=POSITION_TOLERANCE) and self._is_centered_on(center)
 
     def measure_within_distance(self, distance: Expr, dim: int) -> Expr:
-        """Return the measure of the ellipsoid whose semi-axes are longer by `distance`."""
+        """Return the size of an ellipsoid whose semi-axes are longer by `distance`."""
         halves = self.semi_axes if dim == 3 else self.semi_axes[::2]
         return UNIT_BALL_MEASURES[dim] * np.prod([half + distance for half in halves], axis=0)
 
     def contains(self, point: Sequence[Expr]) -> Expr:
-        """Return whether points (x, y, z) [length] are inside."""
+        """Return whether points (x, y, z) [length] are inside the inclusion."""
         return (
             sum(
                 ((p - c) / s) ** 2
@@ -295,10 +295,10 @@ class EllipsoidInclusion(_Inclusion):
         )
 
     def nearest_point(self, point: Sequence[Expr]) -> list[Expr]:
-        """Return its point nearest to a point (x, y, z) [length].
+        """Return the point of the inclusion nearest to a point (x, y, z) [length].
 
-        For a point center + v it is center + s^2 v/(t + s^2) with the t > 0 that puts it on the
-        surface.
+        For a point center + v it is center + s^2 v/(t + s^2), with the t > 0 for which it lies on
+        the surface.
         """
         offset = np.array(
             np.broadcast_arrays(*(p - c for p, c in zip(point, self.center, strict=True))),
@@ -311,10 +311,10 @@ class EllipsoidInclusion(_Inclusion):
         return [c + component for c, component in zip(self.center, surface_offset, strict=True)]
 
     def farthest_distance(self, point: Sequence[float], axes: Sequence[int] = ALL_AXES) -> float:
-        """Return the distance [length] from a point to its farthest point along some axes.
+        """Return the largest distance of a point from points of the inclusion, along given axes.
 
-        The farthest point is that of `nearest_point` with the smallest root t < 0, for which it
-        lies on the other side of the center. -t = max(s)^2 + x with x > 0.
+        The formula of `nearest_point` with the smallest root t < 0 gives the farthest point, on the
+        other side of the center. With -t = max(s)^2 + x, x > 0.
         """
         # This import takes 0.2 s, which bodies without an ellipsoid need not spend.
         from scipy.optimize import brentq
@@ -336,10 +336,10 @@ class EllipsoidInclusion(_Inclusion):
 
 
 def _projection_multiplier(offset: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """Return the root t > 0 of sum (s offset/(t + s^2))^2 = 1 of points outside an ellipsoid.
+    """Return the root t > 0 of sum (s offset/(t + s^2))^2 = 1 for points outside an ellipsoid.
 
-    The sum is convex and decreases with t, so that Newton's method from below is monotone. Its last
-    step is less than 1e-11 of the largest t, the error that remains about the square of this.
+    The sum is convex and decreases with t, so that Newton's method from below is monotone. The last
+    step is less than 1e-11 of the largest t, and the relative error about the square of this.
     """
     # This import takes 0.2 s, which bodies without an ellipsoid need not spend.
     from scipy.optimize import newton

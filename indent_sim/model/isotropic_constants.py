@@ -10,7 +10,7 @@ ISOTROPIC_CONSTANTS = ("E", "nu", "mu", "kappa", "lame_lambda")
 STABILITY_CONDITIONS = {
     frozenset({"mu", "lame_lambda"}): "lame_lambda > -2 mu/3",
     frozenset({"kappa", "lame_lambda"}): "lame_lambda < kappa",
-    frozenset({"nu", "lame_lambda"}): "lame_lambda of the sign of nu, which is not 0",
+    frozenset({"nu", "lame_lambda"}): "lame_lambda/nu > 0",
 }
 # E and nu from each pair of constants.
 YOUNG_AND_POISSON: dict[tuple[str, ...], Callable[[float, float], tuple[float, float]]] = {
@@ -55,7 +55,7 @@ def young_and_poisson(given: dict[str, float]) -> tuple[float, float]:
     Raises
     ------
     ValueError
-        Not exactly two constants are given, or no stable material has them.
+        If not exactly two constants are given, or the material would be unstable.
     """
     if len(given) != 2:
         raise ValueError(
@@ -74,7 +74,7 @@ def young_and_poisson(given: dict[str, float]) -> tuple[float, float]:
         result = f"E = {E:g} and nu = {nu:g}" if math.isfinite(E) else "no E"
         condition = STABILITY_CONDITIONS.get(frozenset(given), "")
         requirement = "a stable material has E > 0 and -1 < nu <= 0.5" + (
-            f", and so {condition}" if condition else ""
+            f", and therefore {condition}" if condition else ""
         )
         raise ValueError(f"these constants give {result}; {requirement}")
     return E, nu

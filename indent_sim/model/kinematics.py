@@ -1,4 +1,4 @@
-"""Kinematics: three-dimensional displacement gradient from the displacement of a reduced model."""
+"""Kinematics: 3D displacement gradient from the displacement of an axisymmetric or plane model."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ from indent_sim.model.algebra import Expr, ufl
 
 
 class _Kinematics:
-    """Base class with the defaults: a circular contact, a section in (r or x, z), no weight."""
+    """Base class with defaults: circular contact, two-dimensional section, integration weight 1."""
 
     def model_vector(self, v: Expr) -> Expr:
-        """Return the components of a 3-vector along the axes of the model."""
+        """Return the components of a 3-vector along the two axes of the model."""
         return ufl.as_vector([v[0], v[2]])
 
     def space_vector(self, v: Expr) -> Expr:
-        """Return the 3-vector of a vector along the axes of the model."""
+        """Return a vector of the model as a 3-vector."""
         return ufl.as_vector([v[0], 0, v[1]])
 
     def contact_area(self, a: float) -> float:
-        """Return pi a^2 [length^2] of a contact of radius a."""
+        """Return the contact area pi a^2 [length^2] for a contact radius a."""
         return pi * a**2
 
     def contact_radius(self, area: float) -> float:
-        """Return sqrt(area/pi) [length] of a contact of an area [length^2]."""
+        """Return the contact radius sqrt(area/pi) [length] for a contact area [length^2]."""
         return sqrt(area / pi)
 
     def integration_weight(self, x: Expr) -> Expr:
-        """Return the factor of the integrand of all integrals over the model."""
+        """Return the weight of the integrand in integrals over the model."""
         return 1.0
 
 
@@ -57,7 +57,7 @@ class Axisymmetric(_Kinematics):
         return point[0], 0.0
 
     def integration_weight(self, x: Expr) -> Expr:
-        """Return the circumference 2 pi r [length], the factor of all integrands over (r, z)."""
+        """Return the weight 2 pi r [length] of integrands over (r, z)."""
         return 2 * pi * x[0]
 
 
@@ -82,11 +82,11 @@ class PlaneStrain(_Kinematics):
         return point[0] - center[0], 0.0
 
     def contact_area(self, a: float) -> float:
-        """Return 2 a [length] of a contact of half-width a, an area per unit length."""
+        """Return the contact area per unit length, the width 2 a [length]."""
         return 2 * a
 
     def contact_radius(self, area: float) -> float:
-        """Return the half-width [length] of a contact of an area per unit length [length]."""
+        """Return the half-width [length] of a contact, half its area per unit length [length]."""
         return area / 2
 
 
@@ -108,11 +108,11 @@ class ThreeDimensional(_Kinematics):
         return point[0] - center[0], point[1] - center[1]
 
     def space_vector(self, v: Expr) -> Expr:
-        """Return the vector itself."""
+        """Return the vector itself, because model and space have the same axes."""
         return v
 
     def model_vector(self, v: Expr) -> Expr:
-        """Return the vector itself."""
+        """Return the vector itself, because model and space have the same axes."""
         return v
 
 

@@ -1,4 +1,4 @@
-"""Layers of a body, and the coatings that they are on a curved surface."""
+"""Layers of a body, and coatings (layers below a curved surface)."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ Position = Annotated[tuple[float, ...], Len(3, 3), LENGTH]  # (x, y, z)
 
 @dataclass(frozen=True)
 class Layer:
-    """Layer of a body, bonded to its neighbours.
+    """Layer of a body, bonded to the adjacent layers.
 
-    Without a material it has that of the body. The last layer of a half-space has no thickness, nor
-    has the core of a cap or ball, whose other layers are coatings around it.
+    Without `material` it has the material of the body. The last layer of a half-space and the core
+    of a cap or ball have no thickness; the other layers of a cap or ball are coatings of the core.
     """
 
     thickness: Length | None = None
@@ -42,5 +42,5 @@ class Coating:
 
     @property
     def thickness(self) -> float:
-        """outer_radius - inner_radius [length]."""
+        """Thickness of the coating [length]."""
         return self.outer_radius - self.inner_radius

@@ -19,7 +19,7 @@ from indent_sim.model.units import (
     Modulus,
 )
 
-# Rounding error of a strain energy that is 0, relative to 1.
+# Round-off error of a strain energy that is zero.
 ENERGY_ROUNDING = 1e-14
 
 
@@ -27,8 +27,8 @@ ENERGY_ROUNDING = 1e-14
 class LinearElastic(TwoConstantLaw):
     """Isotropic Hooke's law at small strain, psi = mu eps:eps + lame_lambda/2 (tr eps)^2.
 
-    Source: notes, equations 2.1-2.4. Any two of E [pressure], nu [1], mu [pressure], kappa
-    [pressure], lame_lambda [pressure] define it.
+    Source: notes, equations 2.1-2.4. The law is defined by any two of E [pressure], nu [1], mu
+    [pressure], kappa [pressure] and lame_lambda [pressure].
     """
 
     model: Literal["linear_elastic"] = "linear_elastic"
@@ -36,12 +36,12 @@ class LinearElastic(TwoConstantLaw):
     is_small_strain: ClassVar[bool] = True
 
     def energy_parts(self, H: Expr) -> tuple[Expr, Expr]:
-        """Return mu eps:eps and tr eps."""
+        """Return the energy mu eps:eps [pressure], and tr eps."""
         eps = ufl.sym(H)
         return self.shear_modulus * ufl.inner(eps, eps), ufl.tr(eps)
 
     def isochoric_parts(self, H: Expr) -> tuple[Expr, Expr]:
-        """Return mu dev eps : dev eps, which does not depend on the volume change, and tr eps."""
+        """Return the isochoric energy mu dev eps : dev eps [pressure], and tr eps."""
         deviator = ufl.dev(ufl.sym(H))
         return self.shear_modulus * ufl.inner(deviator, deviator), ufl.tr(H)
 
@@ -56,7 +56,7 @@ class LinearElastic(TwoConstantLaw):
 
     @property
     def inverse_bulk_modulus(self) -> Expr:
-        """1/kappa = 3 (1 - 2 nu)/E [1/pressure]."""
+        """Inverse bulk modulus 1/kappa = 3 (1 - 2 nu)/E [1/pressure]."""
         return 3 * (1 - 2 * self.nu) / self.E  # type: ignore[operator]
 
 
@@ -64,8 +64,8 @@ class LinearElastic(TwoConstantLaw):
 class TransverselyIsotropic(ElasticLaw):
     """Transversely isotropic Hooke's law at small strain with the axis z.
 
-    E and nu hold in the plane across the axis; nu_z = -eps_plane/eps_z under a stress sigma_z; G_z
-    is the shear modulus of planes through the axis.
+    E and nu are the in-plane constants (across the axis), nu_z = -eps_plane/eps_z under a stress
+    sigma_z, and G_z is the shear modulus of planes through the axis.
 
     With D = 1 - nu - 2 nu_z^2 E/E_z >= 0, d = D/(1 + nu), G = E/(2 (1 + nu)), alpha = 2 nu_z + d
     and the volume measure theta = eps_x + eps_y + alpha eps_z,
@@ -74,8 +74,8 @@ class TransverselyIsotropic(ElasticLaw):
               + G (alpha - 1)(eps_x + eps_y) eps_z + [E_z + G (alpha^2 - 4 nu_z - d)] eps_z^2/2
               + stiffness theta^2/2,    stiffness = E (1 - d)/(2 D).
 
-    All terms but the last are finite at D = 0 (incompressible). For isotropic constants theta is tr
-    eps and the stiffness is lame_lambda. Source: Lekhnitskii (1963), Theory of Elasticity of an
+    All terms but the last are finite at D = 0 (incompressible). For isotropic constants theta = tr
+    eps and stiffness = lame_lambda. Source: Lekhnitskii (1963), Theory of Elasticity of an
     Anisotropic Elastic Body.
     """
 
@@ -93,13 +93,13 @@ class TransverselyIsotropic(ElasticLaw):
     is_isotropic: ClassVar[bool] = False
 
     def canonical(self) -> Self:
-        """Return the same material with its flow given by the permeability.
+        """Return the same material with the flow defined by the permeability.
 
-        ValueError if the energy of some strain is negative.
+        Raises ValueError if the strain energy is not positive.
         """
         if not self._D >= -ENERGY_ROUNDING:
             largest_nu_z = math.sqrt((1 - self.nu) * self.E_z / (2 * self.E))
-            problem = f"nu_z = {self.nu_z:g} makes the energy of some strain negative"
+            problem = f"nu_z = {self.nu_z:g} makes the strain energy negative for some strains"
             raise ValueError(
                 f"{problem}: with these E, E_z and nu it must lie within +-{largest_nu_z:.6g}"
             )
@@ -107,35 +107,34 @@ class TransverselyIsotropic(ElasticLaw):
 
     @property
     def constants(self) -> Constants:
-        """E [pressure] and nu of the equivalent isotropic material.
+        """Young's modulus [pressure] and Poisson's ratio of the equivalent isotropic material.
 
-        It has the same indentation modulus and, with nu = (1 - d)/2, the same compressibility.
+        It has the same indentation modulus and the same compressibility, nu = (1 - d)/2.
         """
         nu = min(max((1 - self._d) / 2, -0.99), 0.5)
         return Constants(self._indentation_modulus * (1 - nu * nu), nu)
 
     def bar_modulus(self, confined_directions: int) -> float:
-        """Return E_z, E_z/(1 - nu_z^2 E/E_z) or C33 = E_z (1 - nu)/D [pressure]."""
+        """Return the modulus E_z, E_z/(1 - nu_z^2 E/E_z) or C33 = E_z (1 - nu)/D [pressure]."""
         if confined_directions < 2:
             return self.E_z / (1 - confined_directions * self.nu_z**2 * self.E / self.E_z)
         return self.E_z * (1 - self.nu) / self._D if self._D > ENERGY_ROUNDING else math.inf
 
     @property
     def _D(self) -> Expr:
-        """D = 1 - nu - 2 nu_z^2 E/E_z, which vanishes if the material is incompressible."""
+        """Constant D = 1 - nu - 2 nu_z^2 E/E_z, which is 0 if the material is incompressible."""
         return 1 - self.nu - 2 * self.nu_z**2 * self.E / self.E_z
 
     @property
     def _d(self) -> Expr:
-        """d = D/(1 + nu)."""
+        """Constant d = D/(1 + nu) of the energy."""
         return self._D / (1 + self.nu)
 
     @property
     def decay_rates(self) -> tuple[float, float]:
-        """Real parts of the two roots s with Re s > 0 of a biquadratic equation.
+        """Decay rates below the surface: real parts of two roots s of a biquadratic equation.
 
-        C33 C44 s^4 - (C11 C33 - C13^2 - 2 C13 C44) s^2 + C11 C44 = 0.
-
+        The equation is C33 C44 s^4 - (C11 C33 - C13^2 - 2 C13 C44) s^2 + C11 C44 = 0, and Re s > 0.
         The stiffnesses are multiplied by D, so that they are finite at D = 0.
         """
         E = self.E
@@ -177,7 +176,7 @@ class TransverselyIsotropic(ElasticLaw):
 
     @property
     def volumetric_compliance(self) -> Expr:
-        """2 D/(E (1 - d)) [1/pressure]."""
+        """Inverse volumetric stiffness 2 D/(E (1 - d)) [1/pressure]."""
         return 2 * self._D / (self.E * (1 - self._d))
 
     def energy_parts(self, H: Expr) -> tuple[Expr, Expr]:

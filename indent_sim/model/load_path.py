@@ -1,4 +1,4 @@
-"""Load path: the prescribed depths or forces in order, and in time for a history."""
+"""Load path: the sequence of prescribed depths or forces, with their times for a history."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ class LoadPath:
     branches
         Branch of each row (approach, hold, retract); empty without time.
     turns
-        Values that the tip passes between the row before and each row, where the path turns or
-        takes further increments; empty if there are none.
+        For each row, the values at turning points and additional increments between the previous
+        row and this one; empty if there are none.
     turn_times
         Times of `turns` [time].
     start_time
-        Time at which the path of a time-dependent body begins [time]; None for any other body.
+        Time at which the path of a time-dependent body begins [time]; None for other bodies.
     """
 
     control: Control
@@ -41,9 +41,9 @@ class LoadPath:
     start_time: float | None = None
 
     def with_halved_increments(self) -> LoadPath:
-        """Return the same path in increments half as long.
+        """Return the same path with all increments halved.
 
-        The mean of each two values is inserted between them, so that each row becomes two.
+        The mean of each two successive values is inserted, so that each row becomes two.
         """
         rows: list[tuple[float, float]] = []
         turns: list[tuple[tuple[float, float], ...]] = []
@@ -80,7 +80,7 @@ class LoadPath:
 
     @property
     def is_increasing(self) -> bool:
-        """True if every value is larger than all before it."""
+        """True if the values increase strictly."""
         return not any(self.turns) and all(b > a for a, b in pairwise(self.values))
 
     @property
@@ -94,7 +94,7 @@ class LoadPath:
 
     @property
     def sudden_rows(self) -> tuple[int, ...]:
-        """Rows [from 1] at which the value jumps: it changes while no time passes."""
+        """Numbers of the rows [from 1] at which the value jumps, that is, changes in zero time."""
         rows = (self._sudden_points(step)[-1] for step in range(1, len(self.values) + 1))
         return tuple(step for step, is_sudden in enumerate(rows, start=1) if is_sudden)
 
@@ -106,8 +106,8 @@ class LoadPath:
     def _sudden_points(self, step: int) -> list[bool]:
         """Return whether the value jumps at each point between the previous row and a row.
 
-        Rows count from 1; the row itself is the last point. A value jumps if it changes while no
-        time passes.
+        Rows count from 1; the row itself is the last point. A value jumps if it changes in zero
+        time.
         """
         previous_point = self.segment(step - 1)[-1] if step > 1 else (0.0, 0.0)
         return [
@@ -118,8 +118,8 @@ class LoadPath:
     def without_sudden_rows(self) -> LoadPath:
         """Return the same path without the points at which the value jumps.
 
-        The increment after a jump then begins before the jump. Rows at jumps are left out; the
-        points on the way to them belong to the next row.
+        The increment after a jump then begins before the jump. Rows at jumps are omitted; the
+        points between the previous row and an omitted row are added to the next row.
         """
         rows: list[int] = []
         segments: list[list[tuple[float, float]]] = []
@@ -154,8 +154,8 @@ class LoadPath:
     def segment(self, step: int) -> tuple[tuple[float, float], ...]:
         """Return the values from the previous row to a row [from 1], each with its time.
 
-        The row's own value is the last one. Times count from the beginning of the path; they are 0
-        for a body that is not time-dependent.
+        The last one is the value of the row itself. Times are measured from the beginning of the
+        path; they are 0 for a body that is not time-dependent.
         """
         values = (*(self.turns[step - 1] if self.turns else ()), self.values[step - 1])
         if self.start_time is None:
@@ -170,9 +170,9 @@ class LoadPath:
 
     @property
     def retained_rows(self) -> frozenset[int]:
-        """Rows [from 1] whose states are kept: the last one, and those at which unloading begins.
+        """Numbers [from 1] of the rows whose states are kept: the last one and starts of unloading.
 
-        Unloading begins at a row if the value decreases after it and no value before it was larger.
+        Unloading starts at a row if the value decreases after it and no earlier value was larger.
         """
         rows = {len(self.values)}
         deepest = float("-inf")

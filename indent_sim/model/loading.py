@@ -31,14 +31,14 @@ class Loading:
     increments, the depths `deltas` or the forces `forces` in order, or in time `history`, [t,
     delta] (with a cantilever or a frame [t, z]), or `force_history`, [t, force]. A history is
     linear between its points, two equal times are a jump, and before the first point the body is
-    undeformed. `times` are those of the rows; "auto": every point and enough rows between them for
-    a curve. A body that drains, or whose shear modulus relaxes, takes `per_doubling` increments of
-    each length before the length doubles, in every segment.
+    undeformed. `times` are the times of the rows; "auto": every point, and enough rows between them
+    for a smooth curve. For a body that drains or whose shear modulus relaxes, every segment has
+    `per_doubling` time increments of equal length before the length doubles.
 
-    delta > 0 pushes in; negative values in `deltas` keep the tip clear of the body [length]. Forces
-    are of the whole body (per unit length in plane strain). Negative ones are possible with
-    adhesion alone, and not stronger than the attraction at first contact. Without adhesion a force
-    of 0 is the depth delta = 0, where the tip just touches.
+    delta > 0 is indentation; negative values in `deltas` keep the tip clear of the body [length].
+    Forces are those of the whole body (per unit length in plane strain). Negative forces require
+    adhesion and must not exceed the attraction at first contact. Without adhesion a force of 0
+    means delta = 0, where the tip just touches.
     """
 
     delta: Length | None = None
@@ -55,17 +55,17 @@ class Loading:
 
     @property
     def given_path_keys(self) -> tuple[str, ...]:
-        """Keys by which a load path is given; a complete loading has exactly one."""
+        """The given keys that define a load path; a complete loading has exactly one."""
         return tuple(key for key in PATH_KEYS if getattr(self, key) is not None)
 
     @property
     def steps_per_doubling(self) -> int:
-        """Time increments of each length before the length doubles."""
+        """Number of time increments of equal length before the length doubles."""
         return self.per_doubling or STEPS_PER_DOUBLING
 
     @property
     def prescribed_history(self) -> History | None:
-        """History that is prescribed; None if the loading has no time."""
+        """Prescribed history; None for a loading without time."""
         points = self.history or self.force_history
         times = () if isinstance(self.times, str) else self.times
         if not points:
@@ -74,7 +74,7 @@ class Loading:
         return History(control, points, times)  # type: ignore[arg-type]
 
     def path(self) -> LoadPath:
-        """Return the requested depths or forces in order for a loading without time."""
+        """Return the load path of a loading without time."""
         (key,) = self.given_path_keys
         prescribed = getattr(self, key)
         values = (

@@ -1,6 +1,6 @@
-"""Measured constants of the model: numbers from simulations and trials, with their source.
+"""Measured constants of the model, from simulations and trials, with their source.
 
-Each entry names the unit, what was measured, and the test or page that measures it again.
+Each entry gives the unit, the measured quantity, and the test or page that repeats the measurement.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Flow of a fluid through the pores of an elastic law (Biot's poroelasticity)."""
+"""Fluid flow through the pores of an elastic solid (Biot's poroelasticity)."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class HolmesMow:
 
 @dataclass(frozen=True)
 class Flow:
-    """Fluid in the pores of a law whose constants are those of the drained body (Biot 1941).
+    """Pore fluid of a material whose elastic law has the drained constants (Biot 1941).
 
     The fluid content per volume is zeta = alpha tr eps + storage p with zeta' = div(permeability
     grad p).
@@ -46,15 +46,15 @@ class Flow:
     permeability
         Permeability of the pores over the viscosity of the fluid [length^2/(pressure time)].
     diffusivity
-        Instead of it, the diffusivity of the pressure in the laterally confined body,
-        permeability/(storage + alpha^2/M_c) [length^2/time].
+        Alternative to `permeability`: diffusivity of the pore pressure in the laterally confined
+        body, permeability/(storage + alpha^2/M_c) [length^2/time].
     alpha
         Biot's coefficient [1]; 1 where the grains are incompressible.
     storage
         Specific storage [1/pressure]; 0 where grains and fluid are incompressible.
     holmes_mow
-        Change of the permeability at finite strain; without it the permeability of the deformed
-        body is constant.
+        Change of the permeability at finite strain; if None, the permeability of the deformed body
+        is constant.
     """
 
     permeability: Annotated[float, Gt(0), Unit("length^2/(pressure time)")] | None = None
@@ -64,7 +64,7 @@ class Flow:
     holmes_mow: HolmesMow | None = None
 
     def canonical(self, confined_modulus: float) -> Self:
-        """Return the same flow with its permeability given instead of its diffusivity.
+        """Return the same flow, defined by the permeability instead of the diffusivity.
 
         Parameters
         ----------
@@ -74,13 +74,13 @@ class Flow:
         Raises
         ------
         ValueError
-            Both or neither of permeability and diffusivity are given, or M_c is infinite (nu =
+            If both or neither of permeability and diffusivity are given, or M_c is infinite (nu =
             0.5).
         """
         if (self.permeability is None) == (self.diffusivity is None):
             raise ValueError("flow needs exactly one of permeability, diffusivity")
         if not math.isfinite(confined_modulus):
-            raise ValueError("nu = 0.5 leaves no pores to drain; give the drained nu, below 0.5")
+            raise ValueError("nu (drained) must be < 0.5: an incompressible body cannot drain")
         if self.diffusivity is None:
             return self
         permeability = self.diffusivity * (self.storage + self.alpha**2 / confined_modulus)

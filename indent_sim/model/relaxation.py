@@ -27,11 +27,11 @@ class PowerLaw:
 
 @dataclass(frozen=True)
 class Relaxation:
-    """Stress relaxation of a law whose constants are the instantaneous ones.
+    """Stress relaxation of an elastic law with instantaneous constants.
 
-    Either `prony` terms [fraction, time], whose fractions sum to less than 1, or a power law. `of`:
-    "all" relaxes all moduli by one factor and keeps nu; "shear" relaxes the shear modulus alone and
-    keeps the bulk modulus, also at finite strain.
+    Either `prony` terms [fraction, time], whose fractions sum to less than 1, or a power law. With
+    `of` "all", all moduli relax by one factor at constant nu; with "shear", the shear modulus
+    relaxes at constant bulk modulus, also at finite strain.
     """
 
     prony: Annotated[tuple[RelaxationTerm, ...], Len(1, 100)] | None = None
@@ -42,7 +42,7 @@ class Relaxation:
 class PronySeries(NamedTuple):
     """Relaxation function G(t)/G(0) = long_term + sum fraction exp(-t/time) of a modulus.
 
-    G(0) is the modulus of the law's constants; the times [time] are > 0.
+    G(0) is the instantaneous modulus; the times [time] are > 0.
     """
 
     long_term: float

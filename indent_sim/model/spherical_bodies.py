@@ -22,10 +22,10 @@ ContactAngle = Annotated[float, Gt(0), Lt(180), ANGLE]
 
 @dataclass(frozen=True)
 class SphericalBody(RoundBody):
-    """Part of a ball below its apex at z = 0, down to its base in the plane z = -height [length].
+    """Part of a ball between its apex at z = 0 and the base plane z = -height [length].
 
-    A whole ball (height = 2 radius) is supported below its equator instead. contacts_per_body: see
-    `Scales`.
+    A whole ball (height = 2 radius) is supported below the equator instead. For `contacts_per_body`
+    see `Scales`.
     """
 
     radius: Length
@@ -49,7 +49,7 @@ class SphericalBody(RoundBody):
 
     @property
     def base_edge(self) -> tuple[float, float]:
-        """(r, z) [length] of the edge between the curved surface and the base."""
+        """Coordinates (r, z) [length] of the edge between the curved surface and the base."""
         depth = self.radius if self.height == 2 * self.radius else self.height
         return float(depth * (2 * self.radius - depth)) ** 0.5, -depth
 
@@ -68,11 +68,11 @@ class SphericalBody(RoundBody):
 
 @dataclass(frozen=True)
 class Cap(CenteredBody):
-    """Part of a ball above the plane z = -height, on which it stands with `base_radius` [length].
+    """Spherical cap with the radius `base_radius` of the base in the plane z = -height [length].
 
     Either `height` or `contact_angle` [degrees] is given, the angle between base and surface inside
     the body: height = base_radius tan(contact_angle/2). Beyond 90 degrees the body is wider than
-    its base. Layers are concentric coatings of constant thickness from the curved surface inwards;
+    the base. Layers are concentric coatings of constant thickness from the curved surface inwards;
     the last one, the core, has no thickness.
     """
 
@@ -87,12 +87,12 @@ class Cap(CenteredBody):
 
     @property
     def apex_height(self) -> float:
-        """Height [length], given or from the contact angle."""
+        """Height of the apex above the base [length], given or from the contact angle."""
         return self.height or self.base_radius * tan(radians(self.contact_angle or 90.0) / 2)
 
     @property
     def spherical_body(self) -> SphericalBody:
-        """Return the body with the radius of its ball, (base_radius^2 + height^2)/(2 height)."""
+        """Return the same cap defined by the radius (base_radius^2 + height^2)/(2 height)."""
         height = self.apex_height
         radius = (self.base_radius**2 + height**2) / (2 * height)
         return SphericalBody(radius, height, "cap", self.base, inclusions=self.inclusions)
@@ -118,7 +118,7 @@ class Ball(CenteredBody):
 
     @property
     def spherical_body(self) -> SphericalBody:
-        """The modelled part: the half above the mirror plane, or the whole ball."""
+        """Return the modelled part: the half above the mirror plane, or the whole ball."""
         if self.base == "roller":
             return SphericalBody(self.radius, self.radius, "ball", self.base, 2, self.inclusions)
         return SphericalBody(

@@ -1,4 +1,4 @@
-"""Stability of hyperelastic laws: Drucker's condition along the three classical deformations.
+"""Stability of hyperelastic laws: Drucker's condition in uniaxial, biaxial and planar deformation.
 
 The energy psi of an incompressible body is a function of two principal logarithmic strains (the
 third is minus their sum), and its gradient consists of differences of Kirchhoff stresses. d tau : d
@@ -29,7 +29,7 @@ DEFORMATION_MODES: dict[str, tuple[float, float]] = {
 
 @dataclass(frozen=True)
 class StabilityLoss:
-    """Stretch of a deformation from which on a law is no longer stable."""
+    """Stretch of a classical deformation beyond which a law is unstable."""
 
     mode: str
     stretch: float
@@ -40,7 +40,7 @@ class StabilityLoss:
 
 
 def stability_losses(psi: Callable[[Expr, Expr, Expr], Expr], strain: float) -> list[StabilityLoss]:
-    """Return where stability is first lost, for each deformation in tension and compression.
+    """Return the first loss of stability of each deformation, in tension and compression.
 
     Parameters
     ----------
@@ -62,10 +62,10 @@ def stability_losses(psi: Callable[[Expr, Expr, Expr], Expr], strain: float) -> 
 
 
 def largest_strain(tip: Indenter, a: float, delta: float, height: float) -> float:
-    """Return the largest logarithmic strain to expect, by order of magnitude, at most 2.
+    """Return the expected order of magnitude of the largest logarithmic strain, at most 2.
 
-    It is the largest of the tip's slope at the contact edge, depth over contact radius, and the
-    mean compression of the body.
+    It is the largest of three estimates: the tip's slope at the contact edge, the depth divided by
+    the contact radius, and the mean compression of the body.
     """
     inner_radius = 0.99 * a
     slope = float(tip.height(a, 0.0) - tip.height(inner_radius, 0.0)) / (a - inner_radius)
@@ -73,14 +73,14 @@ def largest_strain(tip: Indenter, a: float, delta: float, height: float) -> floa
 
 
 def instability_warnings(material: Material, strain: float) -> list[str]:
-    """Return a warning for each deformation in which the law loses stability within `strain`."""
+    """Return a warning for each deformation in which the law becomes unstable within `strain`."""
     # Fung's psi is a convex increasing function of I1 - 3, which is convex in logarithmic strains;
     # the stability of a gel is that of its free swelling.
     if isinstance(material, LinearElastic | TransverselyIsotropic | Fung | Gel):
         return []
     if isinstance(material, NeoHookean):
         return _auxetic_instability(material, strain)
-    limit = ": Gent's limit I1 - 3 = Jm, or near it" if isinstance(material, Gent) else ""
+    limit = " near Gent's limit I1 - 3 = Jm" if isinstance(material, Gent) else ""
     warning = f"{material.model} loses its stability (Drucker)"
     strain_note = _strain_range_note(strain)
     return [
@@ -90,9 +90,9 @@ def instability_warnings(material: Material, strain: float) -> list[str]:
 
 
 def _auxetic_instability(material: NeoHookean, strain: float) -> list[str]:
-    """Return a warning for a neo-Hookean law with nu < 0.
+    """Return a list with a warning for a neo-Hookean law with nu < 0 if it may become unstable.
 
-    psi is convex in logarithmic strains e while sum exp(-2 e) < (2 nu - 1)/nu.
+    psi is convex in the logarithmic strains e if sum exp(-2 e) < (2 nu - 1)/nu.
     """
     nu = material.constants.nu
     if nu >= 0 or 3 * float(np.exp(2 * strain)) < (2 * nu - 1) / nu:
@@ -103,7 +103,7 @@ def _auxetic_instability(material: NeoHookean, strain: float) -> list[str]:
 
 
 def _strain_range_note(strain: float) -> str:
-    """Return the note on the range of strains."""
+    """Return the end of a warning, which states the expected range of strains."""
     return f"strains may reach exp(+-{strain:.2g}) here"
 
 

@@ -1,4 +1,4 @@
-"""State: the solution at one load increment as a row of the force table."""
+"""State: the solution at one load increment, which is one row of the force table."""
 
 from __future__ import annotations
 
@@ -52,13 +52,12 @@ STATE_COLUMNS = (
 
 @dataclass(frozen=True)
 class Surface:
-    """Contact surface of one state, one entry for each point.
+    """Contact surface of one state, with one entry for each surface point.
 
     Attributes
     ----------
     x, y, z
-        Reference coordinates [length]; axisymmetric: x = r, y = 0; strip: y = 0; z = 0 on a flat
-        top.
+        Undeformed coordinates [length]; axisymmetric: x = r, y = 0; strip: y = 0; flat top: z = 0.
     u : (n, 3)
         Displacement [length].
     gap
@@ -66,10 +65,10 @@ class Surface:
     pressure
         Contact pressure [pressure], >= 0.
     shear
-        Tangential traction on the body [pressure], > 0 along x or the radius, in three dimensions
-        its magnitude; None without friction.
+        Tangential traction on the body [pressure], > 0 along x or the radius; its magnitude in
+        three dimensions; None without friction.
     pore_pressure
-        Pressure of the pore fluid above the bath's [pressure]; None without fluid.
+        Pore pressure relative to the bath [pressure]; None without fluid.
     """
 
     x: np.ndarray
@@ -95,7 +94,7 @@ class Surface:
 
 @dataclass(frozen=True)
 class State:
-    """Load increment of the whole body, converged or failed, in the units of its scene.
+    """Results of a load increment of the whole body, converged or failed, in the scene's units.
 
     A quantity is None if it does not apply to the scene or was not requested, and NaN if it is
     unknown.
@@ -123,7 +122,7 @@ class State:
     reaction
         z-reaction of all constrained degrees of freedom [force].
     reactions
-        Forces of single supports on the body by support and axis (see `mesh.reactions`) [force].
+        Force of each support on the body, by support and axis (see `mesh.reactions`) [force].
     stray_reaction
         Reaction of the constraints that only prevent rigid motions [force]; zero in equilibrium.
     overlap
@@ -131,11 +130,11 @@ class State:
     intrusion
         Depth of the tip inside a surface on which no contact is modelled [length].
     roughness
-        Part of p_max by which the pressure alternates from node to node [1].
+        Amplitude of the pressure's oscillation from node to node, divided by p_max [1].
     substeps
-        Increments into which the step was cut.
+        Number of increments into which the step was divided.
     converged, reason
-        Whether there is a solution, and why not.
+        Whether the increment has a solution, and the reason if not.
     stiffness
         dF/ddelta [force/length].
     area
@@ -145,9 +144,9 @@ class State:
     stick_radius
         Radius of the region that does not slip, with friction [length].
     dissipation
-        Energy dissipated by friction since the row before [energy].
+        Energy dissipated by friction since the previous row [energy].
     side_force_x, side_force_y
-        Lateral force on a tip off the middle of the body, with friction [force].
+        Lateral force on a tip that is not centred on the body, with friction [force].
     force_error, a_error, p_max_error, delta_error, stick_radius_error, dissipation_error
         Error estimates: half-widths of intervals, in the unit of the quantity.
     t, z, branch
@@ -158,14 +157,14 @@ class State:
     outflow
         Fluid that has left the body since the undeformed state [length^3].
     pore_pressure_max
-        Largest pore pressure above the bath's [pressure].
+        Largest pore pressure relative to the bath [pressure].
     moved
-        Fluid that has left its original place, out of the body or within it [length^3].
+        Volume of fluid that has moved, within the body or out of it [length^3].
     unbalanced
-        Fluid that is neither in the body nor has left it; zero in equilibrium [length^3].
+        Error of the fluid balance (content plus outflow); zero in equilibrium [length^3].
     drained
-        For a sudden increment, at each vertex of a drained face of the model domain the height of
-        its elements and p^2 times its area, nondimensional.
+        For an increment without duration: element height and p^2 times area at each vertex of the
+        drained faces of the model domain, nondimensional.
     surface
         Contact surface.
     """
@@ -214,13 +213,13 @@ class State:
     surface: Surface | None = field(default=None, repr=False, compare=False)
 
     def __str__(self) -> str:
-        """Return the text of the log for this state."""
+        """Return the line of the log for this state."""
         return self.summary({})
 
     def summary(self, units: Mapping[str, str]) -> str:
         """Return time, depth, force and contact radius as text.
 
-        `units` gives the unit of each by its name.
+        `units` maps the names of these quantities to their units.
         """
         numbers = {"t": self.t, "delta": self.delta, "force": self.force, "a": self.a}
         known_numbers = {
@@ -234,7 +233,7 @@ class State:
         )
 
     def column(self, name: str) -> Any:
-        """Return the value of a column of the force table; None if it has none."""
+        """Return the value in a column of the force table; None if it does not apply."""
         if name in REACTION_COLUMNS:
             return (self.reactions or {}).get(name.removeprefix(REACTION_PREFIX))
         return getattr(self, name)
@@ -264,9 +263,9 @@ class PullOff:
     Attributes
     ----------
     state
-        The equilibrium at this force, which is no row: its step is 0.
+        The equilibrium with this force; its `step` is 0, because it is not a row of the table.
     error
-        Bound by which the force between the rows may be larger [force]; infinite if unknown.
+        Bound on the error of the largest tensile force [force]; infinite if unknown.
     equilibria
         Number of equilibria that were computed.
     """
@@ -278,7 +277,7 @@ class PullOff:
 
 @cache
 def _field_units(scales: Scales) -> dict[str, float]:
-    """Return the units of those fields of a State that have one."""
+    """Return the unit, in terms of the scales, of each field of a State that has one."""
     L = scales.length
     P = scales.pressure
     F = scales.force

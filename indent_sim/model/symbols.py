@@ -1,7 +1,7 @@
 """Symbols: the names of scene keys and result columns with meaning, dimension and LaTeX.
 
-One name has one meaning in YAML, Python and CSV alike. A word that means something else in one
-section has an entry under `section.word` as well.
+A name has the same meaning in YAML, Python and CSV. A key with a different meaning in one section
+has an additional entry `section.key`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ WORD_DIMENSION = "word"
 
 @dataclass(frozen=True)
 class Symbol:
-    """Name with its meaning, its dimension, and its notation in formulas (LaTeX, may be empty)."""
+    """Name of a key or column with meaning, dimension and LaTeX symbol (may be empty)."""
 
     name: str
     meaning: str
@@ -27,25 +27,24 @@ class Symbol:
 # are indented.
 GLOSSARY = r"""
 ## Scene
-title: what the scene is about; printed on pictures
-units: units of the numbers; a number with a unit of its own is converted to them
+title: title of the scene; printed on pictures
+units: units of the numbers; a number that is given with another unit is converted
 body: the soft body: its shape and its supports
 material: the elastic law of the body, and of layers without a law of their own
 indenter: the rigid tip: an analytic surface, never meshed
 contact: the contact law and its enforcement
 loading: the load path of the tip: the prescribed depths or forces
-experiment: how the curve is measured: adhesion without range, the instrument, oscillations,
-  calibration
-mesh: element sizes, and how much of the body is modelled
-accuracy [1]: largest relative error of the force at any step, which chooses the mesh; fast = 0.05,
-  balanced = 0.01, accurate = 0.001
-solver: how the equations are solved
+experiment: measurement of the curve: adhesion without range, instrument, oscillations, calibration
+mesh: element sizes, and the part of the body that is modelled
+accuracy [1]: largest permitted relative error of the force at any step, from which the mesh is
+  chosen; fast = 0.05, balanced = 0.01, accurate = 0.001
+solver: solution of the equations
 output: what is written, and where
 units.length: label of the length unit, for example mm
 units.force: label of the force unit, for example N
 
 ## Body
-shape: which body, or which tip; decides the other keys of its section
+shape: shape of the body or tip, which determines the other keys of the section
 radius [length] $r_0$: radius of the cylinder, of the ball, or of the flat punch
 height [length] $h$: thickness of the body; it occupies -height <= z <= 0
 width [length] $w$: width of the strip; it occupies 0 <= x <= width, in plane strain
@@ -68,7 +67,7 @@ layers: layers from the top, bonded to one another; their thicknesses add up to 
   of a cap or ball are concentric coatings from the surface inwards, the last one is the core
 thickness [length]: thickness of a layer; the last layer of a half_space (substrate) and of a cap or
   ball (core) has none
-layers.material: material of the layer; default: that of the scene
+layers.material: material of the layer; default: `material` of the scene
 surface_tension [energy/length^2] $\gamma$: surface tension of the contact surface, inside and
   outside the contact, a force per length; a curved body is in equilibrium with it before it is
   indented
@@ -85,10 +84,10 @@ kinematics: type of the mesh in the file: a section of triangles, or a body of t
 surfaces: names in the file of the surface that the tip may touch (`contact`), of the `base` and of
   the `sides`; without names they are recognized by their orientation; all other faces are free
 regions: materials of the named regions of the file; all other cells have `material`
-hash: fingerprint of the mesh that the file must contain; every result has the one of its mesh
+hash: hash of the mesh that the file must contain; every result states the hash of its mesh
 
 ## Material
-model: the elastic law; decides the other keys of `material`
+model: the elastic law, which determines the other keys of `material`
 E [pressure] $E$: Young's modulus
 nu [1] $\nu$: Poisson's ratio
 E_z [pressure] $E_z$: Young's modulus along the axis z of a transversely isotropic material, whose E
@@ -99,8 +98,8 @@ G_z [pressure] $G_z$: shear modulus of planes through the axis z of a transverse
   material
 mu [pressure] $\mu$: shear modulus (never a friction coefficient)
 kappa [pressure] $\kappa$: bulk modulus
-C10 [pressure] $C_{10}$: first invariant's coefficient (Mooney-Rivlin, Yeoh)
-C01 [pressure] $C_{01}$: second invariant's coefficient (Mooney-Rivlin)
+C10 [pressure] $C_{10}$: coefficient of I1 - 3 (Mooney-Rivlin, Yeoh)
+C01 [pressure] $C_{01}$: coefficient of I2 - 3 (Mooney-Rivlin)
 C20 [pressure] $C_{20}$: coefficient of (I1 - 3)^2 (Yeoh)
 C30 [pressure] $C_{30}$: coefficient of (I1 - 3)^3 (Yeoh)
 alpha [1] $\alpha_i$: exponents of the stretches (Ogden)
@@ -110,27 +109,28 @@ lambda_m [1] $\lambda_m$: limiting chain stretch (Arruda-Boyce)
 G [pressure] $G$: shear modulus N kT of the dry network of N chains per volume (gel)
 n_omega [1] $N\Omega$: chains per volume times the volume of a solvent molecule (gel)
 chi [1] $\chi$: Flory's parameter of network and solvent (gel)
-stretch [1] $\lambda_0$: free-swelling stretch of the undeformed gel against the dry network; auto:
-  that in the first bath
+stretch [1] $\lambda_0$: free-swelling stretch of the undeformed gel relative to the dry network;
+  auto: the stretch in the first bath
 lame_lambda [pressure] $\lambda$: first Lamé constant, kappa - 2 mu / 3
-flow: fluid in the pores of the drained law: the instantaneous response is undrained, the final one
-  has the law's constants
-permeability [length^2/(pressure time)] $k$: permeability of the pores over the viscosity of the
-  fluid; at finite strain that of the deformed body
-diffusivity [length^2/time] $D$: diffusivity of the pressure in the confined body,
-  permeability/(storage + alpha^2/M_c); instead of `permeability`; for a gel that of the solvent
+flow: fluid in the pores; the elastic law has the drained constants, and the instantaneous response
+  is undrained
+permeability [length^2/(pressure time)] $k$: permeability of the pores divided by the viscosity of
+  the fluid; at finite strain in the deformed body
+diffusivity [length^2/time] $D$: diffusivity of the pore pressure in the confined body,
+  permeability/(storage + alpha^2/M_c); instead of `permeability`; for a gel the diffusivity of the
+  solvent
 flow.alpha [1] $\alpha$: Biot's coefficient: fluid taken up per change of volume; 1: incompressible
   grains
 material.storage [1/pressure] $S$: specific storage of the flow
 flow.storage [1/pressure] $S$: specific storage: fluid taken up per pressure at constant volume; 0:
   incompressible grains and fluid
-holmes_mow: permeability of pores that close under compression, ((J - phi0)/(1 - phi0))^alpha exp(M
-  (J^2 - 1)/2) times that of the undeformed body
+holmes_mow: permeability that decreases under compression, by the factor ((J - phi0)/(1 -
+  phi0))^alpha exp(M (J^2 - 1)/2)
 phi0 [1] $\phi_0$: volume fraction of the solid in the undeformed body
 holmes_mow.alpha [1] $\alpha$: exponent of the porosity in the permeability
 M [1] $M$: exponential rate at which the permeability falls with the volume
 formulation: displacement alone, or mixed with a pressure for nu near 0.5
-relaxation: decay of the modulus with time; the law's own constants are the instantaneous ones
+relaxation: decay of the modulus with time; the constants of the law are the instantaneous ones
 prony [1, time] $[g_i, \tau_i]$: terms [fraction of the instantaneous modulus, time]; E(t) = E (1 -
   sum g_i (1 - exp(-t/tau_i)))
 power_law: E(t) = E (t/time)^-exponent
@@ -154,7 +154,7 @@ center [length] $(x_0, y_0)$: position of the tip's axis, [x, y], for a strip [x
   the cylinder, middle of the box or strip
 
 ## Contact
-method: contact algorithm; auto: the program chooses and reports why
+method: contact algorithm; auto: the program chooses and reports the reason
 epsilon_n [pressure/length] $\varepsilon_n$: normal contact stiffness; decreases with E* where shear
   relaxes
 gamma [pressure/length] $\gamma$: stabilisation parameter of Nitsche's method
@@ -190,25 +190,25 @@ drainage.sides: walls; auto: drained where they are free
 bath [time, pressure] $p_b$: pressure of the fluid around the body, or points [t, value]; 0 in the
   undeformed body; for a gel the solvent's chemical potential over kT, 0 for the pure solvent
 bath_ramp [time]: time in which a sudden change of the bath is imposed at a constant rate; auto:
-  1/75 of the time that the fluid takes through the contact, at small strain 0
-conductance [length/(pressure time)] $X$: fluid flux out of the body over the pore pressure above
-  the bath's
-pore_pressure [pressure] $p$: pressure of the fluid in the pores above the bath's
+  1/75 of the diffusion time of the contact, 0 at small strain
+conductance [length/(pressure time)] $X$: fluid flux out of the body divided by the pore pressure
+  relative to the bath
+pore_pressure [pressure] $p$: pressure of the fluid in the pores, relative to the bath
 outflow [length^3]: fluid that has left the whole body since the undeformed state; < 0: fluid taken
   up
-pore_pressure_max [pressure]: largest pore pressure above the bath's
-drained: for a sudden increment of a body that drains: at each vertex of a drained face the height
-  of its elements and p^2 times its area; used by the error estimate alone, written to no file
-moved [length^3]: fluid that has left its original place, out of the body or within it
-unbalanced [length^3]: fluid that is neither in the body nor has left it; zero in equilibrium
+pore_pressure_max [pressure]: largest pore pressure, relative to the bath
+drained: for an increment without duration of a body that drains: element height and p^2 times area
+  at each vertex of a drained face; used only by the error estimate, not written to a file
+moved [length^3]: volume of fluid that has moved, within the body or out of it
+unbalanced [length^3]: error of the fluid balance; zero in equilibrium
 
 ## Experiment
 adhesion: attraction of tip and body: in `contact` with a range, in `experiment` without one
 work [energy/length^2] $w$: work of adhesion: the energy that separates a unit of area
 range [length]: gap over which the attraction falls by the factor e; in `experiment` for the Tabor
   number alone
-cantilever: the spring that holds the tip
-frame: compliance of the instrument besides the body
+cantilever: cantilever spring that holds the tip
+frame: compliance of the frame of the instrument
 cantilever.stiffness [force/length] $k$: spring constant of the cantilever; in plane strain per
   length, a pressure
 compliance [length/force] $c$: compliance of the frame; in plane strain times length
@@ -230,11 +230,11 @@ h_axis [length]: element size at the tip's axis, from which sizes grow to h_cont
   the largest contact; without it a given h_contact holds everywhere under the tip
 h_edge [length]: element size at the sharp edge of a flat punch, and along all of a rounded edge
   with friction; default: a fraction of h_contact
-h_corner [length]: element size at the corners of the section that affect the contact: where a fixed
-  face meets a free one, and where the section ends close to a side; without it a given h_contact
-  has none of its own there
-h_film [length]: element size at drained faces next to the contact, in a section; without it a given
-  h_contact has none of its own there
+h_corner [length]: element size at corners of the section that affect the contact: where a fixed
+  face meets a free face, and where the section ends close to a side; without it and with a given
+  h_contact, corners are not refined
+h_film [length]: element size at drained faces next to the contact, in a section; without it and
+  with a given h_contact, these faces are not refined
 h_inclusions [length]: element size inside each inclusion, in their order; default: by the effect of
   each on the force
 h_layers [length]: element size inside each coating of a cap or ball, from the outermost; default: a
@@ -244,13 +244,14 @@ h_far [length] $h_\infty$: largest element size, far from the tip
 order [1]: polynomial order of the displacement; linear elements (1) were removed
 refinements [1]: number of uniform refinements of a mesh from a file; default: as many as `accuracy`
   needs, or none
-symmetry: which part is modelled; auto: the smallest that the scene allows
+symmetry: part of the body that is modelled; auto: the smallest that the symmetry of the scene
+  allows
 
 ## Solver
-solver.method: theory without a mesh, or a mesh, condensed to the contact surface or solved as a
-  whole by Newton's method; auto: the program chooses and reports why
-linear: solution of linear systems, by factorisation or iteratively; it affects the results below
-  1e-8 alone
+solver.method: theory (without a mesh), condensed (mesh condensed to the contact surface) or newton
+  (whole mesh by Newton's method); auto: the program chooses and reports the reason
+linear: solution of linear systems, by factorisation or iteratively; results differ by less than
+  1e-8
 rtol [1]: relative residual at which a step counts as converged; the sanity checks fail with larger
   ones. At most 1e-10 with linear: iterative
 max_iterations [1]: largest number of Newton iterations of one step
@@ -273,19 +274,19 @@ force [force] $F$: > 0 pushing, of the whole body; per length in plane strain
 a [length] $a$: contact radius; half-width in plane strain; sqrt(area/pi) in 3D
 p_max [pressure] $p_{\max}$: largest contact pressure; nominal with gap reference, else true; empty
   where it is infinite
-penetration [length]: how deep the tip is inside the body at the worst contact point
+penetration [length]: largest penetration of the tip into the body at a contact point
 energy [energy] $\Pi$: strain energy plus penalty energy of the whole body
 stiffness [force/length] $\mathrm{d}F/\mathrm{d}\delta$: of the load curve at this row
 area [area]: contact area, pi a^2; in plane strain its width, 2 a
-E_hertz [pressure]: modulus from this row alone by the half-space formula of the same tip; empty
-  where there is none
+E_hertz [pressure]: modulus computed from this row by the half-space formula of the same tip; empty
+  if there is none
 newton_iterations [1]: linear solves of the step, including its substeps
 krylov_iterations [1]: iterations of these linear solves and of those for the stiffness, if
   iterative
 wall_s [s]: wall time since the start of the run
 stick_radius [length]: sqrt(area/pi) of the part of the contact that does not slip on the tip, with
   friction; in plane strain half its width
-dissipation [energy]: energy dissipated by friction since the row before; with friction
+dissipation [energy]: energy dissipated by friction since the previous row; with friction
 side_force_x [force]: force on the tip along x; with friction, if no mirror plane is normal to x
 side_force_y [force]: force on the tip along y, as side_force_x
 force_error [force]: estimated error of the force: half-width of its interval
@@ -302,13 +303,13 @@ calibration_error [force]: uncertainty of the force from the calibration of the 
 reaction [force]: z-reaction of all constrained degrees of freedom; equals the force
 reactions [force]: force of each support on the body, by support and axis; of the whole body
 intrusion [length]: penetration of the tip into a surface on which no contact is modelled
-roughness [1]: part of p_max by which the contact pressure alternates from node to node
+roughness [1]: amplitude of the pressure's oscillation from node to node, divided by p_max
 overlap [length]: penetration of a whole surface facet into the tip; current gap
 stray_reaction [force]: reaction of the constraints that only prevent rigid motions; zero in
   equilibrium
-substeps [1]: number of increments into which the step was cut
+substeps [1]: number of increments into which the step was divided
 converged: whether the step has a solution
-reason: why a step has no solution
+reason: reason why a step has no solution
 
 ## Estimates for adhesion over a range
 cohesive_zone [length]: width of the cohesive zone
@@ -330,8 +331,8 @@ vary: keys and the values they take: lists or ranges, crossed or zipped
 cases: scenes of their own instead of base and vary: {name, scene, set, published, exact}
 zip: keys that vary together value by value: true, or a list of them
 compare_to: reference of force, a and p_max: theory, finest, a force, a result
-tolerance [1]: largest error of the force that counts as right: every row gets a verdict, refused
-  scenes a row
+tolerance [1]: largest error of the force that counts as correct; with it every row has a verdict,
+  also rejected scenes
 from [that of the key]: first number of a range
 to [that of the key]: last number of a range
 count [1]: number of values in a range, both ends included
@@ -361,8 +362,8 @@ cpu_s [s]: CPU seconds of the run without loading libraries
 stated_error [1]: relative error of the force that the run itself warns of or estimates
 warnings: warnings of the run
 verdict: right, flagged, refused, wrong or reference; only with a tolerance
-memory_MB [MB]: memory that the run needed in addition to what its process had before
-peak_memory_MB [MB]: largest memory of the process during the run, and of the one that meshes
+memory_MB [MB]: memory that the run needed in addition to the memory of its process before
+peak_memory_MB [MB]: largest memory of the process during the run plus that of the meshing process
 
 ## Scoreboard of a study, one row a published value
 case: name of the case
@@ -372,25 +373,25 @@ exact [that of the quantity]: the exact value
 exact_by: second method by which the value is known: a theory of the same body, another run, a
   closed form
 ours [that of the quantity]: value computed by the run
-our_error [that of the quantity]: half-width of its error bar
+our_error [that of the quantity]: error estimate of the run: half-width of the interval
 difference [1]: published over exact, minus one, in per cent
 claims: what the source says about its value: exact, fit, elements
 source: where the value is published
 within [1]: deviation that the source itself states; empty if it states none
 ours_difference [1]: ours over exact, minus one, in per cent
-wrong: which value is off by more than is claimed: nobody, published, ours, both, or unknown
+wrong: value that deviates by more than its stated error: nobody, published, ours, both, or unknown
 
 ## Table of a fit, one row a curve
-curve: name of the measured curve: that of its file, with a number if the file has several
+curve: name of the measured curve: name of the file, with a number if it has several curves
 fit.reason: reason why a curve has no parameters
 explained: whether the scene explains the curve: residuals, windows, baseline and other models do
   not contradict it
-cause: likely reason why it does not: thickness, adhesion, relaxation, tip (another model is
-  better), shape, window, baseline
-contact_point [length]: position of first contact on the file's own scale of depths or positions
-contact_point_low [length]: lower end of its 95 % interval
-contact_point_high [length]: upper end of its 95 % interval
-force_max [force]: largest force of the fit above its baseline
+cause: likely reason if the scene does not explain the curve: thickness, adhesion, relaxation, tip
+  (another model is better), shape, window, baseline
+contact_point [length]: position of first contact, in the depths or positions of the file
+contact_point_low [length]: lower end of the 95 % interval of the contact point
+contact_point_high [length]: upper end of the 95 % interval of the contact point
+force_max [force]: largest force of the fit, relative to the baseline
 fit.depth [length]: depth of the deepest sample from first contact
 rms_percent [1]: root of the mean square residual, in per cent of force_max
 fit.n [1]: number of fitted samples; means of neighbours if the file has more than 1500
@@ -441,7 +442,7 @@ def _parse_entry(text: str) -> Symbol:
 
 
 def _parse_groups() -> dict[str, tuple[Symbol, ...]]:
-    """Return the symbols by the headings of their groups."""
+    """Return the symbols of each group, keyed by the heading of the group."""
     groups = (group.strip().split("\n", 1) for group in GLOSSARY.split("## ")[1:])
     return {
         title: tuple(map(_parse_entry, re.split(r"\n(?! )", entries))) for title, entries in groups
@@ -455,5 +456,5 @@ PULL_OFF = (SYMBOLS["maugis_pull_off"], SYMBOLS["jkr_pull_off"])
 
 
 def lookup(name: str, section: str = "") -> Symbol | None:
-    """Return the symbol of a name, the section's own first; None if there is none."""
+    """Return the symbol of a name, preferring an entry for the section; None if there is none."""
     return SYMBOLS.get(f"{section}.{name}") or SYMBOLS.get(name)

@@ -1,11 +1,10 @@
-"""Rigid tips as formulas of their surface; a tip is never meshed.
+"""Rigid tips, defined by a formula for the surface; a tip is never meshed.
 
-A tip stands on its axis with the apex at the origin, z up.
-
-`height(x, y)` is the tip's surface z = f above the apex at the horizontal position (x, y) from the
-axis. `gap_reference` (small strain) is the gap at the undeformed point, with the pressure along z;
-`gap_current` is the gap at the deformed point, with the pressure along the tip's normal. Both
-return g [length], >= 0 open; formulas accept floats, numpy arrays or UFL expressions.
+The apex of a tip is at the origin of its coordinates, z up. `height(x, y)` is the height f of the
+tip's surface above the apex at the horizontal position (x, y) relative to the axis. `gap_reference`
+(small strain) is the gap at the undeformed point, with the pressure along z; `gap_current` is the
+gap at the deformed point, with the pressure along the tip's normal. Both return g [length], >= 0
+open; formulas accept floats, numpy arrays or UFL expressions.
 """
 
 from __future__ import annotations
@@ -44,30 +43,30 @@ Points = Annotated[tuple[Point, ...], Len(2, 1000), LENGTH]
 
 
 class _Tip:
-    """Base class of all tips: a smooth surface of revolution unless a tip says otherwise."""
+    """Base class of all tips; the defaults describe a smooth surface of revolution."""
 
     is_axisymmetric: ClassVar[bool] = True
 
     def height(self, x: Expr, y: Expr) -> Expr:
-        """Return f(x, y) [length]."""
+        """Return the height f(x, y) of the surface above the apex [length]."""
         raise NotImplementedError
 
     def slope(self, r: Expr) -> Expr:
-        """Return f'(r), by a central difference of the height."""
-        # Step of the numerical derivative of a tip's height, relative to the radius.
+        """Return the slope f'(r), by a central difference of the height."""
+        # Step of the difference, relative to the radius.
         relative_step = 1e-6
         step = relative_step * r
         return (self.height(r + step, 0.0 * r) - self.height(r - step, 0.0 * r)) / (2 * step)
 
     def slope_discontinuities(self) -> list[tuple[float, float]]:
-        """Return radius and rounding width [length] of each circle where the slope jumps."""
+        """Return radius and rounding width [length] of each slope discontinuity."""
         return []
 
     def radius_scale(self, r: float) -> float | None:
-        """Return the radius [length] that measures the size of the tip up to the radius r [length].
+        """Return the radius of curvature that characterizes the tip up to the radius r [length].
 
-        It is that of the sphere through the apex and the surface at r. None if the tip is not round
-        there.
+        It is the radius of the sphere through the apex and the surface at r; None if the tip is not
+        round there.
         """
         inner_radius, radius = (_sphere_radius(x, float(self.height(x, 0.0))) for x in (r / 2, r))
         # A tip is round up to a radius r if the spheres through its apex and its surface at r and
@@ -77,11 +76,11 @@ class _Tip:
         return radius if abs(inner_radius - radius) <= max_difference * radius else None
 
     def characteristic_strain(self, delta: float, a: float) -> tuple[float, str]:
-        """Return the strain beside a contact, and the formula that gave it.
+        """Return the characteristic strain of a contact, and the formula as text.
 
-        It is 0.2 times the slope of the tip at the edge of the contact (Tabor 1951 for a ball,
-        Johnson 1985, 6.3 for a cone, whatever its depth). Round tips are balls; a contact that
-        reaches the end of the tip is that of a punch.
+        It is 0.2 times the slope of the tip at the contact edge (Tabor 1951 for a ball, Johnson
+        1985, 6.3 for a cone, independent of the depth). A round tip is treated as a ball; a contact
+        that reaches the end of the tip is treated as that of a flat punch.
 
         Parameters
         ----------
@@ -98,7 +97,7 @@ class _Tip:
         return self._strain_of_slope(a)
 
     def _strain_of_slope(self, a: float) -> tuple[float, str]:
-        """Return 0.2 times the slope at the edge of the contact, and a text for it."""
+        """Return the strain, 0.2 times the slope at the contact edge, and its formula as text."""
         return 0.2 * self.slope(a), "0.2 times the slope at the contact's edge"
 
     def scaled(self, factor: float) -> Self:
@@ -121,35 +120,35 @@ class _PointedTip(_Tip):
     tip_radius: Expr
 
     def slope_discontinuities(self) -> list[tuple[float, float]]:
-        """Return radius and width [length] of the rounding of the apex."""
+        """Return the apex as a slope discontinuity: radius 0 and width of the rounding [length]."""
         return [(0.0, self.tip_radius * float(cos(self.half_angle)))]
 
     def radius_scale(self, r: float) -> None:
-        """Return None: the size of the tip is that of its rounding, which is not a radius R."""
+        """Return None, because a cone or pyramid has no radius R."""
         return None
 
 
 @dataclass(frozen=True)
 class Paraboloid(_Tip):
-    """Paraboloid f = r^2 / (2 R), the tip of Hertz' theory (notes 3.1)."""
+    """Paraboloid f = r^2 / (2 R), the tip shape of Hertz' theory (notes 3.1)."""
 
     R: Length
     shape: Literal["paraboloid"] = "paraboloid"
 
     def height(self, x: Expr, y: Expr) -> Expr:
-        """Return f(x, y) [length]."""
+        """Return the height f(x, y) of the surface above the apex [length]."""
         return (x * x + y * y) / (2 * self.R)
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
-        """Return (f - depth) / |grad(f - z)| at the deformed point, which vanishes on the tip."""
+        """Return the gap (f - depth) / |grad(f - z)| at the deformed point, 0 on the tip."""
         return (self.height(x, y) - depth) / sqrt(1 + (x * x + y * y) / (self.R * self.R))
 
     def radius_at(self, depth: float) -> float:
-        """Return the radius of the tip's section `depth` above its apex [length]."""
+        """Return the radius of the section at the height `depth` above the apex [length]."""
         return float(sqrt(2 * self.R * depth))
 
     def radius_scale(self, r: float) -> float:
-        """Return R."""
+        """Return the radius R [length]."""
         return self.R
 
 
@@ -157,15 +156,15 @@ class Paraboloid(_Tip):
 class Sphere(_Tip):
     """Sphere f = r^2 / (R + sqrt(R^2 - r^2)) for r < R; no contact beyond.
 
-    With `gap: current` the gap is the distance from the whole sphere, including its upper side,
-    except for a stem within 30 degrees of the axis, which holds it.
+    With `gap: current` the gap is the distance from the whole sphere, including its upper half,
+    except within 30 degrees of the axis, where the tip is held by a stem.
     """
 
     R: Length
     shape: Literal["sphere"] = "sphere"
 
     def height(self, x: Expr, y: Expr) -> Expr:
-        """Return f(x, y) [length], in a form that loses no digits for r << R."""
+        """Return the height f(x, y) [length] without loss of digits for r << R."""
         square = x * x + y * y
         R2 = self.R * self.R
         # Both branches of a conditional are differentiated, so the root's argument stays positive.
@@ -174,12 +173,12 @@ class Sphere(_Tip):
         return where_less(square, R2, cap, ENDED_TIP_HEIGHT * self.R)
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
-        """Return the distance from the sphere with its stem.
+        """Return the gap, the distance from the sphere and its stem [length].
 
         |v| - R - 2 <cos(phi) - cos(STEM)>^2 |v| / (1 - cos(STEM))^2 with v = X + u - c from the
         center c, phi the angle between v and the upward axis, and STEM the half angle of the stem.
-        On the axis above the center the gap is -|v| - R, so that a body that the tip has passed
-        does not separate from it above.
+        On the axis above the center the gap is -|v| - R, so that a body through which the tip has
+        passed does not count as separated.
         """
         R2 = self.R * self.R
         c = cos(STEM_HALF_ANGLE)
@@ -191,12 +190,12 @@ class Sphere(_Tip):
         return difference / (distance + self.R) - 2 * stem * stem / distance
 
     def radius_at(self, depth: float) -> float:
-        """Return the radius of the tip's section `depth` above its apex [length]."""
+        """Return the radius of the section at the height `depth` above the apex [length]."""
         depth = min(depth, self.R)
         return float(sqrt(depth * (2 * self.R - depth)))
 
     def radius_scale(self, r: float) -> float:
-        """Return R."""
+        """Return the radius R [length]."""
         return self.R
 
 
@@ -212,7 +211,7 @@ class Cone(_PointedTip):
     shape: Literal["cone"] = "cone"
 
     def height(self, x: Expr, y: Expr) -> Expr:
-        """Return f(x, y) [length]."""
+        """Return the height f(x, y) of the surface above the apex [length]."""
         r = sqrt(x * x + y * y)
         rho = self.tip_radius
         slope = 1 / tan(self.half_angle)
@@ -222,7 +221,7 @@ class Cone(_PointedTip):
         return cap + slope * (r - s)
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
-        """Return (f - depth) sin(half_angle) on the flank, the sphere's distance on the cap."""
+        """Return the gap: (f - depth) sin(half_angle) on the flank, else the sphere distance."""
         rho = self.tip_radius
         slope = 1 / tan(self.half_angle)
         square = x * x + y * y
@@ -236,14 +235,14 @@ class Cone(_PointedTip):
         return where_less(r, slope * maximum(rho - depth, 0.0 * depth), cap, flank)
 
     def radius_at(self, depth: float) -> float:
-        """Return the radius of the tip's section `depth` above its apex [length]."""
+        """Return the radius of the section at the height `depth` above the apex [length]."""
         rho = self.tip_radius
         if depth < rho * (1 - sin(self.half_angle)):
             return float(sqrt(depth * (2 * rho - depth)))
         return float((depth + rho * (1 / sin(self.half_angle) - 1)) * tan(self.half_angle))
 
     def characteristic_strain(self, delta: float, a: float) -> tuple[float, str]:
-        """Return the strain beside a contact, on the flank or on the rounded apex."""
+        """Return the characteristic strain on the flank or the rounded apex, and its formula."""
         if a > self.tip_radius * cos(self.half_angle):
             return 0.2 / tan(self.half_angle), "0.2 cot(half_angle)"
         return 0.2 * a / self.tip_radius, "0.2 a/tip_radius"
@@ -262,17 +261,17 @@ class Hyperboloid(_Tip):
     shape: Literal["hyperboloid"] = "hyperboloid"
 
     def height(self, x: Expr, y: Expr) -> Expr:
-        """Return f(x, y) [length]."""
+        """Return the height f(x, y) of the surface above the apex [length]."""
         square = x * x + y * y
         return square / (self.R * (1 + self._root(square)))
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
-        """Return (f - depth) / |grad(f - z)| at the deformed point, which vanishes on the tip."""
+        """Return the gap (f - depth) / |grad(f - z)| at the deformed point, 0 on the tip."""
         square = x * x + y * y
         return (self.height(x, y) - depth) / sqrt(1 + square / (self.R * self._root(square)) ** 2)
 
     def slope(self, r: Expr) -> Expr:
-        """Return f'(r)."""
+        """Return the slope f'(r) of the surface at the radius r."""
         return r / (self.R * self._root(r * r))
 
     def _root(self, square: Expr) -> Expr:
@@ -281,23 +280,23 @@ class Hyperboloid(_Tip):
         return sqrt(1 + square * t * t)
 
     def slope_discontinuities(self) -> list[tuple[float, float]]:
-        """Return the apex, rounded over the radius R cot(half_angle).
+        """Return the apex as a slope discontinuity with the rounding width R cot(half_angle).
 
-        At this radius the paraboloid changes into the cone.
+        At this radius the shape changes from a paraboloid to a cone.
         """
         return [(0.0, self.R / float(tan(self.half_angle)))]
 
     def radius_at(self, depth: float) -> float:
-        """Return the radius of the tip's section `depth` above its apex [length]."""
+        """Return the radius of the section at the height `depth` above the apex [length]."""
         slope = 1 / tan(self.half_angle)
         return float(sqrt(depth * (2 * self.R + depth / slope**2)))
 
     def radius_scale(self, r: float) -> float:
-        """Return R, the only length of the tip."""
+        """Return R [length], the only length of the tip."""
         return self.R
 
     def characteristic_strain(self, delta: float, a: float) -> tuple[float, str]:
-        """Return 0.2 times the slope at the edge of the contact, and a text for it."""
+        """Return the strain, 0.2 times the slope at the contact edge, and its formula as text."""
         return self._strain_of_slope(a)
 
 
@@ -314,7 +313,7 @@ class FlatPunch(_Tip):
     shape: Literal["flat_punch"] = "flat_punch"
 
     def height(self, x: Expr, y: Expr) -> Expr:
-        """Return f(x, y) [length]."""
+        """Return the height f(x, y) of the surface above the apex [length]."""
         r = sqrt(x * x + y * y)
         e = self.edge_radius
         edge_distance = minimum(maximum(r - (self.radius - e), 0.0 * r), e)
@@ -328,8 +327,8 @@ class FlatPunch(_Tip):
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
         """Return the distance from the face, the torus at the edge, or the side wall.
 
-        Under the face it is -depth. Deep inside the edge it continues linearly with the depth, so
-        that it decreases with the depth everywhere, without a jump.
+        The gap under the face is -depth. Deep inside the edge it is continued linearly, so that it
+        is a continuous and decreasing function of the depth everywhere.
         """
         e = self.edge_radius
         r = sqrt(x * x + y * y + 1e-24 * e * e)
@@ -342,30 +341,30 @@ class FlatPunch(_Tip):
         return distance - e - (vertical_distance - downward) * vertical_distance / distance
 
     def radius_at(self, depth: float) -> float:
-        """Return the punch's radius, the same at any depth [length]."""
+        """Return the radius of the punch [length], which is the same at any depth."""
         return self.radius
 
     def radius_scale(self, r: float) -> None:
-        """Return None: the size of the tip is that of its face, which is not a radius R."""
+        """Return None, because a flat punch has no radius R."""
         return None
 
     def characteristic_strain(self, delta: float, a: float) -> tuple[float, str]:
-        """Return the strain beside a contact, and the formula that gave it."""
+        """Return the characteristic strain of a contact, and the formula as text."""
         return _punch_strain(delta, a)
 
     def slope_discontinuities(self) -> list[tuple[float, float]]:
-        """Return radius and rounding width [length] of each circle where the slope jumps."""
+        """Return radius and rounding width [length] of each slope discontinuity."""
         return [(self.radius - self.edge_radius, self.edge_radius)]
 
 
 @dataclass(frozen=True)
 class Plate(_Tip):
-    """Rigid plane, f = 0 everywhere. It compresses a body with a flat top as a whole."""
+    """Rigid plane, f = 0 everywhere, which compresses a body with a flat top uniformly."""
 
     shape: Literal["plate"] = "plate"
 
     def height(self, x: Expr, y: Expr) -> Expr:
-        """Return f(x, y) = 0 [length]."""
+        """Return the height f(x, y) = 0 of the surface [length]."""
         return 0.0 * x
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
@@ -373,7 +372,7 @@ class Plate(_Tip):
         return 0.0 * x - depth
 
     def radius_at(self, depth: float) -> float:
-        """Return infinity: a plane has no end [length]."""
+        """Return infinity [length], because a plane has no end."""
         return inf
 
     def radius_scale(self, r: float) -> None:
@@ -381,17 +380,16 @@ class Plate(_Tip):
         return None
 
     def characteristic_strain(self, delta: float, a: float) -> tuple[float, str]:
-        """Return the strain beside a contact, and the formula that gave it."""
+        """Return the characteristic strain of a contact, and the formula as text."""
         return _punch_strain(delta, a)
 
 
 class RegularPyramid(_PointedTip):
     """Regular pyramid f = cot(half_angle) max over the faces of x . n, n the horizontal normals.
 
-    half_angle is between axis and face. The normal of one face points along x, turned by `rotation`
-    degrees about z. With tip_radius > 0 the pyramid is the region that balls of this radius inside
-    the sharp pyramid cover: the apex is a spherical cap and the edges are cylinders, with a
-    continuous slope.
+    half_angle is the angle between axis and face. The normal of one face points along x, rotated by
+    `rotation` degrees about z. With tip_radius > 0 the apex is rounded by a sphere and the edges by
+    cylinders of this radius, with a continuous slope.
     """
 
     faces: Expr
@@ -399,7 +397,7 @@ class RegularPyramid(_PointedTip):
     is_axisymmetric: ClassVar[bool] = False
 
     def height(self, x: Expr, y: Expr) -> Expr:
-        """Return f(x, y) [length]."""
+        """Return the height f(x, y) of the surface above the apex [length]."""
         rho = self.tip_radius
         slope = 1 / tan(self.half_angle)
         square = x * x + y * y
@@ -418,10 +416,9 @@ class RegularPyramid(_PointedTip):
         )
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
-        """Return the distance from the centers of the rounding balls, less their radius.
+        """Return the gap: the distance from a sharp pyramid inside the tip minus tip_radius.
 
-        The centers lie on the faces, edges and apex of a sharp pyramid that is shifted up by
-        tip_radius.
+        The inner pyramid is the surface of the centers of the spheres that round the tip.
         """
         rho = self.tip_radius
         slope = 1 / tan(self.half_angle)
@@ -441,7 +438,7 @@ class RegularPyramid(_PointedTip):
         )
 
     def _sector_coordinates(self, x: Expr, y: Expr) -> tuple[Expr, Expr, Expr, Expr]:
-        """Return coordinates in the sector of the nearest face [length].
+        """Return coordinates (s, t, p, q) in the sector of the nearest face [length].
 
         (s, t) are along and across the horizontal normal of the nearest face, (p, q) along and
         across the nearest edge.
@@ -458,7 +455,7 @@ class RegularPyramid(_PointedTip):
     def radius_at(self, depth: float) -> float:
         """Return the equivalent radius of the section `depth` above the apex [length].
 
-        It is the radius of the circle of equal area; the edges are taken as sharp.
+        It is the radius of a circle of equal area; the rounding of edges is neglected.
         """
         inscribed_cone = Cone(self.half_angle, self.tip_radius)
         is_on_cap = depth < self.tip_radius * (1 - sin(self.half_angle))
@@ -467,17 +464,17 @@ class RegularPyramid(_PointedTip):
         )
 
     def characteristic_strain(self, delta: float, a: float) -> tuple[float, str]:
-        """Return the strain beside a contact with the cone of equal sections."""
+        """Return the characteristic strain for the cone of equal sections, and its formula."""
         strain = 0.2 / (self.equivalent_radius_ratio * tan(self.half_angle))
         return strain, "0.2 cot(half_angle of the cone of equal sections)"
 
     @property
     def equivalent_radius_ratio(self) -> float:
-        """Radius of the circle of equal area as a section, over the section's inscribed radius."""
+        """Ratio of the radius of the circle of equal area to the inscribed radius of a section."""
         return float(sqrt(self.faces * tan(180 / self.faces) / pi))
 
     def has_mirror_plane(self, degrees: float) -> bool:
-        """Return whether the vertical plane at this angle from x is a mirror plane."""
+        """Return whether the vertical plane at an angle [degrees] from x is a mirror plane."""
         period = 180 / self.faces
         remainder = (degrees - self.rotation) % period
         return bool(min(remainder, period - remainder) < 1e-9)
@@ -487,7 +484,7 @@ class RegularPyramid(_PointedTip):
 class Pyramid(RegularPyramid):
     """Regular pyramid f = cot(half_angle) max over the faces of x . n.
 
-    half_angle is between axis and face.
+    half_angle is the angle between axis and face.
     """
 
     half_angle: HalfAngle
@@ -501,7 +498,7 @@ class Pyramid(RegularPyramid):
 class Berkovich(RegularPyramid):
     """Berkovich tip: three faces at 65.27 degrees from the axis (ISO 14577-2).
 
-    It has the same area at a depth as a Vickers tip.
+    The section area at a given depth is the same as for a Vickers tip.
     """
 
     rotation: Angle = 0.0
@@ -543,8 +540,7 @@ class CubeCorner(RegularPyramid):
 class Profile(_Tip):
     """Convex tip of revolution, f linear between the points (r, z), ending at the last point.
 
-    With tip_radius > 0 apex and corners are parabolic arcs of that radius of curvature, tangent to
-    both sides.
+    With tip_radius > 0, apex and corners are rounded by parabolic arcs of this radius of curvature.
     """
 
     points: Points
@@ -552,7 +548,7 @@ class Profile(_Tip):
     shape: Literal["profile"] = "profile"
 
     def check_points(self) -> None:
-        """Raise ValueError unless the points describe a convex tip with room for its arcs."""
+        """Raise ValueError unless the points define a convex tip with room for the arcs."""
         (r_0, z_0), *_ = self.points
         if r_0 != 0 or z_0 != 0:
             raise ValueError("the first point must be the apex [0, 0]")
@@ -571,7 +567,7 @@ class Profile(_Tip):
         return [slopes[0], *(next_slope - slope for slope, next_slope in pairwise(slopes))]
 
     def rounding_arcs(self) -> list[tuple[Expr, Expr, Expr]]:
-        """Return middle [length], half width [length] and change of slope of every arc."""
+        """Return center radius [length], half-width [length] and change of slope of every arc."""
         rho = self.tip_radius
         slope_jumps = self._slope_jumps()
         arc_centers = [rho * slope_jumps[0] / 2, *(r for r, _ in self.points[1:-1])]
@@ -581,7 +577,7 @@ class Profile(_Tip):
         ]
 
     def slope(self, r: Expr) -> Expr:
-        """Return f'(r)."""
+        """Return the slope f'(r) of the surface at the radius r."""
         arcs = ((r - c, w, jump) for c, w, jump in self.rounding_arcs())
         rho = self.tip_radius + TINY_LENGTH
         return sum(
@@ -589,7 +585,7 @@ class Profile(_Tip):
         )
 
     def _height_at_radius(self, r: Expr) -> Expr:
-        """Return f(r) without the end of the tip [length]."""
+        """Return f(r) [length], ignoring the end of the tip."""
         height: Expr = 0.0
         for c, w, jump in self.rounding_arcs():
             distance_past = maximum(r - c + w, 0.0 * r)
@@ -602,7 +598,7 @@ class Profile(_Tip):
         return height
 
     def height(self, x: Expr, y: Expr) -> Expr:
-        """Return f(x, y) [length]."""
+        """Return the height f(x, y) of the surface above the apex [length]."""
         r = sqrt(x * x + y * y)
         max_radius = self.points[-1][0]
         return where_less(
@@ -610,7 +606,7 @@ class Profile(_Tip):
         )
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
-        """Return (f - depth) / |grad(f - z)| at the deformed point."""
+        """Return the gap (f - depth) / |grad(f - z)| at the deformed point [length]."""
         r = sqrt(x * x + y * y + 1e-24 * self.tip_radius * self.tip_radius)
         max_radius = self.points[-1][0]
         slope = self.slope(r)
@@ -618,42 +614,42 @@ class Profile(_Tip):
         return where_less(max_radius * (1 + 1e-12), r, ENDED_TIP_HEIGHT * max_radius, distance)
 
     def radius_at(self, depth: float) -> float:
-        """Return the radius of the tip's section `depth` above its apex, without arcs [length]."""
+        """Return the radius of the section at a height above the apex, ignoring arcs [length]."""
         for (r_0, z_0), (r_1, z_1) in pairwise(self.points):
             if depth < z_1:
                 return r_0 + (r_1 - r_0) * (depth - z_0) / (z_1 - z_0)
         return self.points[-1][0]
 
     def slope_discontinuities(self) -> list[tuple[float, float]]:
-        """Return radius and rounding width [length] of each circle where the slope jumps."""
+        """Return radius and rounding width [length] of each slope discontinuity."""
         corners = [(c - w, 2 * w) for c, w, jump in self.rounding_arcs() if jump > 1e-9]
         # The tip ends in a sharp edge.
         return [*corners, (self.points[-1][0], 0.0)]
 
 
 def _punch_strain(delta: float, a: float) -> tuple[float, str]:
-    """Return the strain beside the contact of a flat punch, which has no slope, and its formula.
+    """Return the characteristic strain of the contact of a flat punch, and its formula as text.
 
-    It is the same share of the mean pressure 2 E* delta/(pi a) as 0.2 a/R is of a ball's
-    4 E* a/(3 pi R), within 1 %.
+    Since a punch has no slope, the ratio of strain and mean pressure of a ball (0.2 a/R and 4 E*
+    a/(3 pi R)) is applied to the mean pressure 2 E* delta/(pi a), within 1 %.
     """
     return 0.3 * delta / a, "0.3 delta/a"
 
 
 def _sphere_radius(r: float, height: float) -> float:
-    """Return the radius [length] of the sphere through the apex and a point of the surface."""
+    """Return the radius [length] of the sphere through the apex and a surface point (r, height)."""
     return (r * r + height * height) / (2 * height) if height > 0 else inf
 
 
 def _multiply(value: Any, factor: float) -> Any:
-    """Return a number, or all numbers of nested tuples, times a factor."""
+    """Return a number, or all numbers in nested tuples, multiplied by a factor."""
     if isinstance(value, tuple):
         return tuple(_multiply(part, factor) for part in value)
     return factor * value
 
 
 def _largest(values: Sequence[Expr]) -> Expr:
-    """Return the maximum of several expressions by pairs, so that their nesting is shallow."""
+    """Return the maximum of several expressions, taken pairwise to limit the nesting."""
     while len(values) > 1:
         pairs = [values[k : k + 2] for k in range(0, len(values), 2)]
         values = [reduce(maximum, pair) for pair in pairs]
@@ -710,21 +706,21 @@ def sharp_edge_radius(tip: Indenter) -> float | None:
 def gap_under_tip(tip: Indenter, gap: Expr) -> Expr:
     """Return gaps [length] for output, with NaN at points outside the radius at which the tip ends.
 
-    `height` is there ENDED_TIP_HEIGHT in place of infinity.
+    At these points `height` returns ENDED_TIP_HEIGHT instead of infinity.
     """
     return where_less(gap, ENDED_TIP_HEIGHT / 1e3 * max_radius(tip), gap, nan)
 
 
 def pass_through_depth(tip: Indenter) -> float:
-    """Return the penetration [length] from which a point may leave the tip on its other side.
+    """Return the penetration [length] above which a point may leave the tip on the far side.
 
-    It is half the radius of a sphere; infinity for other tips.
+    It is half the radius for a sphere, and infinity for other tips.
     """
     return tip.R / 2 if isinstance(tip, Sphere) else inf
 
 
 def gap_reference(tip: Indenter, x: Expr, y: Expr, z: Expr, delta: Expr) -> Expr:
-    """Return g = f(X, Y) - delta - z over the undeformed point (X, Y) [length], >= 0 open.
+    """Return the reference gap f(X, Y) - delta - z at the undeformed point (X, Y) [length].
 
     z = Z + u_z is the height of the deformed point.
     """
@@ -732,7 +728,7 @@ def gap_reference(tip: Indenter, x: Expr, y: Expr, z: Expr, delta: Expr) -> Expr
 
 
 def gap_current(tip: Indenter, x: Expr, y: Expr, z: Expr, delta: Expr) -> Expr:
-    """Return the distance of the deformed point (x, y, z) from the tip [length], >= 0 open.
+    """Return the current gap, the distance of the deformed point (x, y, z) from the tip [length].
 
     The apex of the tip is at z = -delta.
     """

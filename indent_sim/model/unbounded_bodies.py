@@ -21,25 +21,25 @@ class _UnboundedBody(CenteredBody):
     """Base class of bodies without sides, whose top surface is unbounded."""
 
     def lateral_extent(self, center: tuple[float, ...]) -> float:
-        """Return infinity: the top surface has no edge."""
+        """Return infinity, because the top surface has no edge."""
         return inf
 
     def max_lateral_extent(self, center: tuple[float, ...]) -> float:
-        """Return infinity: the top surface has no farthest point."""
+        """Return infinity, because the top surface has no farthest point."""
         return inf
 
     def wall_clearance(self, inclusion: Inclusion) -> float:
-        """Return infinity: there is no wall."""
+        """Return infinity, because there is no wall."""
         return inf
 
     def top_points(self) -> Points:
-        """Return no points: an unbounded surface has no mean."""
+        """Return (), because no average over an unbounded surface exists."""
         return np.empty(0), np.empty(0)
 
 
 @dataclass(frozen=True)
 class HalfSpace(_UnboundedBody):
-    """Half-space z <= 0: solved by theory, or on a finite body that is large enough."""
+    """Half-space z <= 0, solved by theory or on a sufficiently large finite body."""
 
     shape: Literal["half_space"] = "half_space"
     layers: Layers | None = None
@@ -53,7 +53,7 @@ class HalfSpace(_UnboundedBody):
 class InfiniteLayer(_UnboundedBody):
     """Infinitely wide layer -height <= z <= 0 [length].
 
-    It is solved by theory, or on a finite body that is large enough.
+    It is solved by theory or on a sufficiently large finite body.
     """
 
     height: Length

@@ -1,7 +1,7 @@
 """Annotations of dataclass fields: dimension, range, and the key that selects one of several types.
 
-One function nondimensionalizes a whole scene by them, another converts quantities to its units;
-validation, the JSON schema and the generated docs read them, too.
+They are used to nondimensionalize scenes, to convert results to user units, to validate configs,
+and to generate the JSON schema and parts of the documentation.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _DIVISOR = re.compile(r"/\s*\(\s*([^()]*?)\s*\)")
 def parse_unit_factors(text: str) -> list[tuple[str, int]]:
     """Return names and powers of a product of units such as mN/m or length^2/(pressure time).
 
-    ValueError if the text is not a product of units.
+    Raises ValueError if the text is not a product of units.
     """
     expanded = _DIVISOR.sub(lambda match: "/" + re.sub(r"\s*[*·]\s*|\s+", "/", match[1]), text)
     unit_factors = []
@@ -47,14 +47,14 @@ def parse_unit_factors(text: str) -> list[tuple[str, int]]:
 class Unit:
     """Dimension of a number: a product of length, pressure, force, energy, time and degrees.
 
-    A force is that of the whole body, in plane strain per unit length.
+    Forces are those of the whole body, per unit length in plane strain.
     """
 
     text: str
 
     @cached_property
     def powers(self) -> dict[str, int]:
-        """Powers of length, pressure, force, time and degrees; an energy is pressure length^3."""
+        """Powers of length, pressure, force, time and degrees; energy is pressure length^3."""
         powers: Counter[str] = Counter()
         energy_powers = {"length": 3, "pressure": 1}
         for unit_name, power in parse_unit_factors(self.text.removeprefix("1")):
@@ -65,16 +65,16 @@ class Unit:
 
 @dataclass(frozen=True)
 class UnitRow:
-    """Dimensions of the numbers of a row, None for a pure number.
+    """Dimensions of the entries of each row of a list, None for a dimensionless number.
 
-    A single number in place of rows has the last dimension.
+    If a single number is given instead of rows, it has the last dimension.
     """
 
     units: tuple[Unit | None, ...]
 
     @property
     def text(self) -> str:
-        """Dimensions separated by commas."""
+        """The dimensions as text, separated by commas."""
         return ", ".join(unit.text if unit else "1" for unit in self.units)
 
 
@@ -104,7 +104,7 @@ D = TypeVar("D")
 class TaggedBy:
     """Annotation of a union of dataclasses, one of which is selected by a key.
 
-    Unlike pydantic's discriminator it accepts a union of one, and None.
+    Unlike pydantic's discriminator, it accepts a union with one member, and None.
     """
 
     key: str
@@ -121,7 +121,7 @@ class TaggedBy:
 
 
 def unit_of(hint: Any) -> Unit | UnitRow | None:
-    """Return the `Unit` or `UnitRow` inside a type hint; None for a pure number or a word."""
+    """Return the `Unit` or `UnitRow` inside a type hint; None for dimensionless values."""
     if get_origin(hint) is Annotated:
         unit_marks = [mark for mark in hint.__metadata__ if isinstance(mark, Unit | UnitRow)]
         return unit_marks[0] if unit_marks else unit_of(hint.__origin__)
@@ -159,22 +159,22 @@ class Scales:
 
     @property
     def force(self) -> float:
-        """Scale of force."""
+        """Scale by which forces are divided."""
         return self.pressure * self.length ** (self.dim - 1)
 
     @property
     def stiffness(self) -> float:
-        """Scale of pressure per length."""
+        """Scale by which stiffnesses (pressure per length) are divided."""
         return self.pressure / self.length
 
     @property
     def energy(self) -> float:
-        """Scale of energy."""
+        """Scale by which energies are divided."""
         return self.contacts_per_body * self.pressure * self.length**self.dim
 
     @property
     def report(self) -> dict[str, float]:
-        """Entry of run.json; `pieces` is the number of contacts per body."""
+        """Return the entry of run.json; `pieces` is the number of contacts per body."""
         return {
             "length": self.length,
             "pressure": self.pressure,
@@ -205,7 +205,7 @@ class Scales:
         return inverse.nondimensionalize(item)
 
     def _scale_value(self, value: Any, unit: Unit | UnitRow | None) -> Any:
-        """Return a value of a field, or a dataclass or tuple of them, divided by its scale."""
+        """Return the value of a field, or nested dataclasses and tuples, divided by the scale."""
         if dataclasses.is_dataclass(value):
             return self.nondimensionalize(value)
         if isinstance(value, (tuple, list)):
@@ -220,5 +220,5 @@ class Scales:
 
 
 def round_length(value: float) -> float:
-    """Return a length rounded to 12 digits: the mesh then does not depend on the units."""
+    """Return a length rounded to 12 digits, so that the mesh does not depend on the units."""
     return float(f"{value:.12g}")

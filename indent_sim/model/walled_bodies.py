@@ -58,8 +58,7 @@ class _WalledBody(ABC):
     def lateral_extent(self, center: tuple[float, ...]) -> float:
         """Return the distance [length] from `center` to the nearest edge of the top surface.
 
-        A roller wall through the tip's axis is a mirror plane, behind which the body continues; it
-        is no edge.
+        A roller wall through the tip's axis is a mirror plane and not counted as an edge.
         """
         distances: dict[str, float] = {}
         for axis, position, width in zip("xy", center, self.widths, strict=False):
@@ -69,14 +68,14 @@ class _WalledBody(ABC):
         )
 
     def _is_mirror(self, distance: float, wall: str) -> bool:
-        """Return whether a wall is a roller through the tip's axis."""
+        """Return whether a wall is a roller in a plane through the tip's axis."""
         return (
             abs(distance) <= POSITION_TOLERANCE * max(self.widths)
             and getattr(self.sides, wall) == "roller"
         )
 
     def mirrored_widths(self, center: tuple[float, ...]) -> tuple[float, ...]:
-        """Return the widths [length] of the body with its images in mirror planes at `center`."""
+        """Return the widths [length] of the body with its mirror images at planes at `center`."""
         widths: list[float] = []
         for axis, position, width in zip("xy", center, self.widths, strict=False):
             distances = {f"{axis}_min": position, f"{axis}_max": width - position}
@@ -128,11 +127,11 @@ class Strip(_WalledBody):
 
     @property
     def widths(self) -> tuple[float, ...]:
-        """The width alone [length]."""
+        """The width of the strip as a tuple [length]."""
         return (self.width,)
 
     def top_points(self) -> Points:
-        """Return points of the top edge, each for an equal length."""
+        """Return points on the top edge, each representing an equal length."""
         return self.width * UNIT_MIDPOINTS, np.zeros(POINTS_PER_AXIS)
 
     def fixed_edge_points(self) -> Points:
@@ -164,16 +163,16 @@ class Box(_WalledBody):
 
     @property
     def height(self) -> float:
-        """Thickness lz [length]."""
+        """Thickness lz of the body [length]."""
         return self.size[2]
 
     @property
     def widths(self) -> tuple[float, ...]:
-        """(lx, ly) [length]."""
+        """The widths (lx, ly) of the box [length]."""
         return self.size[:2]
 
     def top_points(self) -> Points:
-        """Return points of the top surface, each for an equal area."""
+        """Return points on the top surface, each representing an equal area."""
         return self.size[0] * UNIT_MIDPOINTS[:, None], self.size[1] * UNIT_MIDPOINTS[None, :]
 
     def fixed_edge_points(self) -> Points:

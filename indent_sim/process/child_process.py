@@ -1,4 +1,4 @@
-"""Calls in a child process: if a library crashes there, the caller gets an exception.
+"""Calls in a child process; if a library crashes there, the caller gets an exception.
 
 A child process is a new Python interpreter that runs this module. It reads pickled calls from its
 standard input and writes pickled answers to its standard output.
@@ -26,11 +26,10 @@ from indent_sim.process.ranks import environment_without_launcher
 
 
 class ProcessCrash(Exception):
-    """The child process ended before its answer.
+    """The child process ended before it returned an answer.
 
-    The message continues a sentence whose subject is the process, such as "died of SIGSEGV"; it
-    quotes the last error message of the process. `exit_code` is that of a shell, 128 + n for
-    signal n.
+    The message is the predicate of a sentence about the process, such as "died of SIGSEGV", with
+    the last error message of the process. `exit_code` is 128 + n for signal n, as in a shell.
     """
 
     def __init__(self, message: str, exit_code: int = 1):
@@ -39,11 +38,11 @@ class ProcessCrash(Exception):
 
 
 class ChildProcess:
-    """A Python process that executes calls, one after another.
+    """Python process that executes calls one after another.
 
-    It ignores SIGINT, SIGTERM and SIGHUP, which its parent handles, and ends with its parent. If it
-    has ended, the next call starts another one. Its printed output is not shown; ProcessCrash
-    quotes an error message from it.
+    The process ignores SIGINT, SIGTERM and SIGHUP, which its parent handles, and ends with the
+    parent. If it has ended, the next call starts a new process. Printed output is not shown, except
+    that ProcessCrash quotes the last error message.
 
     Parameters
     ----------
@@ -83,18 +82,19 @@ class ChildProcess:
         atexit.register(self.stop)
 
     def begin_call(self, function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
-        """Begin a call in the process.
+        """Begin a call in the child process.
 
         Parameters
         ----------
         function, arguments
-            The call; both are pickled.
+            Function and arguments of the call; both are pickled.
 
         Returns
         -------
         callable
-            Waits for the answer; to be called once. It returns or raises what the function
-            returned or raised. It raises ProcessCrash if the process ended before.
+            Function, to be called once, that waits for the answer. It returns the result or raises
+            the exception of the call; it raises ProcessCrash if the process ended before the
+            answer.
 
         Raises
         ------
@@ -117,7 +117,7 @@ class ChildProcess:
         return self._process.stdout.fileno()
 
     def stop(self) -> None:
-        """End the process."""
+        """Terminate the child process."""
         process = self._process
         self._process = None
         self._is_busy = False
@@ -134,7 +134,7 @@ class ChildProcess:
         self._output.close()
 
     def _receive_answer(self, process: subprocess.Popen[bytes]) -> Any:
-        """Wait for the answer of a call; see `begin_call`."""
+        """Wait for the answer of a call and return the result; see `begin_call`."""
         if process is not self._process:
             raise ProcessCrash("was stopped before its answer arrived")
         assert process.stdout is not None
@@ -155,7 +155,7 @@ class ChildProcess:
         return answer
 
     def _crash_error(self, code: int) -> ProcessCrash:
-        """The exception for a process that ended with a return code of `subprocess`."""
+        """Return the exception for a process that ended with a return code of `subprocess`."""
         ending = f"ended with exit code {code}"
         if code < 0:
             ending = f"died of {signal.Signals(-code).name}"
@@ -171,7 +171,7 @@ class ChildProcess:
 
 
 def call_in_child(function: Callable[..., Any], *arguments: Any) -> Any:
-    """Call a function in a process of its own; see `ChildProcess.begin_call`."""
+    """Call a function in a new child process; see `ChildProcess.begin_call`."""
     process = ChildProcess()
     try:
         return process.begin_call(function, *arguments)()
@@ -180,7 +180,7 @@ def call_in_child(function: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def _serve_calls() -> None:
-    """Execute calls in the child process until the parent closes the pipe."""
+    """Execute calls (main function of the child process) until the parent closes the pipe."""
     signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
     _end_with_parent()
     # A crash writes no core file.
@@ -213,7 +213,7 @@ def _serve_calls() -> None:
 
 
 def _end_with_parent() -> None:
-    """Let Linux kill this process when its parent is killed, also inside a call of a library."""
+    """Make Linux kill this process when its parent ends, even during a call of a library."""
     pr_set_pdeathsig = 1  # PR_SET_PDEATHSIG of linux/prctl.h
     with suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)

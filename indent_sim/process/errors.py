@@ -1,4 +1,4 @@
-"""Expected failures, each with the exit code of the command line."""
+"""Exceptions for expected failures, each with an exit code of the command line."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from typing import Any
 
 
 def printable(text: str, line_breaks: bool = False) -> str:
-    """Text from outside the program, made safe for a terminal or a picture.
+    """Return text from outside the program, made safe for a terminal or a picture.
 
-    Characters that control a terminal or turn the direction of text become escapes such as \\x1b.
+    Characters that control a terminal or change the text direction become escapes such as \\x1b.
 
     Parameters
     ----------
@@ -42,8 +42,7 @@ class IndentSimError(Exception):
     exit_code
         Exit code of the command.
     partial_result
-        Results that exist in spite of the failure; they are written to the JSON object of the
-        command.
+        Results obtained before the failure, which are written to the JSON object of the command.
     """
 
     exit_code = 1
@@ -51,16 +50,16 @@ class IndentSimError(Exception):
 
 
 class UsageError(IndentSimError):
-    """The command cannot start: no readable config, or no output folder that may be written.
+    """The command cannot start: the config is not readable or the output folder not writable.
 
     Attributes
     ----------
     problem
         Description of the error.
     remedy
-        Advice how to avoid it; empty if there is none.
+        Advice on how to avoid the error; empty if there is none.
     file
-        The file or folder concerned; empty if there is none.
+        Path of the file or folder concerned; empty if there is none.
     """
 
     exit_code = 2
@@ -77,20 +76,20 @@ class UsageError(IndentSimError):
 
 @dataclass
 class ConfigError(IndentSimError):
-    """A scene is wrong or cannot exist.
+    """A scene is invalid or physically impossible.
 
     Attributes
     ----------
     key
         Dotted path of the key, such as `indenter.R`; empty for the whole file.
     problem
-        Description of the error; it continues a sentence whose subject is the key.
+        Description of the error, the predicate of a sentence whose subject is the key.
     remedy
-        Advice how to correct it; empty if there is none.
+        Advice on how to correct the error; empty if there is none.
     file, line
-        Place of the key; set by the reader of the file, which alone knows it.
+        File and line of the key, which the reader of the file sets.
     suggestion
-        Word that was probably intended, in place of the last part of the key or of its value.
+        The word that was probably intended instead of the key's last part or its value.
     """
 
     key: str
@@ -104,7 +103,7 @@ class ConfigError(IndentSimError):
 
     @property
     def errors(self) -> list[ConfigError]:
-        """The single errors, each of which is reported on a line."""
+        """The individual errors, which are reported one per line."""
         return [self]
 
     def __str__(self) -> str:
@@ -126,7 +125,7 @@ class ConfigError(IndentSimError):
 
 
 class ConfigErrors(ConfigError):
-    """Several config errors of one file, reported together, each on a line."""
+    """Several config errors of one file, reported together, one per line."""
 
     def __init__(self, errors: list[ConfigError]):
         first = errors[0]
@@ -135,12 +134,12 @@ class ConfigErrors(ConfigError):
 
     @property
     def errors(self) -> list[ConfigError]:
-        """The single errors."""
+        """The individual errors."""
         return self._errors
 
     @staticmethod
     def combine(errors: Sequence[ConfigError]) -> ConfigError:
-        """Combine errors into one, without duplicates; a single error stays as it is."""
+        """Combine errors into one without duplicates; a single error is returned unchanged."""
         unique = list({str(error): error for error in errors}.values())
         return ConfigErrors(unique) if len(unique) > 1 else unique[0]
 
@@ -152,7 +151,7 @@ class ConfigErrors(ConfigError):
 
 
 class MeshFileError(ConfigError):
-    """A mesh file cannot be read, or its mesh is not that of a body."""
+    """A mesh file cannot be read, or its mesh is not suitable as a body."""
 
     exit_code = 4
 
@@ -164,7 +163,7 @@ class MeshError(IndentSimError):
 
 
 class NotConverged(IndentSimError):
-    """A load step has no converged solution, or the disk is full; earlier rows are kept."""
+    """A load step has no converged solution, or the disk is full; earlier results are kept."""
 
     exit_code = 5
 

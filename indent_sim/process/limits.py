@@ -1,7 +1,8 @@
 """Resource limits of a process: memory, open files, threads and space for temporary files.
 
 If a limit is too low, MPI, gmsh and PETSc abort or hang without a message. Therefore a run checks
-the limits before it loads them. Resources that run out later become expected failures.
+the limits before it loads them. If resources are exhausted later, the exception is converted to an
+expected failure.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ def require_resources() -> None:
     Raises
     ------
     BackendError
-        If a limit is too low for any run.
+        If a limit is too low even for the smallest run.
     NotConverged
         If the disk of the temporary files is full.
     UsageError
@@ -36,7 +37,7 @@ def require_resources() -> None:
         os.getcwd()
     except OSError as error:
         raise UsageError(
-            "the working directory does not exist any more", "change to an existing folder"
+            "the working directory no longer exists", "change to an existing folder"
         ) from error
     # A small run was observed to have up to 32 files open at a time.
     min_open_files = 48
@@ -69,7 +70,7 @@ def require_resources() -> None:
 def _require_limit(
     resource_name: str, command: str, limit_number: int, required: float, unit: float = 1.0
 ) -> None:
-    """Check one limit in a unit; `command` is the shell command that sets it."""
+    """Raise BackendError if a limit is below `required`; `command` is the shell's name for it."""
     allowed, _ = resource.getrlimit(limit_number)
     if allowed != resource.RLIM_INFINITY and allowed / unit < required:
         raise BackendError(
@@ -81,8 +82,8 @@ def _require_limit(
 def limit_resources(seconds: float, memory: float) -> None:
     """Limit the CPU time and the memory of this process.
 
-    After that time SIGXCPU ends the process. Without memory MemoryError is raised, or a library
-    aborts the process.
+    When the time is used up, SIGXCPU ends the process. When the memory is used up, MemoryError is
+    raised or a library aborts the process.
 
     Parameters
     ----------
@@ -102,10 +103,10 @@ def limit_resources(seconds: float, memory: float) -> None:
 
 
 def write_error(target: object, error: OSError) -> IndentSimError:
-    """Error to raise if a file or folder cannot be written.
+    """Return the error to raise if a file or folder cannot be written.
 
     It is NotConverged if the disk is full, otherwise UsageError. `target` is the path or a
-    description of it.
+    description of the file.
     """
     kind = NotConverged if error.errno in DISK_FULL_ERRORS else UsageError
     return kind(f"cannot write {target}: {error.strerror or error}")
@@ -113,10 +114,10 @@ def write_error(target: object, error: OSError) -> IndentSimError:
 
 @contextmanager
 def translate_resource_errors() -> Iterator[None]:
-    """Raise exhausted resources inside the block as expected failures.
+    """Context manager that converts errors of exhausted resources to expected failures.
 
-    Resources are memory, open files and disk space. An error of PETSc is an expected failure, too,
-    if PETSC_OPTIONS of the environment may be its cause.
+    Resources are memory, open files and disk space. An error of PETSc is also converted if
+    PETSC_OPTIONS of the environment may be its cause.
     """
     try:
         yield
@@ -127,7 +128,7 @@ def translate_resource_errors() -> Iterator[None]:
 
 
 def _resource_error(error: BaseException) -> IndentSimError | None:
-    """The expected failure that stands for an exception; None if it is another error."""
+    """Return the expected failure that replaces an exception; None for other exceptions."""
     # Parts of the messages of petsc4py if PETSc or MUMPS has too little memory.
     out_of_memory_signs = ("error code 55\n", "PetscMalloc", "INFOG(1)=-13")
     is_memory = isinstance(error, MemoryError) or any(
@@ -138,7 +139,7 @@ def _resource_error(error: BaseException) -> IndentSimError | None:
     match number:
         case errno.ENOMEM:
             return NotConverged(
-                "the memory available to this process is used up; a coarser mesh needs less"
+                "the memory available to this process is exhausted; use a coarser mesh"
             )
         case errno.EMFILE | errno.ENFILE:
             return BackendError(f"too many open files{place} (ulimit -n)")

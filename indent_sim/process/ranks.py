@@ -1,4 +1,4 @@
-"""MPI ranks: work of rank 0 alone, and failures that all ranks have to learn of."""
+"""MPI ranks: work done on rank 0 only, and agreement of all ranks on failures."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ T = TypeVar("T")
 
 
 class SerialComm:
-    """Communicator of a single process; it saves runs by theory from loading MPI."""
+    """Communicator of a single process, so that runs by theory need not load MPI."""
 
     rank = 0
     size = 1
 
     def bcast(self, value: Any, root: int = 0) -> Any:
-        """Return the value."""
+        """Return the value itself."""
         return value
 
     def allgather(self, value: Any) -> list[Any]:
-        """Return a list with the value."""
+        """Return a list that contains the value."""
         return [value]
 
 
 class FailureConsensus:
-    """Lets all ranks learn how many of them failed (collective).
+    """Counts the failed ranks, with the result known to all ranks (collective).
 
-    It has its own copy of the communicator, so that pending messages of other calls do not
+    It uses a duplicate of the communicator, so that pending messages of other calls do not
     interfere.
     """
 
@@ -40,11 +40,11 @@ class FailureConsensus:
         self._comm = comm.Dup() if comm.size > 1 else None
 
     def all_ranks_failed(self) -> bool:
-        """True if all other ranks reach this call within RANK_TIMEOUT; made by a failed rank."""
+        """Return True if all other ranks also make this call within RANK_TIMEOUT."""
         return self.count_failures(1) is not None
 
     def count_failures(self, own_failures: int) -> int | None:
-        """Number of failed ranks, after all ranks have called this method.
+        """Return the number of failed ranks, after all ranks have called this method.
 
         Parameters
         ----------
@@ -54,8 +54,8 @@ class FailureConsensus:
         Returns
         -------
         int or None
-            None if this rank has failed and others do not call within RANK_TIMEOUT; they wait for
-            it in another collective call, and would do so forever.
+            The number; None if this rank has failed and other ranks do not call within
+            RANK_TIMEOUT, because they wait for this rank in another collective call.
         """
         send_buffer = array("i", [own_failures])
         total = array("i", [own_failures])
@@ -90,7 +90,7 @@ def is_root() -> bool:
 
 
 def environment_without_launcher() -> dict[str, str]:
-    """Environment of a child process that is not a rank."""
+    """Return environment variables for a child process that is not an MPI rank."""
     # Prefixes of all variables by which mpirun and srun address their processes. A child process
     # must not register with the launcher, which would abort the whole job when the process is
     # stopped.

@@ -1,4 +1,4 @@
-"""Tables that fit on a screen, as text and HTML; a notebook displays objects by them."""
+"""Tables that fit on a screen, as text and HTML, for the display of objects in notebooks."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ELLIPSIS = "…"
 
 @dataclass(frozen=True)
 class ReprTable:
-    """A table with a title and a footer; of many rows only the first and the last are shown."""
+    """Table with a title and a footer; of a long table only the first and last rows are shown."""
 
     title: str
     header: Sequence[str]
@@ -50,7 +50,7 @@ class ReprTable:
         return f"<p><b>{escape(printable(self.title))}</b></p>{table}{footer}"
 
     def _cells(self) -> list[list[str]]:
-        """The texts of the rows that are shown; a row of ellipses replaces the others."""
+        """Return the cells of the rows that are shown; a row of ellipses replaces the others."""
         count = len(self.rows)
         if count <= MAX_ROWS:
             return [[cell_text(value) for value in row] for row in self.rows]
@@ -62,7 +62,7 @@ class ReprTable:
 
 
 def cell_text(value: Any) -> str:
-    """Text of a value: a number has six digits, None and NaN are empty, long text is cut."""
+    """Return a value as text: numbers with six digits, None and NaN empty, long text truncated."""
     if value is None or value != value:
         return ""
     text = f"{value:.6g}" if isinstance(value, float) else printable(str(value))

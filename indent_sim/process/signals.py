@@ -1,4 +1,4 @@
-"""SIGINT, SIGTERM and SIGHUP as an exception, so that a run keeps its rows and reports its end."""
+"""SIGINT, SIGTERM and SIGHUP as an exception, so that an interrupted run keeps its results."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Interrupted(KeyboardInterrupt):
-    """SIGINT, SIGTERM or SIGHUP arrived; the exit code is 128 + the number of the signal."""
+    """SIGINT, SIGTERM or SIGHUP was received; the exit code is 128 + the number of the signal."""
 
     def __init__(self, number: int):
         super().__init__(f"stopped by {signal.Signals(number).name}")
@@ -38,7 +38,7 @@ _interruptible_ranks: list[int] = []
 def raise_pending_signal() -> None:
     """Raise Interrupted if a library has suppressed the exception of a signal.
 
-    Long calculations call it between their steps.
+    Long calculations call this function between their steps.
     """
     if _raised_signals:
         raise Interrupted(_raised_signals[0])
@@ -46,7 +46,7 @@ def raise_pending_signal() -> None:
 
 @contextmanager
 def reraise_signal() -> Iterator[None]:
-    """Raise Interrupted in place of the error that a library made of it.
+    """Context manager that raises Interrupted if a library has replaced it by another error.
 
     PETSc, for example, raises its own error if a callback has raised an exception.
     """
@@ -59,7 +59,7 @@ def reraise_signal() -> Iterator[None]:
 
 @contextmanager
 def raise_on_signals(rank: int = 0) -> Iterator[None]:
-    """Raise Interrupted inside the block when a signal of STOP_SIGNALS arrives.
+    """Context manager in which a signal of STOP_SIGNALS raises Interrupted.
 
     Only rank 0 is interrupted; it writes its results and ends the other ranks, which ignore the
     signals. An ignored SIGHUP stays ignored, as `nohup` requires.
@@ -81,7 +81,7 @@ def raise_on_signals(rank: int = 0) -> Iterator[None]:
     def report_unraisable(unraisable: Any) -> None:
         """Report an exception that Python cannot raise, unless it is Interrupted.
 
-        That one is raised later by `raise_pending_signal`.
+        Interrupted is raised later by `raise_pending_signal`.
         """
         if not isinstance(unraisable.exc_value, Interrupted):
             old_hook(unraisable)
@@ -112,7 +112,7 @@ def raise_on_signals(rank: int = 0) -> Iterator[None]:
 
 @contextmanager
 def defer_signals() -> Iterator[None]:
-    """Defer the signals that stop a run until the end of the block, so that files are complete."""
+    """Context manager that defers STOP_SIGNALS to its end, so that files are written completely."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

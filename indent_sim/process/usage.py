@@ -13,14 +13,14 @@ from pathlib import Path
 
 @dataclass
 class ChildUsage:
-    """CPU time and memory that child processes used for calls of this process.
+    """CPU time and memory used by child processes for calls of this process.
 
     Attributes
     ----------
     cpu
         Total CPU time [s].
     memory
-        Largest memory of a call in addition to that of the idle process [MB].
+        Largest memory of a call minus the memory of the idle process [MB].
     """
 
     cpu: float = 0.0
@@ -37,34 +37,34 @@ CHILD_USAGE = ChildUsage()
 
 
 def cpu_time() -> float:
-    """CPU time of this process so far [s], including its calls in child processes."""
+    """Return the CPU time of this process so far [s], including its calls in child processes."""
     return time.process_time() + CHILD_USAGE.cpu
 
 
 def current_memory() -> float:
-    """Memory of this process now [MB]; without Linux its peak."""
+    """Return the current memory of this process [MB]; the peak memory if not on Linux."""
     return _proc_status("VmRSS:") or _own_peak_memory()
 
 
 def address_space() -> float:
-    """Address space of this process now [bytes], including shared memory; 0 without Linux."""
+    """Return the address space of this process [bytes] with shared memory; 0 if not on Linux."""
     return (_proc_status("VmSize:") or 0.0) * 1024**2
 
 
 def peak_memory() -> float:
-    """Peak memory of this process [MB], plus the largest of its child processes."""
+    """Return the peak memory of this process plus the largest of its child processes [MB]."""
     return _own_peak_memory() + CHILD_USAGE.memory
 
 
 def reset_peak_memory() -> None:
-    """Begin a new peak of the memory; without Linux, the old one stays."""
+    """Reset the peak memory to the current memory (on Linux only)."""
     CHILD_USAGE.memory = 0.0
     with suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")
 
 
 def _own_peak_memory() -> float:
-    """Peak memory of this process [MB].
+    """Return the peak memory of this process without its child processes [MB].
 
     It is read from /proc if possible, because ru_maxrss includes the memory of the process that
     started this one.
@@ -73,7 +73,7 @@ def _own_peak_memory() -> float:
 
 
 def _proc_status(name: str) -> float | None:
-    """A size in /proc/self/status [MB], by the beginning of its line; None without Linux."""
+    """Return a size from /proc/self/status [MB], by the start of its line; None if not on Linux."""
     with suppress(OSError, ValueError):
         for line in Path("/proc/self/status").read_text().splitlines():
             if line.startswith(name):
@@ -82,14 +82,14 @@ def _proc_status(name: str) -> float | None:
 
 
 def machine_memory() -> float:
-    """Physical memory of the machine [bytes], or the limit of this process if that is smaller."""
+    """Return the physical memory of the machine [bytes], or this process's limit if smaller."""
     physical = float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
     allowed, _ = resource.getrlimit(resource.RLIMIT_AS)
     return physical if allowed == resource.RLIM_INFINITY else min(physical, float(allowed))
 
 
 def duration_text(seconds: float) -> str:
-    """A duration [s] as text in seconds, minutes or hours."""
+    """Return a duration [s] as text in seconds, minutes or hours."""
     minutes = seconds / 60
     hours = seconds / 3600
     if minutes < 2:
@@ -101,17 +101,17 @@ def duration_text(seconds: float) -> str:
 
 @dataclass
 class ProgressEstimate:
-    """Measures the duration of steps and estimates that of the remaining ones.
+    """Measures the duration of steps and estimates the time of the remaining steps.
 
     The mean duration does not include the first step, in which kernels are compiled.
 
     Attributes
     ----------
     completed_steps
-        Number of steps so far.
+        Number of completed steps.
     first_step_end, last_step_end
-        Monotonic time at the end of the first and of the last step [s]; before a step 0 and the
-        time of creation.
+        Monotonic time at the end of the first and of the last step [s]; initially 0 and the time of
+        creation.
     """
 
     completed_steps: int = 0
@@ -119,7 +119,7 @@ class ProgressEstimate:
     last_step_end: float = field(default_factory=time.monotonic)
 
     def record_step(self, remaining_steps: int) -> tuple[float, str]:
-        """Record the end of a step.
+        """Record the end of a step and estimate the remaining time.
 
         Parameters
         ----------
@@ -156,7 +156,7 @@ class Clock:
     started
         Value of time.perf_counter at the start of the run [s].
     stages
-        Wall time of each stage [s].
+        Wall time of each stage [s], by name.
     cpu
         CPU time of each stage [s], including the process that meshes.
     """
@@ -167,7 +167,7 @@ class Clock:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Add the time of the block to a stage."""
+        """Context manager that adds the time spent inside it to a stage."""
         start = time.perf_counter()
         cpu_start = cpu_time()
         try:

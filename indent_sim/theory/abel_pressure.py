@@ -28,10 +28,10 @@ TIP_INTEGRAL_POINTS = 64  # Gauss points of an integral over a tip with a contin
 
 @dataclass(frozen=True)
 class LayerPressure:
-    """Pressure part -∫_r^a psi'(t)/sqrt(t^2-r^2) dt of the layer, psi = sum_j modes_j b_j.
+    """Effect of the layer on the pressure: -∫_r^a psi'(t)/sqrt(t^2-r^2) dt, psi = sum_j m_j b_j.
 
-    psi is even and analytic, so that t^2 = r^2 + chord^2 s^2 with chord^2 = a^2 - r^2 regularizes
-    it.
+    psi is even and analytic, so that the substitution t^2 = r^2 + chord^2 s^2 with chord^2 = a^2 -
+    r^2 makes the integrand regular.
     """
 
     kernel: Kernel | EvenKernel
@@ -39,7 +39,7 @@ class LayerPressure:
     modes: np.ndarray
 
     def __call__(self, r: np.ndarray, chord: np.ndarray) -> np.ndarray:
-        """Return the pressure part (n,) [E*/pi] at radii r with half-chords sqrt(a^2 - r^2)."""
+        """Return this part of the pressure (n,) [E*/pi] at radii r with chord = sqrt(a^2 - r^2)."""
         s, w = gauss_legendre(0.0, 1.0, abel_point_count(self.a))
         t = np.hypot(r[:, None], chord[:, None] * s)
         if len(r) == 1:
@@ -69,8 +69,8 @@ def abel_point_count(a: float) -> int:
 def contact_nodes(a: float, breaks: Sequence[float], count: int) -> Nodes:
     """Return Gauss nodes and weights on [0, a] in panels between the slope discontinuities.
 
-    Each panel has `count` nodes, fewer if there are many panels. Behind a discontinuity at b the
-    function g rises like sqrt(x - b); x = b + length v^2 makes it analytic again.
+    Each panel has `count` nodes, fewer if there are many panels. Beyond a discontinuity at b the
+    function g varies as sqrt(x - b); the substitution x = b + length v^2 makes it analytic.
     """
     edges = [0.0, *(b for b in breaks if 0.0 < b < a), a]
     count = count if len(edges) < 5 else min(count, 12)
@@ -87,12 +87,12 @@ def tip_pressure(
 ) -> np.ndarray:
     """Return ∫_r^a g'(t)/sqrt(t^2 - r^2) dt at radii 0 <= r < a, in the shape of r.
 
-    This is pi/E* times the pressure on a half-space, and infinite at an apex with a slope.
+    This is pi/E* times the pressure on a half-space; it is infinite at a sharp apex.
 
     Integration by parts about g(r) avoids g' and divides only differences ~ (t - r): (g(a) -
     g(r))/sqrt(a^2 - r^2) + ∫_r^a (g(t) - g(r)) t/(t^2 - r^2)^{3/2} dt, with t = r cosh y, which
-    resolves any r. More than 40 slope discontinuities are thinned out: such a tip is nearly
-    smooth.
+    resolves any r. If there are more than 40 slope discontinuities, some are ignored, because such
+    a tip is nearly smooth.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def _integral_by_parts(
 ) -> np.ndarray:
     """Return ∫_r^a (g(t) - g(r)) t/(t^2 - r^2)^{3/2} dt at radii r.
 
-    A tip with a continuous slope has the same relative nodes for all radii.
+    For a tip with a continuous slope the same relative nodes are used for all radii.
     """
     if not breaks:
         s, w = gauss_legendre(0.0, 1.0, TIP_INTEGRAL_POINTS)
@@ -147,7 +147,7 @@ def _integral_by_parts(
 def _integral_with_breaks(
     g: Shape, g_r: np.ndarray, a: float, r: np.ndarray, breaks: Sequence[float]
 ) -> np.ndarray:
-    """Return the integral of `_integral_by_parts` at radii each of which has its own nodes."""
+    """Return the integral of `_integral_by_parts` with separate nodes for each radius."""
     nodes = [_abel_nodes(a, radius, breaks) for radius in r]
     y, w = join_nodes(nodes)
     counts = [radius_nodes.size for radius_nodes, _ in nodes]
@@ -202,7 +202,7 @@ def _abel_integrand(g: Shape, g_r: np.ndarray, r: np.ndarray, y: np.ndarray) -> 
 def _abel_nodes(a: float, r: float, breaks: Sequence[float]) -> Nodes:
     """Return nodes y = arcosh(t/r) and weights on [0, arcosh(a/r)].
 
-    The panels grow geometrically, as a pole or a branch point may lie near the start of one.
+    The panels grow geometrically, because a pole or branch point may be near the start of a panel.
     """
     end = math.acosh(a / r)
     break_below = max((b for b in breaks if b < r), default=0.0)
@@ -223,7 +223,7 @@ def _abel_nodes(a: float, r: float, breaks: Sequence[float]) -> Nodes:
 
 
 def _geometric_edges(size: float, start: float, stop: float) -> list[float]:
-    """Return start + size (1, 3, 9, ...) as far as it stays clearly below stop."""
+    """Return the panel edges start + size (1, 3, 9, ...) that are clearly below stop."""
     count = (
         math.floor(math.log((stop - start) / (1.5 * size), 3.0)) + 1
         if stop - start > 1.5 * size

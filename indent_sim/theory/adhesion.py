@@ -1,4 +1,4 @@
-"""Adhesive contact without range (JKR) on a linear axisymmetric body, from its frictionless curve.
+"""Adhesive contact without range (JKR) on a linear axisymmetric body, from its load curve.
 
 Without adhesion the tip touches a circle of radius a at the depth delta_1(a) under the force
 F_1(a), and K(a) is the stiffness of a bonded flat punch of that radius (`punches`). Retracting the
@@ -7,10 +7,11 @@ G = work at the edge of the contact makes the whole equilibrium curve a function
 
     q = sqrt(4 pi a work/K'(a)),   delta = delta_1(a) - q,   F = F_1(a) - K(a) q.
 
-This is exact for small strain without friction, where the range of the attraction is short (Tabor
-number above about 5); `maugis` has the limits beyond that.
+This is exact for small strain without friction if the range of the attraction is short (Tabor
+number above about 5); see `maugis` for longer ranges.
 
-delta > 0 pushes in, force > 0 pushes and < 0 pulls. Lengths [L], forces [F], work [F/L].
+delta > 0 in indentation; force > 0 in compression, < 0 in tension. Lengths [L], forces [F], work
+[F/L].
 Sources: Johnson, Kendall & Roberts (1971), Proc. R. Soc. A 324, 301; Maugis (1992), J. Colloid
 Interface Sci. 150, 243.
 """
@@ -47,9 +48,9 @@ class AdhesiveContact:
 class Jkr:
     """Equilibria of an adhesive tip as functions of the contact radius.
 
-    Methods that take a `compliance` [L/F] load the tip through a spring of that compliance, whose
-    base is displaced by z = delta + compliance force [L]: 0 is depth control, infinity is force
-    control, for which z stands for the force [F].
+    In methods with the argument `compliance` [L/F], the tip is loaded through a spring whose base
+    is displaced by z = delta + compliance force [L]. A compliance of 0 is depth control; infinity
+    is force control, where z is the force [F].
 
     `pull_off(compliance=0.0)` is the last stable equilibrium of unloading, where dF/ddelta =
     -1/compliance.
@@ -86,7 +87,7 @@ class Jkr:
         return AdhesiveContact(a, punch.delta - q, punch.force - punch.stiffness * q)
 
     def base_displacement(self, a: float, compliance: float) -> float:
-        """Return z = delta + compliance force [L], the displacement of the base of the spring."""
+        """Return the displacement z = delta + compliance force of the spring's base [L]."""
         equilibrium = self.equilibrium_at(a)
         return equilibrium.delta + compliance * equilibrium.force
 
@@ -105,14 +106,14 @@ class Jkr:
 
     @cached_property
     def _zero_force_radius(self) -> float:
-        """Contact radius [L] without force: larger contacts are stable at any compliance."""
+        """Contact radius [L] at zero force; larger contacts are stable at any compliance."""
         low = self.punches.min_radius
         high = self.punches.max_radius * (1.0 - LEAST_RIM_DISTANCE)
         low = max(low, 1e-9 * high)
         if self.equilibrium_at(low).force > 0.0:
             raise ValueError(
                 "the adhesion is too weak: every contact with a tensile force has a radius below "
-                f"{low:g}, the smallest one of the load curve"
+                f"{low:g}, the smallest of the load curve"
             )
         largest = high
         # Every contact at a wall pulls, since K' vanishes there: smaller radii are tried in turn.
@@ -121,7 +122,7 @@ class Jkr:
             if high <= low:
                 raise ValueError(
                     "the adhesion is too strong: the force is tensile at all radii up to "
-                    f"{largest:g}, the largest one of the load curve"
+                    f"{largest:g}, the largest of the load curve"
                 )
         return math.exp(
             brentq(
@@ -133,14 +134,14 @@ class Jkr:
         )
 
     def _radius_of_minimum(self, value: Callable[[float], float], low: float, high: float) -> float:
-        """Return the radius [L] at which value(a) is smallest between two ln a, to about 1e-10.
+        """Return the radius [L] at which value(a) is smallest, between two bounds of ln a.
 
-        ValueError if the minimum lies at an end.
+        The accuracy is about 1e-10. Raises ValueError if the minimum is at a bound.
         """
         log_radius = float(
             minimize_scalar(lambda x: value(math.exp(x)), bounds=(low, high), method="bounded").x
         )
-        # So near to the extremum a polynomial through 14 points finds it to 1e-10.
+        # In this interval a polynomial through 14 points locates the extremum to 1e-10.
         bounds = max(log_radius - 0.05, low), min(log_radius + 0.05, high)
         polynomial = Chebyshev.interpolate(
             np.vectorize(lambda x: value(math.exp(x))), 13, domain=bounds
@@ -161,7 +162,7 @@ class Jkr:
     def stable_equilibrium(self, z: float, compliance: float = 0.0) -> AdhesiveContact | None:
         """Return the stable equilibrium at z [L]; None if the tip has separated.
 
-        An infinite compliance stands for force control, z for the force [F].
+        For an infinite compliance (force control) z is the force [F].
         """
         pull_off = self.pull_off(compliance)
         value = self._prescribed_value(compliance)
@@ -180,18 +181,18 @@ class Jkr:
         )
 
     def _prescribed_value(self, compliance: float) -> Callable[[float], float]:
-        """Return the prescribed quantity as a function of the radius: z, or the force."""
+        """Return the prescribed quantity (z, or the force) as a function of the contact radius."""
         if math.isinf(compliance):
             return lambda a: self.equilibrium_at(a).force
         return lambda a: self.base_displacement(a, compliance)
 
     def _radius_beyond(self, z: float, value: Callable[[float], float], a: float) -> float:
-        """Return a radius [L] above the one with the value z, searched for upwards from a."""
+        """Return a radius [L] above a at which the prescribed quantity exceeds z."""
         high = self.punches.max_radius * (1.0 - LEAST_RIM_DISTANCE)
         while value(a) < z:
             if a >= high:
                 raise ValueError(
-                    f"the contact radius would exceed {high:g}, the largest one of the load curve"
+                    f"the contact radius would exceed {high:g}, the largest of the load curve"
                 )
             a = min(1.5 * a, high)
         return a
@@ -201,8 +202,8 @@ class Jkr:
     ) -> Callable[[float], AdhesiveContact | None]:
         """Return an interpolation of `stable_equilibrium` for many z up to `largest` [L].
 
-        Its error is about 1e-7 of the values at `largest`. Near pull-off the radius changes like
-        the square root of the distance in z, so that a spline in this root is smooth.
+        The error is about 1e-7 of the values at `largest`. Near pull-off the radius varies as the
+        square root of the distance in z, so that a spline in this square root is used.
         """
         pull_off = self.pull_off(compliance)
         value = self._prescribed_value(compliance)

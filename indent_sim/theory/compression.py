@@ -1,10 +1,10 @@
 """Homogeneous compression of a prism between two frictionless planes: a plate on a flat top.
 
-The plate moves down by delta, the base stays, and every side is either free or slides along a wall.
-The stretch along z is then 1 - delta/h everywhere, free sides carry no traction, and the force is
-the nominal stress times the undeformed area. This is exact at any strain.
+The plate moves down by delta, the base is fixed, and every side is either free or slides along a
+wall. The stretch along z is then 1 - delta/h everywhere, free sides have no traction, and the force
+is the nominal stress times the undeformed area. This is exact at any strain.
 
-delta > 0 compresses; force, stress and pressure > 0 push. Any consistent units.
+delta, force, stress and pressure are > 0 in compression. Any consistent units.
 Sources: Holzapfel (2000), Nonlinear Solid Mechanics, section 6.2, for the stresses of principal
 stretches; Gent & Lindley (1959) and Gent & Meinecke (1970) for bonded blocks (`bonded_modulus`).
 """
@@ -41,51 +41,51 @@ class Bar(Protocol):
         """Return the strain energy per undeformed volume [F/L^2]."""
 
     def tangent_modulus(self, strain: float) -> float:
-        """Return d stress/d strain [F/L^2]."""
+        """Return the derivative of stress with respect to strain [F/L^2]."""
 
     def area_ratio(self, strain: float) -> float:
-        """Return the area of the ends over that at rest."""
+        """Return the ratio of the deformed to the undeformed area of the ends."""
 
 
 @dataclass(frozen=True)
 class LinearBar:
-    """Bar at small strain: stress = modulus e, and the ends keep their area."""
+    """Bar at small strain with stress = modulus e and constant area of the ends."""
 
     modulus: float
 
     def stress(self, strain: float) -> float:
-        """Return modulus times strain [F/L^2]."""
+        """Return the stress, modulus times strain [F/L^2]."""
         return self.modulus * strain
 
     def energy(self, strain: float) -> float:
-        """Return modulus times strain^2/2 [F/L^2]."""
+        """Return the energy density, modulus times strain^2/2 [F/L^2]."""
         return self.modulus * strain**2 / 2
 
     def tangent_modulus(self, strain: float) -> float:
-        """Return the modulus [F/L^2]."""
+        """Return the constant modulus [F/L^2]."""
         return self.modulus
 
     def area_ratio(self, strain: float) -> float:
-        """Return 1: small strain does not change the area."""
+        """Return 1, because the area does not change at small strain."""
         return 1.0
 
 
 @dataclass(frozen=True)
 class HyperelasticBar:
-    """Bar at finite strain, by the strain energy of its principal stretches.
+    """Bar at finite strain, from the strain energy as a function of the principal stretches.
 
     The Kirchhoff stresses tau_i = d psi/d ln l_i vanish in free lateral directions, which
-    determines the stretch there; the nominal stress along the bar is tau_3/l_3 (Holzapfel 2000,
-    section 6.2).
+    determines the stretches in these directions; the nominal stress along the bar is tau_3/l_3
+    (Holzapfel 2000, section 6.2).
 
     Parameters
     ----------
     psi
         Strain energy [F/L^2] of the principal stretches.
     is_incompressible
-        Whether the product of the stretches is 1; psi is then used for such stretches only.
+        Whether the product of the stretches is 1; psi is then only evaluated for such stretches.
     confined_directions
-        Number of the two lateral directions that keep their length: 0, 1 or 2.
+        Number of lateral directions without strain: 0, 1 or 2.
     """
 
     psi: Energy
@@ -93,7 +93,7 @@ class HyperelasticBar:
     confined_directions: int = 0
 
     def stress(self, strain: float) -> float:
-        """Return the nominal pressure [F/L^2]; ValueError where the bar has no equilibrium."""
+        """Return the nominal pressure [F/L^2]; raises ValueError if there is no equilibrium."""
         axial_strain = math.log1p(-strain)
         if self.is_incompressible:
             slope = _first_derivative(
@@ -110,7 +110,7 @@ class HyperelasticBar:
         return self._energy(self._lateral_strain(axial_strain), axial_strain)
 
     def tangent_modulus(self, strain: float) -> float:
-        """Return d stress/d strain [F/L^2] by a central difference."""
+        """Return the derivative of stress with respect to strain by a central difference."""
         step = 1e-4 * (1 - strain)
         return (self.stress(strain + step) - self.stress(strain - step)) / (2 * step)
 
@@ -120,7 +120,7 @@ class HyperelasticBar:
         return math.exp(free_directions * self._lateral_strain(math.log1p(-strain)))
 
     def _energy(self, lateral_strain: float, axial_strain: float) -> float:
-        """Return psi [F/L^2] at logarithmic strains of the free directions and along the bar."""
+        """Return psi [F/L^2] for logarithmic strains in the free directions and along the bar."""
         lateral_stretch = math.exp(lateral_strain)
         return float(
             self.psi(
@@ -131,7 +131,7 @@ class HyperelasticBar:
         )
 
     def _lateral_strain(self, axial_strain: float) -> float:
-        """Return the logarithmic strain of the free directions at which they carry no stress."""
+        """Return the logarithmic strain in the free directions for which their stress is zero."""
         if self.confined_directions == 2:
             if self.is_incompressible and axial_strain != 0:
                 raise ValueError("an incompressible body between side walls cannot be compressed")
@@ -160,14 +160,14 @@ class HyperelasticBar:
 
 
 def _first_derivative(function: Callable[[float], float], x: float) -> float:
-    """Return the first derivative by the five-point formula."""
+    """Return the first derivative of a function at x by the five-point formula."""
     near_difference = function(x + DIFFERENCE_STEP) - function(x - DIFFERENCE_STEP)
     far_difference = function(x + 2 * DIFFERENCE_STEP) - function(x - 2 * DIFFERENCE_STEP)
     return (8 * near_difference - far_difference) / (12 * DIFFERENCE_STEP)
 
 
 def _second_derivative(function: Callable[[float], float], x: float) -> float:
-    """Return the second derivative by the three-point formula."""
+    """Return the second derivative of a function at x by the three-point formula."""
     return (
         function(x + DIFFERENCE_STEP) - 2 * function(x) + function(x - DIFFERENCE_STEP)
     ) / DIFFERENCE_STEP**2
@@ -175,20 +175,21 @@ def _second_derivative(function: Callable[[float], float], x: float) -> float:
 
 @dataclass(frozen=True)
 class Compression:
-    """Load curve of a prism that is compressed homogeneously.
+    """Load curve of a homogeneously compressed prism.
 
     Parameters
     ----------
     bar
-        Stress and strain energy of the prism as functions of its strain.
+        Stress and strain energy of the prism as functions of the strain.
     height
-        Height at rest [L].
+        Undeformed height [L].
     area
-        Area of the top at rest [L^2]; in plane strain its width [L].
+        Undeformed area of the top [L^2]; width [L] in plane strain.
     dimensions
-        Dimensions of the top: 2, or 1 in plane strain.
+        Number of dimensions of the top: 2, or 1 in plane strain.
     max_area_ratio
-        Area of the tip over that of the top at rest: a larger top would bulge past the tip's edge.
+        Ratio of the area of the tip to the undeformed area of the top; at a larger ratio of the
+        top's area the body bulges past the edge of the tip.
     """
 
     bar: Bar
@@ -199,11 +200,11 @@ class Compression:
 
     @property
     def tip(self) -> Tip:
-        """Flat punch as large as the top: its contact radius does not depend on the depth."""
+        """Flat punch of the size of the top, whose contact radius does not depend on the depth."""
         return flat_punch(self._radius(self.area))
 
     def solutions_at_depths(self, deltas: Sequence[float]) -> list[Solution]:
-        """Return one Solution per depth [L]; without contact for a depth <= 0.
+        """Return one Solution for each depth [L]; depths <= 0 have no contact.
 
         Raises
         ------
@@ -216,16 +217,16 @@ class Compression:
         ]
 
     def solutions_at_forces(self, forces: Sequence[float]) -> list[Solution]:
-        """Return one Solution per force [F]; without contact for a force <= 0.
+        """Return one Solution for each force [F]; forces <= 0 have no contact.
 
-        Errors as `solutions_at_depths`.
+        Raises the same errors as `solutions_at_depths`.
         """
         return self.solutions_at_depths(
             [self.depth_of_force(force) if force > 0 else 0.0 for force in forces]
         )
 
     def depth_of_force(self, force: float) -> float:
-        """Return the depth [L] of a force [F] > 0; ValueError if there is none."""
+        """Return the depth [L] of a force [F] > 0; raises ValueError if there is none."""
         start = min(
             force * self.height / (self.bar.tangent_modulus(0.0) * self.area), 0.5 * self.height
         )
@@ -234,7 +235,7 @@ class Compression:
         )
 
     def solutions_up_to(self, deepest: Solution, count: int) -> list[Solution]:
-        """Return solutions at even steps of the depth up to a known one."""
+        """Return `count` solutions at equally spaced depths up to the solution `deepest`."""
         return self.solutions_at_depths(list(deepest.delta * np.arange(1, count + 1) / count))
 
     def _solution_at_depth(self, delta: float) -> Solution:
@@ -257,17 +258,17 @@ class Compression:
         return Solution(delta, force, a, area, energy, stiffness, *fields, peak_pressure=lambda: p)
 
     def _radius(self, area: float) -> float:
-        """Return the radius [L] of a disc of an area [L^2]; in plane strain half the width."""
+        """Return the radius [L] of a disc of given area [L^2]; half the width in plane strain."""
         return math.sqrt(area / math.pi) if self.dimensions == 2 else area / 2
 
 
 def _uniform_pressure(a: float, p: float, x: np.ndarray) -> np.ndarray:
-    """Return the pressure p at distances x up to a, and 0 beyond."""
+    """Return the uniform pressure p at distances x <= a, and 0 beyond."""
     return np.where(np.abs(np.asarray(x, dtype=float)) <= a, p, 0.0)[()]
 
 
 def _uniform_displacement(u: float, x: np.ndarray) -> np.ndarray:
-    """Return the displacement u at all positions x."""
+    """Return the uniform displacement u at all positions x."""
     return np.full_like(np.asarray(x, dtype=float), u)[()]
 
 
@@ -277,9 +278,9 @@ def bonded_modulus(E: float, bulk_modulus: float, shape_factor: float, dimension
         1/E_c = 1/(E (1 + 2 S^2)) + 1/K        of a disc, S = R/(2 t),
         1/E_c = 1/(4/3 E (1 + S^2)) + 1/K      of a long strip, S = width/(2 t).
 
-    The block has the thickness t and is bonded to both plates, which are rigid. A block of height h
-    that is bonded at its base only and slides along the plate is half of one of the thickness
-    t = 2 h.
+    The block has the thickness t and is bonded to two rigid plates. A block of height h that is
+    bonded at the base and slides along the plate corresponds to half of a block of thickness t = 2
+    h.
 
     Parameters
     ----------

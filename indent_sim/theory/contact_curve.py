@@ -1,14 +1,14 @@
-"""Load curve of a layer theory: its contacts at one or many depths or forces.
+"""Load curve of a layer theory: contact solutions at given depths or forces.
 
-Without the powers of Hertz's contact all quantities of a contact of size a are analytic in a,
+Divided by the powers of a in Hertz's theory, all quantities of a contact of size a are analytic,
     delta = h g d(a),  F = E* h^n a^(n-1) g f(a),  dF/ddelta = E* h^(n-1) a^(n-1) s(a),
     U = E* h^(n+1) a^(n-1) g^2 u(a),  p_max = E* (g/a) p(a),
 with g(a) the tip's profile, a and g in units of h, n = 2 (n = 1 in plane strain). Chebyshev
-polynomials through a few sizes approximate them to rounding; their last coefficients measure the
-error. Where these are not small, nothing is interpolated: tips with slope discontinuities,
-pressures whose maximum moves.
+polynomials through a few sizes approximate them to round-off; the last coefficients measure the
+error. If these are not small, the quantity is not interpolated, for example for tips with slope
+discontinuities, or for pressures whose maximum is not at a fixed position.
 
-delta > 0 pushes in; force, pressure > 0 push.
+delta, force and pressure are > 0 in indentation.
 Source: Trefethen (2013), Approximation Theory and Approximation Practice, chapters 3 and 8.
 """
 
@@ -53,7 +53,7 @@ Sizes = TypeVar("Sizes", float, np.ndarray)
 def field_of_position(
     value: Callable[..., np.ndarray], curve: ContactCurve, *arguments: Any
 ) -> Callable[[Any], np.ndarray]:
-    """Return value(curve, *arguments, |x|/h) as a function of positions x [L] of any shape."""
+    """Return the function x -> value(curve, *arguments, |x|/h) of positions x [L] of any shape."""
     return partial(_evaluate_field, value, curve, arguments)
 
 
@@ -80,7 +80,7 @@ class ContactCurve(ABC):
     h
         Thickness of the top layer [L], the unit of all contact sizes.
     wall
-        Distance of frictionless side walls [h], infinity for none.
+        Distance of frictionless side walls from the axis [h]; infinity without walls.
     """
 
     tip: Tip
@@ -95,8 +95,8 @@ class ContactCurve(ABC):
     def from_stack(cls, tip: Tip, stack: Stack, wall: float | None = None) -> Self:
         """Return the load curve of a tip on a stack, infinitely wide or between frictionless walls.
 
-        `wall` is the walls' distance [L] from the axis. ValueError for walls around a half-space,
-        which would sink without end.
+        `wall` is the distance [L] of the walls from the axis. Raises ValueError for walls around a
+        half-space, where the depth would be infinite.
         """
         return cls(
             tip, stack.scaled_by_top(), stack.E_star, stack.h, stack.scaled_wall_distance(wall)
@@ -104,48 +104,48 @@ class ContactCurve(ABC):
 
     @abstractmethod
     def profile(self, x: np.ndarray) -> np.ndarray:
-        """Return an increasing shape function of the tip, about the depth [h] of a contact."""
+        """Return an increasing function of the contact size x [h] that is roughly the depth [h]."""
 
     @abstractmethod
     def linear_solution(self, a: float) -> Any:
         """Solve the linear problem of the contact size a [h].
 
-        Its `indentation_of_radius` is the depth [h] of a smooth tip with this contact.
+        The result's `indentation_of_radius` is the depth [h] of a smooth tip with this contact.
         """
 
     @abstractmethod
     def solution(self, delta: float, a: float, linear: Any = None) -> Solution:
-        """Return the contact of size a [h] at the depth delta [L].
+        """Return the Solution for a contact of size a [h] at the depth delta [L].
 
-        `linear` is the `linear_solution` of that size where it is known.
+        `linear` is the `linear_solution` of this size if it is known.
         """
 
     def area(self, a: Sizes) -> Sizes:
-        """Return the area [L^2] of a disc of radius a [h], in plane strain a band's width [L]."""
+        """Return the contact area [L^2] for a radius a [h]; in plane strain the width [L]."""
         return math.pi * (a * self.h) ** 2 if self.dimensions == 2 else 2.0 * a * self.h
 
     @staticmethod
     def interpolation_variable(a: Sizes) -> Sizes:
-        """Return the variable in which the quantities of a contact of size a are smooth."""
+        """Return the variable of interpolation (a function of the contact size a)."""
         return a
 
     @staticmethod
     def size_of_variable(x: float) -> float:
-        """Return the contact size of an interpolation variable."""
+        """Return the contact size for a value of the interpolation variable."""
         return x
 
     def max_size(self) -> float:
-        """Return the contact size [h] that no contact can reach."""
+        """Upper bound of the contact size [h], which no contact reaches."""
         return min(self.wall, self.tip.max_radius / self.h, MAX_SLENDERNESS)
 
     def linear_solutions(self, sizes: Sequence[float], largest: float) -> Sequence[Any]:
-        """Return the linear solutions of several contact sizes, none above `largest` [h]."""
+        """Return the linear solutions of several contact sizes, all at most `largest` [h]."""
         return [self.linear_solution(a) for a in sizes]
 
     def load_values(self, sizes: np.ndarray, linear_solutions: Sequence[Any]) -> np.ndarray:
-        """Return depth, force, stiffness and energy of contacts of a smooth tip.
+        """Return depth, force, stiffness and energy (4, sizes) of contacts of a smooth tip.
 
-        The shape is (4, sizes), the units are [L, F, F/L, F L].
+        The units are [L, F, F/L, F L].
         """
         solutions = [
             self.solution_at_size(a, linear)
@@ -159,7 +159,7 @@ class ContactCurve(ABC):
         ).T
 
     def center_pressures(self, sizes: np.ndarray, linear_solutions: Sequence[Any]) -> np.ndarray:
-        """Return the pressures (sizes,) [F/L^2] in the centers of contacts of a smooth tip."""
+        """Return the pressures (sizes,) [F/L^2] at the centers of contacts of a smooth tip."""
         center = np.zeros(1)
         pairs = zip(map(float, sizes), linear_solutions, strict=True)
         return np.array(
@@ -169,9 +169,9 @@ class ContactCurve(ABC):
     def pressures(
         self, sizes: np.ndarray, linear_solutions: Sequence[Any], point_count: int
     ) -> np.ndarray:
-        """Return pressures (sizes, points) [F/L^2] from the center to before the edge.
+        """Return pressures (sizes, points) [F/L^2] at equally spaced points from center to edge.
 
-        The points are evenly spaced.
+        The edge itself is not included.
         """
         radius_fractions = np.linspace(0.0, 1.0, point_count, endpoint=False)
         pairs = zip(map(float, sizes), linear_solutions, strict=True)
@@ -183,18 +183,18 @@ class ContactCurve(ABC):
         )
 
     def solution_at_size(self, a: float, linear: Any = None) -> Solution:
-        """Return the contact of size a [h] of a smooth tip.
+        """Return the Solution for a contact of size a [h] of a smooth tip.
 
-        `linear` is the `linear_solution` of that size where it is known.
+        `linear` is the `linear_solution` of this size if it is known.
         """
         linear = linear or self.linear_solution(a)
         return self.solution(linear.indentation_of_radius * self.h, a, linear)
 
     def solutions_at_depths(self, deltas: Sequence[float]) -> list[Solution]:
-        """Return one Solution per depth [L]; without contact for a depth <= 0.
+        """Return one Solution for each depth [L]; depths <= 0 have no contact.
 
-        Many depths are interpolated where this is accurate to rounding; otherwise the contact size
-        of each is searched for from its neighbour's.
+        Many depths are interpolated if this is accurate to round-off. Otherwise each contact size
+        is found by a search that starts from the previous results.
 
         Raises
         ------
@@ -213,9 +213,9 @@ class ContactCurve(ABC):
         return [solution_at.get(delta) or no_contact(delta) for delta in deltas]
 
     def solutions_at_forces(self, forces: Sequence[float]) -> list[Solution]:
-        """Return one Solution per force [F]; without contact for a force <= 0.
+        """Return one Solution for each force [F]; forces <= 0 have no contact.
 
-        Errors as `solutions_at_depths`.
+        Raises the same errors as `solutions_at_depths`.
         """
         pushing_forces = sorted({force for force in forces if force > 0.0})
         interpolated = None
@@ -236,9 +236,9 @@ class ContactCurve(ABC):
     def _interpolated_curve(
         self, first_depth: float, last_depth: float, count: int
     ) -> ChebyshevContactCurve | None:
-        """Return the interpolated contacts between two depths [L], of which `count` are wanted.
+        """Return an interpolation of the contacts between two depths [L], for `count` evaluations.
 
-        None where they are few, or where no polynomial of the contact size approximates them.
+        None if `count` is small, or if no polynomial of the contact size approximates the contacts.
         """
         if (
             count < FEWEST_DEPTHS
@@ -263,7 +263,7 @@ class ContactCurve(ABC):
         )
 
     def _estimated_sizes(self, first_depth: float, last_depth: float) -> tuple[float, float]:
-        """Estimate the contact sizes [h] at two depths [L], with a margin outwards."""
+        """Estimate the contact sizes [h] at two depths [L], with a margin on both sides."""
         depths = first_depth / self.h, last_depth / self.h
         sizes = [first_guess(self.profile, depth, self.max_size()) for depth in depths]
         estimates = zip(sizes, self.linear_solutions(sizes, max(sizes)), depths, strict=True)
@@ -276,7 +276,7 @@ class ContactCurve(ABC):
         return smallest * (1.0 - margin), largest * (1.0 + margin)
 
     def _solve_one_by_one(self, deltas: Sequence[float]) -> list[Solution]:
-        """Return one Solution per depth [L]; each search starts from the previous results."""
+        """Return one Solution for each depth [L]; each search starts from the previous results."""
         solutions: list[Solution] = []
         previous_points: list[tuple[float, float]] = []
         for delta in deltas:
@@ -300,9 +300,9 @@ class ContactCurve(ABC):
         return solutions
 
     def solutions_up_to(self, deepest: Solution, count: int) -> list[Solution]:
-        """Return solutions at even steps of the contact size up to a known one.
+        """Return `count` solutions at equally spaced contact sizes up to the solution `deepest`.
 
-        For a flat punch, whose contact size is fixed, the steps are even in depth.
+        For a flat punch, whose contact size is fixed, the depths are equally spaced.
         """
         steps = np.arange(1, count + 1) / count
         if self.tip.punch_radius is not None:
@@ -310,7 +310,7 @@ class ContactCurve(ABC):
         return [self.solution_at_size(a) for a in deepest.a / self.h * steps]
 
     def depth_of_force(self, force: float) -> float:
-        """Return the depth [L] of a force [F] > 0; errors as `solutions_at_depths`."""
+        """Return the depth [L] of a force [F] > 0; raises as `solutions_at_depths`."""
         if self.tip.punch_radius is not None:
             return force / self.solutions_at_depths([self.h])[0].stiffness
         start = first_guess(self.profile, force / (self.E_star * self.h**2), self.max_size())
@@ -318,11 +318,11 @@ class ContactCurve(ABC):
         return float(self.linear_solution(a).indentation_of_radius * self.h)
 
     def tension_fraction(self, solution: Solution) -> float:
-        """Return the integral of the tensile pressure over the force.
+        """Return the ratio of the resultant of tensile pressure to the force.
 
-        The theory's contact is a full disc or band. A stiff layer on a soft one bends away from the
-        center of a punch; without tension its contact would be smaller and its force slightly
-        lower.
+        The theory assumes contact on a full disc or band. A stiff layer on a soft one may bend away
+        from the center of a punch; without tension the contact would be smaller and the force
+        slightly lower.
         """
         if len(self.scaled_stack.layers) == 1 or solution.force <= 0:
             return 0.0
@@ -343,9 +343,10 @@ class ContactCurve(ABC):
 
 @dataclass(frozen=True, eq=False)
 class ChebyshevContactCurve:
-    """Contacts of a load curve interpolated between the smallest and the largest of some sizes.
+    """Load curve interpolated by Chebyshev polynomials of the contact size.
 
-    `sizes` [h] increase; `linear_solutions` are those of `ContactCurve.linear_solution` at each.
+    `sizes` [h] are the interpolation nodes in ascending order, and `linear_solutions` the results
+    of `ContactCurve.linear_solution` at the nodes.
     """
 
     curve: ContactCurve
@@ -358,7 +359,7 @@ class ChebyshevContactCurve:
     ) -> ChebyshevContactCurve | None:
         """Interpolate contacts of a smooth tip from `smallest` to `largest` [h].
 
-        None where `max_sizes` contact sizes are too few for polynomials to converge.
+        None if polynomials through `max_sizes` contact sizes have not converged.
         """
         solution_of_size: dict[float, Any] = {}
         needed_count = 0.0
@@ -396,16 +397,16 @@ class ChebyshevContactCurve:
         return None
 
     def solutions_at_depths(self, deltas: Sequence[float]) -> list[Solution]:
-        """Return the contacts at depths [L] between those of the smallest and the largest size."""
+        """Return one Solution for each depth [L] within the interpolated range."""
         return self._solutions(self._find_sizes(deltas, DEPTH_COLUMN), deltas)
 
     def solutions_at_forces(self, forces: Sequence[float]) -> list[Solution]:
-        """Return the contacts at forces [F] between those of the smallest and the largest size."""
+        """Return one Solution for each force [F] within the interpolated range."""
         a = self._find_sizes(forces, FORCE_COLUMN)
         return self._solutions(a, list(map(float, self._load_values(a)[DEPTH_COLUMN])))
 
     def covers(self, first: float, last: float) -> bool:
-        """Return whether two depths [L] lie between those of the smallest and the largest size."""
+        """Return whether two depths [L] lie within the interpolated range."""
         return bool(
             self._node_values[DEPTH_COLUMN, 0] <= first
             and last <= self._node_values[DEPTH_COLUMN, -1]
@@ -413,18 +414,18 @@ class ChebyshevContactCurve:
 
     @cached_property
     def node_solutions(self) -> list[Solution]:
-        """Contacts at the interpolation nodes."""
+        """Solutions at the interpolation nodes."""
         return [
             self.curve.solution_at_size(a, linear)
             for a, linear in zip(map(float, self.sizes), self.linear_solutions, strict=True)
         ]
 
     def solution_at_size(self, a: float) -> Solution:
-        """Solve the contact of a size [h] without interpolation."""
+        """Return the Solution for a contact size [h], without interpolation."""
         return self.curve.solution_at_size(float(a))
 
     def _solutions(self, a: np.ndarray, deltas: Sequence[float]) -> list[Solution]:
-        """Return the interpolated contacts of sizes a [h] at their depths [L]."""
+        """Return the interpolated solutions for contact sizes a [h] and their depths [L]."""
         curve = self.curve
         peak_pressures = _PeakPressures(self, a)
         solutions = []
@@ -452,11 +453,14 @@ class ChebyshevContactCurve:
         return solutions
 
     def _load_values(self, a: np.ndarray) -> np.ndarray:
-        """Return depth, force, stiffness and energy (4, len(a)) [L, F, F/L, F L] of contacts."""
+        """Return depth, force, stiffness and energy (4, len(a)) [L, F, F/L, F L] at sizes a [h]."""
         return self.evaluate_polynomials(self._load_coefficients, a) * self._load_scales(a)
 
     def _load_scales(self, a: np.ndarray) -> np.ndarray:
-        """Return Hertzian factors of the load values (4, len(a)) [L, F, F/L, F L]."""
+        """Return the scales (4, len(a)) of depth, force, stiffness and energy, as in Hertz' theory.
+
+        The polynomials approximate the load values divided by these scales [L, F, F/L, F L].
+        """
         curve = self.curve
         h = self.curve.h
         g = h * curve.profile(a)
@@ -465,7 +469,7 @@ class ChebyshevContactCurve:
 
     @cached_property
     def _load_coefficients(self) -> np.ndarray:
-        """Chebyshev coefficients (sizes, 4) of the scaled quantities d, f, s and u."""
+        """Chebyshev coefficients (sizes, 4) of the scaled depth, force, stiffness and energy."""
         return _coefficients(self._node_values / self._load_scales(self.sizes))
 
     @cached_property
@@ -474,7 +478,7 @@ class ChebyshevContactCurve:
         return self.curve.load_values(self.sizes, self.linear_solutions)
 
     def evaluate_polynomials(self, coefficients: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Return (columns, len(a)) Chebyshev series of (sizes, columns), at sizes a [h]."""
+        """Return the values (columns, len(a)) of Chebyshev series at contact sizes a [h]."""
         x = self.curve.interpolation_variable(a)
         first, *_, last = self.curve.interpolation_variable(self.sizes)
         return np.asarray(
@@ -484,7 +488,7 @@ class ChebyshevContactCurve:
     def _find_sizes(self, requested: Sequence[float], column: int) -> np.ndarray:
         """Return the sizes [h] at which one row of the load values has the requested values.
 
-        Secants in logarithmic variables start from chords between the nodes.
+        The secant method in logarithmic variables starts from linear interpolation between nodes.
         """
         # This import takes 0.2 s, which other scenes need not spend.
         from scipy.optimize import newton
@@ -501,19 +505,19 @@ class ChebyshevContactCurve:
         if not np.all(
             np.abs(self._load_values(a)[column] - requested) <= 1e-11 * np.abs(requested)
         ):
-            raise ArithmeticError("contact sizes were not found for all depths or forces at once")
+            raise ArithmeticError("the simultaneous search for the contact sizes did not converge")
         return a
 
 
 class _PeakPressures:
-    """Largest pressures of contacts: interpolated if a polynomial converges, else searched for."""
+    """Largest contact pressures, interpolated if a polynomial converges, else searched for."""
 
     def __init__(self, curve: ChebyshevContactCurve, a: np.ndarray):
         self._curve = curve
         self._a = a
 
     def peak_pressure(self, i: int) -> float:
-        """Return the largest pressure [F/L^2] of the i-th contact."""
+        """Return the largest contact pressure [F/L^2] of the i-th solution."""
         return (
             float(self._interpolated_peaks[i])
             if self._interpolated_peaks is not None
@@ -522,9 +526,9 @@ class _PeakPressures:
 
     @property
     def _are_central(self) -> bool:
-        """True if the largest pressure lies in the center, where an even pressure has slope 0.
+        """True if the largest pressure is at the center, where the slope of the pressure is 0.
 
-        Every seventh size is checked, and all are taken to be alike.
+        Only every seventh contact is checked.
         """
         curve = self._curve
         stride = slice(None, None, 7)
@@ -538,7 +542,7 @@ class _PeakPressures:
         return bool(np.all((p[:, 0] >= p.max(axis=1)) & (p[:, 1] > p[:, 2])))
 
     def _search_peak(self, solution: Solution) -> float:
-        """Search for the largest pressure [F/L^2] of a contact that was solved for."""
+        """Search for the largest pressure [F/L^2] of a solution that is not interpolated."""
         point_count = LEAST_PEAK_POINTS + math.ceil(
             PEAK_POINTS_PER_RADIUS * solution.a / self._curve.curve.h
         )
@@ -546,7 +550,7 @@ class _PeakPressures:
 
     @cached_property
     def _interpolated_peaks(self) -> np.ndarray | None:
-        """Interpolated largest pressures of all contacts; None where no polynomial converges."""
+        """Interpolated largest pressures of all contacts; None if no polynomial converges."""
         curve = self._curve
         contact_curve = self._curve.curve
         if self._are_central:
@@ -569,29 +573,29 @@ class _PeakPressures:
 
 
 def _field_values(curve: ContactCurve, delta: float, a: float, name: str, r: Any) -> Any:
-    """Solve a contact and return its field `name`, pressure or u_z, at positions r [L]."""
+    """Solve a contact and return the field `name` (pressure or u_z) at positions r [L]."""
     return getattr(curve.solution(delta, a), name)(r)
 
 
 def _chebyshev_points(low: float, high: float, count: int) -> list[float]:
     """Return Chebyshev points of the second kind in ascending order.
 
-    Every second one of 2 n - 1 points is one of n points.
+    Every second one of 2 n - 1 points coincides with one of n points.
     """
     points = 0.5 * (low + high) + 0.5 * (high - low) * chebpts2(count)
     return [low, *map(float, points[1:-1]), high]
 
 
 def _coefficients(values: np.ndarray) -> np.ndarray:
-    """Return Chebyshev coefficients (sizes, columns) of values (columns, sizes) at the points."""
+    """Return the Chebyshev coefficients (sizes, columns) of nodal values (columns, sizes)."""
     count = values.shape[1]
     return np.asarray(chebfit(chebpts2(count), values.T, count - 1))
 
 
 def _tail_ratio(coefficients: np.ndarray) -> float:
-    """Return the last coefficients (sizes, columns) over the largest one of their column.
+    """Return the ratio of the last coefficients to the largest one of their column.
 
-    The result is the largest ratio.
+    The coefficients are (sizes, columns), and the largest ratio of all columns is returned.
     """
     sizes = np.abs(coefficients)
     return float((sizes[-TAIL_COEFFICIENTS:].max(axis=0) / sizes.max(axis=0)).max())

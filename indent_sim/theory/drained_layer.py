@@ -1,6 +1,6 @@
-"""Drained boundary layer of a porous body, and its overestimate by linear finite elements.
+"""Drained boundary layer of a porous body, and its overestimation by linear finite elements.
 
-Lengths and times in any consistent units; the fluid leaves the body through the drained face.
+Lengths and times are in any consistent units; fluid leaves the body through the drained face.
 Source: Carslaw & Jaeger (1959), Conduction of Heat in Solids, section 2.5.
 """
 
@@ -12,7 +12,7 @@ import numpy as np
 
 
 def drained_length(diffusivity: float, elapsed: np.ndarray, ramp_time: np.ndarray) -> np.ndarray:
-    """Return the thickness (n,) [length] of undrained body that holds the fluid lost by drainage.
+    """Return the thickness (n,) [length] of undrained material that contains the lost fluid.
 
     The pressure p in a half-space grows linearly over the time `ramp_time` and is constant then.
     The fluid that has left through the drained face at the time `elapsed` is, per area, p
@@ -25,11 +25,11 @@ def drained_length(diffusivity: float, elapsed: np.ndarray, ramp_time: np.ndarra
     Parameters
     ----------
     diffusivity
-        D [length^2/time].
+        Diffusivity D [length^2/time].
     elapsed
         Times (n,) since the pressure began to grow, > 0 [time].
     ramp_time
-        Times (n,) in which it grows, 0 to `elapsed` [time].
+        Times (n,) during which the pressure grows, from 0 to `elapsed` [time].
     """
     # The difference of powers would lose digits.
     is_sudden = ramp_time < 1e-6 * elapsed
@@ -46,20 +46,20 @@ def drained_length(diffusivity: float, elapsed: np.ndarray, ramp_time: np.ndarra
 def excess_length(h: np.ndarray, drained: np.ndarray) -> np.ndarray:
     """Return the overestimate [length] of `drained_length` by elements of linear pressure.
 
-    In Laplace space the drained length of a half-space is (D/s)^(1/2). That of a row of elements of
-    the height h with p = 0 at its end is (D/s + h^2/12)^(1/2), or h/12^(1/2) at time 0. At a time t
-    the difference is at most
+    In Laplace space the drained length of a half-space is (D/s)^(1/2). For elements of height h
+    with p = 0 at the face it is (D/s + h^2/12)^(1/2), or h/12^(1/2) at time 0. The difference at a
+    given time is at most
 
         (drained^2 + h^2/12)^(1/2) - drained.
 
-    This bound is the difference itself where h is large, and 1.2 times (ramp) to 1.6 times (jump)
-    the difference where h is small.
+    For large h this bound equals the difference; for small h it is 1.2 (ramp) to 1.6 (jump) times
+    the difference.
 
     Parameters
     ----------
     h
         Height of the elements at the drained face [length].
     drained
-        `drained_length` [length], of a shape that broadcasts with h.
+        Result of `drained_length` [length], broadcast with h.
     """
     return np.hypot(drained, h / math.sqrt(12.0)) - drained

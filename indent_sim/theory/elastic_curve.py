@@ -1,7 +1,7 @@
 """Elastic load curve of a body from samples: force and contact radius as functions of the depth.
 
-ln F and ln a are cubic splines of ln delta; below the first sample the power law at that sample
-continues. delta > 0 pushes in, force > 0 pushes. Lengths [L], forces [F].
+ln F and ln a are cubic splines of ln delta; below the first sample the curve is continued as a
+power law. delta and force are > 0 in indentation. Lengths [L], forces [F].
 Source: de Boor (1978), A Practical Guide to Splines, chapter 4, for cubic splines.
 """
 
@@ -18,7 +18,7 @@ MIN_CURVE_SAMPLES = 4  # Samples that a cubic spline needs.
 
 
 class ElasticCurve:
-    """Force and contact radius of an elastic body over the depth, from splines of their logarithms.
+    """Force and contact radius of an elastic body as functions of the depth, from splines.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class ElasticCurve:
     Raises
     ------
     ValueError
-        For less than MIN_CURVE_SAMPLES samples.
+        For fewer than MIN_CURVE_SAMPLES samples.
     """
 
     def __init__(self, delta: np.ndarray, force: np.ndarray, a: np.ndarray):
@@ -47,7 +47,7 @@ class ElasticCurve:
     def _value_and_slope(
         self, spline: CubicSpline, delta: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return value and derivative by ln delta of a spline's exponential, 0 for delta <= 0."""
+        """Return exp(spline) and its derivative with respect to ln delta; 0 for delta <= 0."""
         delta = np.asarray(delta, dtype=float)
         x = np.log(np.where(delta > 0, delta, 1.0))
         log_depth_inside = np.maximum(x, self._low)
@@ -71,21 +71,21 @@ class ElasticCurve:
         return self._value_and_slope(self._a, delta)[0]
 
     def depth_of_force(self, force: float) -> float:
-        """Return the depth [L] of a force [F] >= 0; ValueError beyond the deepest sample."""
+        """Return the depth [L] of a force [F] >= 0; raises ValueError beyond the deepest sample."""
         if not 0.0 <= force <= float(self.force(np.array(self.deepest))):
-            raise ValueError(f"the force {force:g} is beyond the deepest point known")
+            raise ValueError(f"the force {force:g} is beyond the last sample of the load curve")
         return self._root(lambda x: float(self.force(np.array(x))) - force, self.deepest)
 
     def depth_behind_spring(self, compliance: float, z: float) -> float:
         """Return the depth [L] at which delta + compliance force = z [L].
 
-        ValueError beyond the deepest sample.
+        Raises ValueError beyond the deepest sample.
         """
         if z <= 0.0 or compliance == 0.0:
             return z
         upper_depth = min(z, self.deepest)
         if upper_depth + compliance * float(self.force(np.array(upper_depth))) < z:
-            raise ValueError(f"the depth at z = {z:g} is beyond the deepest point known")
+            raise ValueError(f"the depth at z = {z:g} is beyond the last sample of the load curve")
         return self._root(
             lambda x: x + compliance * float(self.force(np.array(x))) - z, upper_depth
         )

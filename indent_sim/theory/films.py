@@ -1,11 +1,11 @@
 """Textbook approximations for films and thin layers, to compare with the exact theory of a `stack`.
 
-A film of thickness t on a substrate is as stiff under a contact of radius a [L] as a half-space of
-the modulus E* = E/(1 - nu^2) [F/L^2]. The formulas interpolate finite elements or first-order
-perturbations under a flat punch: for other tips or large contrasts of the moduli they are wrong by
-up to a factor of two.
+Under a contact of radius a [L], a film of thickness t on a substrate has the stiffness of a
+half-space with an effective modulus E* [F/L^2]. The formulas interpolate finite element results or
+first-order perturbations under a flat punch; for other tips or large ratios of the moduli the error
+is up to a factor of two.
 
-delta > 0 and force > 0 while the tip pushes into the body. Any consistent units.
+delta and force are > 0 while the tip pushes into the body. Any consistent units.
 Sources: Gao, Chiu & Lee (1992), Int. J. Solids Struct. 29, 2471, for moduli that differ by less
 than a factor of two; Perriot & Barthel (2004), J. Mater. Res. 19, 600, for ratios of 0.01 to 100;
 Dimitriadis et al. (2002), Biophys. J. 82, 2798.
@@ -85,9 +85,9 @@ def film_force(
     substrate: StackLayer,
     film_contact: HalfSpaceContact,
 ) -> float:
-    """Return the force [F] on a film at a depth by one of the moduli above.
+    """Return the force [F] on a film at a depth, with one of the effective moduli above.
 
-    The contact radius is that of a half-space, where it does not depend on the modulus.
+    The contact radius is that of a half-space, which does not depend on the modulus.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def film_force(
     film, substrate
         Layer on top, and the half-space below it.
     film_contact
-        Contact of the tip with a half-space of the film's material.
+        Load curve of the tip on a half-space of the film's material.
 
     Returns
     -------
@@ -119,9 +119,9 @@ def dimitriadis_force(delta: float, R: float, layer: StackLayer, base: str = "fi
         1 - 2 A x/pi + 4 A^2 x^2/pi^2 - 8 (A^3 + 4 pi^2 B/15) x^3/pi^3
           + 16 A (A^3 + 3 pi^2 B/5) x^4/pi^4,
 
-    with A and B functions of nu and the base. For a fixed incompressible layer the paper and other
-    programs have the last term + 0.0975 x^4, where this polynomial has - 0.0975 x^4: there the
-    paper's sign is used.
+    with A and B functions of nu and the base. For a fixed incompressible layer this polynomial has
+    the last term -0.0975 x^4, but the paper and other programs have +0.0975 x^4; the sign of the
+    paper is used.
 
     Parameters
     ----------

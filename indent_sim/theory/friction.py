@@ -1,9 +1,9 @@
 """Coulomb friction between a tip and an elastic half-space during loading.
 
-Results are the factors of force and contact radius and the stick radius. Under a flat punch of
-radius 1 and depth 1 pressure p and outward traction q on the body are Abel transforms of phi and
-x chi, and so are the displacements inside, with beta = (1 - 2 nu)/(2 (1 - nu)), in units of
-mu/(1 - nu) and 1:
+The results are factors of force and contact radius, and the stick radius. Under a flat punch of
+radius 1 and depth 1, the pressure p, the outward traction q on the body and the displacements
+inside the contact are Abel transforms of phi and x chi. With beta = (1 - 2 nu)/(2 (1 - nu)),
+stresses in units of mu/(1 - nu):
 
     int_r^1 s p ds = int_r^1 phi x/sqrt(x^2 - r^2) dx,
     int_r^1 q ds = int_r^1 chi x/sqrt(x^2 - r^2) dx,
@@ -11,10 +11,11 @@ mu/(1 - nu) and 1:
     u_r(r) = int_0^r chi x^2/(r sqrt(r^2 - x^2)) dx - beta/r int_0^r s p ds = 0 (stick)
     or q = f p (slip).
 
-With phi and chi constant on rings all of it is elementary. Under f = B r^n each increment of the
-depth is that of a punch of the present radius: the stick radius is the same fraction of all of
-them, so that slipping and sticking regions stay so. Then delta = alpha a^n as in `no_slip`, with
-the surface outside a punch of radius 1 at the depth int_0^1 phi/sqrt(r^2 - x^2) dx.
+With phi and chi constant on rings, all integrals are elementary. Under f = B r^n each increment of
+the depth is that of a flat punch of the present contact radius. The stick radius is the same
+fraction of each of these punches, so that slipping and sticking regions do not change. Then delta =
+alpha a^n as in `no_slip`, where the surface outside a punch of radius 1 has the depth int_0^1
+phi/sqrt(r^2 - x^2) dx.
 
 Sources: Spence (1975), J. Elasticity 5, 297, for the problem and its self-similarity; the
 collocation is our own.
@@ -41,14 +42,14 @@ def friction_correction(
 ) -> FrictionCorrection:
     """Return the factors of force and contact radius, and the stick radius, under f = B r^power.
 
-    The force is accurate to 2e-5, the stick radius to one ring, 0.01 at worst. An infinite power
-    stands for a flat punch.
+    The force is accurate to 2e-5, the stick radius to the width of one ring, at most 0.01. An
+    infinite power means a flat punch.
 
     Raises
     ------
     ValueError
-        Unless -1 < nu <= 0.5, power >= 1, and friction is "stick" or between 0 and 0.8/beta, which
-        is 1.6 at nu = 0 and 2.8 at nu = 0.3.
+        Unless -1 < nu <= 0.5, power >= 1, and friction is "stick" or between 0 and 0.8/beta (1.6 at
+        nu = 0, 2.8 at nu = 0.3).
     """
     if friction == "stick":
         return no_slip.no_slip_correction(nu, power)
@@ -73,7 +74,7 @@ def friction_correction(
 class FrictionalPunch:
     """Flat punch of radius 1 with phi constant on each ring between `ring_edges`.
 
-    The first `stick_ring_count` rings stick.
+    The innermost `stick_ring_count` rings stick, the others slip.
     """
 
     ring_edges: np.ndarray
@@ -82,7 +83,7 @@ class FrictionalPunch:
 
     @property
     def force(self) -> float:
-        """Force over that of a frictionless punch, whose phi is 2/pi."""
+        """Ratio of the force to that of a frictionless punch, for which phi = 2/pi."""
         return float(math.pi / 2.0 * self.phi @ np.diff(self.ring_edges))
 
     @property
@@ -93,7 +94,7 @@ class FrictionalPunch:
     def sinking_integral(self, n: float) -> float:
         """Return int_0^1 (1 - W(1/s)) s^(n-1) ds = B/(n alpha).
 
-        W(q) = int_0^1 phi/sqrt(q^2 - x^2) dx is the surface's depth outside the punch.
+        W(q) = int_0^1 phi/sqrt(q^2 - x^2) dx is the depth of the surface outside the punch.
         """
         from scipy.special import hyp2f1
 
@@ -105,7 +106,7 @@ class FrictionalPunch:
 
 @lru_cache(maxsize=16)
 def _punch(beta: float, friction: float) -> FrictionalPunch:
-    """Return the frictional punch on the graded rings, cached."""
+    """Return the frictional punch, solved on graded rings (cached)."""
     # Twice as many rings halve the error of the force, 2e-5, at five times the cost.
     return Rings(1.0 - (1.0 - np.linspace(0.0, 1.0, 201)) ** EDGE_GRADING).solve_punch(
         beta, friction
@@ -120,12 +121,12 @@ class Rings:
 
     @cached_property
     def ring_middles(self) -> np.ndarray:
-        """Middles of the rings (n,), the collocation points of the displacements."""
+        """Midpoints of the rings (n,), the collocation points of the displacements."""
         return (self.ring_edges[1:] + self.ring_edges[:-1]) / 2.0
 
     @cached_property
     def _inner_fraction(self) -> np.ndarray:
-        """Ring edges over the middles (n, n + 1), at most 1."""
+        """Ratios of ring edges to ring midpoints (n, n + 1), limited to 1."""
         return np.minimum(self.ring_edges / self.ring_middles[:, None], 1.0)
 
     def solve_punch(self, beta: float, friction: float) -> FrictionalPunch:
@@ -158,7 +159,7 @@ class Rings:
             )
 
         def is_slip_admissible(k: int) -> bool:
-            """Return whether the rings before k stick, ring k - 1 without need to slip."""
+            """Return whether stick is admissible on ring k - 1, with slip from ring k on."""
             return k == 0 or bool(slip_equations[k - 1] @ solve_slip_from(k) <= 0.0)
 
         k = bisect_left(range(n), True, key=lambda ring: not is_slip_admissible(ring + 1))

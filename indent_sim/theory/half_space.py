@@ -1,6 +1,6 @@
 """Frictionless indentation of an elastic half-space: the force at a depth in closed form.
 
-Sign convention: delta > 0 and force > 0 while the tip pushes into the body. E_star = E/(1 - nu^2).
+Sign convention: delta and force are > 0 while the tip pushes into the body. E_star = E/(1 - nu^2).
 Any consistent units; [L] is a length and [F] a force. ValueError is raised for a length or modulus
 that is not > 0 and for an angle outside (0, 90) degrees.
 
@@ -21,7 +21,7 @@ SPHERE_SERIES = tuple(1.0 / (2 * n + 1) + 1.0 / (2 * n - 1) for n in range(17, 0
 
 
 def E_star(E: float, nu: float) -> float:
-    """Plane-strain modulus E/(1 - nu^2) [F/L^2]; ValueError unless E > 0 and -1 < nu <= 0.5."""
+    """Return E/(1 - nu^2) [F/L^2]; raises ValueError unless E > 0 and -1 < nu <= 0.5."""
     require_positive(E=E)
     check_nu(nu)
     return E / (1.0 - nu**2)
@@ -51,7 +51,7 @@ def sphere_force(delta: float, R: float, E_star: float) -> float:
 
 
 def _sphere_angle(delta: float, R: float) -> float:
-    """Return the root t of t tanh(t) = delta/R, where a = R tanh(t), to rounding at any depth."""
+    """Return the root t of t tanh(t) = delta/R, where a = R tanh(t), accurate to round-off."""
     require_positive(R=R)
     d = max(delta, 0.0) / R
     if d == 0.0:
@@ -80,8 +80,8 @@ def flat_punch_force(delta: float, radius: float, E_star: float) -> float:
 def square_pyramid_force(delta: float, half_angle: float, E_star: float) -> float:
     """Force F = C E* tan(beta) delta^2 [F] of a square pyramid; beta in degrees from axis to face.
 
-    C = 0.73762(2) is a boundary-element result: the contact area is a square with curved sides, for
-    which no closed form exists.
+    C = 0.73762(2) is a boundary-element result, because no closed form exists for the contact area,
+    which is a square with curved sides.
     """
     require_positive(E_star=E_star)
     return PYRAMID_CONSTANT * E_star * tangent_of_half_angle(half_angle) * max(delta, 0.0) ** 2
@@ -93,7 +93,7 @@ def estimate_depth(radius_at: Callable[[float], float], force: float, E_star: fl
     Parameters
     ----------
     radius_at
-        Radius r [L] of the tip's section at a height above its apex.
+        Function that returns the radius r [L] of the tip's section at a height above the apex.
     """
     force_scale = max(force, 0.0) / E_star
     start = math.sqrt(force_scale)

@@ -1,9 +1,9 @@
 """Smooth kernels of the integral equation from the surface compliance of a stack.
 
-A pressure of wavenumber k displaces the surface by w = (2/E*) L(k)/k p, > 0 into the body; L -> 1
-is the half-space, and M = 1 - L is the effect of all below the top layer (`stack`). All lengths in
-this file are in units of the top layer's thickness. Sources: Lebedev & Ufliand (1958), PMM 22, 442;
-Sneddon, Mixed Boundary Value Problems (1966), for the Dini sum.
+A pressure of wavenumber k displaces the surface by w = (2/E*) L(k)/k p, > 0 into the body. For a
+half-space L = 1, and M = 1 - L is the effect of everything below the top layer (`stack`). All
+lengths in this module are in units of the top layer's thickness. Sources: Lebedev & Ufliand (1958),
+PMM 22, 442; Sneddon, Mixed Boundary Value Problems (1966), for the Dini sum.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Kernel:
     weight: np.ndarray
 
     def basis(self, x: np.ndarray) -> np.ndarray:
-        """Return b_j(x), shape (modes, len(x))."""
+        """Return the basis functions b_j(x), shape (modes, len(x))."""
         cosines = np.cos(np.multiply.outer(self.k, x))
         if not self.y.size:
             return cosines
@@ -49,16 +49,16 @@ class Kernel:
         return np.vstack([cosines, hyperbolic, np.ones((1, x.size))])
 
     def apply_weights(self, values: np.ndarray) -> np.ndarray:
-        """Return weight_j values_j of values (..., modes, n)."""
+        """Return weight_j values_j for values (*, modes, n)."""
         return self.weight[:, None] * values
 
     def solve_modes(
         self, direct: np.ndarray, projection: np.ndarray, modes_at_points: np.ndarray
     ) -> np.ndarray:
-        """Solve m = direct + projection (modes_at_points m) for modes m (..., modes, n).
+        """Solve m = direct + projection (modes_at_points m) for modes m (*, modes, n).
 
-        The unknowns are the values at the points: beside a wall the modes are nearly dependent, and
-        a linear system of modes loses digits.
+        The linear system is solved for the values at the points, because near a wall the modes are
+        nearly dependent and a system for the modes would lose digits.
         """
         point_matrix = np.eye(projection.shape[-1]) - modes_at_points @ projection
         return np.asarray(
@@ -78,7 +78,7 @@ class Kernel:
     def slope_integrals(self, a: np.ndarray) -> np.ndarray:
         """Return ∫_0^a b_j'(x)/x dx, shape (modes, len(a)).
 
-        It is -k Si(k a) for the cosines; the other integrals are by quadrature.
+        It is -k Si(k a) for the cosines; the other integrals are computed by quadrature.
         """
         from scipy.special import sici
 
@@ -108,7 +108,7 @@ class Kernel:
 
 @dataclass(frozen=True)
 class EvenKernel:
-    """Kernel on [0, max_radius] as sum_jl matrix_jl b_j(x) b_l(t) of few even polynomials.
+    """Kernel sum_jl matrix_jl b_j(x) b_l(t) of a few even polynomials on [0, max_radius].
 
     The polynomials are b_j = T_2j(x/max_radius).
     """
@@ -117,23 +117,23 @@ class EvenKernel:
     matrix: np.ndarray
 
     def basis(self, x: np.ndarray) -> np.ndarray:
-        """Return b_j(x), shape (modes, len(x))."""
+        """Return the basis functions b_j(x), shape (modes, len(x))."""
         return chebvander(self._chebyshev_argument(x), len(self.matrix) - 1).T
 
     def apply_weights(self, values: np.ndarray) -> np.ndarray:
-        """Return sum_l matrix_jl values_l of values (..., modes, n)."""
+        """Return sum_l matrix_jl values_l for values (*, modes, n)."""
         return self.matrix @ values
 
     def solve_modes(
         self, direct: np.ndarray, projection: np.ndarray, modes_at_points: np.ndarray
     ) -> np.ndarray:
-        """Solve m = direct + projection (modes_at_points m) for modes m (..., modes, n)."""
+        """Solve m = direct + projection (modes_at_points m) for modes m (*, modes, n)."""
         return np.asarray(
             np.linalg.solve(np.eye(len(self.matrix)) - projection @ modes_at_points, direct)
         )
 
     def slope_over_x(self, x: np.ndarray) -> np.ndarray:
-        """Return b_j'(x)/x, shape (modes, len(x))."""
+        """Return b_j'(x)/x of the basis functions, shape (modes, len(x))."""
         derivative_matrix = _derivative_matrix(len(self.matrix))
         return (
             4.0
@@ -151,21 +151,21 @@ class EvenKernel:
         return np.asarray(slopes.reshape(-1, a.size, x.size) @ w * a)
 
     def _chebyshev_argument(self, x: np.ndarray) -> np.ndarray:
-        """Return the argument of Chebyshev's T_j at which it equals T_2j(x/max_radius)."""
+        """Return the argument at which the Chebyshev polynomial T_j equals T_2j(x/max_radius)."""
         return 2.0 * (x / self.max_radius) ** 2 - 1.0
 
 
 @lru_cache(maxsize=8)
 def _derivative_matrix(count: int) -> np.ndarray:
-    """Return coefficients of the derivatives of T_0 to T_(count - 1), shape (count, count - 1)."""
+    """Return the Chebyshev coefficients (count, count - 1) of the derivatives of T_0, T_1, ..."""
     return np.ascontiguousarray(chebder(np.eye(count)).T)
 
 
 def contact_kernel(a: float, stack: Stack, wall: float) -> Kernel | EvenKernel:
-    """Return the kernel of `axisymmetric_kernel` for radii up to a, by few polynomials if possible.
+    """Return the kernel of `axisymmetric_kernel` for radii up to a, in polynomials if possible.
 
-    Without walls the kernel is analytic up to 2 h off the real axis: polynomials approximate it
-    where the contact is smaller. They are cached for radii in powers of sqrt(2).
+    Without walls the kernel is analytic within 2 h of the real axis, so that a few polynomials
+    approximate it for smaller contacts. They are cached for radii in powers of sqrt(2).
     """
     if math.isinf(wall) and a <= 2.0:
         max_radius = 2.0 ** (0.5 * math.ceil(2.0 * math.log2(max(a, 2.0**-10))))
@@ -176,7 +176,7 @@ def contact_kernel(a: float, stack: Stack, wall: float) -> Kernel | EvenKernel:
 
 @lru_cache(maxsize=64)
 def _polynomial_kernel(max_radius: float, stack: Stack) -> EvenKernel | None:
-    """Return the kernel in even polynomials; None where it takes too many.
+    """Return the kernel in even polynomials; None if too many of them are needed.
 
     cos(k x) = J_0(k R) + 2 sum_j (-1)^j J_2j(k R) T_2j(x/R) with R = max_radius.
     """
@@ -202,8 +202,8 @@ def axisymmetric_kernel(a: float, stack: Stack, wall: float) -> Kernel:
     """Return the kernel K(x, t) of phi(x) - (2/pi) ∫_0^a phi K dt = (E*/pi)(delta - g).
 
     wall = inf: K = ∫_0^inf M(s) cos(sx) cos(st) ds. With a frictionless wall at radius W the
-    integral over L becomes the Dini sum over k_n = j_{1,n}/W. The kernel is valid for every radius
-    up to a; it is cached for powers of two, so that neighbouring radii share one.
+    integral over L becomes the Dini sum over k_n = j_{1,n}/W. The kernel is valid for all radii up
+    to a; it is cached for powers of two, so that similar radii use the same kernel.
     """
     max_radius = 2.0 ** math.ceil(math.log2(max(a, 1.0)))
     if math.isinf(wall):
@@ -221,9 +221,9 @@ def _layer_kernel(max_radius: float, stack: Stack) -> Kernel:
 
 @lru_cache(maxsize=64)
 def _cylinder_kernel(max_radius: float, clearance: float, stack: Stack, wall: float) -> Kernel:
-    """Return the kernel between walls: the half-space integral less the Dini sum over L.
+    """Return the kernel between walls: the half-space integral minus the Dini sum over L.
 
-    This difference is smooth, so that the integral equation remains one of the second kind.
+    This difference is smooth, so that the integral equation remains of the second kind.
     """
     # The sum is sum_n w_n cos cos
     #     = ∫ cos cos dk + (2/pi) ∫_0^inf [K1(yW)/I1(yW) cosh cosh - 2/(yW)^2] dy
@@ -248,12 +248,12 @@ def _cylinder_kernel(max_radius: float, clearance: float, stack: Stack, wall: fl
 def _wall_modes(clearance: float) -> tuple[np.ndarray, np.ndarray, float]:
     """Return nodes z = yW and weights of (2/pi) ∫_0^inf [K1/I1 cosh cosh - 2/z^2] dz.
 
-    The third value is the constant part of the double pole 2/z^2 that the nodes leave out.
+    The third value is the constant part of the double pole 2/z^2, which the nodes do not include.
     """
     from scipy.special import i1e, k1e
 
     def scaled_bessel_ratio(z):
-        """Return exp(2z) K1/I1; the factor cancels those of the scaled basis."""
+        """Return exp(2z) K1/I1; the factor cancels the factors of the scaled basis."""
         return k1e(z) / i1e(z)
 
     # The value of z at which the wall integral changes from its split to its direct form. Below it

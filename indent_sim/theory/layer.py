@@ -1,4 +1,4 @@
-"""Frictionless axisymmetric indentation of a layer or a stack of layers, nearly to rounding.
+"""Frictionless axisymmetric indentation of a layer or a stack of layers, to high accuracy.
 
 The pressure is written as an Abel integral over phi, which turns the mixed boundary conditions into
     phi(x) - (2/pi) ∫_0^a phi(t) K(x, t) dt = (E*/pi) (delta - g(x)),  0 <= x <= a,
@@ -6,16 +6,16 @@ F = 2 pi ∫ phi, energy U = pi ∫ phi (delta - g),
 p(r) = phi(a)/sqrt(a^2-r^2) - ∫_r^a phi'(t)/sqrt(t^2-r^2) dt.
 The surface displacement into the body is
     (2/E*) [∫_0^min(r,a) phi(t)/sqrt(r^2-t^2) dt - ∫_0^inf M(k) J0(kr) ∫_0^a phi cos(kt) dt dk].
-K is analytic, so a Gauss-Legendre Nystrom rule converges exponentially. For a given contact radius
-a the problem is linear: phi = delta phi_1 - phi_g, and phi(a) = 0 (smooth tips) gives delta(a); a
-root search inverts this.
+K is analytic, so that Nystrom's method with Gauss-Legendre points converges exponentially. For a
+given contact radius a the problem is linear: phi = delta phi_1 - phi_g, and phi(a) = 0 (smooth
+tips) gives delta(a), which a root search inverts.
 
 M is the compliance of the stack below the tip (`stack`); the unit of length is h, the thickness of
-the top layer. Forces are accurate to 1e-9 for a/h < 100 and moduli within a factor of 1000; on a
-half-space 1e4 times softer than the top layer to 1e-8, 1e5 times softer to 2e-6, because the
-plate's stiffness cancels digits of the half-space's.
+the top layer. Forces are accurate to 1e-9 for a/h < 100 and ratios of moduli up to 1000. For a
+half-space softer than the top layer by a factor of 1e4 they are accurate to 1e-8, by 1e5 to 2e-6,
+because of cancellation between the stiffness of layer and half-space.
 
-Small strain, gap at the reference radius. delta > 0 pushes in; force, pressure > 0 push. Any
+Small strain, gap at the reference radius. delta, force and pressure are > 0 in indentation. Any
 consistent units. Sources: Lebedev & Ufliand (1958), PMM 22, 442; Hayes et al. (1972), J. Biomech.
 5, 541.
 """
@@ -52,8 +52,8 @@ from indent_sim.theory.stack import Stack
 class _LinearSolution:
     """Linear solutions at one contact radius, in units of h and E*/pi.
 
-    They add up to phi = depth unit_depth - tip_shape. `weights` are those of the quadrature points
-    at which `g`, `unit_depth` and `tip_shape` are given.
+    Their combination is phi = depth unit_depth - tip_shape. `g`, `unit_depth` and `tip_shape` are
+    values at quadrature points with `weights`.
     """
 
     weights: np.ndarray
@@ -68,12 +68,12 @@ class _LinearSolution:
 
     @property
     def indentation_of_radius(self) -> float:
-        """Depth [h] at which phi is 0 at the edge: that of a smooth tip of this contact radius."""
+        """Depth [h] of a smooth tip with this contact radius, at which phi is 0 at the edge."""
         return self.tip_shape_edge / self.unit_depth_edge
 
 
 class Layer(ContactCurve):
-    """Axisymmetric layer under a tip of revolution; with a wall, a cylinder of that radius."""
+    """Axisymmetric layer under a tip of revolution; with a wall, a cylinder of this radius."""
 
     def profile(self, x: np.ndarray) -> np.ndarray:
         """Return the Abel transform g [h] of the tip's profile at radii x [h]."""
@@ -82,8 +82,8 @@ class Layer(ContactCurve):
     def linear_solution(self, a: float) -> _LinearSolution:
         """Solve the integral equation for unit depth and for the tip's shape at the radius a [h].
 
-        The tip may have slope discontinuities, phi - delta + g never has any: only this smooth part
-        is unknown, on a few Gauss points. The tip enters through moments on its own finer points.
+        The tip may have slope discontinuities, but phi - delta + g is always smooth. Only this part
+        is unknown, at a few Gauss points; integrals of the tip's shape use separate finer points.
         """
         kernel = contact_kernel(a, self.scaled_stack, self.wall)
         breaks = self._inner_discontinuities(a)
@@ -119,9 +119,9 @@ class Layer(ContactCurve):
         )
 
     def linear_solutions(self, sizes: Sequence[float], largest: float) -> Sequence[_LinearSolution]:
-        """Solve for several contact radii at once if the tip's slope is continuous.
+        """Solve for several contact radii, vectorized if the tip's slope is continuous.
 
-        All radii get as many quadrature points as the largest one needs.
+        All radii have the number of quadrature points that the largest one requires.
         """
         if self.tip.slope_discontinuities:
             return super().linear_solutions(sizes, largest)
@@ -153,7 +153,7 @@ class Layer(ContactCurve):
     def load_values(
         self, sizes: np.ndarray, linear_solutions: Sequence[_LinearSolution]
     ) -> np.ndarray:
-        """Return depth, force, stiffness and energy of all contacts at once, as in `solution`."""
+        """Return depth, force, stiffness and energy of contacts, without Solution objects."""
         if self.tip.slope_discontinuities:
             return super().load_values(sizes, linear_solutions)
         parts = (
@@ -174,7 +174,7 @@ class Layer(ContactCurve):
     def center_pressures(
         self, sizes: np.ndarray, linear_solutions: Sequence[_LinearSolution]
     ) -> np.ndarray:
-        """Return the central pressures of all contacts at once if the tip's slope is continuous."""
+        """Return the central pressures of contacts, vectorized if the tip's slope is continuous."""
         if self.tip.slope_discontinuities or self.tip.apex_slope:
             return super().center_pressures(sizes, linear_solutions)
         s, w = gauss_legendre(0.0, 1.0, TIP_INTEGRAL_POINTS)
@@ -195,7 +195,7 @@ class Layer(ContactCurve):
     def pressures(
         self, sizes: np.ndarray, linear_solutions: Sequence[_LinearSolution], point_count: int
     ) -> np.ndarray:
-        """Return the pressures of all contacts at once if the tip's slope is continuous."""
+        """Return the pressures of all contacts, vectorized if the tip's slope is continuous."""
         if self.tip.slope_discontinuities or self.tip.apex_slope:
             return super().pressures(sizes, linear_solutions, point_count)
         radius_fractions, t, tip_weights = tip_pressure_rule(point_count)
@@ -276,8 +276,8 @@ class Layer(ContactCurve):
 def sneddon_force(delta: float, tip: Tip, half_space: Stack) -> float:
     """Return the force [F] on a half-space by Sneddon's integral, for any tip of revolution.
 
-    On a half-space phi = delta - g, so the contact radius is where g = delta: no integral equation
-    has to be solved to find it. Errors as `Layer.solutions_at_depths`.
+    On a half-space phi = delta - g, so that g = delta gives the contact radius without an integral
+    equation. Raises the same errors as `Layer.solutions_at_depths`.
     """
     layer = Layer.from_stack(tip, half_space)
     if tip.punch_radius is not None or delta <= 0.0:
@@ -292,7 +292,7 @@ def sneddon_force(delta: float, tip: Tip, half_space: Stack) -> float:
 def _pressure(
     layer: Layer, a: float, edge: float, layer_part: LayerPressure, r: np.ndarray
 ) -> np.ndarray:
-    """Return p(r) [F/L^2] from phi = delta - g + psi, as Abel integrals of edge, tip and layer."""
+    """Return the pressure p(r) [F/L^2] by Abel integrals of the parts of phi = delta - g + psi."""
     inside = r < a
     radius = r[inside]
     chord = np.sqrt((a - radius) * (a + radius))
@@ -307,7 +307,7 @@ def _pressure(
 
 
 def _u_z(layer: Layer, lin: _LinearSolution, a: float, depth: float, r: np.ndarray) -> np.ndarray:
-    """Return u_z(r) [L]: that of a half-space under delta - g, and outside that of psi, too."""
+    """Return u_z(r) [L]: half-space displacement due to delta - g, outside also that of psi."""
     is_beyond_wall = r > layer.wall * (1.0 + 1e-12)
     if layer._inner_discontinuities(a):
         value = np.array([_half_space_sinking(layer, a, depth, radius) for radius in r])
@@ -321,7 +321,7 @@ def _u_z(layer: Layer, lin: _LinearSolution, a: float, depth: float, r: np.ndarr
 
 
 def _smooth_sinking(layer: Layer, a: float, depth: float, r: np.ndarray) -> np.ndarray:
-    """Return `_half_space_sinking` at radii r (n,) at once, for a tip with a continuous slope."""
+    """Return `_half_space_sinking` at radii r (n,), for a tip with a continuous slope."""
     s, w = gauss_legendre(0.0, 1.0, TIP_INTEGRAL_POINTS)
     end = np.arcsin(np.minimum(a / np.maximum(r, a), 1.0))
     t = r[:, None] * np.sin(end[:, None] * s)
@@ -344,7 +344,7 @@ def _half_space_sinking(layer: Layer, a: float, depth: float, r: float) -> float
 def _layer_sinking(
     layer: Layer, lin: _LinearSolution, a: float, depth: float, r: np.ndarray
 ) -> np.ndarray:
-    """Return the part of the displacement outside the contact, r > a, that the layer causes [h].
+    """Return the effect of the layer on the displacement outside the contact, r > a [h].
 
     This is (2/pi) ∫_0^a psi(t)/sqrt(r^2 - t^2) dt
     - sum_j modes_j (2/pi) ∫_0^r b_j(t)/sqrt(r^2 - t^2) dt.

@@ -1,16 +1,16 @@
 """Viscoelastic indentation from the elastic curve: Lee-Radok for loading, Ting for unloading.
 
-A homogeneous linear body of constant Poisson ratio whose modulus relaxes as E(t) = E G(t), G(0) =
-1, has, at the time t of a loading that reached the depth delta at s(delta), and of the unloading
-after it,
+For a homogeneous linear body with constant Poisson's ratio and the modulus E(t) = E G(t), G(0) = 1,
+force and contact radius during loading and the following unloading are
 
     F(t) = int_0^delta_1 G(t - s(delta)) F_el'(delta) d delta,   a(t) = a_el(delta_1):
 
-delta_1 = delta(t) while the contact grows (Lee & Radok 1960); while it shrinks (Ting 1966) delta_1
-follows from int_delta_1^max G(t - s(delta)) d delta + int_unloading G(t - s) delta'(s) ds = 0.
-This is exact for any shape of body and tip.
+where loading reached the depth delta at the time s(delta). While the contact grows, delta_1 =
+delta(t) (Lee & Radok 1960). While it shrinks (Ting 1966), delta_1 follows from int_delta_1^max G(t
+- s(delta)) d delta + int_unloading G(t - s) delta'(s) ds = 0. This is exact for any shape of body
+and tip.
 
-delta > 0 pushes in, force > 0 pushes. Any unit of time.
+delta and force are > 0 in indentation. Any unit of time.
 Sources: Lee & Radok (1960), J. Appl. Mech. 27, 438; Ting (1966), J. Appl. Mech. 33, 845.
 """
 
@@ -31,7 +31,7 @@ from indent_sim.theory.relaxation_function import Modulus
 class Response:
     """Response at time t: depth delta [L], force [F], contact radius a [L] and elastic depth [L].
 
-    The elastic depth is that at which an elastic body has the same contact radius.
+    The elastic depth is the depth at which an elastic body has the same contact radius.
     """
 
     t: float
@@ -44,8 +44,8 @@ class Response:
 class LeeRadokTing:
     """Response to a history of depths that increase and then decrease, by quadrature.
 
-    `times` never decrease, `deltas` [L] are joined by straight lines; two equal times are a jump,
-    which a power law excludes.
+    `deltas` [L] at non-decreasing `times` are interpolated linearly; two equal times are a jump,
+    which is not allowed with a power law.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class LeeRadokTing:
         self.deepest = float(self._depths[self._peak_index])
 
     def response_at(self, t: float, is_after_jump: bool = True) -> Response:
-        """Return the response at a time; at a jump, that after or before it."""
+        """Return the response at a time; at a jump, the response after or before the jump."""
         delta, k = self._depth_at(t, is_after_jump)
         elastic_depth = (
             max(delta, 0.0) if k <= self._peak_index else self._depth_while_unloading(t, delta, k)
@@ -83,7 +83,7 @@ class LeeRadokTing:
         )
 
     def _depth_at(self, t: float, is_after_jump: bool) -> tuple[float, int]:
-        """Return the depth at a time, and the number of the point at the end of its segment."""
+        """Return the depth at a time, and the number of the point at the end of the segment."""
         point_count = np.count_nonzero(self._times <= t if is_after_jump else self._times < t)
         if point_count == 0:
             # The tip is at rest before the history begins.
@@ -121,7 +121,7 @@ class LeeRadokTing:
         return segments
 
     def _force(self, t: float, elastic_depth: float) -> float:
-        """Return int_0^elastic G(t - s) F_el' d delta, with nodes graded to the segments' ends."""
+        """Return the force int_0^elastic G(t - s) F_el' d delta [F] by graded quadrature."""
         force = 0.0
         for low, high, begin, end in self._loading_segments(0.0, elastic_depth):
             u, v, w = _SEGMENT_NODES
@@ -138,7 +138,7 @@ class LeeRadokTing:
         return float((d1 - d0) / (t1 - t0) * (ages[0] - ages[1]))
 
     def _depth_while_unloading(self, t: float, delta: float, k: int) -> float:
-        """Return delta_1 of a shrinking contact; 0 after lift-off."""
+        """Return the elastic depth delta_1 [L] of a shrinking contact; 0 after separation."""
         d = self._depths
         s = self._times
         unloading_integral = sum(
@@ -162,9 +162,9 @@ class LeeRadokTing:
         return float(brentq(balance, 0.0, self.deepest, xtol=1e-14 * self.deepest))
 
     def contact_grows_again(self, times: Sequence[float]) -> bool:
-        """Return whether the contact grows again while the tip is retracted, at one of the times.
+        """Return whether the contact grows again during retraction, at one of the times.
 
-        Ting's solution does not hold then.
+        Ting's solution is not valid in this case.
         """
         elastic_depths = [
             self.response_at(t).elastic_depth for t in times if t >= self._times[self._peak_index]
@@ -174,7 +174,7 @@ class LeeRadokTing:
 
 
 def _double_exponential_nodes(points: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return nodes u in (0, 1), 1 - u to rounding, and weights of the double-exponential rule."""
+    """Return nodes u in (0, 1), accurate values 1 - u, and weights (double-exponential rule)."""
     x = np.linspace(-3.2, 3.2, points)
     s = 0.5 * math.pi * np.sinh(x)
     u = 1.0 / (1.0 + np.exp(-2.0 * s))

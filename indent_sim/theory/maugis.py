@@ -1,6 +1,6 @@
-"""Adhesion of a paraboloid on a half-space between the limits DMT and JKR, by Maugis-Dugdale.
+"""Adhesion of a paraboloid on a half-space between the DMT and JKR limits (Maugis-Dugdale).
 
-Force > 0 pushes and < 0 pulls. Lengths [L], forces [F], work of adhesion [F/L].
+The force is > 0 in compression, < 0 in tension. Lengths [L], forces [F], work of adhesion [F/L].
 Source: Maugis (1992), J. Colloid Interface Sci. 150, 243.
 """
 
@@ -18,7 +18,7 @@ LAMBDA_PER_TABOR = 2.0 * (9.0 / (16.0 * math.pi)) ** (1.0 / 3.0)  # This is 1.12
 def tabor_number(work: float, attraction_range: float, R: float, E_star: float) -> float:
     """Return the Tabor number (R work^2/(E*^2 range^3))^(1/3) of an attraction with a range [L].
 
-    JKR theory holds above about 5.
+    JKR theory is accurate for Tabor numbers above about 5.
     """
     require_positive(work=work, range=attraction_range, R=R, E_star=E_star)
     return (R * work**2 / (E_star**2 * attraction_range**3)) ** (1.0 / 3.0)
@@ -33,7 +33,7 @@ def maugis_lambda(work: float, attraction_range: float, R: float, E_star: float)
 
 
 def maugis_pull_off(parameter: float) -> float:
-    """Return the pull-off force under force control over pi work R.
+    """Return the pull-off force under force control, divided by pi work R.
 
     It is -2 for lambda -> 0 (DMT) and -3/2 for lambda -> infinity (JKR), both to 1e-10 at the
     ends of the range of lambda, 1e-10 and 1e5.
@@ -50,7 +50,7 @@ def maugis_pull_off(parameter: float) -> float:
 
 
 def _maugis_force(m: float, parameter: float) -> float:
-    """Return the force over pi work R of a contact whose attraction ends at m times its radius."""
+    """Return force/(pi work R) of a contact whose attraction ends at m times the contact radius."""
     root = math.sqrt(m * m - 1.0)
     angle = math.acos(1.0 / m)
     square = 0.5 * parameter * ((m * m - 2.0) * angle + root)

@@ -1,7 +1,8 @@
-"""Measured constants of theory: numbers from solutions that were computed once, with their source.
+"""Measured constants of `theory`: results of solutions that were computed once, with sources.
 
-Each entry names the unit, what was computed, and the script or test that computes it again. Numbers
-of closed forms, and of quadrature rules and searches, stand where they are used.
+Each entry gives the unit, the computed quantity, and the script or test that repeats the
+computation. Constants of closed forms, quadrature rules and searches are defined where they are
+used.
 """
 
 from __future__ import annotations

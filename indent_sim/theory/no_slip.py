@@ -1,18 +1,19 @@
-"""Contact without slip between a tip and an elastic half-space, against frictionless contact.
+"""Contact without slip between a tip and an elastic half-space, relative to frictionless contact.
 
-Under a tip f = B r^n each increment of the depth is that of a bonded flat punch of the present
-radius a: the force grows by dF = 4 mu a ln(3 - 4 nu)/(1 - 2 nu) d delta, mu the shear modulus, and
-the surface at a radius r > a moves by the fraction W(r/a) of the punch's displacement,
+Under a tip f = B r^n each increment of the depth acts like a bonded flat punch of the present
+contact radius a. The force grows by dF = 4 mu a ln(3 - 4 nu)/(1 - 2 nu) d delta with the shear
+modulus mu, and the surface at a radius r > a moves by the fraction W(r/a) of the punch's
+displacement,
 
     W(q) = 4 (1 - nu)/(pi sqrt(3 - 4 nu)) int_0^1 cos(theta ln((1 + t)/(1 - t)))/sqrt(q^2 - t^2) dt,
     theta = ln(3 - 4 nu)/(2 pi),   W(1) = 1,
 
-so that delta = alpha a^n with B = alpha n int_0^1 (1 - W(1/s)) s^(n-1) ds. At nu = 1/2 all of this
-is the same without friction.
+so that delta = alpha a^n with B = alpha n int_0^1 (1 - W(1/s)) s^(n-1) ds. At nu = 1/2 the results
+are those of frictionless contact.
 
-A map of finite element solutions gives the same ratio of forces on bonded layers.
+For bonded layers, the ratio of forces is taken from a table of finite element solutions.
 
-delta > 0 and force > 0 while the tip pushes into the body.
+delta and force are > 0 in indentation.
 Sources: Mossakovskii (1963), J. Appl. Math. Mech. 27, 627; Spence (1968), Proc. R. Soc. A 305, 55.
 """
 
@@ -47,7 +48,7 @@ class FrictionCorrection:
     force, radius
         Factors of the force and of the contact radius.
     sticks
-        Radius of the sticking region over the contact radius.
+        Radius of the sticking region divided by the contact radius.
     """
 
     force: float
@@ -59,17 +60,17 @@ FRICTIONLESS = FrictionCorrection(1.0, 1.0, 0.0)
 
 
 def no_slip_correction(nu: float, power: float = math.inf) -> FrictionCorrection:
-    """Return the correction for no slip under f = B r^power; errors as `force_ratio`."""
+    """Return the no-slip correction for f = B r^power; raises the same errors as `force_ratio`."""
     return FrictionCorrection(
         force_ratio(nu, power), 1.0 if math.isinf(power) else radius_ratio(nu, power), 1.0
     )
 
 
 def force_ratio(nu: float, power: float = math.inf) -> float:
-    """Return the force without slip over the frictionless one at the same depth.
+    """Return the ratio of the no-slip force to the frictionless force at the same depth.
 
-    The tip is f = B r^power; an infinite power stands for a flat punch. The ratio is (1 - nu)
-    ln(3 - 4 nu)/(1 - 2 nu) times that of the contact radii, accurate to 1e-10.
+    The tip is f = B r^power; an infinite power means a flat punch. The ratio is (1 - nu) ln(3 - 4
+    nu)/(1 - 2 nu) times the ratio of the contact radii, accurate to 1e-10.
 
     Raises
     ------
@@ -88,25 +89,25 @@ def check_parameters(nu: float, power: float) -> None:
 
 
 def layer_force_range(nu: float, slenderness: float, power: float) -> tuple[float, float] | None:
-    """Return bounds of the force ratio on a bonded layer from the cell of the map that contains it.
+    """Return bounds on the ratio of no-slip to frictionless force on a bonded layer, from a table.
 
-    The bounds are the extreme ratios at the corners of the cell, or at the ends of the line of the
-    map on which the layer lies, with the margins CELL_DIP and CELL_PEAK. Below a slenderness of 0.1
-    the corners on the other side are those of the half-space.
+    The bounds are the extreme ratios at the corners of the table cell that contains the layer, with
+    the margins CELL_DIP and CELL_PEAK. Below a slenderness of 0.1 the cell extends to the
+    half-space.
 
     Parameters
     ----------
     nu
         Poisson's ratio of the layer.
     slenderness
-        Contact radius over thickness.
+        Contact radius divided by the thickness of the layer.
     power
         Exponent of the tip's profile: 1, 2, or infinity for a flat punch.
 
     Returns
     -------
     tuple of float, or None
-        Smallest and largest force ratio; None outside the map.
+        Smallest and largest force ratio; None outside the table.
     """
     is_inside = (
         MAPPED_POISSON_RATIOS[0] <= nu <= MAPPED_POISSON_RATIOS[-1]
@@ -129,24 +130,21 @@ def layer_force_range(nu: float, slenderness: float, power: float) -> tuple[floa
 
 
 def _neighbouring_lines(lines: Sequence[float], value: float) -> list[int]:
-    """Return the indices of the lines on either side of a value, or of the line through it."""
+    """Return the indices of the grid values next to a value, or the index of an equal one."""
     matching_line = [k for k, line in enumerate(lines) if math.isclose(line, value, rel_tol=1e-9)]
     next_line = int(np.searchsorted(lines, value))
     return matching_line or [next_line - 1, next_line]
 
 
 def punch_ratio(nu: float) -> float:
-    """Return the force of a bonded flat punch over that of a frictionless one.
-
-    This is (1 - nu) ln(3 - 4 nu)/(1 - 2 nu).
-    """
+    """Return the ratio (1 - nu) ln(3 - 4 nu)/(1 - 2 nu) of bonded to frictionless punch force."""
     e = 1.0 - 2.0 * nu
     return (1.0 + e) / 2.0 * (math.log1p(2.0 * e) / e if e > 0.0 else 2.0)
 
 
 @lru_cache(maxsize=64)  # All scenes of a study have the same few arguments.
 def radius_ratio(nu: float, power: float) -> float:
-    """Return the contact radius without slip over the frictionless one at the same depth.
+    """Return the ratio of the no-slip to the frictionless contact radius at the same depth.
 
     The tip is f = B r^power.
     """
@@ -154,7 +152,7 @@ def radius_ratio(nu: float, power: float) -> float:
 
 
 def _displacement_factor(nu: float) -> float:
-    """Return the factor 4 (1 - nu)/(pi sqrt(3 - 4 nu)) of the integral W."""
+    """Return the prefactor 4 (1 - nu)/(pi sqrt(3 - 4 nu)) of the integral W."""
     return 4.0 * (1.0 - nu) / (math.pi * math.sqrt(3.0 - 4.0 * nu))
 
 
@@ -175,7 +173,7 @@ def _sinking_integral(nu: float, n: float) -> float:
 def _moment(t: np.ndarray, n: float) -> np.ndarray:
     """Return int_0^1 s^n/sqrt(1 - t^2 s^2) ds = int_0^asin(t) sin(w)^n dw / t^(n+1) for all t.
 
-    The variable v with w ~ v^2 makes the rule accurate for exponents n that are no integers, too.
+    The substitution w ~ v^2 makes the quadrature accurate also for non-integer exponents n.
     """
     v, weights = gauss_legendre(0.0, 1.0, 2 * POINTS_PER_PANEL)
     end = np.arcsin(t)

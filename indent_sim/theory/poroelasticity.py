@@ -1,21 +1,21 @@
-"""Indentation of a linear poroelastic body (Biot) from the undrained to the drained limit.
+"""Indentation of a linear poroelastic body (Biot), solved by Laplace transform for a flat punch.
 
 The fluid content is alpha e + storage p, the flux -permeability grad p and the stress 2 G eps +
-lambda e - alpha p, with the volume strain e and the pore pressure p. Just after a sudden load
-nothing has flowed: the force is that of an elastic body with the same G and the undrained Poisson's
-ratio nu_u. In the end p = 0, and the body has its drained ratio nu.
+lambda e - alpha p, with the volume strain e and the pore pressure p. Just after a sudden load no
+fluid has flowed, and the body responds like an elastic body with the same G and the undrained
+Poisson's ratio nu_u. In the drained limit p = 0, and Poisson's ratio is nu.
 
-The force at a constant depth in between is solved for a flat punch of radius a on a half-space
-whose surface is drained or sealed everywhere. In Laplace space (s in D/a^2, lengths in a), with
-r = (nu_u - nu)/(1 - nu) and gamma^2 = k^2 + s,
+Between these limits, the force at a constant depth is computed for a flat punch of radius a on a
+half-space whose surface is drained or sealed everywhere. In Laplace space (s in D/a^2, lengths in
+a), with r = (nu_u - nu)/(1 - nu) and gamma^2 = k^2 + s,
 
     phi(x) - int_0^1 K(x, y) phi(y) dy = 1,    F/F(0+) = (1 - r)/s int_0^1 phi dx,
     K(x, y) = (2/pi) int_0^inf (1 - 1/(1 + r q/(1 - r))) cos kx cos ky dk,
     q = (gamma - k)/(gamma + k)           for a drained surface,
     q = 1 - 2 k^2/(gamma (gamma + k))     for a sealed one.
 
-delta > 0 pushes in, force > 0 pushes, p > 0 in compressed fluid. Any consistent units, any unit of
-time [T].
+delta and force are > 0 in indentation, p > 0 in compressed fluid. Any consistent units, and any
+unit of time [T].
 Sources: Biot (1941), J. Appl. Phys. 12, 155; Agbezuge & Deresiewicz (1974), Israel J. Technol. 12,
 322; Weideman (2006), SIAM J. Numer. Anal. 44, 2342, for Talbot's contour.
 """
@@ -75,7 +75,7 @@ class PorousSolid:
     storage: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check the constants."""
+        """Raise ValueError if a constant is outside its range."""
         require_positive(E=self.E, permeability=self.permeability, alpha=self.alpha)
         check_nu(self.nu)
         if not (self.nu < 0.5 and self.alpha <= 1.0 and 0.0 <= self.storage < math.inf):
@@ -121,20 +121,20 @@ class PorousSolid:
 def paraboloid_fraction_remaining(
     tau: float, tip: SurfaceDrainage, loading: Literal["step", "ramp"]
 ) -> float:
-    """Return about (F - F(inf))/(F(0+) - F(inf)) of a paraboloid, from 1 down to 0.
+    """Return the approximate (F - F(inf))/(F(0+) - F(inf)) of a paraboloid, from 1 to 0.
 
-    It is interpolated and extrapolated linearly in ln(fraction/(1 - fraction)) over ln tau from the
-    table of `measured_constants`. The error is 0.02 up to tau = 0.1 and 0.1 beyond, for nu = 0 to
-    0.4 and a/h = 0.05 to 0.5.
+    ln(fraction/(1 - fraction)) is interpolated and extrapolated linearly in ln tau from the table
+    of `measured_constants`. The error is 0.02 up to tau = 0.1 and 0.1 beyond, for nu = 0 to 0.4 and
+    a/h = 0.05 to 0.5.
 
     Parameters
     ----------
     tau
-        Time D t/a^2 after a step to a depth that is held, or duration of a ramp at its end.
+        Time D t/a^2 after a step to a constant depth, or duration of a ramp at the end of the ramp.
     tip
-        Whether fluid passes through the surface of the tip ("drained") or not ("sealed").
+        "drained" if fluid can pass through the surface of the tip, else "sealed".
     loading
-        Step or ramp of the depth.
+        "step" or "ramp": how the depth is applied.
     """
     if tau <= 0.0 or math.isinf(tau):
         return float(tau <= 0.0)
@@ -151,18 +151,18 @@ def paraboloid_fraction_remaining(
 def poroelastic_fraction_remaining(
     tau: float, nu: float, undrained_nu: float = 0.5, surface: SurfaceDrainage = "drained"
 ) -> float:
-    """Return g = (F - F(inf))/(F(0+) - F(inf)) of a flat punch on a half-space, from 1 down to 0.
+    """Return g = (F - F(inf))/(F(0+) - F(inf)) of a flat punch on a half-space, from 1 to 0.
 
-    It has eight digits for tau >= 1e-3 and three for shorter times.
+    It is accurate to eight digits for tau >= 1e-3, and to three digits for shorter times.
 
     Parameters
     ----------
     tau
-        Time D t/a^2 after a step to a depth that is held.
+        Time D t/a^2 after a step to a constant depth.
     nu, undrained_nu
         Drained and undrained Poisson's ratio.
     surface
-        Drainage of the whole surface, under the punch and outside.
+        "drained" or "sealed": condition of the whole surface, also under the punch.
 
     Raises
     ------
@@ -195,9 +195,9 @@ def poroelastic_fraction_remaining(
 def _short_time_fraction(
     tau: float, nu: float, undrained_nu: float, surface: SurfaceDrainage
 ) -> float:
-    """Return g at a short time from its asymptotic form 1 - g = sqrt(tau) (A - B ln tau).
+    """Return g at a short time from the asymptotic form 1 - g = sqrt(tau) (A - B ln tau).
 
-    Fluid has left only a thin boundary layer; the logarithm comes from the infinite pressure at the
+    Fluid has left only a thin boundary layer; the logarithm is due to the infinite pressure at the
     edge of the punch.
     """
     slopes = [
@@ -212,7 +212,7 @@ def _short_time_fraction(
 def _talbot_contour(count: int) -> Nodes:
     """Return points z of the upper half of Talbot's contour and weights w (Weideman 2006).
 
-    They invert a Laplace transform: f(t) = Re sum w F(z/t)/t.
+    The inverse Laplace transform of F is f(t) = Re sum w F(z/t)/t.
     """
     angle = (2.0 * np.arange(count // 2) + 1.0) * math.pi / count
     a = 0.5017
@@ -226,7 +226,7 @@ def _talbot_contour(count: int) -> Nodes:
 
 @lru_cache
 def _wave_nodes() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return wavenumbers k, their weights, and cos(k x) (points, k) at the contact points x."""
+    """Return wavenumbers k, quadrature weights, and cos(k x) (points, k) at contact points x."""
     # Largest wavenumber k [1/a] and end of the first panel: the integrand decays like k^-6 once its
     # first two terms for large k are subtracted.
     max_wavenumber = 120.0
@@ -250,7 +250,7 @@ def _laplace_transform(s: complex, r: float, surface: SurfaceDrainage) -> comple
     """Return the Laplace transform of F/F(0+) at s [D/a^2] by Nystrom's method.
 
     The first two terms of the integrand for large k are subtracted. Their transform is known in
-    closed form, with a kink at x = y: its quadrature error is corrected on the diagonal.
+    closed form and has a kink at x = y, whose quadrature error is corrected on the diagonal.
     """
     x, w = gauss_legendre(0.0, 1.0, CONTACT_POINTS)
     k, weights, cosines = _wave_nodes()
@@ -288,7 +288,7 @@ def _laplace_transform(s: complex, r: float, surface: SurfaceDrainage) -> comple
 def _compliance_deficit(
     k: np.ndarray, s: complex, contrast: float, surface: SurfaceDrainage
 ) -> np.ndarray:
-    """Return 1 - 1/(1 + contrast q), the loss of compliance against the drained body, at k."""
+    """Return 1 - 1/(1 + contrast q) at k: the relative reduction of the drained compliance."""
     gamma = np.sqrt(k * k + s)
     if surface == "drained":
         q = s / (gamma + k) ** 2

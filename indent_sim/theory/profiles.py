@@ -1,12 +1,12 @@
 """Profiles of rigid tips for the layer theories: the shape f, and its Abel transform g.
 
-A profile f(r) >= 0 [L] with f(0) = 0 is the height of the tip's surface above its apex. It enters
-the axisymmetric theories only through
+A profile f(r) >= 0 [L] with f(0) = 0 is the height of the tip's surface above the apex. The
+axisymmetric theories use only the Abel transform
 
     g(x) = x ∫_0^x f'(r)/sqrt(x^2 - r^2) dr [L],
 
-and the theory of plane strain, even in x, as it is. The contact is assumed to be one disc or band,
-so f' must not decrease.
+and the theory of plane strain uses f(|x|). The contact is assumed to be one disc or band, so that
+f' must not decrease.
 
 Source: Sneddon (1965), Int. J. Eng. Sci. 3, 47.
 """
@@ -27,23 +27,23 @@ Shape = Callable[[np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Tip:
-    """Rigid tip with the places at which its profile is not smooth, for quadrature.
+    """Rigid tip: profile, Abel transform, and the radii at which the profile is not smooth.
 
     Attributes
     ----------
     g
-        Abel transform g(x) [L] of the profile, from an array of radii [L] to one of the same shape.
+        Abel transform g(x) [L] of the profile, a function of an array of radii [L].
     f
-        Profile f(x) [L], likewise; None for a tip without a plane strain theory, whose profile is
-        not smooth outside the apex.
+        Profile f(x) [L], a function of an array of radii [L]; None if it is not smooth outside the
+        apex, for which there is no plane strain theory.
     punch_radius
         Contact radius [L] of a flat punch; None if the contact grows with the load.
     max_radius
-        Radius [L] at which the tip ends; the contact radius stays below it.
+        Radius [L] at which the tip ends, an upper bound of the contact radius.
     slope_discontinuities
         Increasing radii [L] at which f' is not smooth.
     apex_slope
-        Slope f'(0+); where it is not 0 the pressure at the apex is infinite.
+        Slope f'(0+); if it is not 0, the pressure at the apex is infinite.
     """
 
     g: Shape
@@ -63,7 +63,7 @@ def flat_plate() -> Tip:
 
 
 def tip_over_spherical_body(tip: Tip, radius: float) -> Tip:
-    """Return the tip that has the same gap over a flat body as `tip` over a spherical one.
+    """Return the tip that has the same gap over a flat body as `tip` over a spherical body.
 
     The surface of the body is the paraboloid r^2/(2 radius), so that g becomes g + x^2/radius. The
     contact of a flat punch then grows with the load, up to its edge.
@@ -117,7 +117,7 @@ def cone(half_angle: float, tip_radius: float = 0.0) -> Tip:
     junction = tip_radius * math.cos(math.radians(half_angle))
 
     def slope(r):
-        """Return the slope of the sphere up to the junction, and that of the flank beyond."""
+        """Return the slope of the sphere up to the junction, and of the flank beyond."""
         cap_radius = np.minimum(r, junction)
         return cap_radius / np.sqrt((tip_radius - cap_radius) * (tip_radius + cap_radius))
 
@@ -144,14 +144,15 @@ def hyperboloid(R: float, half_angle: float) -> Tip:
 def equivalent_cone(
     half_angle: float, equivalent_radius_ratio: float, tip_radius: float = 0.0
 ) -> Tip:
-    """Return the cone whose sections have the same area as those of a pyramid.
+    """Return the cone whose sections have the same areas as the sections of a pyramid.
 
     Parameters
     ----------
     half_angle
         Angle between the axis and the faces of the pyramid [degrees].
     equivalent_radius_ratio
-        Radius of a disc of the same area as the pyramid's section over the section's inner radius.
+        Ratio of the radius of a disc with the area of the pyramid's section to the section's
+        inscribed radius.
     tip_radius
         Radius of a spherical apex [L], as for `cone`.
     """
@@ -162,7 +163,7 @@ def equivalent_cone(
 
 
 def flat_punch(radius: float, edge_radius: float = 0.0) -> Tip:
-    """Return the flat punch f = g = 0, whose contact radius is fixed, or one with a rounded edge.
+    """Return a flat punch, sharp (f = g = 0, fixed contact radius) or with a rounded edge.
 
     Parameters
     ----------
@@ -179,7 +180,7 @@ def flat_punch(radius: float, edge_radius: float = 0.0) -> Tip:
     flat_radius = radius - edge_radius
 
     def slope(r):
-        """Return the slope of the quarter circle outside the flat part."""
+        """Return the slope of the rounded edge outside the flat part."""
         edge_distance = np.clip(r - flat_radius, 0.0, edge_radius * (1.0 - 1e-15))
         return edge_distance / np.sqrt(
             (edge_radius - edge_distance) * (edge_radius + edge_distance)
@@ -191,7 +192,7 @@ def flat_punch(radius: float, edge_radius: float = 0.0) -> Tip:
 
 
 def piecewise_linear(points: Sequence[Sequence[float]]) -> Tip:
-    """Return the tip whose profile is a polygon; it ends at the last point.
+    """Return the tip with a piecewise linear profile, which ends at the last point.
 
     Every jump d of the slope at a radius r_i adds g = d x arccos(r_i/x) for x > r_i.
 

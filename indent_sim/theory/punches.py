@@ -1,7 +1,7 @@
 """Flat punches of every radius, which determine the load curve of a linear axisymmetric body.
 
-Let K(a) be the force per depth of a flat punch of radius a that is bonded to the surface. A smooth
-tip that touches a circle of radius a at the depth delta then has the force
+Let K(a) be the force per depth of a flat punch of radius a that is bonded to the surface. The force
+of a smooth tip with the contact radius a at the depth delta is
 
     F = K(a) delta - P(a),      P' = K' delta_1,      dF/ddelta = K(a),
 
@@ -9,7 +9,7 @@ where delta_1(a) is the depth of this contact without adhesion. The energy relea
 is G = (delta - delta_1)^2 K'(a)/(4 pi a). This is exact for every linear, frictionless,
 axisymmetric body.
 
-delta > 0 pushes in, force > 0 pushes. Lengths [L], forces [F].
+delta and force are > 0 in indentation. Lengths [L], forces [F].
 Sources: Barthel (2008), J. Phys. D 41, 163001; Popov & Hess (2015), Method of Dimensionality
 Reduction.
 """
@@ -36,7 +36,7 @@ QUADRATURE_POINTS = 32  # Gauss points of the integral of g over each smooth pie
 
 @dataclass(frozen=True)
 class Punch:
-    """Flat punch of one radius, and the contact of the tip with that radius.
+    """Flat punch of one radius, and the contact of the tip with the same radius.
 
     Attributes
     ----------
@@ -75,12 +75,12 @@ def contact_radius(punches: Punches, delta: float, start_radius: float = 0.0) ->
     delta
         Depth [L].
     start_radius
-        Radius [L] at which the search starts; 0 for a tenth of the largest one.
+        Radius [L] at which the search starts; 0 means a tenth of the largest radius.
 
     Raises
     ------
     ValueError
-        If the contact radius would be above the largest radius or below half the smallest one.
+        If the contact radius is above the largest radius or below half the smallest radius.
     """
     start = start_radius if 0.0 < start_radius < punches.max_radius else 0.1 * punches.max_radius
     radius = increasing_root(
@@ -89,15 +89,15 @@ def contact_radius(punches: Punches, delta: float, start_radius: float = 0.0) ->
     if radius < 0.5 * punches.min_radius:
         raise ValueError(
             f"the contact radius {radius:g} is smaller than {punches.min_radius:g}, the smallest "
-            "one of the load curve"
+            "of the load curve"
         )
     return radius
 
 
 class LayerPunches:
-    """Flat punches of a layer theory, as accurate as the theory itself.
+    """Flat punches of a layer theory, with the accuracy of the theory.
 
-    Its linear solution phi_1 for unit depth gives K = 2 E* h ∫ phi_1 and K' = 2 E* phi_1(a)^2.
+    The linear solution phi_1 for unit depth gives K = 2 E* h ∫ phi_1 and K' = 2 E* phi_1(a)^2.
     """
 
     def __init__(self, contact: Layer):
@@ -131,10 +131,10 @@ class LayerPunches:
 
 
 class FittedPunches:
-    """Flat punches fitted to K and P at some radii, as a mesh gives them.
+    """Flat punches fitted to K and P of a finite element mesh at some radii.
 
-    Polynomials of the radius are fitted to ln K/K_0 and ln P/P_0, where K_0 = 2 E* a and P_0 =
-    2 E* ∫_0^a g are those of the tip on a half-space: the ratios are smooth under any tip.
+    Polynomials of the radius are fitted to ln K/K_0 and ln P/P_0, where K_0 = 2 E* a and P_0 = 2 E*
+    ∫_0^a g belong to a half-space, so that the ratios are smooth for any tip.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ class FittedPunches:
     Raises
     ------
     ValueError
-        For less than six radii, or where no polynomial is close enough to them.
+        For fewer than six radii, or if no polynomial fits the data closely enough.
     """
 
     def __init__(
@@ -223,7 +223,7 @@ class FittedPunches:
 
     @property
     def neighbouring_fits(self) -> list[FittedPunches]:
-        """Fits to the same data by polynomials of one degree less and one more than the default."""
+        """Fits to the same data by polynomials of one degree lower and one degree higher."""
         return [
             FittedPunches(*self._arguments, degree) for degree in (FIT_DEGREE - 1, FIT_DEGREE + 1)
         ]

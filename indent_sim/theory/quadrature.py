@@ -24,7 +24,7 @@ Nodes = tuple[np.ndarray, np.ndarray]  # Nodes and weights of a quadrature rule.
 
 
 def bessel_j1_zeros(numbers: np.ndarray) -> np.ndarray:
-    """Return zeros of J1 by their increasing numbers, counted from 1.
+    """Return the zeros of J1 with the given increasing numbers, counted from 1.
 
     Non-integer numbers, from SINGLE_MODES on, give the smooth continuation by McMahon's expansion.
     """
@@ -60,8 +60,8 @@ def wavenumber_nodes(max_radius: float, min_wavenumber: float) -> Nodes:
 def wall_mode_nodes(max_radius: float, wall: float) -> Nodes:
     """Return nodes n and weights of sum_n M(k_n) cos(k_n x) cos(k_n t) for x, t <= max_radius.
 
-    k_n is about n pi/W. The first SINGLE_MODES modes are summed one by one; then, in doubling
-    blocks, Gauss's rule for sums is used, which is exact for polynomials in n.
+    k_n is about n pi/W. The first SINGLE_MODES modes are summed individually; further modes in
+    blocks of doubling length by a Gauss rule for sums, which is exact for polynomials in n.
     """
     last = max(1, math.ceil(MAX_WAVENUMBER * wall / math.pi))
     doubling_edges = (n for i in range(64) if (n := (SINGLE_MODES + 1) * 2**i) <= last)
@@ -94,7 +94,7 @@ def _split_panels(edges: Sequence[float], longest: float) -> list[float]:
 
 
 def _gauss_sum(first: int, end: int, count: int) -> Nodes:
-    """Return nodes and weights of sum_{n=first}^{end-1} f(n), exact below degree 2 count.
+    """Return nodes and weights of sum_{n=first}^{end-1} f(n), exact up to degree 2 count - 1.
 
     Source: Gautschi (2004), section 1.5.2.
     """
@@ -115,5 +115,5 @@ def gauss_legendre(lo: float, hi: float, count: int) -> Nodes:
 
 @lru_cache(maxsize=256)
 def _legendre_rule(count: int) -> Nodes:
-    """Return numpy's leggauss, cached: its eigenvalue problem costs more than a solution."""
+    """Return numpy's leggauss, cached because computing it takes longer than a contact solution."""
     return np.polynomial.legendre.leggauss(count)

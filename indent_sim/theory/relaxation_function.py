@@ -31,11 +31,11 @@ class ShearRelaxation:
 
     @property
     def long_term(self) -> float:
-        """G at infinite time."""
+        """Long-term value g_inf of G."""
         return 1.0 - sum(self.fractions) if self.given_long_term is None else self.given_long_term
 
     def _sum(self, terms: np.ndarray) -> np.ndarray:
-        """Return sum g_i terms_i."""
+        """Return the sum over the Prony terms, sum g_i terms_i."""
         if not self.fractions:
             return 0.0 * terms.sum(axis=0)
         return np.tensordot(np.array(self.fractions), terms, axes=1)
@@ -48,25 +48,25 @@ class ShearRelaxation:
         )
 
     def integral(self, t: np.ndarray) -> np.ndarray:
-        """Return int_0^t G [time]."""
+        """Return the integral int_0^t G [time]."""
         t = np.asarray(t, dtype=float)
         return self.long_term * t + self._sum(
             np.array([-tau * np.expm1(-t / tau) for tau in self.times] or [0.0 * t])
         )
 
     def complex_modulus(self, omega: float) -> complex:
-        """Return storage + i loss modulus over E at the angular frequency omega [1/time]."""
+        """Return (storage + i loss modulus)/E at the angular frequency omega [1/time]."""
         pairs = zip(self.fractions, self.times, strict=True)
         return self.long_term + sum(
             g * 1j * omega * tau / (1 + 1j * omega * tau) for g, tau in pairs
         )
 
     def prony_series(self, shortest: float, longest: float) -> ShearRelaxation:
-        """Return the series itself."""
+        """Return this Prony series itself."""
         return self
 
     def force_relaxation(self, t: np.ndarray) -> ForceRelaxation:
-        """Return the function from elastic forces at increasing times t (n,) to relaxed ones.
+        """Return the function that maps elastic forces at times t (n,) to relaxed forces.
 
         F = g_inf F_el + sum g_i h_i with dh_i/dt = dF_el/dt - h_i/tau_i, exact where F_el is linear
         between the times.
@@ -78,7 +78,7 @@ class ShearRelaxation:
         has_equal_steps = bool(len(dt)) and bool(np.all(np.abs(dt - dt[0]) <= 1e-6 * abs(dt[0])))
 
         def recurrence(first: float, decay: np.ndarray, gain: np.ndarray) -> np.ndarray:
-            """Return h_j = h_{j-1} decay_j + gain_j from the first value on."""
+            """Return h_j = h_{j-1} decay_j + gain_j for all j, starting from the first value."""
             if has_equal_steps:
                 return lfilter([1.0], [1.0, -decay[0]], gain, zi=np.array([decay[0] * first]))[0]
             values = np.empty(len(decay))
@@ -89,7 +89,7 @@ class ShearRelaxation:
             return values
 
         def relax_forces(elastic: np.ndarray) -> np.ndarray:
-            """Return the relaxed forces of elastic forces."""
+            """Return the relaxed forces for given elastic forces."""
             force_steps = np.diff(elastic)
             force = self.long_term * elastic
             for fraction, tau in zip(self.fractions, self.times, strict=True):
@@ -118,12 +118,12 @@ class PowerLaw:
         return (np.asarray(t, dtype=float) / self.time) ** -self.exponent
 
     def integral(self, t: np.ndarray) -> np.ndarray:
-        """Return int_0^t G [time]."""
+        """Return the integral int_0^t G [time]."""
         b = self.exponent
         return self.time / (1.0 - b) * (np.asarray(t, dtype=float) / self.time) ** (1.0 - b)
 
     def complex_modulus(self, omega: float) -> complex:
-        """Return storage + i loss modulus over E, Gamma(1 - b) (i omega time)^b.
+        """Return (storage + i loss modulus)/E = Gamma(1 - b) (i omega time)^b.
 
         omega is the angular frequency [1/time].
         """
@@ -150,7 +150,7 @@ class PowerLaw:
         )
 
     def force_relaxation(self, t: np.ndarray) -> ForceRelaxation:
-        """Return the function from elastic forces at increasing times t (n,) to relaxed ones."""
+        """Return the function that maps elastic forces at times t (n,) to relaxed forces."""
         span = max(float(np.ptp(t)), 1e-300)
         # The series begins with a thousandth of the mean time between samples.
         return self.prony_series(1e-3 * span / max(len(t) - 1, 1), span).force_relaxation(t)

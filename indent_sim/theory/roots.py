@@ -1,4 +1,4 @@
-"""Inversion of an increasing load curve: the contact size of a depth, the depth of a force.
+"""Inversion of an increasing load curve: contact size for a depth, depth for a force.
 
 The search is Brent's method in (ln a, ln depth), where Hertz's law is a straight line.
 """
@@ -18,7 +18,7 @@ ForceCurve = Callable[[float], float]  # Force [F] at a depth [L].
 
 
 def first_guess(profile: Callable[[np.ndarray], np.ndarray], depth: float, limit: float) -> float:
-    """Return a contact size in (0, limit) at which an increasing profile(x) is about `depth`."""
+    """Return a contact size in (0, limit) at which an increasing profile(x) is roughly `depth`."""
     grid = limit * (1.0 - 1e-9) * np.geomspace(1e-18, 1.0, 400)
     values = profile(grid)
     if values[-1] <= depth:
@@ -30,7 +30,7 @@ def first_guess(profile: Callable[[np.ndarray], np.ndarray], depth: float, limit
 def next_guess(previous_points: list[tuple[float, float]], depth: float) -> float | None:
     """Extrapolate the contact size to `depth` by a power law through the last two points.
 
-    The points are pairs (depth, size); None without any.
+    The points are pairs (depth, size). Returns None without points.
     """
     if not previous_points:
         return None
@@ -48,7 +48,7 @@ def increasing_root(
 ) -> float:
     """Return the x in (0, limit) at which an increasing function(x) is `target` > 0.
 
-    Its relative error is 1e-13.
+    The relative error of the root is 1e-13.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def increasing_root(
 
     @cache  # Brent's method begins with both ends of the bracket.
     def log_excess(log_x: float) -> float:
-        """Return ln(function/target); a ratio without a logarithm gives a large number."""
+        """Return ln(function/target), or a large number if the logarithm does not exist."""
         ratio = function(math.exp(log_x)) / target
         if ratio <= 0.0:
             return -1e3
@@ -98,7 +98,7 @@ def increasing_root(
         width *= 2.0
     while log_excess(low) >= 0.0:
         if math.exp(low) == 0.0:
-            raise ArithmeticError(f"the value {target:g} is below those of all contact sizes")
+            raise ArithmeticError(f"the value {target:g} is below the values of all contact sizes")
         high = low
         low -= width
         width *= 2.0
@@ -106,9 +106,9 @@ def increasing_root(
 
 
 def depth_of_force(force_at: ForceCurve, force: float, start: float) -> float | None:
-    """Return the depth at which an increasing force_at(depth) is `force` > 0, sought near `start`.
+    """Return the depth at which an increasing force_at(depth) is `force` > 0.
 
-    None where the force is not reached.
+    The search begins at `start`. Returns None if the force is not reached.
     """
     with contextlib.suppress(*SOLUTION_ERRORS), np.errstate(all="ignore"):
         return increasing_root(force_at, force, start, 1e15 * start)

@@ -1,4 +1,4 @@
-"""Solution of a theory at one depth, and checks of its parameters."""
+"""Solution of a theory at one depth, and checks of parameters of theories."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ MAX_SLENDERNESS = 100.0  # Largest a/h: the dense matrices of the layer theories
 
 @dataclass(frozen=True)
 class Solution:
-    """State of the body at one depth.
+    """Solution of a contact problem at one depth.
 
-    In plane strain force, energy and stiffness are per unit length. The gap at a distance r is
-    f(r) - delta - u_z(r).
+    In plane strain, force, energy and stiffness are per unit length. The gap at a distance r from
+    the axis is f(r) - delta - u_z(r).
 
     Attributes
     ----------
@@ -37,11 +37,13 @@ class Solution:
     stiffness
         d force/d delta [F/L].
     pressure
-        Contact pressure [F/L^2] at distances r [L], of the shape of r; 0 outside the contact.
+        Function that returns the contact pressure [F/L^2] at distances r [L]; 0 outside the
+        contact.
     u_z
-        Surface displacement [L] at distances r [L], < 0 into the body; NaN beyond side walls.
+        Function that returns the surface displacement [L] at distances r [L], < 0 into the body;
+        NaN beyond side walls.
     peak_pressure
-        Returns the largest pressure [F/L^2]; None if it has to be searched for.
+        Function that returns the largest pressure [F/L^2]; None if it must be searched for.
     """
 
     delta: float
@@ -55,7 +57,7 @@ class Solution:
     peak_pressure: Callable[[], float] | None = None
 
     def largest_pressure(self, points: int = PEAK_POINTS) -> float:
-        """Return the largest pressure [F/L^2] to 1e-9, or NaN where it is infinite.
+        """Return the largest pressure [F/L^2] with an accuracy of 1e-9; NaN if it is infinite.
 
         The pressure is infinite under a sharp apex or edge. The search refines the interval around
         the largest sampled value until this changes by less than 1e-10.
@@ -83,10 +85,10 @@ class Solution:
 
 
 def no_contact(delta: float) -> Solution:
-    """Return the Solution of a body that the tip does not touch: all but delta is zero."""
+    """Return the Solution without contact, in which everything but delta is zero."""
 
     def zero_field(r):
-        """Return 0 in the shape of r."""
+        """Return zeros of the shape of r."""
         return np.zeros_like(np.asarray(r, dtype=float))[()]
 
     return Solution(float(delta), 0.0, 0.0, 0.0, 0.0, 0.0, zero_field, zero_field)
@@ -107,14 +109,14 @@ def check_contact(delta: float, punch_radius: float | None, h: float, wall: floa
 
 
 def require_positive(**values: float) -> None:
-    """Raise ValueError for the first value, by name, that is not a finite number > 0."""
+    """Raise ValueError if one of the named values is not a finite number > 0."""
     for name, value in values.items():
         if not (value > 0.0 and math.isfinite(value)):
             raise ValueError(f"{name} must be a finite number > 0, got {value!r}")
 
 
 def tangent_of_half_angle(half_angle: float) -> float:
-    """Return tan of an angle in degrees; ValueError unless it lies in (0, 90)."""
+    """Return the tangent of an angle in degrees; raises ValueError unless it is in (0, 90)."""
     if not 0.0 < half_angle < 90.0:
         raise ValueError(f"half_angle must lie in (0, 90) degrees, got {half_angle!r}")
     return math.tan(math.radians(half_angle))

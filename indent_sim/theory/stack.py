@@ -1,14 +1,14 @@
-"""Surface compliance of a stack of elastic layers, per wavenumber, to rounding.
+"""Surface compliance of a stack of elastic layers in wavenumber space.
 
 A pressure p of wavenumber k displaces the surface by w = (2/E*) L(k)/k p, > 0 into the body, with
-E* of the top layer; L -> 1 is the half-space, and M = 1 - L is the effect of all below the top
+E* of the top layer. L = 1 for a half-space, and M = 1 - L is the effect of everything below the top
 layer. L is the same in axial symmetry (J0(kr)) and in plane strain (cos kx). With s = kz, the
 amplitudes v = (U, V, T/(mu k), N/(mu k)) of u_r, u_z, sigma_rz, sigma_zz obey v' = A v in each
-layer, z down; A has the double eigenvalues -1 and +1.
+layer, with z pointing down; A has the double eigenvalues -1 and +1.
 
-The compliance at the base is carried upwards through one layer after the other: by exp(-A s) where
-a layer is thin (s < WAVE_THICKNESS), which loses no digit as k -> 0, and otherwise by the waves
-that decay downwards and their reflection, so that no term grows.
+The compliance is propagated upwards from the base through each layer: by exp(-A s) where a layer is
+thin (s < WAVE_THICKNESS), which loses no digits for k -> 0, and otherwise by waves that decay
+downwards and their reflections, so that no term grows.
 
 Sources: Thomson (1950), J. Appl. Phys. 21, 89; Kausel & Roesset (1981), Bull. Seismol. Soc. Am. 71,
 1743; Burmister (1945), J. Appl. Phys. 16, 89, for the layered half-space.
@@ -32,9 +32,9 @@ WAVE_THICKNESS = 1.0
 
 
 class StackLayer(NamedTuple):
-    """Layer of a stack: its thickness [L], Young's modulus [F/L^2] and Poisson's ratio.
+    """Layer of a stack: thickness [L], Young's modulus [F/L^2] and Poisson's ratio.
 
-    An infinite thickness stands for an elastic half-space.
+    A layer of infinite thickness is an elastic half-space.
     """
 
     thickness: float
@@ -49,10 +49,10 @@ class Stack:
     Parameters
     ----------
     layers
-        All but the last have a finite thickness; an infinitely thick last one is a half-space.
+        The layers; only the last one may have an infinite thickness (half-space).
     base
-        Below the last layer: "fixed" (bonded to a rigid base), "roller" (frictionless), or None
-        where the last layer is a half-space.
+        Support of the last layer: "fixed" (bonded to a rigid base), "roller" (frictionless), or
+        None if the last layer is a half-space.
 
     Raises
     ------
@@ -64,7 +64,7 @@ class Stack:
     base: str | None = "fixed"
 
     def __post_init__(self) -> None:
-        """Check every layer and that the base fits the last one."""
+        """Raise ValueError if a layer is invalid or the base does not fit the last layer."""
         if not self.layers:
             raise ValueError("a stack needs at least one layer")
         for number, (thickness, E, nu) in enumerate(self.layers, 1):
@@ -81,8 +81,8 @@ class Stack:
     def half_space(cls, E_star: float, unit: float) -> Stack:
         """Return a homogeneous half-space with the modulus E*, as a stack.
 
-        Only E* enters, so it has nu = 0. `unit` [L] is the unit of length, best about a contact
-        radius.
+        The result depends only on E*, so that nu = 0 is used. `unit` [L] is the unit of length,
+        best of the order of a contact radius.
         """
         return cls((StackLayer(unit, E_star, 0.0), StackLayer(math.inf, E_star, 0.0)), None)
 
@@ -103,12 +103,12 @@ class Stack:
 
     @property
     def height(self) -> float:
-        """Thickness of all layers above a half-space [L]."""
+        """Total thickness of all layers above a half-space [L]."""
         return sum(layer.thickness for layer in self.layers if layer.thickness < math.inf)
 
     @property
     def confined_compliance(self) -> float:
-        """Compliance E*/h sum h_i/M_i under a uniform pressure, M_i the oedometric moduli.
+        """Compliance E*/h sum h_i/M_i under a uniform pressure with the oedometric moduli M_i.
 
         It is 0 for incompressible layers.
         """
@@ -121,7 +121,7 @@ class Stack:
     def min_wavenumber(self) -> float:
         """Wavenumber [1/h] below which L is a power of k.
 
-        The ranges of membrane, bending and substrate lie above it.
+        The ranges dominated by membrane, bending and substrate stiffness lie above it.
         """
         moduli = [layer.E for layer in self.layers]
         return min(moduli) / max(moduli) * self.h / self.height
@@ -135,25 +135,25 @@ class Stack:
         )
 
     def scaled_wall_distance(self, distance: float | None) -> float:
-        """Return the distance of side walls in units of the top layer; infinity without walls.
+        """Return the distance of side walls in units of the top layer's thickness (inf if none).
 
         Raises
         ------
         ValueError
-            If the distance is not > 0, or for walls around a half-space, which would sink without
-            end.
+            If the distance is not > 0, or for walls around a half-space, where the depth would be
+            infinite.
         """
         if distance is not None and not distance > 0.0:
             raise ValueError(f"wall must be > 0 or None, got {distance!r}")
         if distance is None or math.isinf(distance):
             return math.inf
         if self.is_bottomless:
-            raise ValueError("a half-space between side walls sinks without end")
+            raise ValueError("the depth of a half-space between side walls would be infinite")
         # Farther walls change the force by less than 1e-9.
         return distance / self.h if distance < 1e6 * self.height else math.inf
 
     def compliance_complement(self, k: np.ndarray) -> np.ndarray:
-        """Return M(k) = 1 - L(k) [-] for wavenumbers k > 0 [1/L], of the shape of k."""
+        """Return M(k) = 1 - L(k) [-] for an array of wavenumbers k > 0 [1/L]."""
         top = self.layers[0]
         layers = self.layers[:-1] if self.is_bottomless else self.layers
         states = np.broadcast_to(self._base_states(), (k.size, 4, 2)).copy()
@@ -166,7 +166,7 @@ class Stack:
         return excess[:, 1, 1] / (1.0 - top.nu)
 
     def _base_states(self) -> np.ndarray:
-        """Return a basis of the states (rows U, V, T, N) that the base allows, shape (4, 2).
+        """Return a basis (4, 2) of the states (rows U, V, T, N) that the base permits.
 
         Stresses are in units of the top layer's mu k.
         """
@@ -187,7 +187,7 @@ def _shear_modulus(layer: StackLayer) -> float:
 def _compliance_at_top(
     layer: StackLayer, s: np.ndarray, state: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the compliance (T, N) -> (U, V) at a layer's top, and its excess over a half-space.
+    """Return the compliance (T, N) -> (U, V) at a layer's top, and the excess over a half-space.
 
     `state` (n, 4, 2) is a basis of the states at the layer's bottom; both results are (n, 2, 2).
     """
@@ -205,7 +205,7 @@ def _compliance_at_top(
 def _compliance_by_reflection(
     nu: float, s: np.ndarray, state: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the compliance of a half-space of the layer, and the effect of its bottom."""
+    """Return the compliance of a half-space of this layer, and the effect of its bottom."""
     waves = _wave_matrix(nu)
     down = waves[:, :2]
     up = waves[:, 2:]
@@ -232,7 +232,7 @@ def _wave_matrix(nu: float) -> np.ndarray:
 def _transfer_matrix(nu: float, s: np.ndarray) -> np.ndarray:
     """Return exp(-A s) for s < WAVE_THICKNESS, shape (len(s), 4, 4), by Hermite's polynomial in A.
 
-    No entry is a difference of nearly equal terms.
+    The formula has no differences of nearly equal terms.
     """
     q = nu / (1.0 - nu)
     c = (1.0 - 2.0 * nu) / (2.0 * (1.0 - nu))
@@ -252,6 +252,6 @@ def _transfer_matrix(nu: float, s: np.ndarray) -> np.ndarray:
 
 
 def _inverse_2x2(matrix: np.ndarray) -> np.ndarray:
-    """Return the inverses (n, 2, 2) of 2 x 2 matrices by cofactors: small entries stay accurate."""
+    """Return the inverses (n, 2, 2) of 2 x 2 matrices by cofactors, accurate for small entries."""
     (a, b), (c, d) = np.moveaxis(matrix, 0, -1)
     return np.moveaxis(np.array([[d, -b], [-c, a]]) / (a * d - b * c), -1, 0)

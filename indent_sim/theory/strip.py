@@ -1,26 +1,26 @@
 """Frictionless indentation of an elastic strip in plane strain by a symmetric tip in its middle.
 
-Frictionless walls stand at x = +-W. With k_n = n pi/W a pressure displaces the surface into the
-body by
+Frictionless walls are at x = +-W. With k_n = n pi/W, a pressure displaces the surface into the body
+by
 
     w(x) = (2/(pi E*)) ∫_-a^a p(t) [-ln|2 sin(pi (x - t)/2W)|
                                     - sum_n M(k_n h)/n cos k_n x cos k_n t] dt
            + F sum_i h_i/M_i/(2 W),
 
-where M = 1 - L is the effect of all below the top layer (`stack`) and M_i are the oedometric moduli
-of the layers of thickness h_i; the last, uniform mode vanishes at nu = 0.5.
+where M = 1 - L is the effect of everything below the top layer (`stack`) and M_i are the oedometric
+moduli of the layers of thickness h_i; the last term, a uniform mode, vanishes at nu = 0.5.
 
 The substitution sin(pi x/2W) = S q, S = sin(pi a/2W), turns the logarithm, on even densities, into
 -ln 2S - ln|q - q'|. The latter is diagonal in Chebyshev polynomials: with p dx = y(q) dq/sqrt(1 -
 q^2), y = sum_m b_m T_2m(q) and q = cos(theta) its eigenvalues are pi ln 2 for m = 0 and pi/2m. The
-remainder is analytic, so that collocation converges exponentially, with the square-root behaviour
-at the ends included. For the infinite strip q = x/a and S = a/2. A kink of the tip at its apex adds
-|q| to the right side, whose solution is known in closed form.
+remainder is analytic, so that collocation converges exponentially, and the square-root behaviour at
+the ends is included. For the infinite strip q = x/a and S = a/2. A kink at the apex of the tip adds
+|q| to the right-hand side, for which the solution is known in closed form.
 
 Lengths are in units of h, the thickness of the top layer; force, energy and stiffness are per unit
 length of the strip.
 
-Small strain, gap at the reference point. delta > 0 pushes in; force, pressure > 0 push. Any
+Small strain, gap at the reference point. delta, force and pressure are > 0 in indentation. Any
 consistent units.
 Sources: Johnson, Contact Mechanics (1985), sections 2.7 and 5.8; Meijers (1968), Appl. Sci. Res.
 18, 353, for the layer.
@@ -46,16 +46,16 @@ from indent_sim.theory.stack import Stack
 class _LinearSolution:
     """Linear solutions at one half-width, in units of h and pi E*/2.
 
-    They add up to y = depth unit_depth - tip_shape.
+    Their combination is y = depth unit_depth - tip_shape.
 
     Attributes
     ----------
     q, f
-        Collocation points (n,) and the tip's profile f [h] at them.
+        Collocation points (n,) and values of the tip's profile f [h] at these points.
     unit_depth, tip_shape
         Chebyshev coefficients (n,) of y for unit depth and for the tip's shape.
     kink_part
-        Part of `tip_shape` that comes from a kink at the apex.
+        Part of `tip_shape` due to a kink at the apex.
     tip_shape_edge
         Value of the tip's solution at the edge q = 1.
     apex_slope
@@ -72,7 +72,7 @@ class _LinearSolution:
 
     @property
     def indentation_of_radius(self) -> float:
-        """Depth [h] at which y is 0 at the edge, where all T_2m(1) = 1: that of a smooth tip."""
+        """Depth [h] of a smooth tip with this half-width, at which y is 0 at the edge."""
         return self.tip_shape_edge / float(np.sum(self.unit_depth))
 
 
@@ -85,8 +85,8 @@ class Strip(ContactCurve):
     def from_stack(cls, tip: Tip, stack: Stack, wall: float | None = None) -> Self:
         """Return the load curve of a tip on a stack, infinitely wide or between frictionless walls.
 
-        `wall` is the walls' distance [L] from the middle. ValueError for a half-space: in plane
-        strain only differences of its displacements are finite.
+        `wall` is the distance [L] of the walls from the middle. Raises ValueError for a half-space,
+        because its displacements are infinite in plane strain.
         """
         if stack.is_bottomless:
             raise ValueError(
@@ -96,7 +96,7 @@ class Strip(ContactCurve):
         return super().from_stack(tip, stack, wall)
 
     def profile(self, x: np.ndarray) -> np.ndarray:
-        """Return the profile f [h] of the tip at x [h]; ValueError for a tip without one."""
+        """Return the profile f [h] of the tip at x [h]; raises ValueError if f is None."""
         if self.tip.f is None:
             raise ValueError("plane strain: there is no theory for the profile of this tip")
         return self.tip.f(x * self.h) / self.h
@@ -141,9 +141,9 @@ class Strip(ContactCurve):
         return np.arcsin(math.sin(c * a) * q) / c, math.sin(c * a) / c
 
     def _smooth_kernel(self, x: np.ndarray, t: np.ndarray, a: float) -> np.ndarray:
-        """Return what is subtracted from -ln|q - q'|, at x under pressures at t [h].
+        """Return the smooth part of the kernel, subtracted from -ln|q - q'|, at x and t [h].
 
-        It consists of the effect of the lower layers, the uniform mode and ln 2S; the shape is
+        It consists of the effect of the lower layers, the uniform mode and ln 2S, and has the shape
         (len(x), len(t)).
         """
         max_half_width = 2.0 ** math.ceil(math.log2(max(0.5 * float(x.max() + t.max()), 1.0)))
@@ -163,12 +163,12 @@ class Strip(ContactCurve):
 
     @staticmethod
     def interpolation_variable(a: Sizes) -> Sizes:
-        """Return the logarithm of the half-width, which enters the depth of narrow contacts."""
+        """Return ln a, because the depth of narrow contacts depends on the logarithm of a."""
         return np.log(a)
 
     @staticmethod
     def size_of_variable(x: float) -> float:
-        """Return the half-width [h] of a logarithm."""
+        """Return the half-width [h] from its logarithm."""
         return math.exp(x)
 
     def solution(self, delta: float, a: float, linear: _LinearSolution | None = None) -> Solution:
@@ -198,7 +198,7 @@ def _pressure(
 ) -> np.ndarray:
     """Return p(x) = (pi E*/2) y(q)/sin(theta) dq/dx [F/L^2] at x [h]; y(1) = 0 for smooth tips.
 
-    `b` are the coefficients of y without the term of a wedge.
+    `b` are the coefficients of y without the part due to a kink at the apex.
     """
     is_inside = x < a
     q, slope, edge_distance = _strip_coordinates(strip, x[is_inside], a)
@@ -221,7 +221,7 @@ def _pressure(
 
 
 def _u_z(strip: Strip, lin: _LinearSolution, a: float, depth: float, x: np.ndarray) -> np.ndarray:
-    """Return u_z(x) [L]: f - depth inside the contact, and outside that of the pressure."""
+    """Return u_z(x) [L]: f - depth inside the contact, and the effect of the pressure outside."""
     value = np.where(x <= strip.wall * (1.0 + 1e-12), depth, math.nan)
     value[x <= a] -= strip.profile(x[x <= a])
     is_outside = (x > a) & ~np.isnan(value)
@@ -255,7 +255,7 @@ def _sinking_outside(
 def _strip_coordinates(
     strip: Strip, x: np.ndarray, a: float
 ) -> tuple[np.ndarray, np.ndarray | float, np.ndarray]:
-    """Return q(x), dq/dx and 1 - q, the latter without cancellation at the edge."""
+    """Return q(x), dq/dx and 1 - q, where 1 - q has no cancellation at the edge."""
     if math.isinf(strip.wall):
         return x / a, 1.0 / a, (a - x) / a
     c = math.pi / (2.0 * strip.wall)
@@ -290,7 +290,7 @@ def _kink_coefficients(n: int) -> np.ndarray:
 
 @lru_cache(maxsize=64)
 def _strip_modes(max_half_width: float, stack: Stack, wall: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the wavenumbers k_n = n pi/W [1/h] and M(k_n)/n up to where M is below rounding.
+    """Return the wavenumbers k_n = n pi/W [1/h] and M(k_n)/n of all modes with non-negligible M.
 
     They are accurate for half-widths up to `max_half_width` [h].
     """

@@ -1,7 +1,7 @@
 """Frictionless contact on a surface compliance as a linear complementarity problem.
 
     p >= 0,  g = o + M p >= 0,  p g = 0
-for pressures p and open gaps o at surface points; p > 0 in compression, g > 0 where open.
+for pressures p and gaps o without pressure at surface points; p > 0 in compression, g > 0 open.
 Sources: Wriggers, Computational Contact Mechanics (2006), section 6.5; Hintermueller, Ito & Kunisch
 (2002), SIAM J. Optim. 13, 865, for the primal-dual active sets.
 """
@@ -22,7 +22,7 @@ CONTACT_TOLERANCE = 1e-12
 
 
 class CandidateSetTooSmall(ValueError):
-    """Error of a contact that covers all points of the surface."""
+    """The contact covers all points of the surface, so that more points are needed."""
 
     def __init__(self) -> None:
         super().__init__(
@@ -32,27 +32,27 @@ class CandidateSetTooSmall(ValueError):
 
 
 class SearchNotConverged(ArithmeticError):
-    """Error of a search that did not converge: its last state is no contact."""
+    """A search did not converge, and the last iterate is not a solution of the contact problem."""
 
 
 @dataclass(frozen=True)
 class RelaxingSurface:
-    """Compliance of a surface at points with weights, and the tip's heights above them.
+    """Compliance of a surface at weighted points, and heights of the tip above the points.
 
     Attributes
     ----------
     compliance
-        Symmetric positive definite matrix (n, n) between the weighted points.
+        Symmetric positive definite compliance matrix (n, n) of the weighted points.
     heights, areas
         Weighted heights of the tip and weights of the points (n,).
     radii
         Radii [L] of the points of an axisymmetric body in ascending order; empty for other bodies,
-        whose contact area is the sum of areas, or its width in plane strain.
+        where the contact area (width in plane strain) is the sum of the areas.
     edge_shift
-        Distance of the contact's edge beyond the zero of the edge pressures, over the point
-        distance.
+        Distance of the contact edge beyond the zero of the edge pressures, divided by the distance
+        of the points.
     has_only_discs
-        Whether the unknowns stand for pressure and gap of discs only.
+        Whether the unknowns represent pressure and gap only if the contact is a disc.
     max_radius
         Radius [L] at which tip and points end, so that all points may touch.
     """
@@ -68,7 +68,7 @@ class RelaxingSurface:
 
     @property
     def is_ordered(self) -> bool:
-        """True if a contact consists of the first points."""
+        """True if the points are ordered by radius; a contact then consists of the first ones."""
         return len(self.radii) > 0
 
     def contact_radius(self, p: np.ndarray) -> float:
@@ -82,7 +82,7 @@ class RelaxingSurface:
     def disc_radius(self, y: np.ndarray) -> float:
         """Return the radius [L] of a disc at which the edge pressures y (n,) change their sign.
 
-        y are the edge pressures of punches that end at each point.
+        The edge pressures y are those of punches that end at each point.
         """
         n = int(np.argmax(y <= 0.0))
         if n == 0:
@@ -96,9 +96,9 @@ class RelaxingSurface:
 def layer_surface(contact: Layer, a: float) -> RelaxingSurface:
     """Return the surface of a layer for contacts up to the radius a [L].
 
-    In the variable of the layer's integral equation phi(x) >= 0 and delta - g(x) take the places of
-    pressure and gap: (pi/E*)(phi - (2/pi) ∫ K phi) = delta - g, and F = 2 pi ∫ phi. A contact that
-    is a disc ends at the same radius in both.
+    In the layer's integral equation, phi(x) >= 0 takes the place of the pressure and delta - g(x)
+    that of the displacement: (pi/E*)(phi - (2/pi) ∫ K phi) = delta - g, and F = 2 pi ∫ phi. If the
+    contact is a disc, its radius is the same in both formulations.
     """
     h = contact.h
     # Radius of the surface over the largest expected contact radius.
@@ -127,8 +127,8 @@ def layer_surface(contact: Layer, a: float) -> RelaxingSurface:
 class SurfaceContactLCP:
     """Contacts on one surface compliance M: p >= 0, o + M p >= 0, p (o + M p) = 0.
 
-    `contact_radius` [L] and `stiffness` [F/L], the force per depth of the active points, are those
-    of the last contact.
+    The attributes `contact_radius` [L] and `stiffness` [F/L] (force per depth at constant active
+    points) belong to the last contact solved.
     """
 
     def __init__(self, surface: RelaxingSurface, M: np.ndarray):
@@ -142,7 +142,7 @@ class SurfaceContactLCP:
         self.stiffness = 0.0
 
     def solve_pressures(self, open_gaps: np.ndarray) -> np.ndarray:
-        """Return the pressures for open gaps o (n,).
+        """Return the pressures (n,) for given gaps without pressure, `open_gaps` (n,).
 
         Raises
         ------
@@ -154,12 +154,12 @@ class SurfaceContactLCP:
         p = self._solve_disc(open_gaps) if self.surface.is_ordered else None
         if p is None and self.surface.has_only_discs:
             raise SearchNotConverged(
-                "the contact is no disc, which this theory requires; use solver.method: condensed"
+                "the contact is not a disc, as this theory requires; use solver.method: condensed"
             )
         return self._solve_active_set(open_gaps) if p is None else p
 
     def _solve_disc(self, open_gaps: np.ndarray) -> np.ndarray | None:
-        """Return the pressures of a contact on the first points; None if these are no solution.
+        """Return the pressures of a contact on the first points; None if it is not a solution.
 
         The last of n pressures has the sign of y_n with L y = -o, L the Cholesky factor.
         """
@@ -186,7 +186,7 @@ class SurfaceContactLCP:
         )
 
     def _solve_active_set(self, open_gaps: np.ndarray) -> np.ndarray:
-        """Return the pressures of any contact by primal-dual active sets, from the last one on."""
+        """Return the pressures of any contact by a primal-dual active set method."""
         is_active = self._is_active if self._is_active.any() else open_gaps < 0.0
         for _ in range(MAX_ACTIVE_SET_ITERATIONS):
             p, gap = self._pressures_and_gaps(open_gaps, is_active)
@@ -214,7 +214,7 @@ class SurfaceContactLCP:
     def _pressures_and_gaps(
         self, open_gaps: np.ndarray, is_active: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the pressures of either sign that close the active gaps, and all gaps."""
+        """Return pressures (of either sign) that close the active gaps, and all resulting gaps."""
         active = np.flatnonzero(is_active)
         p = np.zeros(len(open_gaps))
         p[active] = self._solve_active(active, -open_gaps)

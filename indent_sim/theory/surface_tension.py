@@ -17,15 +17,15 @@ are
 
     phi = c/sin(theta) + sum_n d_n sin((2n + 1) theta):
 
-a line force along the edge, and the pressures p = (E*/2a) sum_n (2n + 1) d_n P_n(2 r^2/a^2 - 1),
-which remain finite there. A smooth tip has c = 0, since the surface leaves it without a kink. The
-coefficients c and d_n are found by collocation.
+a line force along the edge (c), and pressures p = (E*/2a) sum_n (2n + 1) d_n P_n(2 r^2/a^2 - 1)
+that are finite at the edge. For a smooth tip c = 0, because the surface has no kink at the edge.
+The coefficients c and d_n are found by collocation.
 
 If the contact is much smaller than gamma/E*, the surface is a membrane: under a paraboloid p = 2
 gamma/R, F = 2 pi gamma a^2/R and, on a half-space, delta = a^2/R (ln(4 gamma/(E* a)) + 1/2 -
 0.5772...).
 
-Small strain, gap at the reference radius. delta > 0 pushes in; force, pressure > 0 push. Any
+Small strain, gap at the reference radius. delta, force and pressure are > 0 in indentation. Any
 consistent units; lengths [h] are in units of the top layer's thickness h.
 Sources: Hajji (1978), J. Appl. Mech. 45, 320; Long & Wang (2013), Proc. R. Soc. A 469, 20120567;
 Abramowitz & Stegun 5.2.13 for G; Sneddon (1966), Mixed Boundary Value Problems, section 2.1, for
@@ -63,7 +63,7 @@ MAX_FUNCTIONS = 100
 class LinearSolution(NamedTuple):
     """Coefficients (c, d_0, d_1, ...) of phi at one contact radius, in units of h and E*/pi.
 
-    Those for unit depth and for the tip's shape add up to phi = depth unit_depth - tip_shape.
+    The combination of both solutions is phi = depth unit_depth - tip_shape.
     """
 
     unit_depth: np.ndarray
@@ -71,7 +71,7 @@ class LinearSolution(NamedTuple):
 
     @property
     def indentation_of_radius(self) -> float:
-        """Depth [h] of a smooth tip with this contact radius: the line force at the edge is 0."""
+        """Depth [h] of a smooth tip with this contact radius, at which the line force is 0."""
         return float(self.tip_shape[0] / self.unit_depth[0])
 
 
@@ -108,7 +108,7 @@ class LayerWithSurfaceTension(ContactCurve):
     def _function_count(self, a: float) -> int:
         """Return the number of basis functions at the contact radius a [h].
 
-        It is constant over ranges of radii, so that a search for a radius sees a smooth curve.
+        It is constant over ranges of radii, so that the load curve is smooth in root searches.
         """
         width_ratio = 2.0 ** math.ceil(math.log2(a / self.b))
         base_count = LEAST_FUNCTIONS * (3 if self.has_slope_discontinuities else 1)
@@ -118,7 +118,7 @@ class LayerWithSurfaceTension(ContactCurve):
 
     @property
     def error(self) -> float:
-        """Stated relative error of the force."""
+        """Estimated relative error of the force."""
         if self.has_slope_discontinuities:
             return TENSION_ERROR_OF_KINKED_TIPS
         if self.tip.punch_radius is not None:
@@ -127,14 +127,14 @@ class LayerWithSurfaceTension(ContactCurve):
 
     @property
     def has_slope_discontinuities(self) -> bool:
-        """True if the tip's slope is not smooth somewhere, which slows the convergence of phi."""
+        """True if the tip's slope has discontinuities, which slow the convergence of phi."""
         return bool(self.tip.slope_discontinuities) or self.tip.apex_slope > 0.0
 
     def _tip_shape(self, a: float, theta: np.ndarray) -> np.ndarray:
-        """Return g [h] at the angles theta.
+        """Return the tip's Abel transform g [h] at the angles theta.
 
-        For a tip with slope discontinuities this is the projection of g on as many functions
-        cos(2 m theta) as there are angles.
+        For a tip with slope discontinuities g is projected on as many functions cos(2 m theta) as
+        there are angles.
         """
         breaks = [
             math.acos(b / (a * self.h)) for b in self.tip.slope_discontinuities if b < a * self.h
@@ -208,9 +208,9 @@ class LayerWithSurfaceTension(ContactCurve):
         )
 
     def outside_displacement(self, a: float, phi: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Return the left side of the integral equation at positions x > a [h].
+        """Return the left-hand side of the integral equation at positions x > a [h].
 
-        `_u_z` has the surface displacement outside the contact as an integral of it.
+        `_u_z` computes the surface displacement outside the contact from this quantity.
         """
         rows = np.array([self._outside_row(a, position, phi.size) for position in x])
         return (rows - self._layer_matrix(a, x, phi.size)) @ phi
@@ -225,7 +225,7 @@ class LayerWithSurfaceTension(ContactCurve):
 
 
 def _graded_nodes(begin: float, end: float, count: int) -> Nodes:
-    """Return nodes and weights between two positions, graded as v^2 towards the first one."""
+    """Return nodes and weights between two positions, graded quadratically towards the first."""
     v, w = gauss_legendre(0.0, 1.0, count)
     return begin + (end - begin) * v**2, abs(end - begin) * 2.0 * v * w
 
@@ -246,7 +246,7 @@ def auxiliary_integral(z: np.ndarray) -> np.ndarray:
 
 
 def _basis_functions(theta: np.ndarray, count: int) -> np.ndarray:
-    """Return phi dt/(a d theta) of each basis function at angles, shape (len(theta), count).
+    """Return phi dt/(a d theta) (len(theta), count) of each basis function at angles theta.
 
     These are 1, then sin((2n + 1) theta) sin(theta).
     """
@@ -258,15 +258,15 @@ def _basis_functions(theta: np.ndarray, count: int) -> np.ndarray:
 
 @lru_cache(maxsize=4096)
 def _logarithmic_nodes(angle: float, levels: int, count: int) -> Nodes:
-    """Return nodes and weights on [0, pi] for a logarithm at an angle.
+    """Return nodes and weights on [0, pi] for an integrand with a logarithm at an angle.
 
-    The nodes are relative to the angle: near it they are closer than the rounding of the angle, so
-    that the difference of two angles would be zero, and the logarithm infinite.
+    The nodes are given relative to this angle, because the distance of the nearest ones is below
+    the round-off of the angle.
 
     Parameters
     ----------
     angle
-        Angle of the logarithm.
+        Angle at which the logarithm is singular.
     levels
         Number of times that the panels are halved towards it.
     count
@@ -297,7 +297,7 @@ def _pressure(
 ) -> np.ndarray:
     """Return p(r) = (E*/2a) sum_n (2n + 1) d_n P_n(2 r^2/a^2 - 1) [F/L^2].
 
-    It is infinite at the edge where there is a line force.
+    It is infinite at the edge if there is a line force.
     """
     n = np.arange(phi.size - 1)
     p = np.where((r == a) & (phi[0] > 0.0), np.inf, 0.0)

@@ -25,25 +25,26 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Theory:
-    """Reference theory of a body under a tip on its axis, with textbook formulas for such a body.
+    """Reference theory of a body under a tip, with textbook formulas for comparison.
 
     Strains are small unless `is_finite_strain`.
 
     Attributes
     ----------
     is_exact
-        Whether the body is the one that the theory describes.
+        Whether the theory describes exactly the body of the scene.
     reason
-        Difference between the real body and the theory's, where the theory is not exact.
+        Difference between the body of the scene and the body of the theory, if not exact.
     contact
         Load curve of the theory.
     error
-        Relative error of the theory's numbers.
+        Relative error of the results of the theory.
     formulas
-        Textbook formulas by name: the force [pressure length^2] at a depth [length].
+        Textbook formulas by name: functions that return the force [pressure length^2] at a depth
+        [length].
     tension_fraction
-        Tensile part of the contact pressure over the force, where only this makes the theory
-        inexact.
+        Ratio of the resultant of tensile contact pressure to the force, if only this makes the
+        theory inexact.
     """
 
     name: str
@@ -56,26 +57,26 @@ class Theory:
     is_finite_strain: bool = False
 
     def solutions_at_depths(self, deltas: Sequence[float]) -> list[Solution] | None:
-        """Return one Solution per depth, or None if the theory ends before one of them.
+        """Return one Solution for each depth, or None if a depth is beyond the range of the theory.
 
-        The theory ends where the contact would reach a side wall or the end of the tip.
+        The range ends where the contact would reach a side wall or the end of the tip.
         """
         solutions = _solutions_at_depths(self.contact, tuple(deltas))
         return None if solutions is None else list(solutions)
 
     def solution_at_depth(self, delta: float) -> Solution | None:
-        """Return the Solution at one depth, or None if the theory ends before it."""
+        """Return the Solution at one depth, or None beyond the range of the theory."""
         solutions = _solutions_at_depths(self.contact, (delta,))
         return solutions[0] if solutions else None
 
     def solutions_at_forces(self, forces: Sequence[float]) -> list[Solution] | None:
-        """Return one Solution per force, or None if the theory ends before one of them."""
+        """Return one Solution for each force, or None if one is beyond the range of the theory."""
         with contextlib.suppress(*SOLUTION_ERRORS), np.errstate(all="ignore"):
             return self.contact.solutions_at_forces(forces)
         return None
 
     def depth_of_force(self, force: float, deepest: float) -> float | None:
-        """Return the depth of a force, at most `deepest`; None if the theory ends before it."""
+        """Return the depth of a force, at most `deepest`; None beyond the range of the theory."""
         with contextlib.suppress(*SOLUTION_ERRORS), np.errstate(all="ignore"):
             return min(self.contact.depth_of_force(force), deepest)
         deepest_solution = self.solution_at_depth(deepest)
@@ -84,7 +85,7 @@ class Theory:
     def checked_for_tension(self, deltas: Sequence[float]) -> Theory:
         """Return the theory, marked as inexact if its pressure is tensile at one of the depths.
 
-        About ten of the depths are checked.
+        Only about ten of the depths are checked.
         """
         if (
             not self.is_exact
@@ -107,7 +108,7 @@ class Theory:
         if not tension_fraction:
             return self
         reason = (
-            "the theory keeps the contact closed by tensile pressure, in sum "
+            "the theory assumes tensile contact pressure with a resultant of "
             f"{100 * tension_fraction:.1g} % of the force"
         )
         return replace(
@@ -119,7 +120,7 @@ class Theory:
         )
 
     def covers_path(self, deepest: float, largest_force: float | None) -> bool:
-        """Return whether the theory reaches the deepest depth, or the largest prescribed force."""
+        """Return whether the deepest depth or the largest force is in the range of the theory."""
         if largest_force is not None:
             return largest_force <= 0 or self.depth_of_force(largest_force, inf) is not None
         return deepest <= 0 or self.solution_at_depth(deepest) is not None
@@ -127,14 +128,15 @@ class Theory:
     def formula_value(self, name: str, delta: float, force: float | None = None) -> float | None:
         """Return the force at a depth by a textbook formula, or the depth of a given force.
 
-        The depth of a force is sought near `delta`. None where the formula has no finite value.
+        The search for the depth of a force begins at `delta`. Returns None if there is no finite
+        value.
         """
         formula = self.formulas[name]
         value = formula(delta) if force is None else depth_of_force(formula, force, delta)
         return value if value is not None and np.isfinite(value) else None
 
     def jkr(self, work: float) -> Jkr | None:
-        """Return the JKR contact with a work of adhesion, or None if the theory has none."""
+        """Return the JKR contact for a work of adhesion, or None if it cannot be computed."""
         return _jkr(self.contact, work) if isinstance(self.contact, Layer) else None
 
 
@@ -142,7 +144,7 @@ class Theory:
 def _solutions_at_depths(
     contact: ContactCurve | Compression, deltas: tuple[float, ...]
 ) -> tuple[Solution, ...] | None:
-    """Return one Solution per depth, or None if the theory ends before one of them."""
+    """Return one Solution for each depth, or None if a depth is beyond the theory (cached)."""
     with contextlib.suppress(*SOLUTION_ERRORS):
         return tuple(contact.solutions_at_depths(deltas))
     return None
@@ -150,7 +152,7 @@ def _solutions_at_depths(
 
 @lru_cache(maxsize=16)
 def _jkr(contact: Layer, work: float) -> Jkr:
-    """Return the JKR contact with a work of adhesion."""
+    """Return the JKR contact for a work of adhesion."""
     # Imported here because only adhesive scenes need scipy.optimize.
     from indent_sim.theory.adhesion import Jkr
     from indent_sim.theory.punches import LayerPunches

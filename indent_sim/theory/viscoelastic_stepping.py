@@ -4,14 +4,15 @@ The surface of a linear body carries pressures p >= 0 at n points. Weighted with
 
     heights - delta areas + A phi >= 0,   F = areas . p,   p(t) = int G(t - s) dphi(s),
 
-where phi are the pressures of the elastic body with the same surface displacements. For a sum of
-exponentials G and phi linear over a step, p = alpha phi + H with the history H, so that every step
-is an elastic contact problem of the compliance A/alpha. The error is of second order in the step.
-A spring between the tip and its base, z = delta + c F, adds c areas areas^T to the compliance.
+where phi are the pressures of the elastic body with the same surface displacements. If G is a sum
+of exponentials and phi linear over a step, p = alpha phi + H with a history term H, so that every
+step is an elastic contact problem with the compliance A/alpha. The error is of second order in the
+step size. A spring between the tip and its base, z = delta + c F, adds c areas areas^T to the
+compliance.
 
-Unlike Ting's solution (`lee_radok_ting`) this holds for histories with reloading, too.
+Unlike Ting's solution (`lee_radok_ting`), this method is valid for histories with reloading.
 
-delta > 0 pushes in, force > 0 pushes. Lengths [L], forces [F], any unit of time.
+delta and force are > 0 in indentation. Lengths [L], forces [F], any unit of time.
 Source: Taylor, Pister & Goudreau (1970), Int. J. Numer. Methods Eng. 2, 45, for the recursion of
 exponentials.
 """
@@ -37,7 +38,7 @@ MAX_SEARCH_STEPS = 60  # Newton steps of the search for the depth of a force.
 
 
 class ViscoelasticTimeStepper:
-    """Response of a viscoelastic body to a history of depths, of a spring's base, or of forces.
+    """Response of a viscoelastic body to a history of depths, base displacements or forces.
 
     Parameters
     ----------
@@ -85,12 +86,12 @@ class ViscoelasticTimeStepper:
         values
             Values of z [L], or of the force [F], at these times.
         rows_per_segment
-            About how many responses each segment yields; by default one, at its end.
+            Approximate number of responses for each segment; by default one, at the end.
 
         Yields
         ------
         Response
-            The first one is that of the first time.
+            Responses in order; the first one is at the first time.
         """
         # About 2000 steps in all, beside at least one in each segment.
         self._longest_step = (times[-1] - times[0]) / 2000
@@ -113,9 +114,9 @@ class ViscoelasticTimeStepper:
     def _steps_of_segment(self, start: float, end: float) -> list[tuple[float, float]]:
         """Return the steps of a segment as pairs (end, length), with few different lengths.
 
-        There are at least 150. Short ones come first, 20 per shortest relaxation time, since
-        relaxation may be fast after the kink at the beginning of a segment; then they are doubled
-        up to the longest one.
+        There are at least 150 steps. The first ones are short, 20 per shortest relaxation time,
+        because relaxation may be fast at the beginning of a segment; then the length is doubled up
+        to the longest step.
         """
         span = end - start
         longest_step = min(max(span / 150, self._longest_step), span)
@@ -134,7 +135,7 @@ class ViscoelasticTimeStepper:
         return [*steps, *((t + dt * k, dt) for k in range(1, count)), (end, dt)]
 
     def _step(self, t: float, dt: float, value: float) -> Response:
-        """Advance by dt to the time t, at which z, or the force, has a value."""
+        """Advance by dt to the time t; `value` is the prescribed z, or force, at t."""
         x = np.array([dt]) / self._relaxation_times if len(self._relaxation_times) else np.zeros(0)
         decay = np.exp(-x)
         gain = np.where(x > 0, -np.expm1(-x) / np.where(x > 0, x, 1.0), 1.0)
@@ -158,7 +159,7 @@ class ViscoelasticTimeStepper:
         return Response(t, delta, float(self.surface.areas @ p), contact.contact_radius, np.nan)
 
     def _make_contact_problem(self, alpha: float) -> SurfaceContactLCP:
-        """Return the contact problem of the compliance A/alpha."""
+        """Return the elastic contact problem with the compliance A/alpha."""
         areas = self.surface.areas
         c = 0.0 if self.is_force_controlled else self.compliance
         return SurfaceContactLCP(
@@ -170,7 +171,8 @@ class ViscoelasticTimeStepper:
     ) -> tuple[float, np.ndarray]:
         """Return the depth and the pressures of a force by Newton's method on F(delta).
 
-        F(delta) is convex. Without a force the depth is that of first contact.
+        Newton's method converges because F(delta) is convex. For zero force the depth is that of
+        first contact.
         """
         areas = self.surface.areas
         delta = float((open_gaps / areas).min()) if self._elastic_pressures.any() else 0.0

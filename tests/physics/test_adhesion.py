@@ -239,7 +239,7 @@ def test_a_prescribed_pull_is_found_down_to_that_of_first_touch() -> None:
     )
     assert [row.force for row in rows[:2]] == pytest.approx(pulls[:2], rel=1e-8)
     assert 0 < rows[1].delta < rows[0].delta
-    assert not rows[2].converged and "the pulling force is larger than" in rows[2].reason
+    assert not rows[2].converged and "the tensile force exceeds the attraction" in rows[2].reason
 
 
 def test_without_work_the_force_is_the_same_as_without_adhesion() -> None:

@@ -281,7 +281,7 @@ def test_a_contact_that_outgrows_what_can_be_condensed_is_no_number(
     first, second = states(base)
     assert first.converged
     assert not second.converged and np.isnan(second.force)
-    assert "outgrows" in second.reason and "solver.method: newton" in second.reason
+    assert "contact extends beyond" in second.reason and "solver.method: newton" in second.reason
     assert "the last equilibrium found is at delta = 0.00" in second.reason
 
 

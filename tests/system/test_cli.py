@@ -234,7 +234,7 @@ class TestWithoutARun:
             else:
                 assert (
                     done.returncode == 2
-                    and "working directory does not exist any more; change" in done.stderr
+                    and "working directory no longer exists; change" in done.stderr
                 )
 
     def test_doctor_tells_what_is_broken(self, indent_sim, monkeypatch):

@@ -152,7 +152,7 @@ def test_a_mesh_that_stays_flat_is_refused(monkeypatch, flat, told):
 
     monkeypatch.setattr(gmsh, "has_flat_cells", is_flat)
     scene = resolve(loads(SMALL))
-    with pytest.raises(MeshError, match=f"cells without volume; {told}"):
+    with pytest.raises(MeshError, match=f"cells with zero volume; {told}"):
         gmsh.mesh_domain(scene.physics.domain, scene.sizes)
 
 

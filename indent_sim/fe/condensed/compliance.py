@@ -1,10 +1,10 @@
 """A linear body condensed to its contact surface: u_z = -C F.
 
-F are nodal forces, positive downwards (int p N_j), u_z the nodal displacements there. Everything
-that a frictionless tip does to a linear body with a gap at the undeformed place passes through C;
-after one factorisation and one block of solutions every depth, tip and contact method is small and
-dense. With friction C has rows and columns for the horizontal axes, too, after those of the
-vertical one.
+F are nodal forces, positive downwards (int p N_j), and u_z the vertical displacements of the same
+nodes. The contact problem of a frictionless tip on a linear body with a reference gap depends on
+the body through C only. After one factorisation and one block of solutions, every depth, tip and
+contact method is a small dense problem. With friction, C has further rows and columns for the
+horizontal axes, after those of the vertical axis.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ OwnedDofs = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class Compliance:
-    """Compliance of the candidate nodes of the contact surface; the same on all ranks.
+    """Compliance matrix of the candidate nodes of the contact surface, identical on all ranks.
 
     Attributes
     ----------
@@ -75,17 +75,17 @@ class Compliance:
 
     @property
     def size(self) -> int:
-        """Number of candidate nodes."""
+        """Number of candidate nodes n."""
         return len(self.candidates)
 
     @property
     def C(self) -> np.ndarray:
-        """Downward displacements for unit downward forces (n, n) [length/force]."""
+        """Downward displacements (n, n) for unit downward forces [length/force]."""
         return self.matrix[: self.size, : self.size]
 
 
 class Condenser:
-    """Factors a linear body once and condenses it to as much of its surface as is needed.
+    """Factors the stiffness matrix of a linear body once and condenses it to parts of its surface.
 
     Each of several ranks factors the whole body and solves for its share of the unit forces; if the
     memory does not suffice for that, all ranks factor it together and solve for all of them.
@@ -164,9 +164,9 @@ class Condenser:
     def _support_reaction_rows(
         self, matrix: PETSc.Mat, walls: Sequence[WeakRollerBC]
     ) -> tuple[tuple[SurfaceComponent, ...], list[np.ndarray]]:
-        """Return the surfaces of the supports, and for each a row of its reaction.
+        """Return the supported surfaces, and for each the row vector that gives its reaction.
 
-        The row times the displacements is the reaction.
+        The product of the row and the displacements is the reaction.
         """
         rows = {
             surface: self._sum_rows(matrix, dofs, shares)
@@ -184,8 +184,8 @@ class Condenser:
     ) -> np.ndarray:
         """Return the weighted sum of rows of the symmetric stiffness matrix.
 
-        Its product with the displacements is the reaction. The entries are those of the degrees of
-        freedom that this rank solves for.
+        The product of this sum and the displacements is a reaction. The result has one entry for
+        each degree of freedom that this rank solves for.
         """
         weights, total = matrix.createVecs()
         weights.array[rows[rows >= 0]] = row_weights
@@ -193,15 +193,15 @@ class Condenser:
         return self._values_for_solver(total.array.copy())
 
     def _values_for_solver(self, row: np.ndarray) -> np.ndarray:
-        """Return values at the degrees of freedom that this rank solves for.
+        """Return a row of values at the degrees of freedom that this rank solves for.
 
-        Their argument has those of this rank; the result has those of all ranks if each solves the
-        whole body.
+        The argument has the values at the dofs that this rank owns. If every rank solves the whole
+        body, the result has the values of all ranks.
         """
         return np.concatenate(self.body.comm.allgather(row)) if self._solves_whole_body else row
 
     def _number_surface_nodes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Number the nodes of the surface by their places, independent of the ranks.
+        """Number the surface nodes by their coordinates, independent of the number of ranks.
 
         Returns the surface nodes that this rank owns, their numbers, and the numbers of the nodes
         of this rank's facets.
@@ -230,7 +230,7 @@ class Condenser:
         )
 
     def _gather_surface(self) -> Trace:
-        """Return the contact surface of all ranks, with facets and nodes sorted by their places."""
+        """Return the contact surface of all ranks, facets and nodes sorted by their coordinates."""
         trace = self.body.trace
         parts = self.body.comm.allgather((self.facet_rows, trace.X))
         rows = np.concatenate([part[0] for part in parts])
@@ -239,11 +239,11 @@ class Condenser:
         return Trace(rows[order], X[order], rows[order])
 
     def count_candidates(self, radius: float, center: tuple[float, ...]) -> int:
-        """Return the number of nodes of the facets within a radius [length] of the tip's axis."""
+        """Return the number of nodes on the facets within a radius [length] of the tip's axis."""
         return len(np.unique(self._surface.nodes[self._is_near_axis(radius, center)]))
 
     def _is_near_axis(self, radius: float, center: tuple[float, ...]) -> np.ndarray:
-        """Return whether a node of each facet is within a radius [length] of the tip's axis."""
+        """Return a mask of the facets with at least one node within a radius of the tip's axis."""
         surface = self._surface
         distance = np.linalg.norm(
             surface.X[..., :-1] - np.asarray(center)[: surface.dim - 1], axis=-1
@@ -251,14 +251,14 @@ class Condenser:
         return np.asarray(distance <= radius)
 
     def condense(self, radius: float, center: tuple[float, ...], axes: Sequence[int]) -> Compliance:
-        """Condense the body to the facets near the tip's axis.
+        """Return the compliance of the surface nodes on facets near the tip's axis.
 
-        If the last compliance has all these nodes and more, it is returned.
+        The previous compliance is returned if it already includes all these nodes.
 
         Parameters
         ----------
         radius, center
-            Radius [length] around the tip's axis, and the place of the axis.
+            Radius [length] around the tip's axis, and the horizontal position of the axis.
         axes
             Axes of the displacement: the vertical one, and with friction the horizontal ones.
         """
@@ -287,16 +287,16 @@ class Condenser:
         return self._last_compliance
 
     def _find_constrained_nodes(self, axes: Sequence[int]) -> np.ndarray:
-        """Return where the displacement along an axis is prescribed (axes, nodes)."""
+        """Return a mask (axes, nodes) of the surface nodes whose displacement is prescribed."""
         dofs = self.body.unknowns.displacement_dofs(self._owned_nodes)[..., list(axes)]
         is_constrained = np.zeros((len(axes), 1 + self._surface.nodes.max(initial=-1)))
         is_constrained[:, self._owned_rows] = np.isin(dofs, self.body.constrained_dofs).T
         return _sum_over_ranks(self.body.comm, is_constrained) > 0
 
     def _compliance_columns(self, candidates: np.ndarray, axes: Sequence[int]) -> ComplianceColumns:
-        """Solve for unit forces at the candidates that were not solved for before.
+        """Return C, the reactions of supports and pins, and the displacements at observed dofs.
 
-        Returns C, the reactions of supports and pins, and the displacements at the observed dofs.
+        Systems are solved only for unit forces at candidates that no earlier call has included.
         """
         n = len(candidates) * len(axes)
         cached = self._last_compliance
@@ -346,9 +346,9 @@ class Condenser:
     def _constrained_node_reactions(
         self, owned: OwnedDofs, signs: np.ndarray, n: int
     ) -> np.ndarray:
-        """Return the reactions (surfaces, n) to unit forces at constrained nodes.
+        """Return the support reactions (surfaces, n) to unit forces at constrained nodes.
 
-        Such a force is taken by its support at once, and the reaction is minus the force.
+        Such a force acts on the support directly, so that the reaction is minus the force.
         """
         dof_positions, columns, _ = owned
         reactions = np.zeros((len(self.support_surfaces), n))
@@ -366,10 +366,10 @@ class Condenser:
     def _locate_dofs(
         self, candidates: np.ndarray, axes: Sequence[int]
     ) -> tuple[OwnedDofs, np.ndarray, np.ndarray]:
-        """Return the dofs of the candidates, axis by axis.
+        """Return the dofs of the candidates, ordered axis by axis.
 
-        Returns the dofs that this rank solves for (positions, columns of C, which are free), the
-        numbers of all of them among all unknowns, and which of these are free.
+        Returns the dofs that this rank solves for (their positions, their columns of C and a mask
+        of the free ones), the global numbers of all candidate dofs, and a mask of the free ones.
         """
         is_candidate = np.isin(self._owned_rows, candidates)
         n = len(candidates) * len(axes)
@@ -393,7 +393,7 @@ class Condenser:
     def _solve_block(
         self, owned: OwnedDofs, dofs: np.ndarray, is_free: np.ndarray, n: int
     ) -> ComplianceColumns:
-        """Solve for unit forces at dofs.
+        """Solve for a block of unit forces, one at each of the given dofs.
 
         Returns the displacements at the n columns of C, the reactions of the supports, the largest
         reaction of the pins, and the displacements at the observed dofs.
@@ -425,7 +425,7 @@ class Condenser:
         )
 
     def _find_force_dofs(self, compliance: Compliance) -> OwnedDofs:
-        """Return the dofs of this rank at which nodal forces act; they are kept per compliance."""
+        """Return this rank's dofs at which nodal forces act, cached for each compliance."""
         if self._force_dofs is None or self._force_dofs[0] is not compliance:
             axes = [compliance.surface.dim - 1, *range(len(compliance.is_constrained))]
             self._force_dofs = compliance, self._locate_dofs(compliance.candidates, axes)[0]
@@ -434,10 +434,10 @@ class Condenser:
     def local_displacements(
         self, compliance: Compliance, nodal_forces: np.ndarray
     ) -> np.ndarray | None:
-        """Return the local array of displacements under nodal forces, without recovering the body.
+        """Return this rank's displacements at the observed dofs under nodal forces.
 
-        It is filled at the observed dofs and zero elsewhere; None if their displacements are not
-        kept.
+        The local array is zero at all other dofs, because the whole body is not solved. Returns
+        None if the displacements at the observed dofs are not stored.
 
         Parameters
         ----------
@@ -483,9 +483,9 @@ def _fits_every_rank(body: Body) -> bool:
 
 
 def _unit_forces(comm: MPI.Comm, dofs: np.ndarray, is_free: np.ndarray, total: int) -> PETSc.Mat:
-    """Return unit forces at some dofs, one column each.
+    """Return a sparse matrix with one unit force in each column, at the given dofs.
 
-    The matrix is sparse, so that MUMPS can skip the parts of the factor that they do not reach.
+    A sparse right-hand side lets MUMPS skip the parts of the factor that stay zero.
     """
     is_root = comm.rank == 0
     sizes = (
@@ -501,5 +501,5 @@ def _unit_forces(comm: MPI.Comm, dofs: np.ndarray, is_free: np.ndarray, total: i
 
 
 def _sum_over_ranks(comm: MPI.Comm, values: np.ndarray) -> np.ndarray:
-    """Return the sum of values over the ranks, the same on all of them."""
+    """Return the sum of an array over all ranks, on every rank."""
     return values if comm.size == 1 else comm.allreduce(values)

@@ -1,4 +1,4 @@
-"""Present state of a condensed contact, as `fe.postprocessing` reads it."""
+"""Present state of a condensed contact, in the form that `fe.postprocessing` evaluates."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ class CondensedState:
 
     @property
     def E_star(self) -> float:
-        """Plane-strain modulus of the touched material [pressure], constant in time."""
+        """Plane-strain modulus E* of the material under the tip [pressure], constant in time."""
         return float(self.scene.physics.material.E_star)
 
     def nodal_displacement(self) -> np.ndarray:
-        """Return the displacement (facets, nodes, dim) [length], of which only u_z is filled.
+        """Return the displacement (facets, nodes, dim) [length] with zero horizontal components.
 
-        The horizontal part does not enter a gap at the undeformed place.
+        A reference gap does not depend on the horizontal displacement.
         """
         u = np.zeros(self.trace.X.shape)
         compliance = self.contact.compliance
@@ -60,7 +60,7 @@ class CondensedState:
     def pressure_at(self, points: np.ndarray) -> np.ndarray:
         """Return the contact pressure for output (facets, points) [pressure].
 
-        On triangles the multiplier oscillates at the vertices, see `nodal_pressure`.
+        On triangles it has no oscillation at the vertices, see `nodal_pressure`.
         """
         return (
             self.nodal_pressure()[self.contact.candidates][self.trace.nodes] @ self.basis(points).T

@@ -1,14 +1,14 @@
 """Contact on a condensed body: the laws of `model.contact` on a small dense compliance matrix.
 
-With nodal forces F (positive downwards) the gap at a quadrature point is g = f - delta + N C F, and
-every law with a stiffness is one equation in F alone,
+With nodal forces F (positive downwards) the gap at a quadrature point is g = f - delta + N C F. For
+every contact law with a stiffness the problem is an equation in F alone,
 
     F = int <p_hat> N,   p_hat = lam - epsilon_n g,   lam = L2 projection of <p_hat> = M^-1 F
-    (or frozen, or zero):
+    (or frozen, or zero).
 
-the equations of the full problem with displacement and multiplier eliminated, so that both give the
-same numbers. Forces act on the candidate nodes alone; M and lam are those of the whole contact
-surface, so that no result depends on the choice of the candidates.
+This is the full problem with displacement and multiplier eliminated, and both have the same
+solution. Forces act on the candidate nodes only; M and lam belong to the whole contact surface, so
+that no result depends on the choice of the candidates.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ MOST_CONTACT_ITERATIONS = 100
 
 
 class CondensedContact:
-    """A tip on a condensed body: nodal forces and pressures at any depth.
+    """Contact of a tip with a condensed body: solves for the nodal forces at any depth.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class CondensedContact:
     scene
         The scene.
     iterations
-        Number of linear solves before, from which the count goes on.
+        Number of linear solves before this contact was created; the count continues from it.
     """
 
     def __init__(self, compliance: Compliance, scene: Scene, iterations: int = 0):
@@ -82,7 +82,7 @@ class CondensedContact:
         return self.forces[0]
 
     def solve(self, delta: float) -> bool:
-        """Solve at a depth from the present forces; on failure these are as they were."""
+        """Solve at a depth from the present forces; return False and restore them on failure."""
         state_before = (self.forces, self.lam, self.depth)
         self.depth = delta
         if CONDENSED_ALGORITHMS[self.law.multiplier](self):
@@ -101,10 +101,10 @@ class CondensedContact:
         return self.friction.dissipation() if self.friction else 0.0
 
     def trial_pressure(self) -> np.ndarray:
-        """Return the trial pressure lam - epsilon_n g of the present forces, > 0 in contact.
+        """Return the trial pressure lam - epsilon_n g [pressure] of the present forces.
 
-        It is evaluated at the points of the contact quadrature; for nodal pressures at the nodes
-        that carry one, with E*/h_contact in place of epsilon_n [pressure].
+        It is evaluated at the contact quadrature points. For nodal pressures it is evaluated at the
+        nodes with a pressure unknown, with E*/h_contact in place of epsilon_n.
         """
         if self.law.multiplier == "nodal":
             return self._nodal_trial_pressure()
@@ -114,26 +114,26 @@ class CondensedContact:
         return np.asarray(nodal[self.nodes] @ N.T - epsilon_n * (height - self.depth))
 
     def predict_active_set(self, trial: np.ndarray) -> None:
-        """Start the next solve with the points in contact that have a positive trial pressure."""
+        """Use the points with a positive trial pressure as initial active set of the next solve."""
         self._predicted_active_set = trial > 0
 
     def _initial_active_set(self, active: np.ndarray) -> np.ndarray:
-        """Return the predicted active set, or else the present one, and forget the prediction."""
+        """Return the predicted active set, or `active` without one, and discard the prediction."""
         predicted = self._predicted_active_set
         self._predicted_active_set = None
         return active if predicted is None else predicted
 
     def zero_tolerance(self, norm: Callable[[np.ndarray], np.floating]) -> float:
-        """Return the size of nodal forces that counts as zero, from the last equilibria.
+        """Return the norm below which nodal forces count as zero, based on the last equilibria.
 
-        It matters where a contact has opened completely, as under a punch back at its first depth.
+        It is needed where a contact has opened completely, e.g. a punch retracted to zero depth.
         """
         return 1e-20 * max(float(norm(F)) for F in self._recent_forces)
 
     def quadrature_rule(
         self, points: np.ndarray, weights: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Weighted areas and heights of the tip above the undeformed surface.
+        """Return weighted areas and heights of the tip above the undeformed surface.
 
         Parameters
         ----------
@@ -143,7 +143,7 @@ class CondensedContact:
         Returns
         -------
         tuple of ndarray
-            Areas with the weight of the kinematics and heights [length], both (facets, points).
+            Areas (times 2 pi r if axisymmetric) and heights [length], both (facets, points).
         """
         trace = self.compliance.trace
         scene = self.scene
@@ -191,19 +191,19 @@ class CondensedContact:
 
     @cached_property
     def inverse_mass(self) -> np.ndarray:
-        """M^-1 (n, n) [1/area] between the candidates: their multiplier is lam = M^-1 F."""
+        """Inverse mass matrix M^-1 (n, n) [1/area] of the candidates, with lam = M^-1 F."""
         return self.project(np.eye(self.compliance.size))[self.candidates]
 
     def assemble_vector(self, local: np.ndarray) -> np.ndarray:
-        """Sum facet vectors (facets, nodes) at the candidate nodes."""
+        """Assemble facet vectors (facets, nodes) into a vector of the candidate nodes."""
         return np.bincount(self.nodes.ravel(), local.ravel(), self.compliance.size)
 
     def solve_newton(self, inverse_mass: np.ndarray | float = 0.0) -> bool:
         """Solve F = int <lam - epsilon_n g> N by a semismooth Newton method.
 
-        A law with a multiplier is first solved with a stiffness of E*/h_contact, whose solution is
-        nearly the law's own. If that fails, a soft contact is solved first and its stiffness
-        increased.
+        A law with a multiplier is first solved with a stiffness of E*/h_contact, which gives a good
+        initial guess. If that fails, a soft contact is solved first and its stiffness increased in
+        steps.
 
         Parameters
         ----------
@@ -218,7 +218,7 @@ class CondensedContact:
         start = self.forces
         epsilon_n = self.law.stiffness
         unit = self.scene.physics.material.E_star / self.scene.sizes.h_contact
-        # The tolerance makes the choice independent of round-off in the units
+        # The tolerance makes the choice independent of round-off in the conversion of units
         has_other_stiffness = np.ndim(inverse_mass) and not isclose(epsilon_n, unit, rel_tol=1e-9)
         solve = (
             self.friction.solve_newton
@@ -234,12 +234,12 @@ class CondensedContact:
                 return True
         self.failure = (
             f"no equilibrium was found within {MOST_CONTACT_ITERATIONS} iterations, or the active "
-            "set of the contact repeats itself"
+            "sets of the contact recur"
         )
         return False
 
     def update_multiplier(self, mixing: uzawa.Mixing) -> float:
-        """Update the multiplier; return its distance from its projection before, relative to it."""
+        """Update the multiplier; return the relative difference from its projection before."""
         before = self.lam
         image = self.project(self.F)
         change = np.linalg.norm(image - before)
@@ -295,7 +295,7 @@ class CondensedContact:
     ) -> np.ndarray:
         """Return the Newton step -(I - A D)^-1 residual, with A = int slopes N N.
 
-        Rows without a point in contact, and those that are constrained, are those of the identity.
+        Rows of nodes without a point in contact and of constrained nodes are identity rows.
 
         Parameters
         ----------
@@ -341,16 +341,16 @@ class CondensedContact:
 
     @cached_property
     def _shape_products(self) -> np.ndarray:
-        """Products of shape functions at the quadrature points (points, nodes, nodes)."""
+        """Products N_i N_j of shape functions at the quadrature points (points, nodes, nodes)."""
         N, _, _ = self.quadrature
         return N[:, :, None] * N[:, None, :]
 
     def stiffness(self) -> float:
         """Return the derivative of the sum of the nodal forces with respect to the depth.
 
-        It is computed by the tangent of the present equilibrium [force/length], of the model
-        domain. A multiplier changes with the depth whether it is solved for or updated by Uzawa's
-        iteration: the law is the same.
+        It is the stiffness of the model domain [force/length], from the tangent of the present
+        equilibrium. The change of the multiplier with the depth is included, also if Uzawa's
+        iteration updates it.
         """
         if self.law.multiplier == "nodal":
             # The nodes in contact move down together, as under a flat punch
@@ -375,10 +375,10 @@ class CondensedContact:
 
     @cached_property
     def _weighted_gap_matrices(self) -> tuple[np.ndarray, ...]:
-        """Matrices of the contact with nodal pressures.
+        """Vectors and matrices of the contact with nodal pressures.
 
-        They are the nodes with an area, the forces per nodal pressure Q, the weighted heights, the
-        areas, and the compliance of the weighted gaps Q' C Q.
+        Returned are the nodes with an area, the forces per nodal pressure Q, the weighted heights,
+        the areas, and the compliance of the weighted gaps Q' C Q.
         """
         points, weights = split_quadrature(self.compliance.trace.dim)
         W, height = self.quadrature_rule(points, weights)
@@ -401,9 +401,9 @@ class CondensedContact:
 
     @property
     def weighted_gap_system(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Places (n, dim - 1) [length], weighted heights, areas, compliance A of the weighted gaps.
+        """Return positions (n, dim - 1) [length], weighted heights, areas and compliance A.
 
-        They belong to the n nodes that carry a pressure p. The weighted gaps are heights - delta
+        They belong to the n nodes with a pressure unknown p. The weighted gaps are heights - delta
         areas + A p >= 0, and areas . p is the force of the model domain.
         """
         carriers, _, heights, areas, A = self._weighted_gap_matrices
@@ -413,9 +413,9 @@ class CondensedContact:
         return x[carriers], heights, areas, A
 
     def solve_active_set(self) -> bool:
-        """Solve the complementarity problem of the nodal pressures exactly.
+        """Solve the complementarity problem of the nodal pressures p; return True.
 
-        It is p >= 0, G = heights - delta areas + A p >= 0 and p G = 0, with the weighted gaps G.
+        The problem is p >= 0, p G = 0 and weighted gaps G = heights - delta areas + A p >= 0.
         """
         carriers, Q, heights, areas, A = self._weighted_gap_matrices
         p, solves = solve_complementarity(
@@ -430,7 +430,7 @@ class CondensedContact:
         return True
 
     def _nodal_trial_pressure(self) -> np.ndarray:
-        """Return the trial pressure of nodal pressures, with the stiffness E*/h_contact."""
+        """Return the trial pressure of the nodal pressures, with the stiffness E*/h_contact."""
         carriers, _, heights, areas, A = self._weighted_gap_matrices
         p = self.lam[self.candidates[carriers]]
         scale = self.scene.physics.material.E_star / self.scene.sizes.h_contact
@@ -440,12 +440,12 @@ class CondensedContact:
     def multiplier(self) -> np.ndarray:
         """Multiplier at the nodes of the whole surface [pressure].
 
-        For a law without a multiplier it is the projection of its <p_hat>.
+        For a law without a multiplier it is the L2 projection of the contact pressure <p_hat>.
         """
         return self.project(self.F) if self.law.multiplier == "none" else self.lam
 
     def energy(self) -> float:
-        """Return strain energy plus contact energy of the model domain."""
+        """Return the strain energy plus the contact energy of the model domain."""
         X = self.forces.ravel()
         compliance_matrix = self.compliance.matrix
         displacements = compliance_matrix @ X
@@ -461,7 +461,7 @@ class CondensedContact:
 def _local_matrix_entries(
     facet_nodes: np.ndarray, size: int, m: int, is_constrained: Any
 ) -> tuple[np.ndarray, ...]:
-    """Return where the entries of local matrices stand in the matrix of the touched nodes.
+    """Return the positions of the entries of facet matrices in the matrix of the touched nodes.
 
     Parameters
     ----------
@@ -478,7 +478,7 @@ def _local_matrix_entries(
     -------
     tuple of ndarray
         Rows of the matrix; flat indices of the entries of the local matrices (m, m, facets, n, n)
-        that belong to it; their row and column in it.
+        that are assembled into it; row and column of each of these entries.
     """
     block = size * np.arange(m)
     is_touched = np.zeros(size, dtype=bool)
@@ -496,7 +496,7 @@ def _local_matrix_entries(
 
 
 def _augmented_lagrangian(contact: CondensedContact) -> bool:
-    """Newton's method with lam = M^-1 F eliminated."""
+    """Solve by Newton's method with lam = M^-1 F eliminated; return True if it converged."""
 
     def solve() -> bool:
         if not contact.solve_newton(contact.inverse_mass):
@@ -508,7 +508,7 @@ def _augmented_lagrangian(contact: CondensedContact) -> bool:
 
 
 def _uzawa(contact: CondensedContact) -> bool:
-    """Uzawa's iteration, which every rank makes by itself."""
+    """Solve by Uzawa's iteration, identically on every rank; return True if it converged."""
     return uzawa.iterate(
         contact,
         contact.scene,

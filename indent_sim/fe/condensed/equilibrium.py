@@ -31,10 +31,10 @@ CANDIDATE_MARGIN = 1.0
 
 @dataclass(frozen=True)
 class ContactForces:
-    """A state of the contact: nodal forces, multiplier and depth.
+    """State of the contact: nodal forces, multiplier and depth.
 
-    Nodal forces (axes, nodes) and multiplier (nodes,) are those at the nodes of the whole contact
-    surface, so that they do not depend on the candidates.
+    Nodal forces (axes, nodes) and multiplier (nodes,) are stored for all nodes of the contact
+    surface, so that they do not depend on the choice of candidates.
     """
 
     nodal: np.ndarray
@@ -45,15 +45,15 @@ class ContactForces:
 class CondensedEquilibrium(Equilibrium):
     """Contact on the compliance of the candidate nodes; implements `path.Equilibrium`.
 
-    There is no dynamic relaxation: adhesive tips, which may snap, are solved on the whole body.
-    Nothing is kept in a checkpoint, since a depth costs milliseconds.
+    There is no dynamic relaxation, because adhesive tips, which may snap, are solved on the whole
+    body. Checkpoints contain no states, because solving a depth takes milliseconds.
 
     Parameters
     ----------
     scene, body
         The scene and its discrete body.
     condenser
-        The factored body, if there is one already.
+        The condenser of an already factored body; a new one if None.
     """
 
     def __init__(self, scene: Scene, body: Body, condenser: Condenser | None = None):
@@ -74,7 +74,7 @@ class CondensedEquilibrium(Equilibrium):
         self._condense(min(self._initial_radius(), self._largest_radius))
 
     def _initial_radius(self) -> float:
-        """Return the radius of the first set of candidates [length]."""
+        """Return the radius around the tip's axis of the first set of candidates [length]."""
         scene = self.scene
         patch = scene.sizes.fine_radius + CANDIDATE_MARGIN * scene.sizes.h_contact
         a = scene.plan.prediction["a"] / scene.physics.scales.length
@@ -85,7 +85,7 @@ class CondensedEquilibrium(Equilibrium):
         return min(patch, a + 3.5 * scene.sizes.h_contact)
 
     def _condense(self, radius: float) -> None:
-        """Make the nodes within a radius [length] of the tip's axis the candidates."""
+        """Condense the body to the surface nodes within a radius [length] of the tip's axis."""
         self._candidate_radius = radius
         dim = self.scene.physics.domain.dim
         law = self.scene.physics.contact
@@ -115,12 +115,12 @@ class CondensedEquilibrium(Equilibrium):
         return self.contact.depth
 
     def reuse_body(self, scene: Scene) -> CondensedEquilibrium:
-        """Return the same body under another tip, path or method, without factoring it again."""
+        """Return the equilibrium of a scene with the same body but another tip, path or method."""
         return CondensedEquilibrium(scene, self.body, self.condenser)
 
     @property
     def statistics(self) -> SolverStatistics:
-        """Number of dense linear solves since the beginning."""
+        """Solver statistics: the number of dense linear solves since the beginning."""
         return SolverStatistics(self.contact.iterations)
 
     @property
@@ -134,7 +134,7 @@ class CondensedEquilibrium(Equilibrium):
         return self.scene.physics.domain.symmetry_factor * float(self.contact.F.sum())
 
     def tighten_tolerance(self) -> float:
-        """Return the relative error of a force: a dense solve is as exact as round-off allows."""
+        """Return the relative error of a force: round-off, because the solver is direct."""
         return 1e-10
 
     def accept(self) -> float:
@@ -149,11 +149,11 @@ class CondensedEquilibrium(Equilibrium):
         self._accepted_forces = self.snapshot()
 
     def solve(self, depth: float, dt: float = 0.0) -> bool:
-        """Solve at a depth from the present state; on failure the state is as it was.
+        """Solve at a depth from the present state; return False and keep the state on failure.
 
-        The candidates are enlarged until the contact does not reach their rim.
+        The set of candidate nodes is enlarged until the contact does not reach its rim.
         """
-        assert dt == 0.0  # nothing of a condensed body takes time
+        assert dt == 0.0  # a condensed body does not depend on time
         contact = self.contact
         forces = contact.forces
         lam = contact.lam
@@ -163,23 +163,23 @@ class CondensedEquilibrium(Equilibrium):
                 return True
             forces_before = _forces_on_surface(contact, forces, lam, last_depth)
             is_enlarged = self._enlarge_candidate_set()
-            # Starting anew makes the result independent of the candidates before
+            # A restart makes the result independent of the previous candidates
             self._set_trial_state(forces_before)
             if not is_enlarged:
                 break
         return False
 
     def _enlarge_candidate_set(self) -> bool:
-        """Condense to more of the surface; return False if that is too much of it."""
+        """Enlarge the set of candidate nodes; return False if it would exceed MAX_CANDIDATES."""
         wider_radius = min(1.3 * self._candidate_radius, self._largest_radius)
         nodes = self.condenser.count_candidates(wider_radius, self.scene.physics.center) * len(
             self.contact.forces
         )
         if nodes > MAX_CANDIDATES:
             self._candidate_set_failure = (
-                f"the contact outgrows the {self.contact.compliance.size} surface nodes to which "
-                f"the body is condensed, and {nodes} are more than the limit of {MAX_CANDIDATES}: "
-                "use solver.method: newton"
+                f"the contact extends beyond the {self.contact.compliance.size} surface nodes to "
+                f"which the body is condensed, and the next larger set of {nodes} nodes exceeds "
+                f"the limit of {MAX_CANDIDATES}; use solver.method: newton"
             )
             return False
         self._iterations = self.contact.iterations
@@ -189,12 +189,12 @@ class CondensedEquilibrium(Equilibrium):
         return True
 
     def _is_contact_inside(self) -> bool:
-        """Return whether the nodal forces end before the rim of the candidates."""
+        """Return whether the nodal forces vanish at the rim of the candidate nodes."""
         return not bool((np.abs(self.contact.F[self._rim_nodes]) > 0).any())
 
     @property
     def stiffness(self) -> float:
-        """dF/ddelta of the whole body at the present equilibrium [force/length]."""
+        """Stiffness dF/ddelta of the whole body at the present equilibrium [force/length]."""
         return self.scene.physics.domain.symmetry_factor * self.contact.stiffness()
 
     def punches(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -207,18 +207,18 @@ class CondensedEquilibrium(Equilibrium):
         return _forces_on_surface(contact, contact.forces, contact.lam, contact.depth)
 
     def restore(self, state: ContactForces) -> None:
-        """Make a snapshot the present and the last accepted state."""
+        """Set the present and the last accepted state to a snapshot."""
         self._set_trial_state(state)
         self._accept_state()
 
     def _set_trial_state(self, state: ContactForces) -> None:
-        """Make a state the present one, but not the last accepted one."""
+        """Set the present state without changing the last accepted state."""
         self.contact.forces = state.nodal[:, self.contact.candidates]
         self.contact.lam = state.lam
         self.contact.depth = state.depth
 
     def extrapolate(self, depth: float, earlier: Sequence[ContactForces]) -> None:
-        """Set the forces to an extrapolation of earlier states to a depth."""
+        """Set the nodal forces to an extrapolation of earlier states to the given depth."""
         if self.contact.law.is_conservative:
             self.contact.predict_active_set(self._predicted_trial_pressure(earlier[-2:], depth))
         weights = lagrange_weights([state.depth for state in earlier], depth)
@@ -229,7 +229,7 @@ class CondensedEquilibrium(Equilibrium):
     def _predicted_trial_pressure(
         self, earlier: Sequence[ContactForces], depth: float
     ) -> np.ndarray:
-        """Extrapolate the trial pressure [pressure] of two states to a depth."""
+        """Extrapolate the trial pressure [pressure] of the last two states to the given depth."""
         trials = [self._trial_pressure(state) for state in earlier]
         return predict_trial_pressure(
             trials,
@@ -239,7 +239,7 @@ class CondensedEquilibrium(Equilibrium):
         )
 
     def _trial_pressure(self, state: ContactForces) -> np.ndarray:
-        """Return the trial pressure of an earlier state; those of the last two are kept."""
+        """Return the trial pressure of an earlier state; the last two results are cached."""
         for cached_state, trial in self._recent_trials:
             if cached_state is state:
                 return trial
@@ -278,7 +278,7 @@ class CondensedEquilibrium(Equilibrium):
 
     @property
     def observed_body(self) -> RecoveredBody:
-        """The whole body with the displacement of the present state (collective)."""
+        """The whole body with the displacements of the present state (collective)."""
         self.condenser.recover(self.contact.compliance, self.contact.forces.ravel())
         return self._recovered_body
 
@@ -286,14 +286,14 @@ class CondensedEquilibrium(Equilibrium):
 def _forces_on_surface(
     contact: CondensedContact, forces: np.ndarray, lam: np.ndarray, depth: float
 ) -> ContactForces:
-    """Return forces on the candidate nodes as a state of the whole surface."""
+    """Return the state of the whole contact surface for given forces on the candidate nodes."""
     nodal = np.zeros((len(forces), len(lam)))
     nodal[:, contact.candidates] = forces
     return ContactForces(nodal, lam, depth)
 
 
 class RecoveredBody(WholeBody):
-    """The whole body at the last recovered state, for the surface table and the fields."""
+    """Whole body with the displacements recovered from the condensed contact, for output."""
 
     def __init__(self, equilibrium: CondensedEquilibrium):
         self._equilibrium = equilibrium

@@ -1,15 +1,13 @@
-"""Bonded flat punches of every radius on a condensed axisymmetric body.
+"""Stiffnesses of bonded flat punches of every radius on a condensed axisymmetric body.
 
-One Cholesky factorisation C = L L^T of the compliance, with the nodes in the order of their radius,
-gives all of them, since the leading block of C of every size has the leading block of L as its
-factor. With L y = 1 and L h = heights of the tip, the punch on the first n nodes that has the tip's
-shape there has
+All of them follow from one Cholesky factorisation C = L L^T of the compliance with the nodes
+ordered by radius, because the factor of every leading block of C is the leading block of L. With L
+y = 1 and L h = heights of the tip, a bonded punch of the tip's shape on the first n nodes has
 
     K_n = 1.C_n^-1.1 = sum y^2,   P_n = 1.C_n^-1.heights = sum y h,   F = K delta - P.
 
-The punches end before the first node that cannot move relative to those inside it: one whose
-displacement is prescribed, or the last ones of a sealed incompressible body, where no punch can
-move.
+The largest punch ends before the first node that cannot move relative to the nodes inside it: a
+node with a prescribed displacement, or the last nodes of a sealed incompressible body.
 """
 
 from __future__ import annotations
@@ -23,16 +21,16 @@ from indent_sim.fe.measured_constants import RADIUS_SHIFT
 
 
 def punches(contact: CondensedContact) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the flat punches that end at a vertex.
+    """Return radii, stiffnesses and forces of the flat punches that end at a vertex.
 
-    They are those from the first vertex off the axis to the last one in the condensed surface that
-    can move.
+    The smallest punch ends at the first vertex off the axis, the largest one at the last vertex of
+    the condensed surface that can move.
 
     Returns
     -------
     a, K, P
-        Radii [length], stiffnesses [force/length] and forces at delta = 0, reversed [force], of the
-        model domain.
+        Radii [length], stiffnesses K [force/length] and the forces P [force] in F = K delta - P, of
+        the model domain.
     """
     compliance = contact.compliance
     physics = contact.scene.physics

@@ -1,7 +1,7 @@
 """Friction on a condensed body: the equations of `fe.terms.contact.friction` in nodal forces.
 
-X = [F, T_1, ..] are the nodal forces, downwards and along the horizontal axes, u = C X their
-displacements:
+X = [F, T_1, ..] are the nodal forces, downwards and along the horizontal axes, and u = C X the
+nodal displacements:
 
     F = int p N,   T_k = int t_k N,   p_hat = lam - epsilon_n g,   t_hat_k = tau_k - epsilon_t s_k,
     lam = M^-1 F,   tau_k = M_k^-1 T_k,
@@ -71,7 +71,7 @@ class TrialTraction(CoulombPoint):
     initial_gap
         Gap at the beginning of the increment, < 0 where the surface was in contact [length].
     passed_gap
-        Gap that closed or opened during the increment, 0 where none did [length].
+        Gap traversed in the increment where the contact closed or opened, 0 elsewhere [length].
     """
 
     trial_traction: np.ndarray
@@ -92,7 +92,7 @@ class TrialTraction(CoulombPoint):
 
 
 class CondensedFriction:
-    """Tangential forces of a `CondensedContact`: their solution, history and dissipation."""
+    """Friction of a `CondensedContact`: tangential forces, their history and the dissipation."""
 
     def __init__(self, contact: Any):
         self._law = contact.law
@@ -115,7 +115,10 @@ class CondensedFriction:
         )
 
     def set_slip_reference(self, slip_reference: SlipReference) -> None:
-        """Set where new contact points stick; see `solve.slip_reference`."""
+        """Set the point from which the slip of new contact points is counted.
+
+        See `solve.slip_reference`.
+        """
         self._new_contact_sticks = slip_reference != "glue"
         self._slip_start = self._accepted_state.u[1:]
         self._largest_passed_gap = 1.0
@@ -136,8 +139,8 @@ class CondensedFriction:
     def solve_newton(self, stiffness_factor: float) -> bool:
         """Solve X = [int p N, int t N] by a semismooth Newton method from the present forces.
 
-        Both stiffnesses of the law are multiplied by `stiffness_factor`. Returns True if it
-        converged.
+        Both penalty stiffnesses of the law are multiplied by `stiffness_factor`. Returns True if
+        the method converged.
         """
         contact = self._contact
         stiffnesses = np.repeat(
@@ -177,7 +180,7 @@ class CondensedFriction:
 
     @cached_property
     def _inverse_masses(self) -> np.ndarray:
-        """M^-1 and every M_k^-1 between the candidates, as diagonal blocks [1/area]."""
+        """Block diagonal matrix of M^-1 and the M_k^-1 of the candidates [1/area]."""
         candidates = self._contact.candidates
         inverse_masses = np.zeros_like(self._compliance.matrix)
         unit = np.eye(self._node_count)
@@ -188,11 +191,11 @@ class CondensedFriction:
 
     @cached_property
     def _projections(self) -> list[Callable[[np.ndarray], np.ndarray]]:
-        """For each axis a function that returns tau_k = M_k^-1 T_k on the whole surface."""
+        """Functions, one for each axis, that return tau_k = M_k^-1 T_k on the whole surface."""
         return list(map(self._create_projection, self._compliance.is_constrained))
 
     def _create_projection(self, is_constrained: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-        """Factor M_k and return the projection of forces on the candidates."""
+        """Factor M_k and return a function that projects forces on the candidates."""
         free = diags(1.0 - is_constrained)
         factor = splu(
             (free @ self._contact.mass_matrix @ free + diags(1.0 * is_constrained)).tocsc()
@@ -214,8 +217,8 @@ class CondensedFriction:
         Parameters
         ----------
         nodal
-            The part of the trial tractions (m nodes,) that is interpolated from the nodes: without
-            height, depth and slip reference [pressure].
+            The part of the trial tractions (m nodes,) that is interpolated from the nodes
+            [pressure]; tip height, depth and slip reference are added at the points.
         rule
             Shape functions, weighted areas and heights at the points.
         stiffness_factor
@@ -254,7 +257,7 @@ class CondensedFriction:
         )
 
     def _stick_slip_pattern(self, trial: TrialTraction) -> bytes:
-        """Return which points are in contact, and which slip in which direction."""
+        """Return the contact and slip state of all points as bytes, to detect recurring states."""
         return (trial.trial_pressure > 0).tobytes() + (
             trial.is_slipping * np.sign(trial.trial_traction)
         ).tobytes()
@@ -292,7 +295,7 @@ class CondensedFriction:
         return np.array([project(T) for project, T in zip(self._projections, forces, strict=True)])
 
     def stick_margin_at(self, points: np.ndarray) -> np.ndarray:
-        """Return friction p - |t_hat| (facets, points) [pressure], >= 0 where it sticks."""
+        """Return friction p - |t_hat| (facets, points) [pressure], >= 0 at sticking points."""
         return np.asarray(
             self._present_trial(
                 (
@@ -333,7 +336,7 @@ class CondensedFriction:
         return float((W * (heat + is_implicit * (trial.trial_pressure <= 0) * leaving_heat)).sum())
 
     def _present_trial(self, rule: QuadratureRule) -> TrialTraction:
-        """Evaluate the trial tractions of the present forces at the points of a rule."""
+        """Evaluate the trial tractions of the present forces at the points of a quadrature rule."""
         u = self._nodal_displacements()
         lam = self._contact.lam[self._contact.candidates]
         trial_pressure = lam - self._law.stiffness * u[0]

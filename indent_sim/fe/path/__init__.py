@@ -1,1 +1,1 @@
-"""Load path: load stepping, step size control, load control, pull-off and failed rows."""
+"""Load path: load stepping, step size control, load control, pull-off and failed increments."""

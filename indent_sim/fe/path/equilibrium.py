@@ -18,10 +18,10 @@ from indent_sim.scene.scene import Scene
 
 
 class Equilibrium(Protocol):
-    """A body under the tip, whose state is solved in increments.
+    """Body under the tip whose equilibrium is solved increment by increment.
 
-    An increment is `extrapolate` (optional), `solve` and `accept`; `restore` undoes what was not
-    accepted. The body is the whole mesh, or condensed to its contact surface.
+    An increment consists of `extrapolate` (optional), `solve` and `accept`; `restore` returns to an
+    earlier accepted state. The body is the whole mesh, or condensed to its contact surface.
     """
 
     scene: Scene
@@ -29,7 +29,7 @@ class Equilibrium(Protocol):
 
     @property
     def observed_body(self) -> Any:
-        """The body in its present state, for fields, the surface table and the values of a row."""
+        """The body in its present state, for the evaluation of fields and results."""
 
     @property
     def statistics(self) -> SolverStatistics:
@@ -44,21 +44,21 @@ class Equilibrium(Protocol):
         """Force of the whole body on the tip [force]."""
 
     def tighten_tolerance(self) -> float:
-        """Tighten the tolerance down to round-off; return the relative error that a force has then.
+        """Tighten the tolerance to round-off; return the relative error that a force then has.
 
-        What changes discontinuously with the depth (the contact seal) is frozen from here on, until
+        The contact seal, which changes discontinuously with the depth, is frozen until
         `is_seal_consistent` is called.
         """
 
     def is_seal_consistent(self) -> bool:
-        """Return whether the frozen contact seal fits the contact that was found.
+        """Return whether the frozen contact seal agrees with the computed contact.
 
-        If not, it is updated, and the search for the force has to be repeated.
+        If it does not, the seal is updated, and the search for the force must be repeated.
         """
         return True
 
     def extrapolate(self, depth: float, earlier: Sequence[Any]) -> None:
-        """Set the unknowns to an extrapolation of earlier snapshots to a depth."""
+        """Set the unknowns to an extrapolation of earlier snapshots to the given depth."""
 
     def solve(self, depth: float, dt: float = 0.0) -> bool:
         """Solve for the equilibrium at a depth, starting from the present unknowns.
@@ -79,8 +79,8 @@ class Equilibrium(Protocol):
     def relax_to_stable_state(self, depth: float, dt: float = 0.0) -> bool:
         """Find the stable state at a depth to which the present state relaxes.
 
-        It is found by dynamic relaxation, and followed by a time step of length `dt`. Otherwise
-        like `solve`.
+        It is found by dynamic relaxation, which is followed by a time step of length `dt`.
+        Parameters and result are those of `solve`.
         """
         return False
 
@@ -97,24 +97,24 @@ class Equilibrium(Protocol):
         """Return a copy of the last accepted state with its depth."""
 
     def restore(self, state: Any) -> None:
-        """Make a snapshot the present and the last accepted state."""
+        """Set the present and the last accepted state to a snapshot."""
 
     def pack(self, state: Any) -> list[np.ndarray]:
-        """Return a snapshot as arrays for a checkpoint; none if it is cheaper to solve it again."""
+        """Return a snapshot as arrays for a checkpoint; [] if solving again is cheaper."""
         return []
 
     def unpack(self, depth: float, arrays: Sequence[np.ndarray], t: float = 0.0) -> Any:
-        """Return the snapshot of packed arrays; None if they do not belong to this body."""
+        """Return the snapshot stored in packed arrays; None if they do not fit this body."""
         return None
 
     def state_values(self) -> dict[str, Any]:
-        """Return the values of the present equilibrium by the names of State's fields."""
+        """Return the results of the present equilibrium, keyed by the field names of `State`."""
 
 
 def state_reactions(
     part: ModelDomain, support_reactions: Mapping[SurfaceComponent, float]
 ) -> dict[str, Any]:
-    """Return the reactions [force] of a State: their sum in z and those of each support.
+    """Return the reactions [force] for a `State`: their sum along z, and each support's.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Failed rows of a load path: where the path ended, why, and what may help."""
+"""Failed increments of a load path: the place, the cause and possible remedies."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ def failed_state(
     Parameters
     ----------
     scene, step, value
-        The scene, the row and its prescribed depth or force.
+        The scene, the number of the row and its prescribed depth or force.
     last_equilibrium
         Force and depth of the last equilibrium.
     cause
         Reason why the solution failed.
     inverted
-        Element with the smallest J of the last equilibrium, if J < 0.
+        Points with the smallest J and the largest stretch of the last equilibrium, if J < 0.
     cost
-        Newton iterations, and seconds since the beginning of the run.
+        Newton iterations and time since the beginning of the run [s].
     """
     nan = float("nan")
     D = scene.physics.scales.depth
@@ -64,7 +64,7 @@ def failed_state(
 
 
 def _advice(scene: Scene) -> str:
-    """Return the changes of the scene that may help, as the end of the message."""
+    """Return the end of the message, which names changes of the scene that may help."""
     rounding_key = next(
         (key for key in ("tip_radius", "edge_radius") if getattr(scene.physics.indenter, key, 0.0)),
         None,
@@ -85,6 +85,6 @@ def _advice(scene: Scene) -> str:
         remedies.append("nu slightly below 0.5")
     if is_drop:
         remedies.append(f"a larger shear modulus: gamma/(mu R) is {scene.physics.drop_number:.2g}")
-    if not law.may_snap_through:  # another mesh has never helped where a tip snaps
+    if not law.may_snap_through:  # a different mesh has never helped where a tip snaps
         remedies.append("another mesh.h_contact")
     return f"; {' or '.join(remedies)} may help" if remedies else ""

@@ -1,16 +1,15 @@
 """Load control: the depth at which the reaction of a body on the tip is a given force.
 
-The force of a frictionless elastic body grows with the depth, nearly as a power of it, and does not
-depend on the path. So the depth is found by inverse interpolation in (log force, log delta), where
-a power is a straight line, from the known points of the curve: the rows before, and the depths
-tried for this one. A bracket keeps every trial depth between those with less and those with more
-force.
+The force of a frictionless elastic body is nearly a power of the depth and does not depend on the
+path. The depth is therefore found by inverse interpolation in (log force, log delta), where a power
+law is a straight line, from the known points of the curve: earlier load increments and trial
+depths. Every trial depth lies within a bracket of depths with smaller and larger force.
 
-If time passes the curve is a different one at every row, and its depth of zero force changes: there
-the depth is found by the secant method, starting from that of the row before.
+If time passes, the force-depth curve and its depth of zero force change with every increment. The
+depth is then found by the secant method, starting from the depth of the previous increment.
 
-An adhesive tip pulls where it first touches, at delta = 0. Forces are counted from there, so that
-this curve, too, begins with zero and grows with the depth.
+An adhesive tip is pulled towards the body at first touch, delta = 0. The force at first touch is
+subtracted, so that this curve also begins at zero and grows with the depth.
 """
 
 from __future__ import annotations
@@ -33,12 +32,13 @@ class LoadControl:
     Parameters
     ----------
     go_to_depth
-        Steps to a depth, or as near as there is an equilibrium; returns force and depth there.
+        Function that steps to a depth, or as close to it as an equilibrium exists, and returns the
+        force and depth reached.
     deepest
         Largest trial depth [length].
     starts_from_row
-        Whether every step starts at the last row, as for a path-dependent body: a depth that was
-        not reached once is never reached.
+        True for a path-dependent body: every trial starts from the last accepted row, so that a
+        depth that failed once is not tried again.
     """
 
     def __init__(
@@ -59,14 +59,14 @@ class LoadControl:
         self._touch_pull: float | None = None  # pull of an adhesive tip at delta = 0
 
     def measure_touch_pull(self) -> None:
-        """Measure the pull of an adhesive tip at first touch, delta = 0."""
+        """Determine the pulling force on an adhesive tip at first touch, delta = 0."""
         self._touch_pull = max(-self._go_to_depth(0.0)[0], 0.0)
         self._curve = []
 
     def find_by_secant(self, force: float, delta: float, slope: float) -> bool:
-        """Find the depth of a force on a curve that has changed since the last row.
+        """Find the depth of a force by the secant method, for a body that changes in time.
 
-        The secant method is used, with bisection where it leaves the bracket. A zero force is
+        The bracket is bisected where the secant method leaves it. A zero force is
         allowed only for adhesive tips, since it otherwise has no unique depth.
 
         Parameters
@@ -76,7 +76,7 @@ class LoadControl:
         delta
             First trial depth [length].
         slope
-            Slope of the curve if none is known from the row before [force/length].
+            Slope of the curve if none is known from the previous row [force/length].
 
         Returns
         -------
@@ -106,7 +106,7 @@ class LoadControl:
             if math.isfinite(upper - lower) and upper - lower <= 4e-16 * max(
                 abs(upper), abs(lower)
             ):
-                self.failure = "the force changes discontinuously there"
+                self.failure = "the force is a discontinuous function of the depth there"
                 return abs(reached_force - force) <= FORCE_SLACK * (force + pull)
             if (
                 len(tried_points) > 1
@@ -116,7 +116,7 @@ class LoadControl:
             ):
                 slope = self._slope = force_change / depth_change
             elif not reached_force:
-                slope /= 2  # out of contact, the body may be further away
+                slope /= 2  # without contact, the body may be further away
             # A step is at most four times the one before: the slope at first touch says little
             # about the rest of the curve
             step = min(max((force - reached_force) / slope, -longest_step), longest_step)
@@ -124,11 +124,11 @@ class LoadControl:
             longest_step = 4.0 * abs(step)
             if not lower < delta < upper:
                 delta = (lower + upper) / 2
-        self.failure = f"{MOST_TRIES} trial depths did not lead to this force"
+        self.failure = f"{MOST_TRIES} trial depths did not reach this force"
         return False
 
     def add_curve_point(self, force: float, delta: float) -> None:
-        """Add a point of the curve for the interpolation, unless its force is known already."""
+        """Add a point of the force-depth curve, unless a point with this force is known."""
         is_known = any(
             math.isclose(curve_force, force, rel_tol=1e-6)
             for curve_force, _ in self._neighbour_points(force)
@@ -137,7 +137,7 @@ class LoadControl:
             insort(self._curve, (force, delta))
 
     def find_depth(self, force: float, expected: float) -> bool:
-        """Find the depth of a force on a curve that does not change in time.
+        """Find the depth of a force by inverse interpolation, for a body constant in time.
 
         Parameters
         ----------
@@ -154,8 +154,8 @@ class LoadControl:
         if self._touch_pull is not None:
             if force < -self._touch_pull:
                 self.failure = (
-                    "the pulling force is larger than that of the tip at first touch (delta = 0), "
-                    "and such forces are not searched for: prescribe depths instead"
+                    "the tensile force exceeds the attraction at first touch (delta = 0), which "
+                    "load control does not support; prescribe depths instead"
                 )
                 return False
             force += self._touch_pull
@@ -179,7 +179,7 @@ class LoadControl:
                 _next_depth(force, [*curve_points, *tried_points], lower, upper, len(tried_points)),
                 self._deepest,
             )
-        self.failure = f"{MOST_TRIES} trial depths did not lead to this force"
+        self.failure = f"{MOST_TRIES} trial depths did not reach this force"
         return False
 
     def _neighbour_points(self, force: float) -> list[ForceDepth]:
@@ -191,9 +191,9 @@ class LoadControl:
     def _is_exhausted(
         self, force: float, last_point: ForceDepth, target_depth: float, lower: float, upper: float
     ) -> bool:
-        """Return whether no other trial depth can succeed.
+        """Return whether no further trial depth can succeed.
 
-        `failure` says why, unless the reason is an equilibrium that was not found.
+        The reason is stored in `failure`, unless it is an equilibrium that was not found.
         """
         reached_force, reached_depth = last_point
         is_blocked_out = (
@@ -202,9 +202,9 @@ class LoadControl:
         if (reached_force < force and reached_depth != target_depth) or is_blocked_out:
             self.failure = ""
         elif reached_force < force and reached_depth >= self._deepest:
-            self.failure = "the force is smaller even with the tip close to the base of the body"
+            self.failure = "the force is too small even with the tip close to the base of the body"
         elif upper <= lower * (1 + 4e-16):
-            self.failure = "the force changes discontinuously there"
+            self.failure = "the force is a discontinuous function of the depth there"
         else:
             return False
         return True
@@ -213,8 +213,8 @@ class LoadControl:
 def predict_depth(force: float, points: Sequence[ForceDepth]) -> float | None:
     """Return the depth of a force by inverse interpolation; None without any points.
 
-    The interpolation is a parabola in the logarithms of the three nearest points; far outside of
-    the known forces it is the power law through the nearest two.
+    A parabola interpolates the logarithms of the three nearest points. Far outside of the known
+    forces, a power law through the nearest two points is used instead.
 
     Parameters
     ----------
@@ -251,9 +251,9 @@ def _interpolate_at_zero(x: Sequence[float], y: Sequence[float]) -> float:
 def _next_depth(
     force: float, points: Sequence[ForceDepth], lower: float, upper: float, try_count: int
 ) -> float:
-    """Return the next trial depth: that of the interpolation, or one that divides the bracket.
+    """Return the next trial depth, by inverse interpolation or by division of the bracket.
 
-    The bracket is divided where the interpolation leaves it or does not converge.
+    The bracket is divided if the interpolation leaves it or does not converge.
     """
     guess = predict_depth(force, points)
     is_stuck = try_count > 10 and try_count % 2 == 0

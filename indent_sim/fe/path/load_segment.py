@@ -18,7 +18,7 @@ class LoadPoint:
 class LoadSegment:
     """Straight segment between two load points.
 
-    Its coordinate is the time if time passes along it, otherwise the depth.
+    The coordinate along the segment is the time if time passes, otherwise the depth.
     """
 
     begin: LoadPoint
@@ -30,11 +30,11 @@ class LoadSegment:
         return self.end.t != self.begin.t
 
     def coordinate(self, load_point: LoadPoint) -> float:
-        """Return the coordinate of a load point of the segment."""
+        """Return the coordinate (time or depth) of a load point on the segment."""
         return load_point.t if self.has_duration else load_point.delta
 
     def load_point(self, coordinate: float) -> LoadPoint:
-        """Return the load point with a coordinate; exactly `end` at the end."""
+        """Return the load point at a coordinate; at the last coordinate it is exactly `end`."""
         if coordinate == self.coordinate(self.end):
             return self.end
         if not self.has_duration:
@@ -45,7 +45,7 @@ class LoadSegment:
         )
 
     def coordinate_length(self, length: float) -> float:
-        """Convert a length of depth to one of the coordinate; infinite for a constant depth."""
+        """Convert a depth interval to an interval of the coordinate; infinite at constant depth."""
         if not self.has_duration:
             return length
         depth_change = abs(self.end.delta - self.begin.delta)

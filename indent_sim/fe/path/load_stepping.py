@@ -1,7 +1,8 @@
 """Load stepping: increments with extrapolation, cutback and recovery along a load path.
 
 Each increment is started from an extrapolation of the previous equilibria, solved, and cut back if
-the solution fails (Belytschko et al. 2014, chapter 6.6).
+the solution fails (Belytschko et al. 2014, chapter 6.6). One or more increments lead to each
+prescribed depth or force, whose results are a row of the force table.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ from indent_sim.model.state import PullOff, State
 
 @dataclass(frozen=True)
 class EquilibriumPoint:
-    """An equilibrium at a point of the load path."""
+    """Equilibrium at a point of the load path."""
 
     load_point: LoadPoint
     state: Any
@@ -56,16 +57,16 @@ PackedState = tuple[float, float, Sequence[np.ndarray]]
 
 
 class LoadStepper:
-    """Equilibria along the prescribed depths or forces.
+    """Solves the equilibria along a path of prescribed depths or forces.
 
-    Each increment is started from an extrapolation, and cut back where its solution fails.
+    Each increment is started from an extrapolation and cut back if its solution fails.
 
     Parameters
     ----------
     equilibrium
         The body under the tip, whole or condensed.
     started
-        Time of `time.perf_counter` from which the column `wall_s` is counted; now, if None.
+        Time of `time.perf_counter` at which the column `wall_s` is zero; now if None.
     """
 
     def __init__(self, equilibrium: Equilibrium, started: float | None = None):
@@ -102,9 +103,9 @@ class LoadStepper:
     def _create_step_control(self, segment: LoadSegment | None = None) -> StepSizeControl:
         """Create a step size control with no failures recorded.
 
-        On a segment with duration its limits are converted from depth to time. Increments before
-        first contact may be skipped only if the body does not change in time: a body that does may
-        touch the tip at any depth.
+        On a segment with duration the step limits are converted from depth to time. Increments
+        before first contact are skipped only if the body does not change in time, because a body
+        that changes may touch the tip at any depth.
         """
         scene = self.equilibrium.scene
         longest_step = inf
@@ -130,9 +131,9 @@ class LoadStepper:
 
     @property
     def _last_point(self) -> EquilibriumPoint:
-        """The last accepted equilibrium; one that is pending is accepted first.
+        """The last accepted equilibrium, after acceptance of a pending one.
 
-        Read this property only after all numbers of the increment were evaluated.
+        Read this property only after all results of the increment have been evaluated.
         """
         self._accept_pending()
         return self._points[-1]
@@ -140,7 +141,7 @@ class LoadStepper:
     def _accept_pending(self) -> None:
         """Accept the equilibrium that was found last, which updates the internal variables.
 
-        Numbers of the increment, such as its dissipation, must be evaluated before.
+        Results of the increment, such as its dissipation, must be evaluated before.
         """
         if (pending := self._pending_point) is None:
             return
@@ -159,9 +160,9 @@ class LoadStepper:
 
     @property
     def points(self) -> list[tuple[float, float, list[np.ndarray]]]:
-        """Depth, time and arrays of the last equilibria, for `resume`.
+        """Depth, time and packed arrays of the last equilibria, which a checkpoint stores.
 
-        For a path-dependent body these are the equilibria up to the last row.
+        For a path-dependent body they end with the equilibrium of the last row.
         """
         points = self._row_points if self._has_memory else self._points
         packed = [
@@ -172,7 +173,7 @@ class LoadStepper:
 
     @property
     def pull_off_points(self) -> dict[int, PackedState]:
-        """Load points that bracket the largest pull, by their numbers on the path, for `resume`."""
+        """Packed states around the largest pull, by their number on the path, for `resume`."""
         packed: dict[int, PackedState] = {}
         for point in self._unloading.search_points if self._unloading else ():
             packed[point.number] = point.delta, point.t, self.equilibrium.pack(point.state.state)
@@ -181,21 +182,21 @@ class LoadStepper:
     def resume(
         self,
         points: Sequence[PackedState],
-        later_places: Sequence[tuple[float, float]],
+        later_load_points: Sequence[tuple[float, float]],
         step: int = 0,
         pull_off_points: Mapping[int, PackedState] | None = None,
     ) -> bool:
-        """Return to the state at which an earlier run stopped.
+        """Return to the state at which an earlier run stopped; return False on failure.
 
-        An equilibrium that does not depend on the path is solved directly at the last three load
-        points, from which the next one is extrapolated. Otherwise, or if that fails, all load
-        points since the checkpoint are solved again.
+        If the equilibrium does not depend on the path, only the last three load points are solved,
+        from which the next one is extrapolated. Otherwise, or if that fails, all load points since
+        the checkpoint are solved again.
 
         Parameters
         ----------
         points, pull_off_points
-            Values of these attributes in the checkpoint of the earlier run.
-        later_places
+            Values of the attributes of these names, stored in the checkpoint of the earlier run.
+        later_load_points
             Depth [length] and time of each load point after the checkpoint.
         step
             Row at which the earlier run stopped, counted from 1.
@@ -214,7 +215,7 @@ class LoadStepper:
             for load_point, state in unpacked
             if state is not None
         ]
-        load_points = [LoadPoint(*depth_and_time) for depth_and_time in later_places]
+        load_points = [LoadPoint(*depth_and_time) for depth_and_time in later_load_points]
         if resumed_points and self._adhesion_range:
             self._points = resumed_points
         else:
@@ -248,7 +249,7 @@ class LoadStepper:
         return substeps
 
     def _resume_unloading(self, packed: Mapping[int, PackedState], step: int) -> bool:
-        """Restore what the earlier run knew of the smallest force during unloading.
+        """Restore the load points around the smallest force during unloading from a checkpoint.
 
         Parameters
         ----------
@@ -278,28 +279,25 @@ class LoadStepper:
         return True
 
     def _pull_point(self, point: EquilibriumPoint, number: int = 0) -> PullPoint:
-        """Return the present equilibrium as a point for the search for the largest pull.
-
-        `point` must be the present equilibrium.
-        """
+        """Return the present equilibrium `point` in the form needed by the pull-off search."""
         a = float(self.equilibrium.state_values()["a"])
         return PullPoint(point.delta, point.load_point.t, self.equilibrium.force, a, point, number)
 
     def _record_unloading_point(self) -> None:
-        """Record the present load point if the largest pull is to be searched for."""
+        """Record the present load point for the pull-off search, if one is requested."""
         if self._unloading is not None:
             self._unloading = self._unloading.with_point(self._pull_point(self._last_point))
 
     def find_pull_off(self) -> PullOff | None:
-        """Search for the smallest force during unloading, between the rows around the lowest one.
+        """Search for the smallest force during unloading, starting from the row with the smallest.
 
-        The body is in the equilibrium of the last row again afterwards.
+        Afterwards the body is restored to the equilibrium of the last row.
 
         Returns
         -------
         PullOff or None
-            In nondimensional units; None if no row with a pulling force has rows on both sides
-            during unloading.
+            Pull-off in nondimensional units; None if no row with a pulling force has unloading rows
+            on both sides.
 
         Raises
         ------
@@ -328,11 +326,11 @@ class LoadStepper:
         return PullOff(state, largest.error + ripple_height, largest.equilibria)
 
     def _pull_off_tolerance(self, point: PullPoint) -> float:
-        """Return the error at which a search for the largest pull ends, relative to the force."""
+        """Return the tolerance of the pull-off search, relative to the force."""
         return max(self._force_ripple(point), FINEST_TOLERANCE)
 
     def _force_ripple(self, point: PullPoint) -> float:
-        """Return the amplitude of the ripple of the force on this mesh, relative to the force."""
+        """Return the relative amplitude of the mesh-induced oscillation of the force."""
         scene = self.equilibrium.scene
         assert scene.plan.adhesion is not None
         elements_in_zone = scene.plan.adhesion.elements
@@ -355,23 +353,23 @@ class LoadStepper:
     def _drop_tried_points(self, earlier_points: list[EquilibriumPoint]) -> list[EquilibriumPoint]:
         """Return the equilibria from which the increment after a prescribed force is extrapolated.
 
-        The depths that were tried for the force lie too close together for an extrapolation. So
-        these are the two before the search and the one at the force.
+        The trial depths of the search are too close together for an extrapolation. The two
+        equilibria before the search and the one at the prescribed force are used instead.
         """
         return [*earlier_points[-2:], self._last_point]
 
     @property
     def counts(self) -> dict[str, int]:
-        """Numbers of stages in time, of cutbacks and of changes of the contact seal so far."""
+        """Numbers of time integration stages, cutbacks and changes of the contact seal so far."""
         effort = self.equilibrium.statistics
         return {"stages": effort.stages, "cuts": self._cuts, "switches": effort.seal_changes}
 
     @property
     def failure(self) -> str:
-        """Reason why the last prescribed value was not reached."""
+        """Reason why the last prescribed depth or force was not reached."""
         return (
             self._load_control.failure
-            or f"{self.equilibrium.failure}, in shorter and shorter increments too"
+            or f"{self.equilibrium.failure}, also after all cutbacks of the increment"
         )
 
     def states(
@@ -384,14 +382,14 @@ class LoadStepper:
         path
             Prescribed depths or forces.
         wants_surface
-            Whether the surface table is wanted for a row, by its number.
+            Function that returns whether the surface table of a row (number) is to be computed.
         done
             Number of values that an earlier run has finished.
 
         Yields
         ------
         State
-            Row by row; the last one if it did not converge.
+            State of each row; the last one describes the failure if a row did not converge.
         """
         body = self.equilibrium
         if path.control == "force":
@@ -443,10 +441,7 @@ class LoadStepper:
             yield State(step=step, delta=self._last_point.delta, surface=surface, **values)
 
     def _step_to_force(self, force: float, t: float, step: int) -> int:
-        """Find the equilibrium at a force and a time; return the number of increments.
-
-        It is 0 if there is no such equilibrium.
-        """
+        """Find the equilibrium at a force and a time; return the increments made, 0 on failure."""
         self._accept_pending()
         self._search_points = self._points
         substeps = self._substeps
@@ -473,8 +468,8 @@ class LoadStepper:
     def _step_to_touch(self) -> bool:
         """Find the depth at which the tip just touches a body that changes in time; True if found.
 
-        Time passes with the tip lifted so far that it does not touch the body; then its gap is
-        closed. The lift is doubled until it suffices.
+        The tip is lifted clear of the body for the time step, and the remaining gap is then
+        subtracted. The lift is doubled until the tip does not touch the body.
         """
         height = self.equilibrium.scene.physics.body.height
         depth_before = self._search_points[-1].delta
@@ -499,9 +494,9 @@ class LoadStepper:
         return False
 
     def _step_to_depth(self, delta: float) -> ForceDepth:
-        """Step to a depth, or as near as there is an equilibrium; return force and depth there.
+        """Step to a depth, or as close as an equilibrium exists; return force and depth there.
 
-        For a path-dependent body the path to it starts at the last row.
+        For a path-dependent body the stepping starts at the last row.
         """
         if self._has_memory:
             self._points = self._search_points
@@ -524,15 +519,14 @@ class LoadStepper:
         self.equilibrium.restore(self._last_point.state)
 
     def restore_row(self) -> Any:
-        """Restore the equilibrium of the last row after an interruption; return its body."""
+        """Restore the equilibrium of the last row after an interruption; return the body."""
         self.equilibrium.restore(self._row_point.state)
         return self.equilibrium.observed_body
 
     def _step_to(self, target_point: LoadPoint) -> int:
-        """Advance to a load point in as many increments as needed.
+        """Advance to a load point; return the number of increments, 0 if it was not reached.
 
-        One increment ends exactly at first contact, or where the adhesion begins. Returns the
-        number of increments, 0 if the target was not reached.
+        One increment ends exactly at first contact, or at the depth where adhesion begins.
         """
         segment = LoadSegment(self._last_point.load_point, target_point)
         if self._has_memory or segment.has_duration:
@@ -567,10 +561,10 @@ class LoadStepper:
         return 0
 
     def _attraction_threshold(self, target_point: LoadPoint) -> LoadPoint | None:
-        """Load point on the way to the target at which the tip begins to act on the body.
+        """Return the load point before the target at which the tip begins to act on the body.
 
-        It is the depth of first contact, or for an adhesive tip the depth at which its attraction
-        ends. None if it is not passed, or if time passes on the way.
+        It is first contact, or for an adhesive tip the depth at which the attraction begins. None
+        if this depth is not passed, or if time passes before the target.
         """
         attraction_depth = self._start_point.delta
         last_depth = self._last_point.delta
@@ -585,7 +579,7 @@ class LoadStepper:
     def _try_load_point(self, load_point: LoadPoint) -> bool:
         """Solve one increment; return whether it succeeded.
 
-        Where an adhesive tip snaps, or its increment fails, a short increment is solved by dynamic
+        If an adhesive tip snaps or the increment fails, a short increment is solved by dynamic
         relaxation instead.
         """
         is_found = self._solve_load_point(load_point)
@@ -605,8 +599,8 @@ class LoadStepper:
     def _solve_load_point(self, load_point: LoadPoint) -> bool:
         """Solve one increment from an extrapolation, then from the last equilibrium.
 
-        If the speed of the tip has changed, as at the beginning of a hold, the increment starts
-        from the last equilibrium at once: the extrapolation would be wrong.
+        If the speed of the tip has changed, as at the beginning of a hold, no extrapolation is
+        made, because it would be wrong.
         """
         delta = load_point.delta
         dt = load_point.t - self._last_point.load_point.t
@@ -625,7 +619,7 @@ class LoadStepper:
         return self.equilibrium.solve(delta, dt)
 
     def _keeps_speed(self, load_point: LoadPoint) -> bool:
-        """Return whether the tip has the same speed in this increment as in the last one."""
+        """Return whether the tip's speed in this increment equals that of the last increment."""
         point_before, last_load_point = (
             point.load_point for point in [self._points[0], *self._points][-2:]
         )
@@ -650,7 +644,7 @@ def _extrapolation_points(
 ) -> list[EquilibriumPoint]:
     """Return the last equilibria through which the state at a depth is extrapolated.
 
-    These are two or three, or only the last one if the path does not lead straight on to the depth.
+    Two or three are returned, or only the last one if the direction of the path has changed.
     """
     step = delta - equilibria[-1].delta
     # States are not smooth in the depth where the contact edge passes a node. Over increments

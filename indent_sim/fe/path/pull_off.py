@@ -1,12 +1,12 @@
 """Search for the pull-off: the smallest force on an adhesive tip during unloading.
 
-During unloading the force on the tip falls to a minimum. At a prescribed depth it then either rises
-smoothly, as in JKR's theory, or the tip snaps off before and the force jumps towards zero. Both are
-bracketed by three load points, of which the middle one has the smallest force.
+During unloading under displacement control the force falls to a minimum. It then either rises
+smoothly, as in JKR's theory, or the tip snaps off first and the force jumps towards zero. Both
+cases are bracketed by three load points, the middle one having the smallest force.
 
 A smooth minimum is found by successive parabolic interpolation (Brent 1973, Algorithms for
-Minimization without Derivatives, chapter 5), a snap-off by bisection: it is a fold of the
-equilibrium path, near which the force goes as the square root of the distance from it.
+Minimization without Derivatives, chapter 5). A snap-off is found by bisection: it is a fold of the
+equilibrium path, near which the force varies as the square root of the distance from the fold.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ MOST_EQUILIBRIA = 24  # limit of a search; a smooth minimum takes one to eight
 
 @dataclass(frozen=True)
 class PullPoint:
-    """An equilibrium of an adhesive tip at a prescribed depth.
+    """Equilibrium of an adhesive tip at a prescribed depth.
 
     Attributes
     ----------
@@ -35,9 +35,9 @@ class PullPoint:
     a
         Contact radius [length]; 0 where the tip does not touch the body.
     state
-        The load point of the path from which it can go on.
+        The equilibrium point from which load stepping can continue.
     number
-        Its number among the load points of the path, from 1; 0 for an equilibrium between them.
+        Number of the load point on the path, from 1; 0 for an equilibrium between load points.
     """
 
     delta: float
@@ -55,7 +55,7 @@ class PullPoint:
 
 @dataclass(frozen=True)
 class UnloadingBranch:
-    """The load point with the smallest force during unloading, and its two neighbours.
+    """Load point with the smallest force during unloading, and its two neighbours.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class UnloadingBranch:
     after: PullPoint | None = None
 
     def with_point(self, point: PullPoint) -> UnloadingBranch:
-        """Return the branch after one more load point of the path."""
+        """Return the branch updated by the next load point of the path."""
         last = self.last
         point = replace(point, number=last.number + 1 if last else 1)
         if last is None or point.delta >= last.delta:
@@ -94,7 +94,7 @@ class UnloadingBranch:
 
     @property
     def bracket(self) -> tuple[PullPoint, PullPoint, PullPoint] | None:
-        """Three points in the order of the path around the smallest force; None without any."""
+        """Three points around the smallest force in the order of the path; None if incomplete."""
         before = self.before
         lowest = self.lowest
         after = self.after
@@ -104,7 +104,7 @@ class UnloadingBranch:
 
     @property
     def search_points(self) -> tuple[PullPoint, ...]:
-        """The points that are known of `before`, `lowest` and `after`, for a checkpoint."""
+        """Those of `before`, `lowest` and `after` that are not None, for a checkpoint."""
         points = (self.before, self.lowest, self.after)
         return tuple(point for point in points if point is not None)
 
@@ -112,7 +112,7 @@ class UnloadingBranch:
     def from_search_points(
         cls, points: tuple[PullPoint, ...], last: PullPoint | None
     ) -> UnloadingBranch:
-        """Return the branch that has these `search_points`."""
+        """Return the branch with the given `search_points` (from a checkpoint)."""
         if len(points) < 2:
             return cls(last, lowest=points[0] if points else None)
         before, lowest, *after = points
@@ -120,7 +120,7 @@ class UnloadingBranch:
 
 
 def force_ripple(elements: float) -> float:
-    """Return the amplitude of the ripple of the force, relative to the largest pull.
+    """Return the amplitude of the mesh-induced oscillation of the force, relative to the pull-off.
 
     Parameters
     ----------
@@ -132,15 +132,14 @@ def force_ripple(elements: float) -> float:
 
 @dataclass(frozen=True)
 class LargestPull:
-    """Result of a search.
+    """Result of a pull-off search.
 
     Attributes
     ----------
     point
         The equilibrium with the smallest force that was found.
     error
-        Bound of how much smaller the smallest force may be [force]; infinite where there is no
-        estimate.
+        Bound on the difference from the true smallest force [force]; infinite without an estimate.
     equilibria
         Number of equilibria that were solved.
     """
@@ -168,9 +167,9 @@ def find_largest_pull(
     before, lowest, after
         Three equilibria in the order of the path, the force of the middle one being the smallest.
     solve_between
-        Solves the equilibrium at a depth between two others, starting from the first of them.
+        Function that solves the equilibrium at a depth between two others, starting from the first.
     tolerance
-        Returns the error at which the search ends, relative to the force at an equilibrium.
+        Function that returns the relative tolerance of the force for an equilibrium.
 
     Raises
     ------
@@ -204,9 +203,10 @@ def find_largest_pull(
 
 @dataclass(frozen=True)
 class _Bracket:
-    """Three equilibria in the order of the path that enclose the smallest force, that of `best`.
+    """Three equilibria around the smallest force in the order of the path: inner, best, outer.
 
-    `earlier` is the equilibrium before `inner`; None if none was solved.
+    `best` has the smallest force. `earlier` is the equilibrium before `inner`; None if there is
+    none.
     """
 
     inner: PullPoint
@@ -227,10 +227,10 @@ class _Bracket:
 
     @property
     def _end_of_longer_part(self) -> float:
-        """Depth of the end of the part of the bracket that is divided next [length].
+        """Outer end of the part of the bracket that is divided next [length].
 
-        It is the longer part; next to a fold the inner part must be FOLD_LENGTH_RATIO times as
-        long.
+        The longer part is divided; next to a fold, the inner part only if it is FOLD_LENGTH_RATIO
+        times as long.
         """
         inner = self.inner.delta
         best = self.best.delta
@@ -240,24 +240,24 @@ class _Bracket:
 
     @property
     def midpoint(self) -> float:
-        """Middle of the longer part of the bracket [length]."""
+        """Depth of the middle of the part of the bracket that is divided next [length]."""
         return (self.best.delta + self._end_of_longer_part) / 2
 
     @property
     def parabola(self) -> _Parabola | None:
-        """The parabola through the three points; None where the force may jump between them."""
+        """Parabola through the three points; None if the force may jump between them."""
         return None if self.has_fold else _Parabola.fit_points(self.inner, self.best, self.outer)
 
     def next_depth(self, parabola: _Parabola) -> float:
-        """Return the depth [length] of the next equilibrium of parabolic interpolation."""
-        # An equilibrium so near to the best one tells nothing new
+        """Return the depth of the next equilibrium by parabolic interpolation [length]."""
+        # An equilibrium so close to the best one adds no information
         if abs(parabola.delta - self.best.delta) < 0.05 * self.width:
             golden_section = (3 - sqrt(5)) / 2
             return self.best.delta + golden_section * (self._end_of_longer_part - self.best.delta)
         return parabola.delta
 
     def narrowed(self, point: PullPoint) -> _Bracket:
-        """Return the smaller bracket that an equilibrium within this one leaves."""
+        """Return the smaller bracket that results from one more equilibrium inside this one."""
         is_inside = point.delta > self.best.delta
         is_lower = point.force < self.best.force
         if is_inside and is_lower:
@@ -269,17 +269,17 @@ class _Bracket:
         return replace(self, outer=point)
 
     def error_bound(self, point: PullPoint, predicted: _Parabola | None) -> float:
-        """Return a bound of how much smaller than that of `best` the smallest force may be [force].
+        """Return a bound on the difference of `best` from the true smallest force [force].
 
-        For a smooth force it is what the parabola through the three points lies below `best`, plus
-        the error of the previous parabola at the equilibrium that was solved last.
+        For a smooth force it is the depth of the parabola's minimum below `best`, plus the error of
+        the previous parabola at the equilibrium that was solved last.
 
         Parameters
         ----------
         point
             The equilibrium that was solved last.
         predicted
-            The parabola through the bracket before; None where there was none.
+            The parabola through the previous bracket; None if there was none.
         """
         if self.has_fold:
             return self._fold_error_bound
@@ -290,12 +290,12 @@ class _Bracket:
 
     @property
     def _fold_error_bound(self) -> float:
-        """Bound of how much further the force may fall until the tip snaps off [force].
+        """Bound on the further decrease of the force until the tip snaps off [force].
 
-        The force falls as a square root on the way from `inner` to `best` and on to the fold, which
-        is at `outer` at the latest. The fall is taken from `earlier`, which makes the bound larger:
-        `inner` and `best` may lie on both sides of a smooth minimum, with forces that are equal by
-        chance.
+        The force is assumed to decrease as a square root from `inner` to `best` and on to the fold,
+        which lies at `outer` at the latest. The decrease is measured from `earlier`, which makes
+        the bound larger: `inner` and `best` may lie on both sides of a smooth minimum and have
+        equal forces by chance.
         """
         if self.earlier is None:
             return inf
@@ -321,12 +321,12 @@ class _Parabola:
     curvature: float
 
     def force_at(self, depth: float) -> float:
-        """Return the force of the parabola at a depth."""
+        """Return the force of the parabola at a depth [force]."""
         return self.force + self.curvature * (depth - self.delta) ** 2
 
     @classmethod
     def fit_points(cls, inner: PullPoint, best: PullPoint, outer: PullPoint) -> _Parabola | None:
-        """Return the parabola through three equilibria; None where it has no minimum."""
+        """Return the parabola through three equilibria; None if it has no minimum."""
         inner_slope = (inner.force - best.force) / (inner.delta - best.delta)
         outer_slope = (best.force - outer.force) / (best.delta - outer.delta)
         curvature = (inner_slope - outer_slope) / (inner.delta - outer.delta)

@@ -1,4 +1,4 @@
-"""Solver statistics: how many systems and iterations the equilibria of a run took."""
+"""Solver statistics: numbers of linear systems and iterations since the beginning of a run."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class SolverStatistics:
-    """Counts since the beginning of a run.
+    """Solver statistics since the beginning of a run.
 
     Attributes
     ----------
@@ -16,9 +16,9 @@ class SolverStatistics:
     krylov
         Krylov iterations; None with a direct solver.
     stages
-        Equilibria found, stages of time steps included.
+        Number of equilibria found, including the stages of time steps.
     seal_changes
-        Changes of the contact seal.
+        Number of changes of the contact seal.
     """
 
     newton: int

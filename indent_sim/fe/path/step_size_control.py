@@ -1,6 +1,6 @@
-"""Step size control of a load path: how long its next increment may be.
+"""Step size control of a load path: the length of the next increment.
 
-It knows the coordinate of a path, and no solver.
+It depends only on the coordinate along the path, not on the solver.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ MOST_FAILED_ITERATIONS = 600
 class StepSizeControl:
     """Increments of equal length to a target.
 
-    The length is halved after a failure and doubled after two successes. It is kept from one target
-    to the next, so that a length that has failed is not tried again at once.
+    The length is halved after a failure and doubled after two successes. It carries over from one
+    target to the next, so that a length that has just failed is not tried again at once.
 
     Parameters
     ----------
@@ -54,9 +54,8 @@ class StepSizeControl:
     def next_target(self, coordinate: float, target: float) -> float | None:
         """Return the end of the next increment from a coordinate to the target; None to give up.
 
-        It gives up after too many failures or iterations, at the smallest step, and where the
-        increment is so short that its end equals its beginning in floating point, which would
-        repeat it without end.
+        The control gives up after too many failures or iterations, below the smallest step, and if
+        the end of the increment equals its beginning in floating point.
         """
         if (
             self._failures >= MOST_FAILURES
@@ -74,7 +73,7 @@ class StepSizeControl:
         return None if next_coordinate == coordinate else next_coordinate
 
     def record_success(self) -> None:
-        """Record that the increment converged."""
+        """Record that the increment converged, and adapt the step length."""
         self._successes += 1
         if self._successes == 2:
             self.step_limit = min(2 * self.step_limit, self.max_step)

@@ -21,9 +21,9 @@ from indent_sim.model.tips import FlatPunch, sharp_edge_radius
 def contact_area(
     body: ObservedBody, X: np.ndarray, positions: np.ndarray, trial_pressure: np.ndarray
 ) -> float:
-    """Area of the contact of the whole body, where p_hat > 0 (collective).
+    """Contact area of the whole body: the area where p_hat > 0 (collective).
 
-    Parts of the surface that have turned over are not counted.
+    Parts of the surface that are folded over are not counted.
 
     Parameters
     ----------
@@ -68,12 +68,12 @@ def contact_area(
 
 
 def whole_face_area(body: ObservedBody, X: np.ndarray, trial_pressure: np.ndarray) -> float | None:
-    """Area of the contact of the whole body with the whole face of a tip (collective).
+    """Area of the face of a tip with a sharp edge, if the whole face is in contact (collective).
 
-    At the sharp edge where a tip ends the pressure is singular, and p_hat oscillates from node to
-    node, so that `contact_area` misses up to 4 % of the face. The whole face is in contact if the
-    mean of p_hat over each facet below it is positive, and p_hat at each lattice point on the edge.
-    Its area is that inside the circle of the edge, which straight facets only approximate.
+    At the sharp edge the pressure is singular and p_hat oscillates from node to node, so that
+    `contact_area` misses up to 4 % of the face. The whole face is in contact if the mean of p_hat
+    over each facet below it is positive, and p_hat is positive at each lattice point on the edge.
+    The area is computed inside the exact circle of the edge.
 
     Parameters
     ----------
@@ -123,11 +123,10 @@ def whole_face_area(body: ObservedBody, X: np.ndarray, trial_pressure: np.ndarra
 
 
 def area_in_circle(corners: np.ndarray, radius: float) -> np.ndarray:
-    """Area of the parts of triangles (..., 3, 2) inside a circle about the origin [length^2].
+    """Area of the parts of triangles (*, 3, 2) inside a circle about the origin [length^2].
 
-    It is negative if the corners are in clockwise order. It is the sum over the sides of the area
-    between the side and the origin: a triangle where the side is inside the circle, and circular
-    sectors where it is outside.
+    It is negative if the corners are in clockwise order. Each side contributes the area between it
+    and the origin: a triangle where the side is inside the circle, a circular sector elsewhere.
     """
     start = corners
     end = np.roll(corners, -1, axis=-2)
@@ -147,7 +146,7 @@ def area_in_circle(corners: np.ndarray, radius: float) -> np.ndarray:
 
 
 def _turn_angle(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Angle [radians] from the first to the second plane vectors (..., 2), seen from the origin."""
+    """Signed angle [radians] from the first to the second of plane vectors (*, 2)."""
     return np.arctan2(_cross_product(first, second), (first * second).sum(axis=-1))
 
 
@@ -163,9 +162,9 @@ def _signed_area(corners: np.ndarray) -> np.ndarray:
 
 
 def _positive_length(body: ObservedBody, ends: np.ndarray, trial_pressure: np.ndarray) -> float:
-    """Length of the parts of segments with positive p_hat, which is linear in each segment.
+    """Length of the parts of segments with p_hat > 0; p_hat is linear in each segment.
 
-    For an axisymmetric body it is the area of the rings.
+    For an axisymmetric body the area of the corresponding rings is returned.
     """
     (first, last) = components_first(trial_pressure)
     (left, right) = components_first(ends)
@@ -177,14 +176,14 @@ def _positive_length(body: ObservedBody, ends: np.ndarray, trial_pressure: np.nd
 
 
 def _segment_measure(body: ObservedBody, begin: np.ndarray, end: np.ndarray) -> float:
-    """Total length of horizontal segments, or area of their rings if axisymmetric."""
+    """Total length of horizontal segments, or the area of their rings if axisymmetric."""
     if body.scene.physics.domain.kinematics.name == "axisymmetric":
         return pi * float(np.abs(end**2 - begin**2).sum())
     return float(np.abs(end - begin).sum())
 
 
 def _positive_area(corners: np.ndarray, trial_pressure: np.ndarray) -> float:
-    """Area of the parts of triangles with positive p_hat, which is linear in each triangle."""
+    """Area of the parts of triangles with p_hat > 0; p_hat is linear in each triangle."""
     area = np.abs(_signed_area(corners))
     a, b, c = np.moveaxis(np.sort(trial_pressure, axis=-1), -1, 0)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -199,7 +198,7 @@ def _positive_area(corners: np.ndarray, trial_pressure: np.ndarray) -> float:
 def edge_corrected_pressure(
     body: ObservedBody, trial_pressure: np.ndarray, gap: np.ndarray
 ) -> np.ndarray:
-    """Trial pressure, set to a tiny positive number where the gap at a tip's edge is nearly closed.
+    """Trial pressure, set to a tiny positive value where the gap at a tip's edge is almost closed.
 
     Under surface tension the edge of a tip exerts a line force. Its discrete pressure is spread
     over elements next to the edge, whose gaps therefore open by up to EDGE_GAP_FRACTION of the
@@ -217,9 +216,9 @@ def edge_corrected_pressure(
 def edge_pressure_step(body: ObservedBody, size: float, means: np.ndarray) -> float:
     """Pressure step at the contact edge under surface tension [pressure] (collective).
 
-    It is computed from the median pressure of the contact, by a fit to the theory of paraboloids on
-    half-spaces that is accurate to 15 % of the mean pressure for gamma/(E* a) from 0.03 to 200. It
-    is 0 without surface tension, and if the edge of the tip is an edge of elements.
+    It is computed from the median contact pressure by a fit to the theory of a paraboloid on a
+    half-space, with an error below 15 % of the mean pressure for gamma/(E* a) from 0.03 to 200. It
+    is 0 without surface tension, and if the edge of the tip coincides with element edges.
 
     Parameters
     ----------
@@ -250,7 +249,7 @@ def edge_pressure_step(body: ObservedBody, size: float, means: np.ndarray) -> fl
 def stick_radius(
     body: ObservedBody, a: float, sample: ContactSample, positions: np.ndarray, grid: np.ndarray
 ) -> float:
-    """Radius sqrt(area/pi) of the part of the contact that sticks [length]; `a` if bonded.
+    """Radius sqrt(area/pi) of the sticking part of the contact [length]; `a` if bonded.
 
     Parameters
     ----------

@@ -59,7 +59,7 @@ class ObservedBody(Protocol):
         """Contact multiplier lam (facets, points) [pressure]."""
 
     def pressure_at(self, points: np.ndarray) -> np.ndarray:
-        """Multiplier (facets, points) without oscillations, for output [pressure]."""
+        """Contact pressure (facets, points) without oscillations of the multiplier [pressure]."""
 
 
 @dataclass(frozen=True)
@@ -108,16 +108,17 @@ def sample_contact(body: ObservedBody, points: np.ndarray) -> ContactSample:
 def touching_corners(body: ObservedBody) -> np.ndarray:
     """Mask (facets, corners) of the corners of contact facets that are in contact.
 
-    The criterion is that of the contact radius `a`.
+    The criterion is the same as for the contact radius: p_hat > 0.
     """
     trial_pressure = sample_contact(body, body.trace.node_points()[: body.trace.dim]).trial_pressure
     return np.asarray(trial_pressure > PRESSURE_ROUNDOFF * body.E_star)
 
 
 def _edge_stiffness(body: ObservedBody) -> np.ndarray:
-    """Stiffness (facets, 1) in the trial pressure that finds the contact edge [pressure/length].
+    """Stiffness (facets, 1) [pressure/length] in the trial pressure that locates the contact edge.
 
-    The multiplier alone oscillates outside of the contact, and the gap alone is noisy inside.
+    A combination of both is used because the multiplier oscillates outside of the contact and the
+    gap is noisy inside.
     """
     region = body.scene.physics.domain.regions[0]
     return EDGE_STIFFNESS_FACTOR[region.formulation] * body.E_star / body.trace.facet_sizes[:, None]
@@ -231,7 +232,7 @@ def tractions(body: ObservedBody, sample: ContactSample, points: np.ndarray) -> 
 
 
 def max_over_ranks(body: ObservedBody, *numbers: float) -> list[float]:
-    """Largest value of each number over all ranks (collective)."""
+    """Maximum of each number over all ranks (collective)."""
     largest = np.array(numbers, dtype=float)
     if body.comm.size > 1:
         body.comm.Allreduce(MPI.IN_PLACE, largest, op=MPI.MAX)
@@ -239,10 +240,10 @@ def max_over_ranks(body: ObservedBody, *numbers: float) -> list[float]:
 
 
 def min_over_ranks(body: ObservedBody, *numbers: float) -> list[float]:
-    """Smallest value of each number over all ranks (collective)."""
+    """Minimum of each number over all ranks (collective)."""
     return [-number for number in max_over_ranks(body, *(-number for number in numbers))]
 
 
 def components_first(vectors: np.ndarray) -> np.ndarray:
-    """Vectors (..., axes) as components (axes, ...)."""
+    """Return vectors (*, axes) with the axis of components first (axes, *)."""
     return vectors.transpose(vectors.ndim - 1, *range(vectors.ndim - 1))

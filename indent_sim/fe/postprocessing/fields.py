@@ -17,7 +17,7 @@ from indent_sim.model.gel import Gel
 
 
 class Fields:
-    """Fields of a solution by name.
+    """Fields of a solution, which `gather` returns by name.
 
     At vertices:
 
@@ -25,9 +25,9 @@ class Fields:
     * `pressure`, with friction also `shear` (points,) [pressure], averaged over the facets of a
       vertex as in the surface table;
     * `pore_pressure` (points,) [pressure], with pore fluid;
-    * `nodal_stress` (points, 3, 3) and `nodal_von_mises` (points,) [pressure], on request. All
-      fields at vertices then have a row for each region at a vertex where regions meet, in the
-      order of `mesh.grid.split_at_interfaces`.
+    * `nodal_stress` (points, 3, 3) and `nodal_von_mises` (points,) [pressure], on request. With
+      them, a vertex on an interface has one row for each adjacent region in all vertex fields, in
+      the order of `mesh.grid.split_at_interfaces`.
 
     At the centroids of cells:
 
@@ -52,7 +52,7 @@ class Fields:
 
     @property
     def optional_names(self) -> tuple[str, ...]:
-        """Names of those fields of this body that not every body has."""
+        """Names of the optional fields that this body has, such as the pore pressure."""
         kinds = {
             "shear": self.body.friction,
             "pore_pressure": self.body.fluid,
@@ -79,7 +79,7 @@ class Fields:
         ]
 
     def _cell_expressions(self, strain: Any) -> list[Any]:
-        """Components of the stress, J, psi and, with pore fluid, its content, as UFL scalars."""
+        """Stress components, J, psi and, with pore fluid, the fluid content, as UFL scalars."""
         stress = total_stress(self.body, strain)
         fluid = self.body.fluid
         content = [] if fluid is None else [fluid.content_in(strain.region)]
@@ -144,7 +144,7 @@ class Fields:
         return dofs[:, : self.body.body_mesh.dim + 1]  # a cell's vertices come first
 
     def _vertex_values(self) -> np.ndarray:
-        """Displacement and, with pore fluid, its pressure (points, dim or dim + 1)."""
+        """Displacement and, with pore fluid, pore pressure of vertices (points, dim or dim + 1)."""
         body = self.body
         corners = compat.geometry_dofs(self.body.mesh)
         values = np.zeros(
@@ -159,7 +159,7 @@ class Fields:
         return values
 
     def _tractions(self) -> tuple[np.ndarray, np.ndarray]:
-        """Pressure and, with friction, shear at the corners of contact facets.
+        """Contact pressure and, with friction, shear traction at the corners of contact facets.
 
         Returns
         -------
@@ -181,7 +181,7 @@ class Fields:
         return node[body.trace.nodes[:, :dim]].ravel(), tractions.reshape(-1, tractions.shape[-1])
 
     def _cell_values(self) -> np.ndarray:
-        """Stress, swelling, J, psi and, with pore fluid, its content (cells, 12 or 13)."""
+        """Stress, swelling, J, psi and, with pore fluid, fluid content (cells, 12 or 13)."""
         width = 11 + (self.body.fluid is not None)
         values = np.zeros((len(self.body.mesh.topology.original_cell_index), 1 + width))
         for (expression, cells), strain in zip(
@@ -200,12 +200,12 @@ class Fields:
 
 
 def _nodal_stress_fields(stress: np.ndarray) -> dict[str, np.ndarray]:
-    """Fields of the stress (points, 3, 3) at vertices and its von Mises stress."""
+    """Return the nodal stress (points, 3, 3) and its von Mises stress, keyed by field name."""
     return {"nodal_stress": stress, "nodal_von_mises": _stress_fields(stress)["von_mises"]}
 
 
 def _stress_fields(stress: np.ndarray) -> dict[str, np.ndarray]:
-    """Fields of a stress (n, 3, 3): itself, its principal values and its von Mises stress.
+    """Return a stress (n, 3, 3), its principal values and its von Mises stress, by field name.
 
     The von Mises stress is sqrt(3/2 s : s) with the deviator s; principal values are in descending
     order.
@@ -217,7 +217,7 @@ def _stress_fields(stress: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _sort_to_grid(grid_numbers: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Table whose row `grid_numbers[k]` is `rows[k]`."""
+    """Reorder rows to the grid's numbering: row `grid_numbers[k]` of the result is `rows[k]`."""
     table = np.zeros((grid_numbers.max() + 1, rows.shape[1]))
     table[grid_numbers] = rows
     return table

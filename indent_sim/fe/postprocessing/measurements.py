@@ -30,18 +30,18 @@ from indent_sim.fe.quadrature import contact_quadrature, evaluation_points, face
 def contact_values(body: ObservedBody) -> dict[str, float]:
     """Contact values of the current state (collective).
 
-    Under surface tension the pressure ends with a step, which the mesh spreads over elements and
-    about which nodal values oscillate. The contact edge is then where p_hat is 0.3 of the step, and
-    the peak pressure is the largest mean over a facet.
+    Under surface tension the pressure drops to zero in a step, which the mesh smears over several
+    elements with oscillating nodal values. The contact edge is then defined by p_hat = 0.3 times
+    the step, and the peak pressure is the largest mean over a facet.
 
     Returns
     -------
     a : float
         Contact radius sqrt(area/pi) of the region with p_hat > 0, or half its width in plane strain
-        [length]. p_hat is linear inside the small simplices of a facet. With a current gap the
-        region is that of the deformed surface, projected on the horizontal plane. Where the whole
-        face of a tip with a sharp edge is in contact it ends at the edge (`whole_face_area`). 0 for
-        delta <= 0 unless the tip adheres or the body swells.
+        [length]. p_hat is interpolated linearly in the simplices into which a facet is divided.
+        With a current gap, the region on the deformed surface is projected on the horizontal plane.
+        If the whole face of a tip with a sharp edge is in contact, the area of the face is used
+        (`whole_face_area`). 0 for delta <= 0 unless the tip adheres or the body swells.
     p_max : float
         Peak pressure over contact quadrature points and nodes [pressure]; NaN where the pressure is
         unbounded (`Scene.has_peak_pressure`).
@@ -54,7 +54,7 @@ def contact_values(body: ObservedBody) -> dict[str, float]:
         Amplitude of the pressure's oscillation from node to node, divided by p_max; 0 where it
         cannot be assessed (`roughness`).
     stick_radius : float
-        Radius of the part that sticks, only with friction [length].
+        Radius of the sticking part of the contact [length]; only with friction.
     """
     dim = body.trace.dim
     grid = facet_lattice(dim)[0]
@@ -126,7 +126,7 @@ def _roughness_amplitude(
     body : ObservedBody
         State of the body.
     sample : ContactSample
-        Contact fields, at the nodes of the facets from the point number `first_node` on.
+        Contact fields; the points from number `first_node` on are the nodes of the facets.
     positions : ndarray, (facets, points, dim)
         Positions of the points under the tip [length].
     first_node : int

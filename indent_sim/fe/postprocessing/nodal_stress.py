@@ -1,10 +1,10 @@
 """Stress recovery at vertices.
 
-The stress of quadratic elements is most accurate at points inside a cell. It is extrapolated
-linearly from as many points as a cell has vertices to these vertices, and there averaged over the
-cells of one region, weighted by their volumes. At an interface, where the stress jumps, each region
-has vertices of its own (`grid.split_at_interfaces`). Source: Hinton & Campbell (1974), Int. J.
-Numer. Methods Eng. 8, 461; Zienkiewicz, Taylor & Zhu (2013), The Finite Element Method, 15.
+The stress of quadratic elements is most accurate at certain points inside a cell, as many as it has
+vertices. It is extrapolated linearly from these points to the vertices, and averaged there over the
+cells of one region, weighted by volume. At an interface, where the stress jumps, each region has
+vertices of its own (`grid.split_at_interfaces`). Source: Hinton & Campbell (1974), Int. J. Numer.
+Methods Eng. 8, 461; Zienkiewicz, Taylor & Zhu (2013), The Finite Element Method, 15.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from indent_sim.mesh.grid import split_at_interfaces
 
 
 class _CellStress(NamedTuple):
-    """Extrapolated stress of some cells.
+    """Stress of cells, extrapolated to their vertices.
 
     Attributes
     ----------
     vertices : ndarray of int, (cells, dim + 1)
-        Grid points of their vertices.
+        Grid points of the vertices of each cell.
     regions : ndarray of int, (cells,)
-        Numbers of their regions.
+        Region number of each cell.
     volumes : ndarray, (cells,)
-        Their volumes up to a common factor; without 2 pi for an axisymmetric body.
+        Volume of each cell up to a common factor; without 2 pi for an axisymmetric body.
     stress : ndarray, (cells, dim + 1, 9)
-        Stress at their vertices [pressure].
+        Stress at the vertices of each cell [pressure].
     """
 
     vertices: np.ndarray
@@ -95,8 +95,8 @@ class NodalStress:
         Returns
         -------
         tuple of ndarray, or None
-            Vertex of the grid (n,) from which each vertex comes, and stress (n, 3, 3) [pressure],
-            n > `points` if regions meet; None on other ranks.
+            Grid vertex (n,) of each row and stress (n, 3, 3) [pressure], with n > `points` if
+            vertices lie on interfaces; None on other ranks.
         """
         parts = self._body.comm.gather(self._owned_cell_stress(), root=0)
         if parts is None:

@@ -28,10 +28,9 @@ def penetration_outside_contact_surface(
 ) -> float:
     """Penetration of the tip into a surface on which no contact is modelled [length] (collective).
 
-    The penetration of a point is the smaller of that by the gap function and that by the shape of
-    the tip at the deformed point. With a reference gap, the rim of a flattened body may rise above
-    the height of the tip over its undeformed position, while the tip, which rises outwards, is
-    still above it.
+    The penetration of a point is the smaller of two values: minus the gap function, and the depth
+    of the deformed point inside the tip. With a gap evaluated at the undeformed position, the first
+    value alone would report penetration at a rim that has moved outwards below the rising tip.
 
     Parameters
     ----------
@@ -40,7 +39,7 @@ def penetration_outside_contact_surface(
     noncontact_trace : Trace
         The surface without contact.
     solution : ndarray
-        Local solution array of the body, or its part on the surface [length].
+        Local solution array of the body, or the part of it on this surface [length].
     """
     points = contact_quadrature(body.trace.dim)[0]
     u = noncontact_trace.interpolate(solution[noncontact_trace.dofs], points)
@@ -51,10 +50,10 @@ def penetration_outside_contact_surface(
 
 
 def overlap_depth(body: ObservedBody, positions: np.ndarray, gap: np.ndarray) -> float:
-    """Largest depth by which a whole deformed facet lies inside the tip [length], this rank's.
+    """Largest depth by which a whole deformed facet lies inside the tip on this rank [length].
 
-    The depth of a facet is the smallest of its points, so that a facet over an apex or an edge does
-    not count. The depth of a point is z + delta - f, or -g if that is smaller. It is 0 with a
+    The depth of a facet is the smallest depth of its points, so that a facet that spans an apex or
+    an edge is not counted. The depth of a point is min(z + delta - f, -g). The result is 0 with a
     reference gap.
 
     Parameters

@@ -3,9 +3,9 @@
 A smooth pressure is nearly quadratic on a facet and its neighbours. The roughness is the largest
 difference, at the nodes of a facet, between the pressure and the quadratic polynomial that fits the
 nodes of the facet and its neighbours best, by least squares. It is large if the pressure oscillates
-between vertices and midpoints or from facet to facet, or if the contact opens over one or two
-elements inside. It is not assessed where the pressure need not be smooth: at the edge of the
-contact, and where the slope or the curvature of the tip is discontinuous.
+between vertices and midpoints or from facet to facet, or if one or two elements inside the contact
+are open. It is not assessed where the pressure need not be smooth: at the edge of the contact, and
+where the slope or the curvature of the tip is discontinuous.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ class Patches:
     nodes : ndarray of int, (facets, n)
         Numbers of the nodes of each facet at which a pressure is evaluated.
     members : ndarray of int, (patches, 1 + sides)
-        A facet that has a neighbour at each side, and these neighbours.
+        Each facet that has a neighbour at every side, followed by these neighbours.
     remainders : ndarray, (patches, n, (1 + sides) n)
-        Matrices from the pressures at the nodes of the members to the differences from their
-        quadratic fit at the nodes of the facet itself.
+        Matrices that map the pressures at the nodes of a patch to the residuals of the quadratic
+        fit at the nodes of its first facet.
     """
 
     nodes: np.ndarray
@@ -45,7 +45,7 @@ def build_patches(X: np.ndarray) -> Patches:
     Parameters
     ----------
     X : ndarray, (facets, nodes, dim)
-        Positions of the nodes of its facets [length], vertices first, then midpoints.
+        Positions of the nodes of the facets [length], vertices first, then midpoints.
     """
     dim = X.shape[2]
     reading_nodes = _reading_nodes(X)
@@ -61,7 +61,7 @@ def build_patches(X: np.ndarray) -> Patches:
 
 
 def _reading_nodes(nodal: np.ndarray) -> np.ndarray:
-    """Values at the nodes at which a pressure is evaluated: on triangles the midpoints only.
+    """Return the values at the nodes used for the roughness: on triangles the midpoints only.
 
     See `interpolate_from_midpoints`.
     """
@@ -69,7 +69,7 @@ def _reading_nodes(nodal: np.ndarray) -> np.ndarray:
 
 
 def _node_numbers(X: np.ndarray) -> np.ndarray:
-    """Number (...) of each position (..., dim), equal for equal positions."""
+    """Return an integer for each position (*, dim), the same for equal positions."""
     points = X.reshape(-1, X.shape[-1])
     if not len(points):
         return np.zeros(X.shape[:-1], dtype=np.int64)
@@ -80,7 +80,7 @@ def _node_numbers(X: np.ndarray) -> np.ndarray:
 
 
 def _patch_members(sides: np.ndarray) -> np.ndarray:
-    """Facets that have a neighbour at each side, with these neighbours (patches, 1 + sides)."""
+    """Facets with a neighbour at every side, followed by the neighbours (patches, 1 + sides)."""
     count = sides.shape[1]
     order = np.argsort(sides, axis=None, kind="stable")
     numbers = sides.ravel()[order]
@@ -96,7 +96,7 @@ def _patch_members(sides: np.ndarray) -> np.ndarray:
 
 
 def _quadratic_monomials(patch: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-    """Monomials up to the second degree (patches, nodes, monomials) in coordinates of each facet.
+    """Quadratic monomials (patches, nodes, monomials) in local coordinates of each patch.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ def _fill_holes(
     """Mask (facets,) of the facets in contact or in a small hole of the contact.
 
     A hole is a connected set of open facets that does not contain the facet farthest from the axis.
-    A contact that opens over few elements inside is an oscillation of the pressure, too.
+    A small hole is caused by an oscillation of the pressure, which must not be excluded.
 
     Parameters
     ----------

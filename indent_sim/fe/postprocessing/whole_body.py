@@ -1,4 +1,4 @@
-"""Whole body at the current state, as the fields and the contact values read it."""
+"""Whole body at the current state, from which fields and contact values are evaluated."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import Any
 
 
 class WholeBody:
-    """A whole body at the current state; subclasses add its contact.
+    """Whole body at the current state; subclasses add the contact.
 
     Parameters
     ----------
     body : Body
         Discrete body.
     strain_energies : sequence of StrainEnergy
-        Term of each region, the region under the tip first.
+        Strain energy term of each region, the region under the tip first.
     friction : Friction or None
         Friction term.
     fluid : Flow or None
@@ -42,7 +42,7 @@ class WholeBody:
         return float(self.strain_energies[0].E_star)
 
     def find_inverted_elements(self) -> Any:
-        """Find the most deformed points (collective); None at small strain."""
+        """Find the points of smallest J and largest stretch (collective); None at small strain."""
         inverted = [
             extremes
             for strain in self.strain_energies

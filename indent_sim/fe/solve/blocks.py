@@ -1,11 +1,11 @@
-"""Block structure of the tangent, which a Krylov method multiplies by.
+"""Block structure of the tangent for the Krylov solver.
 
-    | A    B_1  B_2 |     A of the displacement, in point blocks; B_k its coupling with another
-    | B_1' C_1      |     field (a pressure q, the multiplier lam), C_k of that field alone.
+    | A    B_1  B_2 |     A: displacement, in point blocks; B_k: its coupling with another
+    | B_1' C_1      |     field (a pressure q, the multiplier lam); C_k: that field alone.
     | B_2'      C_2 |     Symmetric; the other fields are not coupled with each other.
 
 Every field has a function space of its own. Rows and columns are scaled so that every residual is a
-force: those of lam by the stiffness of the contact, those of q by E.
+force: by the stiffness of the contact for lam, by E for q.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ class DisplacementStiffness:
     space
         Space of the displacements, quadratic or linear.
     kind
-        PETSc's matrix type. "sbaij" stores the upper half, which halves the time of a product: it
-        is that of reading the matrix.
+        PETSc's matrix type. "sbaij" stores only the upper half, which halves the time of a product,
+        because this time is spent on reading the matrix.
     """
 
     def __init__(self, problem: Problem, space: fem.FunctionSpace, kind: str):
@@ -90,18 +90,19 @@ class DisplacementStiffness:
 class FieldBlocks:
     """Blocks of one field other than the displacement, and its Schur complement.
 
-    The blocks are B and C between the free dofs; S approximates the Schur complement C - B' A^-1 B.
-    With the mass matrix M of the field, a pressure has S = C - M/(2 mu).
+    B couples the field with the displacement and C is the block of the field itself, both
+    restricted to the free dofs. S approximates the Schur complement C - B' A^-1 B. For a pressure S
+    = C - M/(2 mu) with the mass matrix M of the field.
 
-    The multiplier, whose C is -(M - M_A)/eps with the mass matrix M_A of the surface in contact,
-    has S = C - M_A (K + eps M_A)^-1 M_A with the stiffness K = E* |k|/2 of a half-space to waves k
-    of its surface (Johnson 1985, chapter 13). In place of 1/(eps + E* |k|/2) stands
+    For the multiplier C is -(M - M_A)/eps with the mass matrix M_A of the surface in contact, and S
+    = C - M_A (K + eps M_A)^-1 M_A with the stiffness K = E* |k|/2 of a half-space under a pressure
+    of wavenumber k (Johnson 1985, chapter 13). The factor 1/(eps + E* |k|/2) is approximated by
 
         (alpha + (1 - alpha)/(1 + gamma k^2))/eps,   alpha = eps/(eps + s),
         s = SURFACE_STIFFNESS E*/h_contact,
 
-    which is exact for long waves and half way to the waves with K = s. A constant in its place
-    takes half as many iterations again.
+    which is exact for k = 0, and where it equals the geometric mean of its values for K = 0 and K =
+    s. A constant instead needs 1.5 times as many iterations.
 
     Parameters
     ----------
@@ -159,13 +160,13 @@ class FieldBlocks:
         self._rhs.set(0.0)
 
     def _surface_gradient(self, field: Expr) -> Expr:
-        """Return the tangential part of the gradient of a field on the surface."""
+        """Return the surface gradient (tangential part of the gradient) of a field."""
         gradient = ufl.grad(field)
         n = ufl.FacetNormal(self.problem.mesh)
         return gradient - ufl.dot(gradient, n) * n
 
     def _assemble_product(self, density: Expr) -> PETSc.Mat:
-        """Assemble the integral of a product between the free dofs, in the units of their rows."""
+        """Assemble a bilinear form on the free dofs, scaled by the weights of their rows."""
         matrix = fem_petsc.assemble_matrix(compile_form(self._domain_integral(density)))
         matrix.assemble()
         matrix.scale(self.weight**2)
@@ -193,7 +194,7 @@ class FieldBlocks:
         _destroy_matrices(schur_complement)
 
     def solve(self, rhs: PETSc.Vec, solution: PETSc.Vec) -> None:
-        """Solve S solution = rhs; S may have more rows than the field, whose values are dropped."""
+        """Solve S solution = rhs; values of auxiliary rows of S are discarded."""
         self._rhs.array[: len(self.free_dofs)] = rhs.array_r
         self._ksp.solve(self._rhs, self._solution)
         solution.array[:] = self._solution.array_r[: len(self.free_dofs)]
@@ -211,7 +212,7 @@ class FieldBlocks:
         return S
 
     def _multiplier_schur_complement(self) -> PETSc.Mat:
-        """Return S of the multiplier as a block matrix, whose own Schur complement it is.
+        """Return a block matrix whose Schur complement is S of the multiplier.
 
         The matrix is [[C - alpha M_A/eps, M_A], [M_A, eps/(1 - alpha) (M + gamma L)]], with the
         Laplacian L of the surface.
@@ -239,15 +240,15 @@ class FieldBlocks:
 
 
 def _destroy_matrices(*matrices: PETSc.Mat) -> None:
-    """Free matrices now: PETSc keeps those of several ranks until the end otherwise."""
+    """Free matrices at once: with several ranks PETSc would otherwise keep them until the end."""
     for matrix in matrices:
         matrix.destroy()
 
 
 def use_direct_solver(ksp: PETSc.KSP, kind: str = "cholesky") -> None:
-    """Make a solver factor its systems by MUMPS.
+    """Make a PETSc solver use a direct factorisation by MUMPS.
 
-    "cholesky" (L D L^T), for symmetric matrices, takes half the work of "lu".
+    `kind` is "lu", or "cholesky" (L D L^T) for symmetric matrices with half the work.
     """
     ksp.setType("preonly")
     ksp.getPC().setType(kind)
@@ -263,7 +264,7 @@ def _dirichlet_bcs(problem: Problem, space: fem.FunctionSpace) -> list[fem.Diric
 def _tangent_form(
     problem: Problem, terms: Sequence[Term], test: tuple[str, Expr], trial: tuple[str, Expr]
 ) -> fem.Form:
-    """Return the compiled tangent of some terms for a test and a trial function of given fields."""
+    """Return the compiled tangent of terms for test and trial functions of the given fields."""
     unknowns = problem.unknowns
     body = problem.body
     now = replace(body.now, test=unknowns.variation(*test), trial=unknowns.variation(*trial))

@@ -1,7 +1,7 @@
-"""Contact algorithms: how each contact method finds the equilibrium at one depth.
+"""Contact algorithms: solution of the equilibrium at one depth by each contact method.
 
-An algorithm is made by a function of the Newton solver and the contact terms, and returns True if
-it converged. A new one is a function and an entry in ALGORITHMS.
+A function of the Newton solver and the contact terms creates an algorithm, which returns True if it
+converged. To add an algorithm, write such a function and enter it in ALGORITHMS.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from indent_sim.fe.terms.scene_terms import ContactTerms
 
 
 def _newton_with_continuation(newton: Newton, contact: ContactTerms) -> Callable[[], bool]:
-    """Penalty and augmented Lagrangian: Newton's method, for a stiff contact through softer ones.
+    """Return Newton's method with stiffness continuation, for penalty and augmented Lagrangian.
 
-    If the softer contacts lead to no solution, the contact is solved at once.
+    If a softer contact has no solution, the contact is solved with its own stiffness directly.
     """
     if newton.problem.law.may_snap_through and not approach_factors(
         newton.problem.law, newton.problem.scene
@@ -47,12 +47,12 @@ def contact_algorithm(newton: Newton, contact: ContactTerms) -> Callable[[], boo
 def _friction_passes(
     newton: Newton, friction: FrictionalSurface | None, algorithm: Callable[[], bool]
 ) -> Callable[[], bool]:
-    """Solve a frictional increment in the passes of its slip reference.
+    """Return an algorithm that solves a frictional increment in one or two passes.
 
-    The first of two passes only locates new contact points. Its error enters the force with a
-    weight of a few per cent, so its tolerance is 1e3 times Newton's, at most 1e-6. In a search for
-    the depth of a force, which depends on differences of forces, both passes have Newton's
-    tolerance.
+    The slip reference determines the number of passes. The first of two passes only locates new
+    contact points. Its error changes the force by a few per cent of the error, so that its
+    tolerance is 1e3 times Newton's, at most 1e-6. In a search for the depth of a force, which
+    depends on differences of forces, both passes have Newton's tolerance.
     """
     problem = newton.problem
     tolerance_factor = 1.0 if problem.scene.physics.path.control == "force" else 1e3
@@ -86,9 +86,9 @@ def _restore_on_failure(problem: Problem, algorithm: Callable[[], bool]) -> Call
 
 
 def _uzawa_algorithm(newton: Newton, contact: ContactTerms) -> Callable[[], bool]:
-    """Uzawa's iteration: Newton's method with a frozen multiplier, which is then updated.
+    """Return Uzawa's iteration: Newton's method with a frozen multiplier, then its update.
 
-    The multiplier is also updated in the softer contacts through which a stiff one is approached.
+    The multiplier is also updated after each of the softer contacts of a continuation.
     """
     problem = newton.problem
     traction = contact.pressure

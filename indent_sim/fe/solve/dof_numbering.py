@@ -1,8 +1,8 @@
-"""Numbering of dofs that does not depend on how many ranks share a mesh.
+"""Numbering of dofs that does not depend on the number of ranks that share a mesh.
 
-A state can so be packed by one run and unpacked by another. A node of a Lagrange space is a vertex
-of the grid or the middle of two; all nodes are sorted by the numbers of these vertices. Values at
-points inside cells are sorted by the number of their cell in the grid.
+A checkpoint can thus be read with another number of ranks. A node of a Lagrange space is a vertex
+of the grid or an edge midpoint; nodes are sorted by the numbers of the one or two vertices that
+define them. Values at points inside cells are sorted by the number of the cell in the grid.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from indent_sim.fe import compat
 
 
 class DofNumbering:
-    """Positions of the values of a field on this rank among those of all ranks (collective).
+    """Positions of this rank's values of a field among the values of all ranks (collective).
 
     Parameters
     ----------
@@ -38,9 +38,9 @@ class DofNumbering:
         self.shape = len(all_keys), width
 
     def gather(self, local: np.ndarray) -> np.ndarray:
-        """Return the values of all ranks on rank 0, nothing elsewhere (collective).
+        """Return the values (nodes, components) of all ranks on rank 0 (collective).
 
-        Their shape is (nodes, components).
+        Other ranks get an empty array.
         """
         parts = self._comm.gather((self._global_rows, local[self._owned_dofs]), root=0)
         whole = np.zeros(self.shape if parts else (0, self.shape[1]))
@@ -49,7 +49,7 @@ class DofNumbering:
         return whole
 
     def scatter(self, whole: np.ndarray, local: np.ndarray) -> None:
-        """Copy the part of this rank from the values of all ranks into a local array."""
+        """Copy this rank's part of the values of all ranks into a local array."""
         local[self._owned_dofs] = whole[self._global_rows]
 
 

@@ -1,4 +1,4 @@
-"""Dynamic relaxation: the stable state to which an adhesive body relaxes after a snap."""
+"""Dynamic relaxation: finds the stable state to which an adhesive body relaxes after a snap."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ def dynamic_relaxation(newton: Newton, regularization: ViscousRegularization) ->
 
         u_k+1 = argmin  Pi(u; delta) + drag/2 int |u - u_k|^2 dGamma   next to u_k .
 
-    The energy falls in each step, as it does after a snap, so the steps lead to the stable state in
-    whose basin the body was. The drag begins above the curvature work/range^2 of the attraction,
-    for which a step has one minimum. A step leaves the traction drag times displacement to the
-    next: the change of the displacement from one step to the next gives the curvature of the energy
-    along the path, which is negative at first and positive near the stable state. There the drag is
-    left out as soon as the body is stiffer than the drag.
+    The energy decreases in each step, as it does after a snap, so that the steps lead to the stable
+    state in whose basin of attraction the body was. The initial drag is above the curvature
+    work/range^2 of the attraction, so that a step has a single minimum. The change of the
+    displacement from one step to the next gives the curvature of the energy along the path, which
+    is negative at first and positive near the stable state. The drag is omitted as soon as the body
+    is stiffer than the drag.
 
     Returns
     -------
@@ -61,9 +61,9 @@ def dynamic_relaxation(newton: Newton, regularization: ViscousRegularization) ->
 def _relaxation_step(
     newton: Newton, regularization: ViscousRegularization, drag: float, rtol: float
 ) -> float | None:
-    """Solve one step with this drag; return its largest displacement [length].
+    """Solve one relaxation step with the given drag; return its largest displacement [length].
 
-    Returns None, and leaves the solution as it was, if no stable solution was found.
+    Returns None and restores the solution if no stable solution was found.
     """
     problem = newton.problem
     start = newton.problem.x.copy()

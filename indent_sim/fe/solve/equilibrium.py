@@ -1,4 +1,4 @@
-"""Equilibrium of a whole body at a depth, by the scene's contact method."""
+"""Equilibrium of a body on its whole mesh at a depth, by the scene's contact method."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from indent_sim.model.tips import pass_through_depth
 
 
 class BodyEquilibrium:
-    """A problem on the whole mesh with its solution algorithm; implements `path.Equilibrium`."""
+    """Problem on the whole mesh with its solution algorithm; implements `path.Equilibrium`."""
 
     def __init__(self, body: Body):
         self.bulk_terms = bulk = bulk_terms(body)
@@ -82,14 +82,14 @@ class BodyEquilibrium:
 
     @property
     def stiffness(self) -> float:
-        """dF/ddelta of the whole body at the present equilibrium [force/length] (collective)."""
+        """Stiffness dF/ddelta of the whole body at the equilibrium [force/length] (collective)."""
         return self.newton.stiffness()
 
     def tighten_tolerance(self) -> float:
-        """Tighten the tolerance down to round-off; return the relative error of a force then.
+        """Tighten the tolerance to round-off; return the relative error that a force then has.
 
-        The contact seal is frozen from here on, until `is_seal_consistent` is called: the force
-        would jump where it changes.
+        The contact seal is frozen until `is_seal_consistent` is called, because the force is
+        discontinuous where the seal changes.
         """
         if self.bulk_terms.seal:
             self.bulk_terms.seal.freeze()
@@ -97,7 +97,7 @@ class BodyEquilibrium:
         return 10 * finest_tolerance(self.problem)
 
     def is_seal_consistent(self) -> bool:
-        """Return whether the fluid is sealed where the tip touches; if not, the seal is updated."""
+        """Return whether the contact seal agrees with the contact; if not, update the seal."""
         seal = self.bulk_terms.seal
         return seal is None or not seal.update_contact(
             contact_sample.touching_corners(self.observed_body)
@@ -185,10 +185,7 @@ class BodyEquilibrium:
         )
 
     def _sealing_algorithm(self, algorithm: Callable[[], bool]) -> Callable[[], bool]:
-        """Return the algorithm with the fluid sealed where the tip touches in that equilibrium.
-
-        Solution and update of the seal are repeated until the seal does not change.
-        """
+        """Return an algorithm that repeats solution and seal update until the seal is unchanged."""
         seal = self.bulk_terms.seal
         if seal is None:
             return algorithm
@@ -207,7 +204,7 @@ class BodyEquilibrium:
     def relax_to_stable_state(self, depth: float, dt: float = 0.0) -> bool:
         """Find the stable state at a depth by dynamic relaxation, then make a time step `dt`.
 
-        The snap itself takes no time. Otherwise like `solve`.
+        The snap itself takes no time. Parameters and result are those of `solve`.
         """
         regularization = self.contact_terms.regularization
         instant = Stage(0.0)
@@ -221,7 +218,7 @@ class BodyEquilibrium:
         return dt == 0 or self.solve(depth, dt)
 
     def _find_equilibrium(self, depth: float, algorithm: Callable[[], bool]) -> bool:
-        """Solve at a depth; reject a solution that the body cannot have."""
+        """Solve at a depth; return False if there is no solution or it is not admissible."""
         state_before = self.problem.trial_state()
         self.problem.delta.value = depth
         self._update_contact_stiffness(depth)
@@ -233,13 +230,13 @@ class BodyEquilibrium:
         return not impossibility
 
     def _update_contact_stiffness(self, depth: float) -> None:
-        """Scale the stiffness of the contact with the present modulus of the touched material."""
+        """Scale the contact stiffness by the present modulus of the material under the tip."""
         strain_energy = self.bulk_terms.strain_energies[0]
         strain_energy.predict_modulus(self.problem.body.accepted_depth, depth)
         self.problem.follow_modulus(strain_energy.E_star / self.scene.physics.material.E_star)
 
     def _impossibility(self) -> str:
-        """Return why a converged solution is rejected; "" if it is admissible."""
+        """Return the reason why a converged solution is rejected; "" if it is admissible."""
         if not self.problem.is_admissible():
             return "Newton's method converged to J <= 0 or beyond the limit of the elastic law"
         if self.problem.law.may_snap_through and not self.newton.is_stable:
@@ -260,9 +257,9 @@ class BodyEquilibrium:
 
     @cached_property
     def _numberings(self) -> list[list[DofNumbering]]:
-        """For each array of a state, the numberings of its fields.
+        """Numberings of the fields of each array of a state.
 
-        The order is the unknowns, the frozen functions, the history.
+        The arrays are the unknowns, the frozen functions and the history, in this order.
         """
         unknowns = self.problem.unknowns
         problem = self.problem
@@ -278,7 +275,7 @@ class BodyEquilibrium:
 
     @property
     def _has_relaxation(self) -> bool:
-        """True if the modulus of the touched material changes with time."""
+        """True if the modulus of the material under the tip changes with time."""
         return self.scene.physics.domain.regions[0].relaxation_series is not None
 
     def pack(self, state: Snapshot) -> list[np.ndarray]:
@@ -289,9 +286,9 @@ class BodyEquilibrium:
         return [*packed, np.array([state.modulus_ratio])] if self._has_relaxation else packed
 
     def unpack(self, depth: float, arrays: Sequence[np.ndarray], t: float = 0.0) -> Snapshot | None:
-        """Return the state of packed arrays, which all ranks must have (collective).
+        """Return the state stored in packed arrays, which all ranks must pass (collective).
 
-        None if the shapes of the arrays do not belong to this problem.
+        None if the shapes of the arrays do not fit this problem.
         """
         state = replace(self.snapshot(), depth=depth, t=t)
         numbering = self._numberings
@@ -311,9 +308,9 @@ class BodyEquilibrium:
         return state
 
     def extrapolate(self, depth: float, earlier: Sequence[Snapshot]) -> None:
-        """Set the unknowns to an extrapolation of earlier states to a depth.
+        """Set the unknowns to an extrapolation of earlier states to the given depth.
 
-        The next `solve` of a time step extrapolates to the depth of each of its stages.
+        If time passes, the next `solve` extrapolates to the depth of each of its stages.
         """
         self._extrapolation_states = earlier
         self._set_extrapolated_state(depth, earlier)
@@ -344,9 +341,9 @@ class BodyEquilibrium:
 
     @cached_property
     def _can_predict_contact(self) -> bool:
-        """True if the multiplier tells which points are in contact next.
+        """True if the active set of the next equilibrium can be predicted from the multiplier.
 
-        It does not if the contact is approached through other stiffnesses, nor with adhesion.
+        This is not possible with stiffness continuation or with adhesion.
         """
         law = self.scene.physics.contact
         return (
@@ -382,7 +379,7 @@ class BodyEquilibrium:
     def reaction_norm(self) -> float:
         """Euclidean norm of the nodal support reactions at the present equilibrium [force].
 
-        It is that of the whole body: the norm of the modelled part times the number of its copies.
+        The norm of the model domain is multiplied by the symmetry factor.
         """
         return self.scene.physics.domain.symmetry_factor * self.newton.reaction_norm
 
@@ -403,11 +400,11 @@ class BodyEquilibrium:
         return values | measurements.contact_values(self.observed_body)
 
     def _fluid_values(self) -> dict[str, Any]:
-        """Return the values of a row about the fluid: {} without flow.
+        """Return the results for the pore fluid by the names of State's fields; {} without flow.
 
-        These are the volume that has left the whole body, the volume that has moved in it, the
-        error of the balance and the largest pressure; for a sudden step also the table of the
-        drained surface.
+        These are the volume that has left the whole body, the volume that has moved inside it, the
+        error of the fluid balance and the largest pore pressure; for a step without duration also
+        the table of the drained surface.
         """
         flow = self.bulk_terms.flow
         seal = self.bulk_terms.seal

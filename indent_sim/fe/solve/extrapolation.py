@@ -1,9 +1,9 @@
-"""Extrapolation of earlier equilibria to another depth, as the initial guess of the next solution.
+"""Interpolation weights and predicted trial pressure for the initial guess at the next depth.
 
-Near the edge of a smooth contact the pressure inside goes as the square root of the distance s from
-the edge, the gap outside as s^(3/2). As the edge passes over a point, pressure^2 and gap^(2/3) are
-therefore linear in the depth there, and the gap itself is not: a line through gaps finds the edge
-two thirds of its way too far out, a line through these powers to a sixth of it or better.
+Near the edge of a smooth contact the pressure inside varies as the square root of the distance s
+from the edge, the gap outside as s^(3/2). At a point over which the edge passes, pressure^2 and
+gap^(2/3) are therefore linear in the depth. A linear extrapolation of gaps misplaces the edge by
+two thirds of the distance that it moves, an extrapolation of these powers by a sixth of it or less.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ CUT_ELEMENT_PRESSURE = 0.01
 
 
 def lagrange_weights(depths: Sequence[float], depth: float) -> list[float]:
-    """Return the weights of values at some depths in their interpolation polynomial at a depth."""
+    """Return the weights of values at `depths` in their Lagrange interpolation at a depth."""
     return [
         prod((depth - depth_j) / (depth_k - depth_j) for depth_j in depths if depth_j != depth_k)
         for depth_k in depths
@@ -29,16 +29,16 @@ def lagrange_weights(depths: Sequence[float], depth: float) -> list[float]:
 def predict_trial_pressure(
     trials: Sequence[np.ndarray], depths: Sequence[float], depth: float, largest: float
 ) -> np.ndarray:
-    """Extrapolate the trial pressure lam - epsilon_n g to a depth.
+    """Extrapolate the trial pressure lam - epsilon_n g to another depth.
 
     Parameters
     ----------
     trials
         Trial pressures at the same points at two depths, > 0 in contact [pressure].
     depths
-        These depths [length].
+        The two depths [length].
     depth
-        The depth to which they are extrapolated [length].
+        The depth to which the trial pressure is extrapolated [length].
     largest
         Largest value of `trials` on all ranks [pressure].
 
@@ -55,7 +55,7 @@ def predict_trial_pressure(
 
 
 def _edge_distance(trial: np.ndarray) -> np.ndarray:
-    """Return the distance from the contact edge, in some unit, > 0 inside the contact."""
+    """Return a measure proportional to the distance from the contact edge, > 0 inside."""
     inside = np.maximum(trial, 0.0)
     outside = np.maximum(-trial, 0.0)
     return np.asarray(
@@ -64,7 +64,7 @@ def _edge_distance(trial: np.ndarray) -> np.ndarray:
 
 
 def _trial_pressure(distance: np.ndarray) -> np.ndarray:
-    """Return the trial pressure at a distance from the edge: the inverse of `_edge_distance`."""
+    """Return the trial pressure of an edge distance: the inverse of `_edge_distance`."""
     inside = np.maximum(distance, 0.0)
     outside = np.maximum(-distance, 0.0)
     shifted = outside + CUT_ELEMENT_PRESSURE ** (2 / 3)

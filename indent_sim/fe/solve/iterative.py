@@ -2,8 +2,8 @@
 
 The preconditioner is the upper block-triangular factor of the tangent: an approximate Schur
 complement for each field other than the displacement, one multigrid cycle for the displacement. The
-multigrid hierarchy is kept until the iterations that a new one would have saved cost more than
-building it. Each system is solved only as accurately as Newton's method needs.
+multigrid hierarchy is kept until the extra iterations that it causes have cost more than building a
+new one. Each system is solved only as accurately as Newton's method needs.
 """
 
 from __future__ import annotations
@@ -50,9 +50,9 @@ class Iterative:
         self.tangent = PETSc.Mat().createPython((problem.x.getSizes(),) * 2, comm=problem.comm)
 
     def attach(self, ksp: PETSc.KSP) -> None:
-        """Make the linear solver of SNES use this one.
+        """Use this solver as the linear solver of SNES.
 
-        Options of the environment without a prefix are those of this solver.
+        Options of PETSC_OPTIONS without a prefix apply to this solver.
         """
         ksp.setOptionsPrefix("newton_")
         ksp.setType("preonly")
@@ -82,9 +82,9 @@ class Iterative:
         return ksp
 
     def assemble(self, rtol: float) -> None:
-        """Assemble the tangent at the present solution, to be solved to a relative tolerance.
+        """Assemble the tangent at the present solution; `rtol` is the tolerance of the solver.
 
-        The multigrid hierarchy is rebuilt if the present one takes too many iterations.
+        The multigrid hierarchy is rebuilt if the present one needs too many iterations.
         """
         self.rtol = rtol
         self._A.assemble()
@@ -103,7 +103,7 @@ class Iterative:
         self._solve_count = 0
 
     def apply(self, residual: PETSc.Vec, step: PETSc.Vec) -> None:
-        """Solve for a Newton step; constrained and unused dofs are zero in it."""
+        """Solve for a Newton step, which is zero at constrained and unused dofs."""
         self._load_residual(residual)
         self._ksp.setTolerances(rtol=self.rtol, atol=0.0, max_it=MOST_KRYLOV_ITERATIONS)
         self._solve()
@@ -116,7 +116,7 @@ class Iterative:
         ):
             step.array[dofs] = weight * block.array_r
         if self.has_failed:
-            step.set(np.nan)  # a system that was not solved makes the step no number
+            step.set(np.nan)  # a system that was not solved gives a step of NaN
 
     def residual_energy(self, residual: PETSc.Vec) -> float:
         """Return the energy r . A^-1 r of a residual r, with the preconditioner in place of A^-1.
@@ -129,20 +129,21 @@ class Iterative:
         return float(sum(abs(rhs.dot(solution)) for rhs, solution in pairs))
 
     def _load_residual(self, residual: PETSc.Vec) -> None:
-        """Copy a residual, scaled, into the blocks of the right-hand side."""
+        """Scale a residual and copy it into the blocks of the right-hand side."""
         for block, dofs, weight in zip(
             self._b.getNestSubVecs(), self._block_dofs, self._weights, strict=True
         ):
             block.array[:] = weight * residual.array_r[dofs]
 
     def _solve(self) -> None:
-        """Solve for the blocks and count the iterations.
+        """Solve the block system and count the iterations.
 
-        Excess iterations are those beyond the fewest per decimal digit of any system so far.
+        Excess iterations are counted relative to the smallest number of iterations per decimal
+        digit of any system so far.
         """
         self._ksp.solve(self._b, self._x)
         iterations = self._ksp.getIterationNumber()
-        # The first digits take the most iterations, so no system counts as one of fewer digits
+        # The first digits need the most iterations, so a minimum number of digits is assumed
         digits = -log10(min(self.rtol, INEXACT_REDUCTION))
         self.iterations += iterations
         self._solve_count += 1
@@ -170,9 +171,9 @@ class Iterative:
 
 
 class _WeakPreconditioner:
-    """A method as a preconditioner of PETSc, held by a weak reference.
+    """PETSc preconditioner that calls a method through a weak reference.
 
-    Python's garbage collector does not find reference cycles through PETSc.
+    A strong reference would form a cycle through PETSc, which Python cannot collect.
     """
 
     def __init__(self, method: Callable[[PETSc.Vec, PETSc.Vec], None]):

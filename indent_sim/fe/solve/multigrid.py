@@ -1,8 +1,8 @@
 """Two-level p-multigrid of the displacement: quadratic elements, corrected by linear ones.
 
-Both are on the same mesh. The smoother is a Chebyshev polynomial with the diagonal. Linear elements
-are factored while that is cheap; beyond they are solved by a W-cycle of algebraic multigrid,
-smoothed aggregation with the rigid-body modes.
+Both levels use the same mesh. The smoother is a Chebyshev polynomial with the diagonal as
+preconditioner. The system of linear elements is factored if it is small; otherwise it is solved by
+a W-cycle of algebraic multigrid (smoothed aggregation with the rigid-body modes).
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ AGGREGATION: dict[str, Any] = {
 class Multigrid:
     """Multigrid cycle as a preconditioner of the displacement block of the tangent.
 
-    It is built for one solution, and good near it.
+    It is built for the tangent at one solution and remains effective near it.
     """
 
     def __init__(self, problem: Problem, fine: DisplacementStiffness):
@@ -72,7 +72,7 @@ class Multigrid:
         interpolation = compat.interpolation_matrix(linear, space)
         is_free = self._coarse.matrix.createVecRight()
         is_free.set(1.0)
-        # The unit diagonal entry of a constrained dof would give it a correction without meaning
+        # The unit diagonal entry of a constrained dof would give a meaningless correction
         is_free.array[self._coarse.constrained_dofs] = 0.0
         interpolation.diagonalScale(R=is_free)
         self._pc.setMGInterpolation(1, interpolation)
@@ -91,7 +91,7 @@ class Multigrid:
             self._pc.setFromOptions()
 
     def rebuild(self) -> None:
-        """Build the hierarchy for the present solution."""
+        """Build the multigrid hierarchy for the present solution."""
         self._coarse.assemble()
         # Without setting the operators again PETSc would not factor them again
         self._pc.getMGCoarseSolve().setOperators(self._coarse.matrix)
@@ -105,7 +105,7 @@ class Multigrid:
             pc.setReusePreconditioner(True)
 
     def apply(self, residual: PETSc.Vec, correction: PETSc.Vec) -> None:
-        """Apply one cycle, starting from zero."""
+        """Apply one multigrid cycle with initial guess zero."""
         self._pc.apply(residual, correction)
 
 

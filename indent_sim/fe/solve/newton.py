@@ -48,7 +48,7 @@ class Newton:
         self.iterations = 0
         self._reaction = 0.0
         self._largest_reaction = _reaction_floor(problem)
-        self._tangent_parameters: tuple[float, ...] = ()  # those of the last tangent
+        self._tangent_parameters: tuple[float, ...] = ()  # parameters of the last tangent
         self._last_solved_depth = 0.0
         self._residual = 0.0
         self._previous_residual = 0.0  # one Newton step earlier
@@ -89,8 +89,8 @@ class Newton:
             use_direct_solver(ksp, "cholesky" if symmetric else "lu")
         with default_options({"snes_linesearch_type": line_search(self.problem)}):
             snes.setFromOptions()
-        # stol = 0: a short step is no sign of an equilibrium, and PETSc would accept one after a
-        # failed line search.
+        # stol = 0: a short step does not indicate an equilibrium, and PETSc would accept one after
+        # a failed line search.
         snes.setTolerances(stol=0.0, max_it=self.max_iterations)
         snes.setConvergenceTest(self._test_convergence)
         self._uses_cholesky = symmetric and ksp.getPC().getType() == "cholesky"
@@ -179,9 +179,9 @@ class Newton:
     def solve(self, rtol: float = 0.0, max_iterations: int | None = None) -> bool:
         """Find the equilibrium at the problem's depth, starting from its present solution.
 
-        Full Newton steps are tried first: a line search stalls where the active points of the
-        contact change. If they do not converge, the stiffness of the contact is increased in steps
-        from a soft one. On failure the solution is left as it was.
+        Full Newton steps are tried first, because a line search stalls where the active points of
+        the contact change. If they do not converge, the stiffness of the contact is increased in
+        steps from a small value. On failure the solution is restored.
 
         Parameters
         ----------
@@ -206,15 +206,16 @@ class Newton:
         return solved
 
     def approach_stiff_contact(self, after_each: Callable[[], object] = lambda: None) -> bool:
-        """Approach the equilibrium of a stiff contact through softer ones, each solved roughly.
+        """Approach the equilibrium of a stiff contact by solving softer contacts to a low accuracy.
 
-        This takes fewer iterations than the stiff contact at once: with 100 E*/h_contact Newton's
-        method finds the contact edge point by point. On failure the solution is left as it was.
+        This needs fewer iterations than solving the stiff contact directly, where Newton's method
+        (at 100 E*/h_contact) moves the contact edge point by point. On failure the solution is
+        restored.
 
         Parameters
         ----------
         after_each
-            Called after each of the softer contacts.
+            Function that is called after each of the softer contacts.
 
         Returns
         -------
@@ -260,15 +261,15 @@ class Newton:
         return converged
 
     def accept(self) -> None:
-        """Accept the present equilibrium: its reactions set the level of round-off from now on.
+        """Accept the present equilibrium, whose reactions from now on define the round-off level.
 
-        The reactions of a trial equilibrium do not count, since they may be of any size: those of a
-        closed body full of fluid before its surface drains, for example.
+        Reactions of trial equilibria are not used, because they may be arbitrarily large, such as
+        those of a sealed body full of fluid before its surface drains.
         """
         self._largest_reaction = max(self._largest_reaction, self._reaction)
 
     def _run_snes(self, trial_solution: PETSc.Vec) -> bool:
-        """Run SNES; return False if the factorisation fails, as it may far from equilibrium."""
+        """Run SNES; return False if a factorisation fails, as may happen far from equilibrium."""
         try:
             self.snes.solve(None, trial_solution)
         except PETSc.Error as error:
@@ -280,7 +281,7 @@ class Newton:
         return True
 
     def _solve_by_continuation(self) -> bool:
-        """Solve with a soft contact and increase its stiffness by decades to the law's own."""
+        """Solve with a soft contact and increase its stiffness by decades to the nominal one."""
         problem = self.problem
         failure = self.failure
         reason = self.snes.getConvergedReason()
@@ -313,9 +314,9 @@ class Newton:
     def is_stable(self) -> bool:
         """True if the equilibrium just found is a local minimum of the energy (collective).
 
-        The criterion is the inertia of the last LDL^T factor: at a minimum it has one negative
-        pivot for each free dof of the fields other than the displacement, and no more. True where
-        no such factor was made.
+        The criterion is the inertia of the last LDL^T factor: at a minimum it has exactly one
+        negative pivot for each free dof of the fields other than the displacement. True if no such
+        factor was computed.
         """
         if not self._uses_cholesky or not self.snes.getIterationNumber():
             return True
@@ -333,9 +334,9 @@ class Newton:
         """Return dF/ddelta [force/length] of the equilibrium just found (collective).
 
         The derivative w of the solution with respect to the depth is found by iterative refinement
-        with the last tangent: each correction takes one residual at depth + step and no new
-        tangent. If the tangent is symmetric, the force is corrected by w . r, with the residual r
-        that is left, so that the error is of second order in r.
+        with the last tangent: each correction needs one residual at depth + step and no new
+        tangent. If the tangent is symmetric, the force is corrected by w . r with the remaining
+        residual r, so that the error is of second order in r.
 
         Returns
         -------
@@ -370,7 +371,7 @@ class Newton:
         try:
             self._evaluate_residual(self.snes, start, start_residual)
             problem.delta.value = depth + step
-            for _ in range(6):  # corrections; an old factor that needs more is of no use
+            for _ in range(6):  # corrections; an old factor that needs more is discarded
                 self._evaluate_residual(self.snes, start + step * derivative, remaining)
                 remaining.axpy(-1.0, start_residual)
                 stiffness = (
@@ -395,8 +396,7 @@ class Newton:
     def _is_stiffness_converged(self, remaining: PETSc.Vec, step: float, stiffness: float) -> bool:
         """Return whether the energy of the remaining residual is negligible.
 
-        The norm of the residual would be misleading: a stiff contact dominates it and hides the
-        body.
+        The norm of the residual would be misleading, because a stiff contact dominates it.
         """
         assert self._iterative
         stiffness_error = (
@@ -406,7 +406,7 @@ class Newton:
         )
         allowed_error = 1e-9 * abs(stiffness)
         if stiffness_error > allowed_error:
-            # The energy goes as the square of the residual, which the next system has to reduce
+            # The energy is proportional to the square of the residual
             self._iterative.rtol = max(0.3 * (allowed_error / stiffness_error) ** 0.5, 1e-8)
         return stiffness_error <= allowed_error
 
@@ -431,9 +431,9 @@ class Newton:
 def _reaction_floor(problem: Problem) -> float:
     """Return the reaction [force] that sets the level of round-off before any was computed.
 
-    It is zero without fluid flow. A body that swells freely has no reactions to compare with; 100 E
-    times the square of its height stands for them (of the contact radius, if the body only drains),
-    of which REACTION_ROUNDOFF allows 1e-12.
+    It is zero without fluid flow. A body that swells freely has no reactions; 100 E times the
+    square of its height (of the contact radius, if the body only drains) is used instead, of which
+    REACTION_ROUNDOFF allows 1e-12.
     """
     physics = problem.scene.physics
     E = max(region.material.constants.E for region in physics.domain.regions)
@@ -445,9 +445,8 @@ def _reaction_floor(problem: Problem) -> float:
 def finest_tolerance(problem: Problem) -> float:
     """Return the smallest relative residual that is above round-off.
 
-    It is used where small changes of the state count: in Uzawa's iteration and in the search for
-    the depth of a force. The round-off in the gap enters the residual in proportion to the
-    stiffness of the contact.
+    It is used where small changes of the state matter: in Uzawa's iteration and in load control.
+    The round-off in the gap enters the residual in proportion to the stiffness of the contact.
     """
     return max(1e-11, 1e-17 * stiffness_scale(problem.scene))
 

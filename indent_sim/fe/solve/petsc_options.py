@@ -1,4 +1,4 @@
-"""PETSc options of a run: those of PETSC_OPTIONS take precedence over the program's own."""
+"""PETSc options of a run; PETSC_OPTIONS takes precedence over the program's defaults."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from petsc4py import PETSc
 
 @contextmanager
 def default_options(options: Mapping[str, Any], prefix: str = "") -> Iterator[None]:
-    """Set PETSc options inside the block, unless the environment has set them.
+    """Context manager that sets PETSc options that PETSC_OPTIONS does not set.
 
     Parameters
     ----------
     options
-        Values by their names.
+        Option values by name.
     prefix
-        Prefix of every name.
+        Prefix of every option name.
     """
     database = PETSc.Options(prefix)
     added_names = [name for name in options if not database.hasName(name)]

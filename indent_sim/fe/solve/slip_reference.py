@@ -1,4 +1,4 @@
-"""Slip reference: the place on the tip from which the slip of a new contact point is counted."""
+"""Slip reference: the point of the tip from which the slip of a new contact point is counted."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from indent_sim.model.contact import SlipReference
 
 
 class FrictionalSurface(Protocol):
-    """A surface with friction, whose new contact points stick where its slip reference says."""
+    """Surface with friction whose slip reference can be set."""
 
     def set_slip_reference(self, slip_reference: SlipReference) -> None:
         """Set the slip reference of points that come into contact during the increment.
 
-        With `implicit` they stick at their place at the beginning of the increment, with `glue`
-        they do not stick at all. With `mid` they stick at a place between the beginning and the
-        present state, which is the nearer to the present state the later they touched.
+        `implicit` counts slip from the position at the beginning of the increment; with `glue` new
+        points carry no traction in this increment. `mid` counts from an interpolated position, the
+        closer to the present one the later the point came into contact.
         """
 
 
@@ -28,19 +28,19 @@ def solve_with_slip_reference(
 ) -> bool:
     """Solve one increment with a slip reference; return whether it converged.
 
-    With `mid` it is solved twice: first frictionless for points that newly come into contact, then
-    with their slip counted from the place at which the first pass found that they touched.
+    With `mid` it is solved twice: first without friction at new contact points, then with the slip
+    of these points counted from the position at which they touched in the first pass.
 
     Parameters
     ----------
     surface
-        The frictional surface; None for a contact without one, which is just solved.
+        The frictional surface; None for a frictionless contact, which is solved once.
     slip_reference
         The slip reference.
     solve
-        Solves the increment.
+        Function that solves the increment.
     first_solve
-        Solves the first of two passes; `solve` if None.
+        Function that solves the first of two passes; `solve` if None.
     """
     if surface is None:
         return solve()

@@ -1,6 +1,6 @@
-"""Stiffness continuation: factors by which a contact law is softened for an initial guess.
+"""Stiffness continuation: factors by which the stiffness of a contact law is reduced.
 
-A stiff contact is found from the solution of a softer one (Wriggers 2006, chapter 6.3).
+The solution of a softer contact is the initial guess for a stiff one (Wriggers 2006, chapter 6.3).
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from indent_sim.scene.scene import Scene
 
 
 def approach_factors(law: Any, scene: Scene) -> list[float]:
-    """Return factors of the stiffness of a contact law, by half decades from a soft contact on.
+    """Return factors of the stiffness of a contact law, in half decades, all below 1.
 
-    The first stiffness is 3 E*/h_contact, up to which Newton's method finds a contact in a few
-    iterations. The last factor is below 1. The list is empty if the law is no stiffer than that.
+    The first stiffness is 3 E*/h_contact, up to which Newton's method converges in a few
+    iterations. The list is empty if the stiffness of the law is not larger.
     """
     excess = law.stiffness * scene.sizes.h_contact / scene.physics.material.E_star / 3.0
     step_count = max(1, round(2 * log10(excess))) if excess > 1 else 0
@@ -24,7 +24,7 @@ def approach_factors(law: Any, scene: Scene) -> list[float]:
 
 
 def stiffness_continuation(law: ContactLaw, scene: Scene) -> list[float]:
-    """Return factors of the stiffness of a contact law, by decades from a soft contact to 1.
+    """Return factors of the stiffness of a contact law, in decades up to 1.
 
     The first stiffness is at most 0.1 E*/h_contact, for which Newton's method converges from any
     state. The list is empty for a law without a stiffness.

@@ -1,8 +1,9 @@
-"""Uzawa iteration: solve with a frozen multiplier, update it, until it converges.
+"""Uzawa iteration: solve with a frozen multiplier and update it until it converges.
 
 The update is lam <- projection of <lam - epsilon_n g>. It is accelerated by Anderson mixing
-(`Mixing`), which changes the number of iterations and not the result: at the fixed point lam is the
-augmented Lagrangian's own, so both methods give the same answer at equal epsilon_n.
+(`Mixing`), which changes the number of iterations but not the result. At convergence lam is the
+multiplier of the augmented Lagrangian method, so that both methods give the same result at equal
+epsilon_n.
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ MOST_ITERATIONS = 500
 class Mixing:
     """Anderson mixing: acceleration of a fixed-point iteration x <- G(x) (Walker & Ni 2011).
 
-    The next x is where a line through the last iterates would have no change. Vectors are the part
-    of this rank; the few numbers that combine them are summed over `comm`, so that all ranks agree.
+    The next x is the combination of the last iterates with the smallest linear prediction of G(x) -
+    x. Vectors are this rank's parts; inner products are summed over `comm`.
     """
 
     def __init__(self, comm: MPI.Comm):
@@ -32,7 +33,7 @@ class Mixing:
         self._smallest_change = float("inf")
 
     def __call__(self, x: np.ndarray, g: np.ndarray) -> np.ndarray:
-        """Return the next x from the present one and its image g = G(x)."""
+        """Return the next x from the present x and its image g = G(x)."""
         change = float(np.sqrt(self._comm.allreduce(float((g - x) @ (g - x)))))
         if change > 1.5 * self._smallest_change:
             # The contact has changed, and the earlier iterates are no longer of use
@@ -59,18 +60,18 @@ def iterate(
     solve: Callable[[float], bool],
     update: Callable[[Mixing], float],
 ) -> bool:
-    """Solve and update in turn until the multiplier converges.
+    """Alternate solution and multiplier update until the multiplier converges.
 
     Parameters
     ----------
     solver
-        Its attribute `failure` is set where the iteration fails.
+        Object whose attribute `failure` is set if the iteration fails.
     scene, comm
         The scene, and the ranks that share the multiplier.
     solve
-        Solves to a relative residual, or to the solver's own tolerance if that is larger.
+        Function that solves to the given relative residual, or to the solver's tolerance if larger.
     update
-        Updates the multiplier and returns its relative change.
+        Function that updates the multiplier and returns its relative change.
 
     Returns
     -------
@@ -98,16 +99,15 @@ def iterate(
         if change <= tolerance:
             return solve(0.0)
         solver.failure = (
-            f"the multiplier does not converge, its last relative change is {change:.1e}"
+            f"the multiplier does not converge; its last relative change is {change:.1e}"
         )
-        # The next solve must know the state much better than the multiplier changes
+        # The next solve must be much more accurate than the change of the multiplier
         rtol = min(first_tolerance, 1e-2 * change)
         if change < smallest_change / 2:
             smallest_change = change
             stagnant_iterations = 0
         else:
             stagnant_iterations += 1
-        # The change must have halved once in so many iterations.
-        if stagnant_iterations > 60:
+        if stagnant_iterations > 60:  # within this many iterations the change must have been halved
             return False
     return False

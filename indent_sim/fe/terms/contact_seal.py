@@ -1,7 +1,7 @@
 """Boundary conditions of the pore fluid: drained, sealed or leaky vertices, and the contact seal.
 
-The outflow is a sum over the vertices of the surface, sum_i g_i p_i, with a conductance g_i
-[length^3/(pressure time)] of each vertex; see `flow` for its place in the potential.
+The outflow is the sum over the surface vertices sum_i g_i p_i, with a conductance g_i
+[length^3/(pressure time)] of each vertex; see `flow` for the corresponding part of the potential.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from indent_sim.model.drainage import Conductance
 
 
 class ContactSeal(Term):
-    """Outflow through the surface of a porous body, which the tip changes where it is in contact.
+    """Outflow through the surface of a porous body, which changes where the tip is in contact.
 
     Attributes
     ----------
     depends_on_contact : bool
-        Whether the tip changes the conductance of the surface.
+        Whether contact with the tip changes the conductance of the surface.
     is_frozen : bool
-        Whether all stages and trials of a step have the same contact, see `freeze`.
+        Whether the seal is the same in all stages and trials of a step, see `freeze`.
     tangent_version : int
-        Number of changes of the contact.
+        Number of changes of the seal; each changes the tangent.
     """
 
     has_memory = True
@@ -129,7 +129,7 @@ class ContactSeal(Term):
         return self.body.body_mesh.surfaces.get(surface, np.empty(0, dtype=np.int32))
 
     def virtual_work(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> None:
-        """Return None: the outflow is a sum over vertices, which `add_residual` assembles."""
+        """Return None, because `add_residual` assembles the outflow, a sum over vertices."""
 
     @property
     def _conductance(self) -> np.ndarray:
@@ -139,17 +139,17 @@ class ContactSeal(Term):
 
     @property
     def _outflow_rate(self) -> np.ndarray:
-        """Outflow rate g_i p_i of the vertices that this rank owns [length^3/time]."""
+        """Outflow rate g_i p_i at the vertices that this rank owns [length^3/time]."""
         return self._conductance * self.body.local_array()[self._pressure_dofs[: self._owned_count]]
 
     def add_residual(self, b: PETSc.Vec) -> None:
-        """Add the outflow of the stage, -dt g_i p_i, corrected by the retracted outflow."""
+        """Add the outflow of the stage, -dt g_i p_i, minus `_retracted_outflow`."""
         b.array[self._pressure_dofs[: self._owned_count]] -= (
             float(self.body.dt.value) * self._outflow_rate - self._retracted_outflow
         )
 
     def add_tangent(self, A: PETSc.Mat) -> None:
-        """Add -dt g_i to the diagonal."""
+        """Add the derivative -dt g_i of the outflow to the diagonal of the tangent."""
         values = self._conductance
         dt = float(self.body.dt.value)
         for i in np.flatnonzero(values):
@@ -160,8 +160,8 @@ class ContactSeal(Term):
     def _retracted_outflow(self) -> np.ndarray:
         """Part of the first stage's outflow that the second must not extrapolate [length^3].
 
-        It is non-zero at vertices that the tip has closed between the stages, where the outflow has
-        stopped.
+        It is non-zero at vertices that the tip has covered between the stages, where the outflow
+        has stopped.
         """
         closed = (self._is_touching & ~self._was_touching)[: self._owned_count]
         # A vertex that the tip closes in a step is assumed to drain for half of it. With the factor
@@ -176,14 +176,14 @@ class ContactSeal(Term):
         )
 
     def freeze(self) -> None:
-        """Use one contact for all stages and trials of a step from now on.
+        """Keep the seal unchanged in all stages and trials of a step from now on.
 
-        It is the contact of the accepted state until `update_contact` changes it.
+        It corresponds to the contact of the accepted state until `update_contact` changes it.
         """
         self.is_frozen = True
 
     def begin_stage(self, stage: Stage) -> None:
-        """Start a step with the contact of the accepted state."""
+        """Start a step with the seal of the accepted state."""
         self._extrapolation_factor = stage.extrapolation_factor
         self._was_touching = self._is_touching
         self._step_outflow_before = self._step_outflow
@@ -198,11 +198,11 @@ class ContactSeal(Term):
         self._is_tried = self.is_frozen
 
     def _contact_at_start(self) -> np.ndarray:
-        """Return the vertices in contact with which the equilibrium iteration of a step starts.
+        """Return the contact vertices with which the equilibrium iteration of a step starts.
 
-        They are those of the accepted state. If the tip covers the top and has not touched it, they
-        are all vertices of the top: with sealed walls the tangent is singular while no fluid can
-        leave through the tip.
+        These are the contact vertices of the accepted state. If the tip covers the whole top and
+        has not touched it yet, all vertices of the top are returned, because with sealed walls the
+        tangent is singular while no fluid can leave through the tip.
         """
         in_contact = self._in_contact.x.array > 0.5
         if self._covers_top and not self.body.comm.allreduce(bool(in_contact.any()), op=MPI.LOR):
@@ -210,7 +210,7 @@ class ContactSeal(Term):
         return in_contact
 
     def update_contact(self, touching: np.ndarray) -> bool:
-        """Set the contact of the current equilibrium (collective).
+        """Update the seal to the contact of the current equilibrium (collective).
 
         Parameters
         ----------
@@ -220,9 +220,9 @@ class ContactSeal(Term):
         Returns
         -------
         bool
-            Whether the contact has changed, so that the equilibrium must be solved again. A contact
-            that recurs within the stage is not set again: two contacts that differ by an element at
-            the edge may lead to each other, and either is good enough.
+            Whether the seal has changed, so that the equilibrium must be solved again. A seal that
+            recurs within the stage is not set again, because two seals that differ by one element
+            at the contact edge may alternate, and either is accurate enough.
         """
         if not self.depends_on_contact:
             return False
@@ -247,7 +247,7 @@ class ContactSeal(Term):
         self._is_touching = is_touching
 
     def end_stage(self, stage: Stage) -> None:
-        """Add up the outflow of the step, the first stage with its weight in SDIRK2."""
+        """Sum the outflow of the step, with the SDIRK2 weight of the first stage."""
         self._step_outflow = (
             stage.extrapolation_factor * self._step_outflow_before
             + stage.dt * self._outflow_rate
@@ -255,16 +255,17 @@ class ContactSeal(Term):
         )
 
     def accept(self) -> None:
-        """Store the contact and add the outflow of the step."""
+        """Store the contact and add the outflow of the step to the total."""
         self._total_outflow.x.array[: self._owned_count] += self._step_outflow
         self._in_contact.x.array[:] = self._is_touching
         self._is_tried = False
 
     def drained_surface_table(self) -> np.ndarray:
-        """Pressure that drained surfaces of the model domain suppress in an undrained state.
+        """Return element heights and squared pore pressures at the surface vertices (collective).
 
-        Collective. A vertex whose conductance is below that of its own cells does not fix the
-        pressure; its second column is zero.
+        The table is used to estimate the effect of drained surfaces on a state without flow. The
+        second column is zero at vertices whose conductance is below that of their cells, because
+        such a surface does not prescribe the pressure.
 
         Returns
         -------
@@ -322,7 +323,7 @@ class ContactSeal(Term):
         return table[np.argsort(np.concatenate([numbers for numbers, _ in parts]), kind="stable")]
 
     def total_outflow(self) -> float:
-        """Outflow since rest [length^3], this rank's part in the model domain."""
+        """Outflow since the state of rest [length^3], this rank's part in the model domain."""
         is_mid_step = float(self.body.now.t.value) != float(self.body.before.t.value)
         return float(
             self._total_outflow.x.array[: self._owned_count].sum()

@@ -42,9 +42,9 @@ FIELD_NAME = "pore"
 
 
 def fields(scene: Scene) -> list[Field]:
-    """The pore pressure p of all permeable regions, continuous between them.
+    """Return the field of the pore pressure p, continuous over all permeable regions.
 
-    Its residual is a fluid volume, which is weighted with the largest Young's modulus.
+    The residual of p is a fluid volume; it is weighted with the largest Young's modulus.
     """
     regions = scene.physics.permeable_regions
     if not regions:
@@ -54,7 +54,7 @@ def fields(scene: Scene) -> list[Field]:
 
 
 class Flow(Term):
-    """Pore fluid: its pressure on the solid, its content and its flow."""
+    """Pore fluid: pore pressure in the total stress, fluid content and flow."""
 
     is_bulk = True
     field_names = (FIELD_NAME,)
@@ -115,7 +115,7 @@ class Flow(Term):
         )
 
     def potential(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> ufl.Form:
-        """Potential of a stage without the part p zeta*, a UFL form."""
+        """Return the potential of a stage without the part p zeta*, a UFL form."""
         form = 0
         pressure_gradient = self.body.scene.physics.domain.kinematics.space_vector(
             ufl.grad(now.fields[FIELD_NAME])
@@ -146,8 +146,8 @@ class Flow(Term):
     def begin_stage(self, stage: Stage) -> None:
         """Compute the content zeta* from which the stage starts.
 
-        It is that of the accepted state, for the second stage of SDIRK2 extrapolated by the change
-        in the first.
+        It is the content of the accepted state; for the second stage of SDIRK2 the change in the
+        first stage is extrapolated.
         """
         self._update_bath_pressures(self._bath_pressures, self.body.now)
         if not stage.extrapolation_factor:
@@ -193,11 +193,11 @@ class Flow(Term):
         """Largest pore pressure of this rank's vertices, relative to the bath (collective).
 
         If the boundary layer at a drained face is thinner than the elements, the discrete pressure
-        oscillates: at the k-th vertex inside it is p (1 - (-0.268)^k), 1.27 times the exact value
-        at the first. The filtered pressure F p, the mean weighted with the shape function of a
-        vertex, is exact there. The largest value of 2 F p - F F p is returned: it is 1.1 times the
-        exact value at the first vertex, and its error for smooth p is of fourth order in the
-        element size.
+        oscillates: at the k-th vertex below the face it is p (1 - (-0.268)^k), which is 1.27 times
+        the exact value at the first one. The filtered pressure F p, the mean weighted with the
+        shape function of a vertex, is exact there. The largest value of 2 F p - F F p is returned,
+        which is 1.1 times the exact value at the first vertex and has an error of fourth order in
+        the element size for smooth p.
         """
         mass, areas = self._vertex_mass
         p = mass.createVecRight()
@@ -213,7 +213,7 @@ class Flow(Term):
 
     @cached_property
     def _vertex_mass(self) -> tuple[PETSc.Mat, PETSc.Vec]:
-        """Mass matrix of the shape functions of p, and its row sums.
+        """Mass matrix of the shape functions of p, and the row sums of this matrix.
 
         The row sums are set to 1 at vertices outside of all permeable regions.
         """

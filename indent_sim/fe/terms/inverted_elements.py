@@ -1,4 +1,4 @@
-"""The most deformed points of a body, for messages about elements that invert."""
+"""The most deformed points of a body, for messages about inverted elements."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class InvertedElements:
     X_stretched: tuple[float, ...]
 
     def message(self, scene: Scene) -> str:
-        """End of a sentence with both extremes and their positions in the user's length unit."""
+        """Return both extremes and their positions in the user's length unit, to end a sentence."""
         axes = ", ".join(scene.physics.domain.kinematics.axes)
 
         def format_point(X: tuple[float, ...]) -> str:
@@ -41,7 +41,7 @@ class InvertedElements:
         )
 
     def merge_extremes(self, second: InvertedElements) -> InvertedElements:
-        """Combine the extremes of two regions or ranks."""
+        """Return the extremes over two regions or ranks."""
         J, X = min((self.J, self.X), (second.J, second.X))
         stretch, X_stretched = max(
             (self.stretch, self.X_stretched), (second.stretch, second.X_stretched)

@@ -118,7 +118,7 @@ def contact_terms(body: Body, strain_energy: StrainEnergy) -> ContactTerms:
 
 
 def additional_fields(scene: Scene) -> list[Field]:
-    """Unknown fields that the terms need in addition to the displacement."""
+    """Return the unknown fields that the terms need in addition to the displacement."""
     return [
         *pressure_fields(scene),
         *flow.fields(scene),

@@ -25,11 +25,11 @@ from indent_sim.scene.scene import Scene
 
 
 def pressure_fields(scene: Scene) -> list[Field]:
-    """The pressure field q of each region with a mixed formulation.
+    """Return the pressure field q of each region with a mixed formulation.
 
     Every region has its own field because the pressure jumps between materials. The residual of q
-    is a volume; an error of the volume of one region loads its neighbours, so it is weighted with
-    the largest Young's modulus of all regions.
+    is a volume; it is weighted with the largest Young's modulus of all regions, because an error of
+    the volume of one region loads adjacent regions.
     """
     regions = scene.physics.domain.regions
     E = max(region.material.constants.E for region in regions)
@@ -87,9 +87,9 @@ class StrainEnergy(Term):
         self.energy = body.region_integral(self._energy_density, region)
 
     def _energy_densities(self, material: Material, H: Expr, q: Expr | None) -> tuple[Expr, Expr]:
-        """Density of the potential, for the virtual work and for evaluation at any point of a cell.
+        """Return the potential density for the virtual work, and for evaluation at any point.
 
-        The two differ where the potential has coefficients at quadrature points.
+        The two differ if the potential has coefficients at quadrature points.
         """
         self.psi = material.energy(H) if q is None else material.mixed_energy(H, q)
         return self.psi, self.psi

@@ -1,4 +1,4 @@
-"""Surface tension, and the internal pressure that balances it in the reference state."""
+"""Surface tension of the top surface and the internal pressure that balances it."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from indent_sim.model.hyperelasticity import NeoHookean
 
 
 class SurfaceTension(Term):
-    """Surface energy gamma (A - A0) - (2 gamma/R)(V - V0), less its first variation at rest.
+    """Surface energy gamma (A - A0) - (2 gamma/R)(V - V0), minus its first variation at rest.
 
     A is the area of the whole top surface, in contact or not, V the volume of the body and R the
-    radius of a spherical top; a flat top has no internal pressure. Without the first variation the
-    reference state is an equilibrium, also on facets that only approximate a sphere and at an
-    unsupported rim.
+    radius of a spherical top; a flat top has no internal pressure. The first variation is
+    subtracted so that the reference state is an equilibrium, also on facets that only approximate a
+    sphere and at an unsupported rim.
 
     With the displacement gradient H, the undeformed normal N and P = I - N N, the area of a surface
     element grows by the factor sqrt(1 + e), where
@@ -31,10 +31,11 @@ class SurfaceTension(Term):
     and sqrt(1 + e) - 1 - tr(PH) = m/2 - e^2/(2 (1 + sqrt(1 + e))^2) has no first-order part. At
     small strain its second-order part is used, which is gamma/2 |grad_s u_n|^2 on a flat surface.
 
-    A tension does not resist tangential displacements of surface points. In a drop, gamma/(mu R) >>
-    1, little else does: the discretised curvature, which jumps at the edge of the contact, moves
-    the points until elements fold. The surface of a drop therefore has a membrane with the shear
-    modulus s gamma [force/length], where s is the membrane stiffness. Its energy
+    Surface tension does not resist tangential displacements of surface points. In a drop, where
+    gamma/(mu R) >> 1, the elastic resistance is small too, and the discretised curvature, which
+    jumps at the contact edge, moves the points until elements fold. The surface of a drop therefore
+    has a membrane with the shear modulus s gamma [force/length], where s is the membrane stiffness.
+    The membrane energy
 
         s gamma [(tr C_s - 2)/2 - ln J_s],   C_s = P (I + H)^T (I + H) P,
 
@@ -89,7 +90,7 @@ class SurfaceTension(Term):
             )
 
     def set_membrane_stiffness(self, stiffness: float) -> None:
-        """Set the membrane's shear modulus, and so the added one of the body.
+        """Set the shear modulus of the membrane and the corresponding addition to that of the body.
 
         Parameters
         ----------
@@ -114,7 +115,7 @@ def _surface_strain(H: Expr, P: Expr) -> tuple[Expr, Expr]:
 
 
 def _area_growth(H: Expr, P: Expr) -> Expr:
-    """Relative growth of an area, less its first-order part tr(PH)."""
+    """Relative growth of an area minus its first-order part tr(PH)."""
     stretched = P * H.T * H * P
     C = P * (H + H.T) * P + stretched
     m = ufl.tr(stretched) + (ufl.tr(C) ** 2 - ufl.tr(C * C)) / 2

@@ -1,7 +1,7 @@
 """Base class of the terms of the virtual work.
 
-A load or time increment leads from the accepted state to a new one in one or two stages, each of
-which ends in an equilibrium:
+A load or time increment advances the accepted state in one or two stages, each of which ends in an
+equilibrium:
 
     begin_stage(stage), Newton's method, end_stage(stage)   for each stage,
     accept()                                                after the last stage.
@@ -21,17 +21,17 @@ from indent_sim.mesh.reactions import SurfaceComponent
 
 
 class Term:
-    """A term of the virtual work over one load or time increment.
+    """Base class of the terms of the virtual work over one load or time increment.
 
-    The defaults describe a term that is the derivative of a potential and has no internal
-    variables and no fields of its own; subclasses override what differs.
+    The defaults describe a term with a potential, without internal variables and without additional
+    fields; subclasses override what differs.
 
     Attributes
     ----------
     energy : ufl.Form or None
         Contribution to the potential, if the term has one.
     field_names : tuple of str
-        Unknown fields, beside the displacement, that the term introduces.
+        Unknown fields that the term introduces in addition to the displacement.
     history : tuple of fem.Function
         Internal variables. They are stored with every state, are never extrapolated, and change
         in `accept` only.
@@ -42,7 +42,7 @@ class Term:
     has_symmetric_tangent : bool
         Whether the tangent of the term is symmetric.
     is_bulk : bool
-        Whether the term exists without the tip.
+        Whether the term belongs to the body rather than to its contact with the tip.
     has_constant_tangent : bool
         Whether the tangent is the same at every state.
     has_membrane : bool
@@ -50,7 +50,7 @@ class Term:
     has_flow : bool
         Whether a time step needs the two stages of SDIRK2.
     tangent_version : int
-        Changes whenever something other than the state changes the tangent.
+        Number that changes whenever something other than the state changes the tangent.
     """
 
     energy: ufl.Form = None
@@ -87,10 +87,10 @@ class Term:
         """Prepare the stage from the internal variables of the accepted state."""
 
     def begin_solve(self) -> None:
-        """Discard what was recorded during the previous Newton iteration."""
+        """Reset the data recorded during the previous solve."""
 
     def end_stage(self, stage: Stage) -> None:
-        """Evaluate what the next stage needs at the equilibrium of this one."""
+        """Evaluate the data that the next stage needs from the equilibrium of this stage."""
 
     def accept(self) -> None:
         """Update the internal variables to the end of the increment."""
@@ -101,7 +101,7 @@ class Term:
         self.scale_stiffness(self._continuation_factor * self._modulus_ratio)
 
     def set_membrane_stiffness(self, stiffness: float) -> None:
-        """Set the shear modulus of a drop's surface membrane, as a fraction of its tension."""
+        """Set the shear modulus of a drop's surface membrane, divided by the surface tension."""
 
     def follow_modulus(self, modulus_ratio: float) -> None:
         """Scale the contact stiffness with the modulus of the body.
@@ -131,8 +131,8 @@ class Term:
     def reactions(self) -> dict[SurfaceComponent, float]:
         """Reaction of each support that this term represents [force], this rank's part.
 
-        The keys are those of `mesh.reactions.bearing_surfaces`; the values are forces on the
-        model domain.
+        The keys are those of `mesh.reactions.bearing_surfaces`; the values are forces of the
+        support on the model domain.
         """
         return {}
 

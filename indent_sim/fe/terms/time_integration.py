@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Stage:
-    """A stage of a time step: backward Euler from an initial value y_start.
+    """Stage of a time step: backward Euler from an initial value y_start.
 
-    With y_n the value accepted last and y_1 the result of the first stage,
+    With the last accepted value y_n and the result y_1 of the first stage,
 
         y_start = y_n + extrapolation_factor (y_1 - y_n).
 
@@ -22,7 +22,7 @@ class Stage:
     end_fraction : float
         Fraction of the step at which the stage ends.
     extrapolation_factor : float
-        Zero in the first stage.
+        Factor in the formula above; zero in the first stage.
     """
 
     dt: float
@@ -36,7 +36,7 @@ SDIRK2_GAMMA = 1 - 0.5**0.5
 
 
 def sdirk2_stages(dt: float) -> list[Stage]:
-    """The two stages of SDIRK2 for a step of length `dt` [time]."""
+    """Return the two stages of SDIRK2 for a step of length `dt` [time]."""
     first_dt = SDIRK2_GAMMA * dt
     extrapolation_factor = (1 - SDIRK2_GAMMA) / SDIRK2_GAMMA
     return [

@@ -4,8 +4,8 @@ For psi = phi(s_1, s_2, ...) the chain rule gives
 
     d psi = phi_i ds_i,    d(d psi) = phi_ij ds_i ds_j + phi_i d(ds_i),
 
-where the derivatives of phi do not depend on the test functions. The kernel of a phi of many terms,
-such as Ogden's, then has a tenth of the code that varying every term would need.
+where the derivatives of phi do not depend on the test functions. For a phi with many terms, such as
+Ogden's, the compiled kernel then has a tenth of the code of a direct variation.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from indent_sim.fe.unknowns import TimeLevel
 
 
 def variations(psi: Expr, now: TimeLevel) -> tuple[Expr, Expr]:
-    """First variation of psi along `now.test`, and second along `now.test` and `now.trial`."""
+    """Return the first variation of psi along `now.test` and the second along `now.trial`."""
     scalars = _scalar_variables(psi)
     solution = now.function
     test = now.test
@@ -44,7 +44,7 @@ def variations(psi: Expr, now: TimeLevel) -> tuple[Expr, Expr]:
 
 
 def _scalar_variables(psi: Expr) -> list[Expr] | None:
-    """Scalar UFL variables of psi; None if psi depends on the unknowns in any other way."""
+    """Return the scalar UFL variables of psi; None if psi also depends on the unknowns directly."""
     variables: dict[Expr, Expr] = {}
     pending = [psi]
     visited = set()

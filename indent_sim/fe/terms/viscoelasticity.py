@@ -16,15 +16,15 @@ The stage thus has the potential
 
     psi_shear (g_inf + sum g_k (c_A + c_S)) + h : eps + psi_volume,
 
-in which only the factor of psi_shear and the tensor h = -sum g_k (c_A A_k* + c_S S*) change from
-stage to stage. A_k and S are internal variables at the quadrature points. Source: Simo (1987),
-Comput. Methods Appl. Mech. Eng. 60, 153.
+in which only the factor of psi_shear and the tensor h = -sum g_k (c_A A_k* + c_S S*) depend on the
+stage. A_k and S are internal variables at the quadrature points. Source: Simo (1987), Comput.
+Methods Appl. Mech. Eng. 60, 153.
 
 The remaining fraction of the elastic shear stress is ((g_inf + sum g_k) S - sum g_k A_k) : S/(S :
-S), with sums over all quadrature points; most of them are near the contact. The modulus of an
-elastic body with this fraction of the shear modulus scales the contact stiffness and the gap by
-which the contact edge is found: with the initial modulus, the contact radius was 60 % too small
-when 1e-4 of the modulus was left.
+S), with sums over all quadrature points, most of which are near the contact. The modulus E* that
+corresponds to this fraction of the shear modulus scales the contact stiffness and the gap criterion
+of the contact edge. With the initial modulus instead, the contact radius was 60 % too small after
+relaxation to 1e-4 of the modulus.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ class ViscoelasticStrainEnergy(StrainEnergy):
         self.begin_stage(Stage(0.0))
 
     def _energy_densities(self, material: Material, H: Expr, q: Expr | None) -> tuple[Expr, Expr]:
-        """Density of the stage's potential with h at quadrature points, and with its cell mean."""
+        """Return the stage's potential density with h at quadrature points, and with cell means."""
         assert isinstance(material, ShearRelaxingLaw)
         shear, theta = material.isochoric_parts(H)
         # The field q is defined by the relaxed body, so that its meaning does not change in time
@@ -131,7 +131,7 @@ class ViscoelasticStrainEnergy(StrainEnergy):
         )
 
     def _evaluate_shear_stress(self) -> np.ndarray:
-        """S at the quadrature points as the local array of a function; 0 outside the region."""
+        """Return S at the quadrature points as a function's local array; 0 outside the region."""
         values: np.ndarray = np.zeros_like(self._h.x.array)
         width = self._h.function_space.dofmap.index_map_bs
         components = compat.evaluate_expression(
@@ -176,8 +176,8 @@ class ViscoelasticStrainEnergy(StrainEnergy):
     def predict_modulus(self, start_depth: float, depth: float) -> None:
         """Predict `E_star` at the end of a step, without an additional solution.
 
-        The modulus is interpolated, by the new part of the depth, between that for constant strain
-        and that for a new strain. The prediction is exact in a hold.
+        The modulus is interpolated between the value for constant strain and the value for a newly
+        strained body, according to the relative increase of the depth. It is exact in a hold.
         """
         new_depth = abs(depth - start_depth)
         kept_depth = abs(start_depth)
@@ -191,8 +191,8 @@ class ViscoelasticStrainEnergy(StrainEnergy):
     def _remaining_stress_fraction(self, S: np.ndarray, relaxed: Sequence[np.ndarray]) -> float:
         """Remaining fraction of the elastic shear stress over all quadrature points (collective).
 
-        It is ((g_inf + sum g_k) S - sum g_k A_k) : S/(S : S), and the factor of a new strain in an
-        unstrained region.
+        It is ((g_inf + sum g_k) S - sum g_k A_k) : S/(S : S). In an unstrained region it is the
+        factor that applies to a strain imposed now.
 
         Parameters
         ----------
@@ -223,14 +223,14 @@ class ViscoelasticStrainEnergy(StrainEnergy):
     def _relaxed_E_star(self, shear_fraction: float) -> float:
         """Plane-strain modulus E* of a partly relaxed body [pressure].
 
-        The fraction of the shear modulus is not less than the long-term one.
+        The fraction of the shear modulus is at least the long-term fraction g_inf.
         """
         return self.region.material.relaxed_constants(
             max(shear_fraction, self._long_term_fraction)
         ).E_star
 
     def _update_cell_means(self) -> None:
-        """Update the cell means of h, with which stress can be evaluated at any point."""
+        """Update the cell means of h, which are used to evaluate the stress at any point."""
         width = self._mean_h.function_space.dofmap.index_map_bs
         point_values = self._h.x.array.reshape(-1, width)[self._point_dofs]
         cells = compat.cell_dofs(self._mean_h.function_space.dofmap)[self.cells, 0]
@@ -247,7 +247,7 @@ class ViscoelasticStrainEnergy(StrainEnergy):
         )
 
     def _end_relaxed_stresses(self, S: np.ndarray) -> list[np.ndarray]:
-        """The A_k at the end of a stage whose elastic shear stress is S."""
+        """Return the A_k at the end of a stage whose elastic shear stress is S."""
         stress_terms = zip(self._c_A, self._c_S, self._start_relaxed_stresses, strict=True)
         return [
             a * A + b * self._start_stress.x.array + (1 - a - b) * S for a, b, A in stress_terms
@@ -276,7 +276,7 @@ def _symmetric_tensor(h: fem.Function) -> Expr:
 def _prestress_work(h: Expr, material: ShearRelaxingLaw, H: Expr, theta: Expr) -> Expr:
     """Work h : eps of the stress h, at finite strain h : J^(-2/3) C/2.
 
-    The latter is written with scalar UFL variables, see `terms.variation`.
+    The finite-strain form uses scalar UFL variables, see `terms.variation`.
     """
     if material.is_small_strain:
         return ufl.inner(h, ufl.sym(H))

@@ -19,8 +19,9 @@ from indent_sim.mesh.reactions import SurfaceComponent
 class WeakRollerBC(Term):
     """Penalty energy stiffness/2 w^2 of the radial displacement w of a cylinder's wall.
 
-    n is the normal of the exact cylinder, not of its facets. At small strain w = u . n; otherwise w
-    is the growth of the radius. The stiffness is `scene.physics.wall_stiffness` [pressure/length].
+    At small strain w = u . n with the normal n of the exact cylinder, not of the facets; at finite
+    strain w is the change of the radius. The stiffness is `scene.physics.wall_stiffness`
+    [pressure/length].
     """
 
     is_bulk = True
@@ -59,9 +60,9 @@ class WeakRollerBC(Term):
         return reactions
 
     def reaction_rows(self) -> dict[SurfaceComponent, np.ndarray]:
-        """Rows (owned dofs,) whose product with the solution is the reaction of a linear body.
+        """Row vectors (owned dofs,) whose product with the solution is the reaction (linear body).
 
-        There is one row for each axis [force per unit of the dof] (collective).
+        There is one row vector for each axis [force per unit of the dof] (collective).
         """
         body = self._body
         form = compile_form(

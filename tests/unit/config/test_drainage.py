@@ -30,7 +30,7 @@ SCENE: dict[str, Any] = {
     [
         ({"material": WET | {"flow": {}}}, "material", "exactly one of permeability, diffusivity"),
         ({"material": WET | {"flow": FLOW | {"diffusivity": 1.0}}}, "material", "exactly one"),
-        ({"material": WET | {"nu": 0.5}}, "material", "leaves no pores to drain"),
+        ({"material": WET | {"nu": 0.5}}, "material", "an incompressible body cannot drain"),
         ({"loading": {"delta": 0.02}}, "material.flow", "needs a load path in time"),
         (
             {"material": RUBBER | {"flow": FLOW | {"alpha": 0.9}}},

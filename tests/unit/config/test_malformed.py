@@ -268,19 +268,19 @@ MALFORMED = [
         edited("E: 1.0\n  nu: 0.3", "mu: 1\n  lame_lambda: -1"),
         8,
         "material",
-        "and so lame_lambda > -2 mu/3",
+        "and therefore lame_lambda > -2 mu/3",
     ),
     (
         edited("E: 1.0\n  nu: 0.3", "kappa: 1\n  lame_lambda: 3"),
         8,
         "material",
-        "and so lame_lambda < kappa",
+        "and therefore lame_lambda < kappa",
     ),
     (
         edited("E: 1.0\n  nu: 0.3", "nu: 0\n  lame_lambda: 1"),
         8,
         "material",
-        "of the sign of nu, which is not 0",
+        "and therefore lame_lambda/nu > 0",
     ),
     (
         edited("delta: 0.01", "delta: 0.01\n  deltas: [0.1]"),

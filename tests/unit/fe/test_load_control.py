@@ -64,7 +64,7 @@ def test_any_increasing_curve(force_at: Callable[[float], float], expected: floa
 
 def test_a_jump_is_no_depth() -> None:
     control = LoadControl(Curve(lambda delta: delta if delta < 0.1 else delta + 1), deepest=1.0)
-    assert not control.find_depth(0.5, expected=0.05) and "discontinuously" in control.failure
+    assert not control.find_depth(0.5, expected=0.05) and "discontinuous" in control.failure
 
 
 def test_more_than_the_body_bears() -> None:

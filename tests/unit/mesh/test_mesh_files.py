@@ -165,7 +165,7 @@ def test_cells_alone_have_the_surfaces_that_their_names_would_give(
     )  # tilted: the base is not level
     with pytest.raises(
         MeshFileError,
-        match="no single part of the boundary faces down and is level; in gmsh: Physical",
+        match="no single part of the boundary faces down and is horizontal; in gmsh: Physical",
     ):
         piece(tmp_path, without_names(body), kinematics, name, MeshSurfaces())
     body["points"][:, -1 if kinematics == "3d" else 1] -= body["points"][:, 0] / 10
@@ -200,7 +200,7 @@ def test_cells_alone_have_the_surfaces_that_their_names_would_give(
 
 def test_names_that_a_file_without_any_cannot_have(tmp_path: Path) -> None:
     with pytest.raises(
-        MeshFileError, match=r'names no lines, so it has no .top.; .* Physical Curve\("top"\)'
+        MeshFileError, match=r'has no named lines and thus no .top.; .* Physical Curve\("top"\)'
     ) as found:
         piece(tmp_path, without_names(section()))
     assert found.value.exit_code == 4 and found.value.key == "body.surfaces.contact"
@@ -462,7 +462,7 @@ def _lines_alone(body: dict[str, Any]) -> None:
 
 
 MALFORMED: list[tuple[Callable[[dict[str, Any]], None], str, str]] = [
-    (_pulled, "body.file", "cells are inverted: they overlap a neighbour, the first at"),
+    (_pulled, "body.file", "cells are inverted and overlap an adjacent cell, the first at"),
     (_flat, "body.file", "cells have no volume, the first at"),
     (_torn, "body.file", "the mesh is in 2 pieces that share no points; merge double points"),
     (_swapped, "body.surfaces.contact", "8 facets of 'top' face down, the first at"),
@@ -570,8 +570,8 @@ def test_a_mesh_is_part_of_no_other_shape() -> None:
     ("suffix", "points", "cells", "words"),
     [
         (".vtu", np.zeros((3, 6)), [[0, 1, 2]], "two or three real coordinates"),
-        (".xdmf", np.full((3, 3), np.nan), [[0, 1, 2]], "are no numbers, or beyond 1e"),
-        (".xdmf", np.full((3, 3), 1e200), [[0, 1, 2]], "are no numbers, or beyond 1e"),
+        (".xdmf", np.full((3, 3), np.nan), [[0, 1, 2]], "are not finite or exceed 1e"),
+        (".xdmf", np.full((3, 3), 1e200), [[0, 1, 2]], "are not finite or exceed 1e"),
         (".vtu", np.eye(3), np.array([[0.0, 1.4, 2.0]]), "is not a mesh that can be read"),
         (".xdmf", np.eye(3), np.array([[0.0, 1.4, 2.0]]), "corners are not indices of points"),
         (".xdmf", np.eye(3), [[0, 1, 9]], "corners that are not points of the file"),
@@ -646,7 +646,7 @@ def test_an_xdmf_file_takes_numbers_from_beside_it_alone(
     text = (tmp_path / "part.xdmf").read_text(encoding="utf-8")
     text = text.replace("part.h5:/data0", where).replace('Format="HDF"', f'Format="{form}"', 1)
     (tmp_path / "part.xdmf").write_text(text, encoding="utf-8")
-    with pytest.raises(ConfigError, match="takes its numbers from"):
+    with pytest.raises(ConfigError, match="refers to data in"):
         scene(tmp_path, "part.xdmf")
 
 
@@ -712,7 +712,7 @@ def with_numbers(folder: Path, kept: Callable[[h5py.File], None]) -> None:
 @pytest.mark.parametrize(
     ("kept", "said"),
     [
-        *((kept, "which are not in 'part.h5' itself") for kept in ELSEWHERE),
+        *((kept, "which are stored outside of 'part.h5'") for kept in ELSEWHERE),
         *((k, "which are not real") for k in NOT_REAL),
     ],
 )
@@ -720,7 +720,7 @@ def test_an_hdf5_file_has_its_numbers_itself(
     tmp_path: Path, kept: Callable[[h5py.File], None], said: str
 ) -> None:
     with_numbers(tmp_path, kept)
-    with pytest.raises(MeshFileError, match=f"takes its numbers from '/data0'.*{said}"):
+    with pytest.raises(MeshFileError, match=f"refers to data in '/data0'.*{said}"):
         scene(tmp_path, "part.xdmf")
 
 
@@ -730,7 +730,7 @@ def test_no_link_on_the_way_to_numbers_leads_out(tmp_path: Path) -> None:
     text = (tmp_path / "part.xdmf").read_text(encoding="utf-8")
     text = text.replace("/data0", "/away/data0").replace("DataItem", "Anything")
     (tmp_path / "part.xdmf").write_text(text, encoding="utf-8")
-    with pytest.raises(MeshFileError, match="takes its numbers from '/away/data0'"):
+    with pytest.raises(MeshFileError, match="refers to data in '/away/data0'"):
         scene(tmp_path, "part.xdmf")
 
 

@@ -153,9 +153,7 @@ def test_forces_below_zero_need_adhesion() -> None:
 
 
 def test_the_condensed_body_is_refused() -> None:
-    with pytest.raises(
-        ConfigError, match="adhesion with a range is solved on the whole body"
-    ) as refusal:
+    with pytest.raises(ConfigError, match="does not support adhesion with a range") as refusal:
         sticky(solver={"method": "condensed"})
     assert refusal.value.key == "solver.method"
 

@@ -215,7 +215,7 @@ def test_what_does_not_settle_is_no_pressure(monkeypatch: pytest.MonkeyPatch) ->
     """A search that is cut off, and a contact that is a ring, raise an error."""
     layer, _, a = layer_of(0.05)
     disc = layer_surface(layer, a)
-    with pytest.raises(SearchNotConverged, match="no disc"):
+    with pytest.raises(SearchNotConverged, match="not a disc"):
         SurfaceContactLCP(disc, disc.compliance).solve_pressures(
             disc.heights[::-1] - 0.001 * disc.areas
         )

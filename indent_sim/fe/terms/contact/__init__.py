@@ -1,1 +1,1 @@
-"""Contact terms: the pressure by every contact method, friction and regularization."""
+"""Contact terms: contact pressure for every contact method, friction and regularization."""

@@ -1,8 +1,8 @@
 """Primal-dual active set method with nodal contact pressures.
 
-The pressure p_h = sum p_i psi_i uses hat functions psi_i of the nodes of the contact surface (in
-two dimensions vertices and midpoints, in three only vertices), so that p_i >= 0 implies p_h >= 0
-everywhere. The Signorini conditions (KKT conditions of the contact problem) hold at each node,
+The pressure p_h = sum p_i psi_i uses hat functions psi_i of the nodes of the contact surface
+(vertices and midpoints in two dimensions, only vertices in three), so that p_i >= 0 implies p_h >=
+0 everywhere. The Signorini conditions (KKT conditions of the contact problem) hold at each node,
 
     weighted gap G_i = int psi_i g dGamma >= 0,   p_i >= 0,   p_i G_i = 0.
 
@@ -37,7 +37,7 @@ MOST_RETURNS = 2
 
 
 def fields(scene: Scene) -> list[Field]:
-    """The nodal pressures p_i; in three dimensions only those of the vertices."""
+    """Return the field of the nodal pressures p_i; in three dimensions only at vertices."""
     if scene.physics.contact.multiplier != "nodal":
         return []
     return [
@@ -94,10 +94,10 @@ class NodalContact(Term):
         ]
 
     def virtual_work(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> None:
-        """Return None: `add_residual` assembles the rows, which are no integral of a UFL form."""
+        """Return None, because `add_residual` assembles the residual without a UFL form."""
 
     def begin_solve(self) -> None:
-        """Discard the active sets of the previous solve."""
+        """Discard the active sets recorded in the previous solve."""
         self._visited_sets: list[tuple[int, ...]] = []
         self._return_count = 0
         self._last_active_set: np.ndarray | None = None  # The last Newton iteration's.
@@ -107,7 +107,7 @@ class NodalContact(Term):
         return pressure_shape_functions(points)[:, : self.lam_dofs.shape[1]]
 
     def _evaluate_gap(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Gap (facets, points), dg/dx (.., dim) and d2g/dx2 (.., dim, dim) of the current state."""
+        """Gap g (facets, points), dg/dx (*, dim) and d2g/dx2 (*, dim, dim) of the current state."""
         dim = self.body.body_mesh.dim
         values = self._gap_values()
         return (
@@ -121,9 +121,9 @@ class NodalContact(Term):
         return self.body.local_array()[self.lam_dofs]
 
     def add_residual(self, b: PETSc.Vec) -> None:
-        """Add -int p_h dg to the displacement rows and the condition of each node to its row.
+        """Add -int p_h dg to the displacement rows and the nodal conditions to the pressure rows.
 
-        The latter is -G_i at an active node and -p_i int psi_i / c at an inactive one.
+        The condition is -G_i at an active node and -p_i int psi_i / c at an inactive one.
         """
         g, normal, _ = self._evaluate_gap()
         p = self.nodal_pressures()
@@ -143,9 +143,9 @@ class NodalContact(Term):
         b.array[:] += assembled[: self.body.unknowns.owned_count]
 
     def add_tangent(self, A: PETSc.Mat) -> None:
-        """Add the derivative of `add_residual` for its active set.
+        """Add the derivative of `add_residual` for the present active set.
 
-        Rows of constrained dofs stay those of the identity.
+        Rows of constrained dofs remain identity rows.
         """
         self._record_active_set()
         _, normal, slope = self._evaluate_gap()
@@ -177,7 +177,7 @@ class NodalContact(Term):
             A.setValuesLocal(lam, lam, np.diag(np.where(active, 0.0, mass[f])), addv=add)
 
     def _record_active_set(self) -> None:
-        """Store the active set of this Newton iteration and count how often a set has recurred."""
+        """Record the active set of this Newton iteration and count the recurrences."""
         local_hash = hash(np.unique(self._node_numbers[self._active]).tobytes())
         set_hashes = tuple(self.body.comm.allgather(local_hash))
         if (
@@ -190,7 +190,7 @@ class NodalContact(Term):
         self._last_active_set = self._active
 
     def _choose_active_set(self, proposed: np.ndarray) -> np.ndarray:
-        """The proposed active set, or the last one with one node changed if sets recur.
+        """Return the proposed active set, or the last one with one node changed if sets recur.
 
         Changing only the node with the smallest number prevents cycling (Murty 1974).
         """

@@ -7,22 +7,22 @@ The tangential traction t on the body along the unit tangents m_k of the tip is 
     t = t_hat                         where |t_hat| <= friction p   (stick),
     t = friction p t_hat/|t_hat|      elsewhere                     (slip),
 
-with the pressure p = <p_hat> and the multiplier tau; t = 0 out of contact, and there is no bound
-for bonded contact. The slip s of the body along the tip is
+with the pressure p = <p_hat> and the multiplier tau; t = 0 out of contact, and t = t_hat without
+limit for bonded contact. The slip s of the body along the tip is
 
     s_k = u_k - u0_k                                   reference gap; the tip moves along z only,
     s_k = m_k . (u - u0 + (delta - delta0) e_z)        current gap.
 
-The slip is counted from the slip reference u0, delta0. For points that were in contact in the last
-equilibrium it is that equilibrium, for other points see `SlipReference` in `model.contact`. A
-penalty law uses tau of the last equilibrium: of s, (tau - t)/epsilon_t is reversible and the rest,
-(t - t_hat)/epsilon_t, is slip.
+The slip is counted from the slip reference u0, delta0. For points in contact at the last
+equilibrium the reference is that equilibrium; for other points see `SlipReference` in
+`model.contact`. A penalty law uses tau of the last equilibrium: the part (tau - t)/epsilon_t of s
+is reversible, and the remaining (t - t_hat)/epsilon_t is slip.
 
 Friction has no potential. The virtual work is
 
     - int t . ds    and, for the multiplier,    int (t - tau)/epsilon_t . dtau,
 
-and its derivative is not symmetric. The multipliers carry the history; there are no internal
+and its derivative is not symmetric. The history is stored in the multipliers; there are no internal
 variables at quadrature points.
 """
 
@@ -59,7 +59,7 @@ from indent_sim.scene.scene import Scene
 
 
 def fields(scene: Scene) -> list[Field]:
-    """The tangential multiplier tau, a component for each horizontal axis."""
+    """Return the field of the tangential multiplier tau, one component for each horizontal axis."""
     if scene.physics.contact.is_conservative:
         return []
     along = tuple(range(scene.physics.domain.dim - 1))
@@ -69,7 +69,7 @@ def fields(scene: Scene) -> list[Field]:
 
 
 class Friction(Term):
-    """Tangential traction of a contact with stick and slip.
+    """Tangential traction of a frictional contact with stick and slip.
 
     Parameters
     ----------
@@ -195,7 +195,7 @@ class Friction(Term):
         return self.body.contact_integral(virtual)
 
     def set_slip_reference(self, slip_reference: SlipReference) -> None:
-        """Set from where the slip of new contact points is counted (collective).
+        """Set the slip reference of new contact points (collective).
 
         See `fe.solve.slip_reference`.
         """

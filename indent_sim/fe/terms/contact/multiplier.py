@@ -1,4 +1,4 @@
-"""The Lagrange multiplier lam [pressure] of the contact, as nodal values on its surface."""
+"""The Lagrange multiplier lam [pressure] as nodal values on the contact surface."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ def multiplier_field(scene: Scene, order: int) -> Field:
 
 
 def stiffness_scale(scene: Scene) -> float:
-    """Stiffness [pressure/length] by which gaps are compared with pressures.
+    """Stiffness [pressure/length] that converts gaps into pressures, for the scaling of equations.
 
-    It is the penalty stiffness of the contact law, or E*/h_contact for a law without one.
+    It is the penalty stiffness of the contact law, or E*/h_contact for a law without penalty.
     """
     return float(
         getattr(
@@ -36,9 +36,9 @@ def stiffness_scale(scene: Scene) -> float:
 
 
 class SurfaceMultiplier:
-    """The multiplier on the contact surface.
+    """Lagrange multiplier on the contact surface.
 
-    It is an unknown of the body, or else a function of the same order as the displacement.
+    It is an unknown of the body, or a separate function of the same order as the displacement.
 
     Attributes
     ----------
@@ -70,10 +70,10 @@ class SurfaceMultiplier:
         return self._trace.interpolate(self._nodal_values()[..., None], points)[..., 0]
 
     def smooth_values_at(self, points: np.ndarray) -> np.ndarray:
-        """The multiplier (facets, points) as a pressure for output [pressure] (collective).
+        """The multiplier (facets, points) without oscillations [pressure] (collective).
 
-        On triangles the multiplier oscillates at the vertices, whose values are replaced by means
-        of those at the midpoints, see `interpolate_from_midpoints`.
+        On triangles the multiplier oscillates at the vertices; `interpolate_from_midpoints`
+        replaces the vertex values by means of midpoint values.
         """
         if not self._trace.has_ripples:
             return self.values_at_points(points)
@@ -86,7 +86,7 @@ class SurfaceMultiplier:
         return self._trace.interpolate(nodal[..., None], points)[..., 0]
 
     def set_nodal_values(self, nodal: np.ndarray) -> None:
-        """Set values (facets, nodes), averaged at shared nodes [pressure] (collective)."""
+        """Set nodal values (facets, nodes), averaged at shared nodes [pressure] (collective)."""
         total, count = (
             sum_nodal_contributions(self.vector, self._node_dofs, values)
             for values in (nodal, np.ones_like(nodal))

@@ -20,7 +20,7 @@ MixingRule = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 class PressureProjection:
-    """Update lam to the L2 projection of <p_hat>: int lam N = int <p_hat> N for all functions N.
+    """L2 projection lam of the contact pressure: int lam N = int <p_hat> N for all functions N.
 
     The projection has the same nodal forces as <p_hat>. The trial pressure p_hat itself oscillates
     inside the elements, because its penalty stiffness magnifies small oscillations of the gap.
@@ -65,7 +65,7 @@ class PressureProjection:
         Parameters
         ----------
         mixing : callable, optional
-            Next multiplier from the present one and its projection.
+            Function of the present multiplier and its projection that returns the next multiplier.
 
         Returns
         -------

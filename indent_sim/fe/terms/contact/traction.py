@@ -1,8 +1,8 @@
 """Contact residual of a law with a potential: int potential(g, lam) dGamma.
 
 The derivative of the potential with respect to the gap is minus the contact pressure <lam -
-stiffness g>, which acts along the tip's normal. Only unknowns are varied: a frozen multiplier
-(Uzawa) and the stress of the body (Nitsche's method with theta = 0) are not.
+stiffness g>, which acts along the tip's normal. Only unknowns are varied, not a frozen multiplier
+(Uzawa) or the stress of the body (Nitsche's method with theta = 0).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from indent_sim.scene.scene import Scene
 
 
 def fields(scene: Scene) -> list[Field]:
-    """The multiplier field of laws for which it is an unknown."""
+    """Return the multiplier field if the contact law has the multiplier as an unknown, else []."""
     return (
         [multiplier_field(scene, DISPLACEMENT_ORDER)]
         if scene.physics.contact.multiplier == "unknown"
@@ -36,7 +36,7 @@ def fields(scene: Scene) -> list[Field]:
 
 
 class Traction(Term):
-    """Normal contact pressure by the potential of the scene's contact law.
+    """Normal contact pressure from the potential of the scene's contact law.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class Traction(Term):
         )
 
     def _multiplier_expression(self, strain_energy: StrainEnergy) -> Expr:
-        """The multiplier in the potential, by the contact method.
+        """Return the multiplier in the potential, as the contact method requires.
 
         It is an unknown, a frozen function, the normal stress of the body, or zero.
         """
@@ -90,7 +90,7 @@ class Traction(Term):
 
     @cached_property
     def surface_multiplier(self) -> SurfaceMultiplier:
-        """The multiplier, or for a law without one the projection of the pressure."""
+        """The multiplier, or for a law without multiplier the projection of the pressure."""
         return SurfaceMultiplier(self.body)
 
     @cached_property
@@ -111,7 +111,7 @@ class Traction(Term):
 
     @property
     def stiffness(self) -> float:
-        """Current penalty stiffness [pressure/length], with all factors."""
+        """Current penalty stiffness [pressure/length], including all continuation factors."""
         return float(self.symbolic_law.stiffness.value)  # type: ignore[union-attr]
 
     def scale_stiffness(self, factor: float) -> None:

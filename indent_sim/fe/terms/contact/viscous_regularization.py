@@ -1,4 +1,4 @@
-"""Drag on the contact surface, by which dynamic relaxation reaches a stable state of a body."""
+"""Viscous drag on the contact surface, for dynamic relaxation to a stable state."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from indent_sim.fe.unknowns import TimeLevel
 
 
 class ViscousRegularization(Term):
-    """Virtual work int drag (u - u_start) . v dGamma of a surface drag [pressure/length]."""
+    """Viscous drag on the surface with the virtual work int drag (u - u_start) . v dGamma."""
 
     def __init__(self, body: Body):
         self._body = body
