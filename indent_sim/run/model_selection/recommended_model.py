@@ -360,7 +360,7 @@ def _effects_on_curve(config: Config, names: tuple[str, ...]) -> list[str]:
 
 
 def _is_simpler_body(body: str, config: Config) -> bool:
-    """True if a body of BODY_VARIANTS is simpler than that of the scene, and can replace it."""
+    """Return whether a variant of the body is simpler than the scene's body and can replace it."""
     if body == "no inclusions" or (
         isinstance(config.body, UnboundedBody) and body == config.body.shape
     ):
