@@ -1,4 +1,4 @@
-"""Depths to expect, and the limits that the body and the tip set to them."""
+"""Expected depths of a scene, and the largest depths that the body and the tip allow."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ def expected_depths(
     scales: Scales,
     mirror_multiplicity: int = 1,
 ) -> tuple[float, ...]:
-    """Return the prescribed depths, or those to expect at the prescribed forces.
+    """Return the prescribed depths, or the depths expected at the prescribed forces.
 
-    Depths at forces follow from theory, or from the cross-section of the tip if theory has none;
+    Depths at forces follow from theory, or from the cross-section of the tip if there is no theory;
     between MAX_THEORY_FORCES forces they are interpolated by power laws.
 
     Parameters
