@@ -58,7 +58,7 @@ class Corner:
         return self.error_constant * (h / self.distance) ** SINGULARITY_RATE
 
     def size(self, error: float, n: float) -> float:
-        """Return the element size [length] for an error of the force; a narrow gap has n elements."""
+        """Return the element size [length] for an error of the force; a gap has n elements."""
         if self.error_constant:
             size = self.distance * (error / self.error_constant) ** (1 / SINGULARITY_RATE)
         else:

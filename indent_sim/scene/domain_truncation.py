@@ -240,7 +240,7 @@ def _truncate_half_space(
     )
 
     def error_of(size: float) -> float:
-        """Return F(cylinder)/F(half-space) - 1 for a cylinder whose radius and height are `size`."""
+        """Return F(cylinder)/F(half-space) - 1 for a cylinder of radius and height `size`."""
         stack = stack_of(_finite_layers(theory_layers, size), "fixed")
         assert stack is not None
         contact = LayerContact.from_stack(shape, stack, size)

@@ -159,7 +159,7 @@ def refine_films(
     fixed_sizes: FixedSizes,
     resolution: MeshResolution | None,
 ) -> Sizes:
-    """Return sizes with smaller elements at drained faces where the first load increments need them.
+    """Return sizes with smaller elements at drained faces if the first increments need them.
 
     After a short time only a thin boundary layer has drained. In three dimensions this refinement
     would cost too much.
@@ -232,7 +232,7 @@ def _film_sizes(
 
 
 def _elements_in_inclusion(inclusion: Inclusion, setup: ProblemSetup, error: float) -> float:
-    """Return the number of elements in half the thickness of an inclusion for an error of the force.
+    """Return the elements needed in half the thickness of an inclusion for an error of the force.
 
     The error is the fraction of the inclusion that flat facets omit, multiplied by the share of the
     inclusion in the strain energy below a point force.

@@ -31,7 +31,7 @@ Layers = tuple[Layer, ...]
 
 
 def elastic_layers(config: Config) -> Layers:
-    """Return the layers with their instantaneous laws; the last layer of a half-space is infinite."""
+    """Return the layers with their instantaneous laws; the substrate has infinite thickness."""
     laws = [instantaneous_law(config, layer_material(layer)) for layer in config.layers]
     layers = zip(config.layers, laws, strict=True)
     return tuple(

@@ -197,7 +197,7 @@ class _LimitTransition:
     force_ratio: float
 
     def limits(self, setup: ProblemSetup) -> dict[str, float | None]:
-        """Return the force (or depth at the largest prescribed force) in both limits [user's units]."""
+        """Return force, or depth at the largest prescribed force, in both limits [user's units]."""
         return {name: _limit_value(setup, law) for name, law in (self.first_limit, self.last_limit)}
 
     def expected_force(self, setup: ProblemSetup) -> float | None:
@@ -219,9 +219,7 @@ class _LimitTransition:
         return text
 
     def _nearest_limit_text(self, remaining_fraction: float | None) -> str:
-        """Return the name of the nearest elastic limit, or the differences to both limits if
-        neither is near.
-        """
+        """Return the nearest elastic limit as text, or the differences to both limits."""
         if remaining_fraction is None:
             return "`require` computes which elastic limit is near"
         percent_below = 100 * (1 - 1 / self.force_ratio) * (1 - remaining_fraction)
