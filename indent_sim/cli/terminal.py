@@ -191,7 +191,7 @@ def _hysteresis_lines(loop: HysteresisLoop | None, units: Mapping[str, str]) -> 
         return []
     unit = f"{units['force']} {units['delta']}".strip()
     area_text = f"hysteresis loop: area {loop.area:.4g} ± {loop.error:.1g} {unit}".rstrip()
-    percent_text = f"{100 * loop.area / loop.way_in:.3g} % of the work of loading"
+    percent_text = f"{100 * loop.area / loop.loading_work:.3g} % of the work of loading"
     range_text = ""
     if loop.end_depth is not None:
         range_text = f", at depths above {loop.end_depth:.4g} {units['delta']}".rstrip()

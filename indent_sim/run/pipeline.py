@@ -327,7 +327,7 @@ class SimulationDriver:
             is_reported_missing or comm.bcast(run_on_root(comm, (target / EXPERIMENT).exists))
         ):
             absent_files = [*absent_files, EXPERIMENT]
-        advice = "missing or damaged since; leave --resume out to compute them again"
+        advice = "missing or damaged; run again without --resume to recompute them"
         absence_warnings = [f"{', '.join(absent_files)}: {advice}"] if absent_files else []
         report = earlier.report | {
             "warnings": [*earlier.report.get("warnings", []), *absence_warnings]

@@ -42,7 +42,7 @@ class HysteresisLoop:
         Work of loading that unloading does not return [force length].
     error
         Estimated error of the area by linear interpolation between rows [force length].
-    way_in
+    loading_work
         Work of loading [force length].
     end_depth
         Depth [length] at which a path ends in contact: the loop is that beyond it. None where the
@@ -51,7 +51,7 @@ class HysteresisLoop:
 
     area: float
     error: float
-    way_in: float
+    loading_work: float
     end_depth: float | None
 
 
@@ -69,8 +69,10 @@ def hysteresis_loop(states: Sequence[State]) -> HysteresisLoop | None:
         rows.insert(0, (0.0, 0.0))
     steps = [end[0] - begin[0] for begin, end in pairwise(rows)]
     work = [_work(*step) for step in pairwise(rows)]
-    way_in = sum(segment_work for segment_work, step in zip(work, steps, strict=True) if step > 0)
-    if min(steps, default=0.0) >= 0 or not way_in > 0:
+    loading_work = sum(
+        segment_work for segment_work, step in zip(work, steps, strict=True) if step > 0
+    )
+    if min(steps, default=0.0) >= 0 or not loading_work > 0:
         return None
     is_closed = not (rows[-1][0] > 0 and rows[-1][1] > 0)
     if not is_closed:
@@ -83,7 +85,7 @@ def hysteresis_loop(states: Sequence[State]) -> HysteresisLoop | None:
         _work(rows[begin_row], rows[end_row]) for begin_row, end_row in pairwise(kept_rows)
     )
     end_depth = None if is_closed else rows[-1][0]
-    return HysteresisLoop(sum(work), abs(sum(work) - coarse_area) / 3, way_in, end_depth)
+    return HysteresisLoop(sum(work), abs(sum(work) - coarse_area) / 3, loading_work, end_depth)
 
 
 def _rows_beyond(rows: list[tuple[float, float]], depth: float) -> list[tuple[float, float]]:

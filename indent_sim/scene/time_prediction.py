@@ -50,7 +50,7 @@ class TimePrediction:
     limits : dict of str to float or None
         Largest force, or depth at the largest prescribed force, in the elastic limits `undrained`
         and `drained`, or `unrelaxed` and `relaxed`; None without a theory.
-    about : float or None
+    expected : float or None
         Expected value of the same quantity, between the two limits.
     words : str
         Sentence that names the nearest elastic limit at the end of loading and of the history;
@@ -64,20 +64,20 @@ class TimePrediction:
     times: dict[str, float]
     stages: int | None
     limits: dict[str, float | None]
-    about: float | None
+    expected: float | None
     words: str
 
     @property
     def report(self) -> dict[str, Any]:
         """Return the entries for run.json."""
-        return {name: value for name, value in vars(self).items() if name != "about"}
+        return {name: value for name, value in vars(self).items() if name != "expected"}
 
     def prediction(self, quantity: str) -> dict[str, float]:
         """Return the expected value and the elastic limits of a quantity, "force" or "delta"."""
         limit_values = {
             f"{quantity}_{name}": value for name, value in self.limits.items() if value is not None
         }
-        return ({} if self.about is None else {quantity: self.about}) | limit_values
+        return ({} if self.expected is None else {quantity: self.expected}) | limit_values
 
 
 def time_prediction(
