@@ -90,7 +90,7 @@ class SolverWork:
         return (4.0 if self.is_nonlinear else 1.5) * self.steps + 10.0 + snap_solves * self.snaps
 
     def step_time_factor(self, dim: int) -> float:
-        """Return the time of a linear solve relative to one without friction and time dependence."""
+        """Return the factor of the time per linear solve for friction and time dependence."""
         friction_factor = FRICTION_STEP_FACTOR[dim] if self.has_friction else 1.0
         return friction_factor * (TIME_DEPENDENT_STEP_FACTOR if self.is_time_dependent else 1.0)
 

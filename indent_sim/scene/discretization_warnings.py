@@ -92,7 +92,10 @@ def _contact_law_warnings(
     theory = setup.theory
     # Nodal pressures on a deformed surface have several equilibria.
     if gap == "current" and law.multiplier == "nodal":
-        several_text = "several equilibria with different contact nodes exist, and the steps select one of them"
+        several_text = (
+            "several equilibria with different contact nodes exist, and the steps select one of "
+            "them"
+        )
         message = (
             f"{law.method} with gap: current: {several_text}, and their forces differ by "
             f"{error_text(EQUILIBRIA_DIFFERENCE)}"
