@@ -1,6 +1,7 @@
-"""Protection of finished results: what a new run may replace.
+"""Protection of finished results against being overwritten by a new run.
 
-A run may replace rows of the same config file, and of finished runs only those of the same scene.
+A run may replace unfinished results of the same config file, and finished results of the same
+scene.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ MAX_DIFFERENCES = 5  # A message names no more differences than these.
 
 
 def is_finished(report: Report) -> bool:
-    """Return whether the run of a run.json computed all its rows."""
+    """Return whether the run that wrote a run.json has computed all rows."""
     return (
         report.get("status") in ("done", "failed")
         and report.get("exit_code") in COMPLETE_EXIT_CODES
@@ -46,12 +47,12 @@ def refuse_overwrite(folder: Path, config_yaml: str, report: Report) -> None:
     config_yaml
         The resolved scene of the new run.
     report
-        The run.json of the new run: its entries `asked` and `plan.auto` are used.
+        The run.json of the new run, of which the entries `asked` and `plan.auto` are used.
 
     Raises
     ------
     UsageError
-        The message names the differences, and an `--output` that is free.
+        If results would be overwritten; the message names the differences and an unused folder.
     """
     if not has_rows(folder):
         return
@@ -80,10 +81,10 @@ def refuse_overwrite(folder: Path, config_yaml: str, report: Report) -> None:
 def scene_differences(
     folder: Path, old_report: Report, config_yaml: str, new_report: Report
 ) -> list[str]:
-    """Return the differences between the scene of a finished run and that of a new one, in words.
+    """Return texts on the differences between the scenes of a finished and a new run.
 
-    Keys that both runs left to the program are ignored: their values may follow from another key,
-    or from the program's version. Error bars count as a difference if the new run would have none.
+    Keys that both runs left at auto are ignored, since their values may depend on another key or on
+    the program's version. Error bars count as a difference if the new run would have none.
 
     Parameters
     ----------
@@ -132,8 +133,8 @@ def free_folder_name(folder: Path) -> Path:
 def _read_scene(folder: Path) -> Mapping[str, Any]:
     """Return the scene of a finished run with the keys of this version.
 
-    A scene that this version cannot read is returned as it stands. Empty if config.yaml is missing
-    or damaged: then nobody knows to which scene the rows belong, and a new run repairs the folder.
+    A scene that this version cannot read is returned unchanged. The result is empty if config.yaml
+    is missing or damaged; a new run then replaces the folder.
     """
     try:
         return to_mapping(load_result_config(folder / CONFIG))
@@ -147,7 +148,7 @@ def _read_scene(folder: Path) -> Mapping[str, Any]:
 
 
 def _automatic_keys(report: Report) -> set[str]:
-    """Return the keys that a run left to the program."""
+    """Return the keys that were auto in the scene of a run."""
     return set((report.get("plan") or {}).get("auto") or ())
 
 
@@ -158,7 +159,7 @@ def _requested_options(report: Report) -> Mapping[str, Any]:
 
 
 def _difference_clause(key: str, old: Any, new: Any) -> str:
-    """Return the values of a key in two scenes as a clause; None stands for a missing key."""
+    """Return a clause on the values of a key in two scenes; None: the key is missing."""
     if old is None:
         return f"{key} was missing and is {_value_text(new)}"
     if new is None:

@@ -202,8 +202,7 @@ class SimulationDriver:
         return outcome
 
     def _resolve_scene(self, elements: float | None) -> Scene:
-        """Return the scene with a number of elements in the contact radius, by default the
-        config's."""
+        """Return the scene with a given or the default number of elements in the contact radius."""
         # A given scene is not reused with an imported mesh: its file may have changed since.
         if elements is None and self._scene is not None and self._imported_mesh is None:
             return self._scene
@@ -510,8 +509,7 @@ def states(
 
 @dataclass(frozen=True)
 class CondensedBody:
-    """Linear body condensed to its contact surface, for fast solutions with other tips or
-    depths."""
+    """Linear body condensed to its contact surface, for fast solutions with other tips."""
 
     scene: Scene
     equilibrium: Equilibrium

@@ -60,8 +60,7 @@ class PlannedRun:
 
     @property
     def accepts_any_depth(self) -> bool:
-        """True if forces at any depths can be computed without a load path (theory,
-        condensation)."""
+        """True if theory or condensation gives forces at any depths, without a load path."""
         return not self.scene.is_meshed or self.scene.solver.method == "condensed"
 
     @property
@@ -71,8 +70,7 @@ class PlannedRun:
 
     @property
     def identity(self) -> str:
-        """Hash of problem, discretisation, history and experiment; titles and output do not
-        count."""
+        """Hash of problem, discretisation, history and experiment, but not of titles and output."""
         # Imported here since it loads the readers of results, which no plan needs.
         from indent_sim.results.json_text import to_json
 

@@ -99,8 +99,7 @@ def _root_method(method: Callable[..., T]) -> Callable[..., T | None]:
 
 
 class RunOutput:
-    """Result folder shared by all MPI ranks: rank 0 writes, and a failure is raised on all
-    ranks."""
+    """Result folder shared by all MPI ranks: rank 0 writes, failures are raised on all."""
 
     def __init__(
         self, comm: Comm, target: Path, config_yaml: str, report: Mapping[str, Any], **options: Any
