@@ -103,7 +103,7 @@ def conclusion_lines(outcome: Outcome) -> list[str]:
     lines += [*_error_estimate_lines(outcome), *_theory_lines(report)]
     if fit := report.get("hertz"):
         modulus_error = f"{fit['percent']:+.3g} %{fit.get('against', '')}"
-        lines.append(f"a Hertz fit of this curve reads E = {fit['E']:.4g} ({modulus_error})")
+        lines.append(f"a Hertz fit of this curve gives E = {fit['E']:.4g} ({modulus_error})")
     lines += _section_sentence(_report_section(report, "stick"))
     lines += [
         *_largest_pull_lines(_report_section(report, "adhesion")),

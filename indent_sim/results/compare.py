@@ -76,8 +76,7 @@ class Comparison:
 
     @property
     def residual(self) -> dict[str, float]:
-        """Maximum and root mean square of the force differences, in per cent of the largest
-        force."""
+        """Maximum and root mean square of the force differences [% of the largest force]."""
         pair = self.pairs.get("force", np.empty((0, 2)))
         pair = pair[np.isfinite(pair).all(axis=1)]
         largest = float(np.abs(pair).max(initial=0.0))

@@ -222,8 +222,7 @@ class FieldWriter:
         arrays: ArrayLayouts,
         mesh_arrays: ArrayLayouts,
     ) -> str:
-        """Return the XDMF grid of a state on the mesh of the body (prefix "") or the tip
-        ("tip_")."""
+        """Return the XDMF grid of a state on the mesh of the body, or of the tip ("tip_")."""
         points, cells = (self._mesh[f"{prefix}{name}"] for name in ("points", "cells"))
         counts = {"Node": len(points), "Cell": len(cells)}
         items = [

@@ -104,7 +104,8 @@ def read_report(folder: Path, name: str = REPORT) -> Report:
 def folder_kind(folder: Path) -> Literal["nothing", "run", "study", "fit", "other"]:
     """Return the kind of content of a folder: a run, a study, a fit, nothing, or other files.
 
-    "nothing" stands for a missing or empty folder, and for a folder that contains only the lock or the empty runs/ of a run or study that was killed at its start.
+    "nothing" stands for a missing or empty folder, and for a folder that contains only the lock or
+    the empty runs/ of a run or study that was killed at its start.
 
     Raises
     ------

@@ -277,8 +277,7 @@ class ResultFolder:
                     (self.path / name).unlink(missing_ok=True)
 
     def save_checkpoint(self, saved: Checkpoint, identity: Report) -> None:
-        """Save the last equilibria for `--resume`; a full disk is ignored, since they are
-        optional."""
+        """Save the last equilibria for `--resume`; since optional, a full disk is ignored."""
         with defer_signals(), suppress(OSError):
             checkpoint.write(self.path / CHECKPOINT, saved, identity)
 
@@ -352,7 +351,9 @@ class ResultFolder:
     def _write_surface(self, state: State, surface: Surface) -> None:
         """Write the surface of a state, as the key `output.surface` requests.
 
-        With "all", surfaces of all states are appended to the table. With "last", only those of the deepest and the last state are kept."""
+        With "all", surfaces of all states are appended to the table. With "last", only those of
+        the deepest and the last state are kept.
+        """
         path = self.path / SURFACE
         block = tables.surface_block(state.step, surface)
         if self._surface == "all" and path.exists():

@@ -668,7 +668,7 @@ class TestRoom:
     ("given", "said"),
     [
         ({"what": ("forces",)}, "none of force, time, pressure"),
-        ({"fields": ("J",)}, "--field belongs to --what fields"),
+        ({"fields": ("J",)}, "--field is only for --what fields"),
         ({"steps": ("2",)}, "--steps belongs to"),
         ({"what": ("fields",), "fields": ("mises",)}, "there is no field mises"),
         ({"what": ("pressure",), "steps": ("two",)}, "neither a step nor last nor all"),
@@ -687,7 +687,7 @@ def test_a_wish_without_effect_is_refused(given, said):
         ({"layout": (1, 41)}, "is for 41 panels"),
         (
             {"what": ("force", "profile") * 100 + ("force",)},
-            "these are 201 panels, a picture has 40 at most",
+            "the request has 201 panels, but a picture can have at most 40",
         ),
     ],
 )

@@ -92,8 +92,7 @@ class MeasuredCurve:
         return len(self.force)
 
     def available_abscissa(self, preferred: Abscissa) -> Abscissa:
-        """Return the preferred abscissa, "delta" or "z", if the curve has it, otherwise the
-        other."""
+        """Return the preferred abscissa ("delta" or "z") if the curve has it, else the other."""
         alternative: Abscissa = "z" if preferred == "delta" else "delta"
         return preferred if getattr(self, preferred) is not None else alternative
 

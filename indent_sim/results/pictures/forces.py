@@ -361,7 +361,7 @@ def _refuse_mixed_kinematics(runs: Sequence[Results]) -> None:
     if len(flat) > 1:
         raise UsageError(
             f"the forces of {flat[True]} are per length, those of {flat[False]} are not: draw "
-            "them apart"
+            "them separately"
         )
 
 

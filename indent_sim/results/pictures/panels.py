@@ -626,7 +626,7 @@ def _requested_steps(run: Results, request: PlotRequest, panel_kind: str) -> lis
         if len(available) < len(run):
             problem = (
                 f"{run.path} has fields of {len(available)} of {len(run)} steps, "
-                "and a film needs all"
+                "but an animation (film) needs all"
             )
             raise UsageError(problem, "run it with --set output.fields=all, or name --steps")
         return [float(step) for step in history.film_steps(run, available)]
