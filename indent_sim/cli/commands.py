@@ -79,13 +79,13 @@ SCHEMA_FILE = "scene.schema.json"
 
 
 class Program(click.Group):
-    """Command group that turns every end of the program into a message and an exit code."""
+    """Command group that converts failures of the program to a message and an exit code."""
 
     def main(self, *args: Any, **options: Any) -> Any:
-        """Set one BLAS thread and no pydantic plugins, unless the environment sets them.
+        """Run the program with one BLAS thread and without pydantic plugins.
 
-        This has to happen before numpy and pydantic are imported; pydantic would search every
-        installed package for plugins.
+        Settings of the environment take precedence. The defaults must be set before numpy and
+        pydantic are imported; pydantic would search every installed package for plugins.
         """
         for name in (*THREAD_VARIABLES, "PYDANTIC_DISABLE_PLUGINS"):
             os.environ.setdefault(name, "1")
@@ -106,7 +106,7 @@ class Program(click.Group):
         return ctx
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the command; expected failures print a message, others a traceback."""
+        """Run the command; print a message for expected failures and a traceback for others."""
         try:
             if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
                 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -121,7 +121,7 @@ class Program(click.Group):
 
 
 def _open_closed_streams() -> None:
-    """Open /dev/null in place of stdin, stdout and stderr that are closed; libraries need them."""
+    """Open /dev/null in place of closed stdin, stdout and stderr, which libraries need."""
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
             null = os.open(os.devnull, os.O_RDWR)
@@ -503,7 +503,7 @@ def _fit_curves(
 
 
 def _reading_options(columns: tuple[str, ...], units: dict[str, str]) -> ReadOptions:
-    """Return the options for reading curve files from those of the command line."""
+    """Return the options for reading curve files from the command-line options."""
     from indent_sim.fitting.fit_folder import ReadOptions
 
     if columns and not 2 <= len(columns) <= 3:
@@ -761,7 +761,7 @@ def report(folder: Path, output: Path | None, crate: Literal["", "crate"]) -> No
 
 
 def _own_file_names(folder: Path) -> Sequence[str]:
-    """Return the names of the program's own files in a folder of this kind."""
+    """Return the names of this program's files in a folder of results, a study or a fit."""
     from indent_sim.results.result_files import FIELDS_FOLDER, RESULT_FILES, folder_kind
 
     match folder_kind(folder):
@@ -868,9 +868,9 @@ def main() -> None:
 
 
 def _start_mesher(load_config: Callable[[], Config]) -> bool:
-    """Start the mesher process on rank 0, before MPI is loaded; return whether MPI is needed.
+    """Start the mesher process on rank 0, before MPI is imported; return whether MPI is needed.
 
-    A scene that theory solves on a single rank needs neither.
+    A scene that is solved by theory on a single rank needs neither.
     """
     from indent_sim.process.ranks import is_parallel, is_root
     from indent_sim.run.planned_run import start_mesher_if_needed
@@ -901,8 +901,8 @@ def _refuse_parallel_run() -> None:
 def abort_all_ranks_together(comm: Any) -> Iterator[None]:
     """End all ranks with the same exit code if one fails, and print one message.
 
-    The message is that of rank 0, or, if rank 0 does not fail, that of the rank that does. A rank
-    that fails alone, by a bug or a signal, aborts all of them.
+    The message is from rank 0, or, if rank 0 does not fail, from the rank that fails. A rank that
+    fails alone, by a bug or a signal, aborts all ranks.
     """
     consensus = FailureConsensus(comm)
     try:
@@ -926,7 +926,7 @@ def abort_all_ranks_together(comm: Any) -> Iterator[None]:
 def _simulate(
     settings: Config, comm: Any, directory: Path, verbosity: Verbosity, **options: Any
 ) -> Outcome:
-    """Simulate a scene with progress on stderr; after a failure print where its rows are."""
+    """Simulate a scene with progress on stderr; after a failure, print the folder of its rows."""
     from indent_sim.run.pipeline import simulate as simulate
 
     progress_context: AbstractContextManager[Any] = nullcontext()
@@ -951,7 +951,7 @@ def _simulate(
 
 @contextmanager
 def _quiet_libraries(level: int) -> Iterator[None]:
-    """Print the program's messages from a level on, and warnings of libraries, to stderr."""
+    """Print the program's messages of at least a level, and warnings of libraries, to stderr."""
     own_logger = logging.getLogger("indent_sim")
     root_logger = logging.getLogger()
     own_handler = StderrHandler(logging.INFO)
@@ -980,7 +980,7 @@ class StderrHandler(logging.Handler):
 
 
 def _report_kept_rows(directory: Path, error: BaseException) -> None:
-    """Print where the rows of a failed run are, or that an earlier finished run is unchanged."""
+    """Print the folder of a failed run's rows, or that an earlier finished run is unchanged."""
     from indent_sim.results.result_files import read_report
 
     report = read_report(directory)
@@ -993,7 +993,7 @@ def _report_kept_rows(directory: Path, error: BaseException) -> None:
 
 
 def _print_conclusion(outcome: Outcome, output_format: OutputFormat, verbosity: Verbosity) -> None:
-    """Print the result of a run to stdout, and its conclusion or only warnings to stderr."""
+    """Print the result of a run to stdout, and final remarks or only warnings to stderr."""
     from indent_sim.results.reader import has_reactions, rows_of
     from indent_sim.results.result_files import read_report
 
@@ -1012,7 +1012,7 @@ def _print_conclusion(outcome: Outcome, output_format: OutputFormat, verbosity: 
 def _is_study(path: Path) -> bool:
     """Return whether a file contains a study; False if it cannot be read.
 
-    The error is then that of reading it as a scene.
+    The error is then reported when the file is read as a scene.
     """
     from indent_sim.config.scene_file import is_study, read_document
 
@@ -1039,7 +1039,7 @@ def _plan_study(
 
 
 def _terminal_width() -> int:
-    """Return the number of columns of the terminal; 120 if stdout is none."""
+    """Return the number of columns of the terminal; 120 if stdout is not a terminal."""
     import shutil
 
     return shutil.get_terminal_size((120, 24)).columns if sys.stdout.isatty() else 120

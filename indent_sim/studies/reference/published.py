@@ -1,4 +1,4 @@
-"""Published values: what a source states about a scene, and how the exact value is known."""
+"""Published values of a source for a scene, and the corresponding exact values."""
 
 from __future__ import annotations
 
@@ -25,9 +25,15 @@ EXACT_KEYS = ("value", "case", "by")
 class PublishedValue:
     """Published value of one row of a scene, in the user's units.
 
-    row_key: column (delta, t or step) and number of the row, None for the last row; claimed_kind:
-    what the source says the value is; claimed_error: relative error that the source itself allows,
-    None if it does not say: then the value is compared but not judged.
+    Attributes
+    ----------
+    row_key
+        Column (delta, t or step) and value that identify the row; None for the last row.
+    claimed_kind
+        Kind of the value according to the source: "exact", "fit" or "elements".
+    claimed_error
+        Relative error that the source claims; None if the source states no accuracy. The value is
+        then compared without a verdict.
     """
 
     quantity: str
@@ -40,9 +46,9 @@ class PublishedValue:
 
 @dataclass(frozen=True)
 class ExactValue:
-    """Exact value where no theory gives it: a number, or the case whose run computes it.
+    """Exact value without a theory: a number, or the case whose run computes it.
 
-    method: the second method in words.
+    `method` is a text on the second method.
     """
 
     method: str
@@ -51,7 +57,9 @@ class ExactValue:
 
 
 def read_published(raw_section: Any, keys: KeyPath) -> PublishedValue:
-    """Return the section `published` of a case; its ConfigError has no file and line."""
+    """Read and check the section `published` of a case.
+
+    ConfigErrors have no file and line, which the caller adds."""
     section = _check_section(raw_section, keys, PUBLISHED_KEYS, REQUIRED_KEYS)
     quantity = section["quantity"]
     claims = section["claims"]
@@ -68,7 +76,7 @@ def read_published(raw_section: Any, keys: KeyPath) -> PublishedValue:
     if claims not in CLAIMS:
         raise _config_error(
             (*keys, "claims"),
-            "is none of exact, fit, elements",
+            "must be exact, fit or elements",
             "say what kind of value the source gives",
         )
     claimed_error = (
@@ -92,7 +100,9 @@ def read_published(raw_section: Any, keys: KeyPath) -> PublishedValue:
 
 
 def read_exact(raw_section: Any, keys: KeyPath) -> ExactValue:
-    """Return the section `exact` of a case; its ConfigError has no file and line."""
+    """Read and check the section `exact` of a case.
+
+    ConfigErrors have no file and line, which the caller adds."""
     section = _check_section(raw_section, keys, EXACT_KEYS, ("by",))
     if ("value" in section) == ("case" in section):
         raise _config_error(
