@@ -452,7 +452,7 @@ def scoreboard_text(rows: Sequence[Report]) -> str:
 
     names = ("published", "exact", "ours", "our_error")
     heads = [name.replace("_", " ") for name in names]
-    lines = [["case", "", *heads, "difference", "who is wrong"]]
+    lines = [["case", "", *heads, "difference", "wrong value"]]
     for row in rows:
         numbers = ["" if row[name] is None else _value_text(row[name]) for name in names]
         difference_text = (

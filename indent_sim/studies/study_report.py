@@ -68,7 +68,7 @@ def study_page(folder: Path) -> str:
         ]
         tables.insert(
             0,
-            thinned_table("Published values", [*SCOREBOARD_CELLS, "who is wrong"], scoreboard_rows),
+            thinned_table("Published values", [*SCOREBOARD_CELLS, "wrong value"], scoreboard_rows),
         )
         caption = "Differences of published and computed values from the exact values"
         pictures.insert(

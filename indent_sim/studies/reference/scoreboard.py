@@ -130,11 +130,14 @@ def verdict_text(row: Row) -> str:
         return "no exact value known" if row["ours"] is not None else "the run failed"
     parts = []
     if row["wrong"] in (PUBLISHED, BOTH):
-        parts.append(f"published by {row['difference']:+.2g} %, claims {100 * row['within']:.2g} %")
+        parts.append(
+            f"published value: off by {row['difference']:+.2g} %, "
+            f"claimed accuracy {100 * row['within']:.2g} %"
+        )
     if row["wrong"] in (OURS, BOTH):
-        parts.append(f"ours by {row['ours_difference']:+.2g} %")
+        parts.append(f"computed value: off by {row['ours_difference']:+.2g} %")
     if row["within"] is None:
-        parts.append(f"published is {row['difference']:+.2g} % off, claims no accuracy")
+        parts.append(f"published value: off by {row['difference']:+.2g} %, no accuracy claimed")
     return "; ".join(parts) or NOBODY
 
 
