@@ -65,7 +65,7 @@ class MeshSettings:
 
 @dataclass(frozen=True)
 class SolverSettings:
-    """Solution of the equations.
+    """Settings of the solver: method, linear solver and tolerances.
 
     Options of PETSc come from the environment variable
     [PETSC_OPTIONS](how_do_i.md#tune-petsc).

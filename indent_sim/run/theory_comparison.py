@@ -94,7 +94,7 @@ def theory_comparison(
 
 
 def _mirror_notes(scene: Scene) -> list[str]:
-    """Return a note if the values of theory are a part of those with mirror images."""
+    """Return a note if the theory values are a fraction of those of the mirrored contact."""
     fraction_names = {2: "half", 4: "a quarter"}
     return (
         [f"{fraction_names[scene.physics.mirror_multiplicity]} of the mirrored contact's"]

@@ -44,7 +44,7 @@ def problem_along_history(
 ) -> ProblemDefinition:
     """Return the problem whose load path is the history.
 
-    The path of `physics` leads to the largest depth of the history only.
+    The path of `physics` is replaced, since it only leads to the largest depth of the history.
 
     Parameters
     ----------

@@ -357,7 +357,7 @@ class ProblemDefinition:
         return self.small_strain and self.gap == "reference"
 
     def solver_work(self, method: str, linear: str) -> SolverWork:
-        """Return the work of a solver for this problem, from which its cost is predicted.
+        """Return the properties of the solution by a solver that determine its cost.
 
         Parameters
         ----------

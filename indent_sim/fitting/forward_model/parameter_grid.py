@@ -96,9 +96,9 @@ class ParameterGrid:
         return nodes, weights
 
     def _has_solutions(self, nodes: Sequence[int]) -> bool:
-        """Return True if all nodes along the only parameter have a solution.
+        """Return False if there is one parameter and one of the nodes has no solution.
 
-        With several parameters it is known only after the nodes are solved.
+        With several parameters this is known only after the nodes are solved; True is returned.
         """
         return len(self.shape_parameters) > 1 or all(
             self._values_at_node((k,)) is not None for k in nodes

@@ -317,7 +317,7 @@ def baseline_noise_probability(estimate: Estimate) -> float | None:
 
 
 def width_inflation_factors(estimate: Estimate) -> list[float]:
-    """Return the ratio of each parameter's half widths with other parameters fitted and known."""
+    """Return the half-width of each parameter divided by its value with the others known."""
     coordinate_count = estimate.model.coordinate_count
     other_indices = [
         [j for j in range(coordinate_count) if j != k] for k in range(coordinate_count)

@@ -176,7 +176,7 @@ def average_over_noise(
 def _restricted_likelihood(
     noise: Noise, X: np.ndarray, degrees_of_freedom: int
 ) -> tuple[float, np.ndarray, np.ndarray, float]:
-    """Return ln L, covariance, step and s2 in one noise."""
+    """Return ln L, parameter covariance, parameter step and s2 for a given noise."""
     VX, log_V = noise.apply_inverse_covariance(X)
     M = X.T @ VX
     A = M[:-1, :-1]

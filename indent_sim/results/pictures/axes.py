@@ -116,7 +116,7 @@ def horizontal_axis_name(run: Results) -> str:
 
 
 def tip_axis_position(runs: Sequence[Results], along: Literal[0, 1] = 0) -> tuple[float, str]:
-    """Return the position of the tips' axis [length] along x or y, and the name of that axis.
+    """Return the position of the tips' axis [length] along x or y, and the axis label.
 
     For tips at different positions, the coordinate is the distance from each tip's axis, so that
     the position is 0.

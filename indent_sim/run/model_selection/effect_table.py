@@ -147,7 +147,7 @@ def _homogeneous_variant(v: SceneVariants) -> Config:
 def _inclusion_variant(v: SceneVariants) -> Config:
     """Return the linear scene with its inclusions.
 
-    It is three-dimensional if the axisymmetric replacement of the body has no inclusions.
+    The scene is three-dimensional if the axisymmetric replacement of the body has no inclusions.
     """
     if v.linear_scene.body.inclusions:
         return v.contact_variant()
@@ -191,7 +191,7 @@ def _has_rounding_theory(v: SceneVariants) -> bool:
 
 
 def _largest_rounding(v: SceneVariants) -> float:
-    """Return the largest rounding of the tip that is tried [length]."""
+    """Return the largest rounding radius of the tip in the search for the threshold [length]."""
     return 0.999 * v.tip.radius if isinstance(v.tip, FlatPunch) else inf
 
 

@@ -238,7 +238,7 @@ class TransientVariants(SceneVariants):
         return largest_row
 
     def _limit_force(self, *limits: str) -> float:
-        """Return the force of the body with the laws of limits, at the row of the largest force.
+        """Return the force at the row of the largest force, with the laws of elastic limits.
 
         A body that still depends on time follows the history up to this row.
         """

@@ -79,7 +79,7 @@ class VariantSolver:
         return self._compute_once(f"theory {config!r}", resolve_by_theory)
 
     def _solve_variant(self, kind: str, config: Config, solve: Callable[[Scene], T]) -> T:
-        """Return one kind of result of a variant."""
+        """Return the cached result `solve(scene)` of a variant, such as its states or history."""
 
         def solve_scene() -> T:
             """Return the result of the resolved variant."""
