@@ -62,7 +62,7 @@ def refuse_overwrite(folder: Path, config_yaml: str, report: Report) -> None:
     if not is_same_config_file(old_report, report, folder):
         file = old_report["asked"]["config"]
         raise UsageError(
-            f"{folder} holds the run of another config file, {file}", remedy, str(folder)
+            f"{folder} contains the run of another config file, {file}", remedy, str(folder)
         )
     if not is_finished(old_report):
         return
@@ -72,7 +72,7 @@ def refuse_overwrite(folder: Path, config_yaml: str, report: Report) -> None:
         remaining = len(differences) - MAX_DIFFERENCES
         difference_text += f", and {remaining} more" if remaining > 0 else ""
         raise UsageError(
-            f"{folder} holds the finished run of another scene: {difference_text}",
+            f"{folder} contains the finished run of another scene: {difference_text}",
             remedy,
             str(folder),
         )

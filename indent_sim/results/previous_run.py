@@ -185,7 +185,7 @@ def _refuse_other_config(
         if path[-1] in (documents[0].get(path[0]) or {}):
             remedy_text = f"give --overwrite in place of --resume to replace it; {remedy}"
             raise ConfigError(
-                key_text(path), f"{problem}; {folder} holds a run with it", remedy_text
+                key_text(path), f"{problem}; {folder} contains a run with it", remedy_text
             )
     differing_keys = [
         key for key in {**new_values, **old_values} if old_values.get(key) != new_values.get(key)

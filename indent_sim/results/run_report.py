@@ -51,7 +51,7 @@ HISTORY_CAPTION = "Quantities that change in time, and the force over a depth th
 
 
 def run_page(folder: Path) -> str:
-    """Return the HTML page of a result; UsageError if the folder has no result."""
+    """Return the HTML page of a result; raise UsageError if the folder has no result."""
     results = read_run(folder)
     report = results.report
     if not report:

@@ -621,11 +621,11 @@ def communicator(comm: Comm, scene: Scene) -> Comm:
 
 
 def mpi() -> Any:
-    """Initialise MPI and return mpi4py.MPI; BackendError if mpi4py is missing."""
+    """Initialise MPI and return mpi4py.MPI; raise BackendError if mpi4py is missing."""
     try:
         from mpi4py import MPI
     except (ImportError, RuntimeError) as error:
-        raise BackendError(f"mpi4py: {error}; `indent-sim doctor` says what is missing") from error
+        raise BackendError(f"mpi4py: {error}; `indent-sim doctor` lists what is missing") from error
     return MPI
 
 

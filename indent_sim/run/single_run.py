@@ -425,7 +425,7 @@ class SingleRun:
                 self._save_checkpoint()
 
     def _check_state(self, state: State) -> State:
-        """Add the error estimate to a state; VerificationError if a check fails."""
+        """Add the error estimate to a state; raise VerificationError if a check fails."""
         if self.scene.is_meshed:
             self._audit(state)
         state = state if self.error_bars is None else self.error_bars.add_error_estimate(state)
@@ -556,5 +556,5 @@ def backend() -> Any:
             load_dolfinx()
             from indent_sim.fe import solver
     except ImportError as missing:
-        raise BackendError(f"{missing}; `indent-sim doctor` says what is missing") from missing
+        raise BackendError(f"{missing}; `indent-sim doctor` lists what is missing") from missing
     return solver

@@ -102,7 +102,7 @@ def _refuse_unreadable(path: Path) -> None:
 
 
 def _read_content(path: Path) -> bytes:
-    """Return the bytes of a file; UsageError if it cannot be read."""
+    """Return the bytes of a file; raise UsageError if it cannot be read."""
     try:
         return read_regular_file(path)
     except (OSError, ValueError) as error:

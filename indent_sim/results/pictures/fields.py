@@ -179,7 +179,7 @@ class Section:
 
 
 def find_field(name: str) -> FieldQuantity:
-    """Return a field by its name; UsageError if there is none."""
+    """Return a field by its name; raise UsageError if there is none."""
     if name not in FIELDS:
         raise UsageError(f"there is no field {name}; choose among {', '.join(FIELDS)}")
     return FIELDS[name]

@@ -109,7 +109,7 @@ def sort_and_name(runs: Sequence[Results]) -> tuple[list[Results], list[str]]:
         If the results have no common axis: units differ, or only some forces are per length.
     """
     runs = convert_to_common_units(runs)
-    refuse_different_units(runs, "draw them apart")
+    refuse_different_units(runs, "draw them separately")
     _refuse_mixed_kinematics(runs)
     names = [
         picture_text(name) + picture_text(unit)

@@ -138,7 +138,7 @@ def plot_request(options: Mapping[str, Any]) -> PlotRequest:
     """
     request = PlotRequest(**{"what": ("force",), **options})
     if unknown := [word for word in request.what if word not in PANEL_KINDS]:
-        raise UsageError(f"--what {unknown[0]} is none of {', '.join(PANEL_KINDS)}")
+        raise UsageError(f"--what {unknown[0]} is not one of {', '.join(PANEL_KINDS)}")
     for name, (option, panel_kinds) in PANEL_OPTIONS.items():
         if name in options and not set(request.what) & set(panel_kinds):
             raise UsageError(f"{option} is only for --what {' or '.join(panel_kinds)}")
@@ -594,7 +594,7 @@ def _assign_colours(steps: Sequence[LabelledStep]) -> list[tuple[Results, float,
 def _labelled_steps(
     runs: Sequence[Results], names: Sequence[str], request: PlotRequest, panel_kind: str
 ) -> list[LabelledStep]:
-    """Return every result at every requested step; UsageError if one is missing."""
+    """Return every result at every requested step; raise UsageError if one is missing."""
     steps = [
         (run, step, name)
         for run, name in zip(runs, names, strict=True)

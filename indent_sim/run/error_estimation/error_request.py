@@ -41,7 +41,7 @@ def check_same_request(previous: ErrorRequest, request: ErrorRequest, folder: Pa
     if request.has_error_bars and not previous.has_error_bars:
         raise ConfigError(
             "",
-            f"{folder} holds a run without error bars",
+            f"{folder} contains a run without error bars",
             "give --overwrite in place of --resume to replace it",
         )
     if previous.accuracy != request.accuracy:
@@ -49,7 +49,7 @@ def check_same_request(previous: ErrorRequest, request: ErrorRequest, folder: Pa
             f"accuracy {accuracy:g}" if accuracy else "no accuracy"
             for accuracy in (previous.accuracy, request.accuracy)
         )
-        problem = f"{folder} holds a run with {old_text}, this one has {new_text}"
+        problem = f"{folder} contains a run with {old_text}, this one has {new_text}"
         raise ConfigError(
             "accuracy", problem, "give --overwrite in place of --resume to replace it"
         )

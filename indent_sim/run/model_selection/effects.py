@@ -258,7 +258,7 @@ def _threshold_effect(name: str, case: Threshold, source: str, v: Any) -> Effect
     )
     if small_ranges:
         needs += f", except {small_ranges}"
-    source = f"{source}, tried as far as {last_text}{stop_reason}"
+    source = f"{source}, tried up to {last_text}{stop_reason}"
     return Effect(name, None, None, None, source, needs)
 
 

@@ -93,7 +93,7 @@ def test_a_threshold_is_the_root_of_the_change(tolerance: float, x: str) -> None
     """
     found = of(1.0, tolerance=tolerance)
     assert found.needs == f"above {100 * tolerance:g} % from spring.x = {x}"
-    last = float(found.source.removeprefix("in parallel, tried as far as "))
+    last = float(found.source.removeprefix("in parallel, tried up to "))
     assert 0.5**0.5 < last < 1.5**2 * 0.5**0.5
 
 
