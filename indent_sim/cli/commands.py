@@ -183,7 +183,7 @@ def run(
 
 @program.command()
 @click.argument("file", metavar="STUDY", type=PATH)
-@click.option("--resume", is_flag=True, help="Keep finished runs and do the others.")
+@click.option("--resume", is_flag=True, help="Keep finished runs and perform the others.")
 @click.option(
     "--overwrite",
     is_flag=True,
@@ -328,7 +328,7 @@ def _print_curve_requirements(
 
 @program.command()
 @click.argument("curves", metavar="CURVE_OR_FOLDER...", nargs=-1, type=PATH)
-@click.option("--scene", type=PATH, help="Scene that is the model; its loading is not used.")
+@click.option("--scene", type=PATH, help="Scene used as the model; its loading is ignored.")
 @click.option(
     "--design",
     "design_scene",
@@ -343,7 +343,7 @@ def _print_curve_requirements(
     "--noise",
     type=NumberInRange(0, 1, min_open=True),
     metavar="X",
-    help="With --design: standard deviation of a force over the largest force.",
+    help="With --design: standard deviation of the force divided by the largest force.",
 )
 @click.option(
     "--points",
@@ -454,7 +454,7 @@ def _refuse_mixed_options(
     if design_scene and noise is None:
         raise UsageError(
             "--design needs --noise X",
-            "X is the standard deviation of a force over the largest force, e.g. 0.01",
+            "X is the standard deviation of the force divided by the largest force, e.g. 0.01",
         )
     if not design_scene and (noise is not None or points is not None):
         raise UsageError(

@@ -157,10 +157,7 @@ def surface_tension_errors(config: SceneSections) -> Iterator[ConfigError]:
         yield ConfigError(key, "is not verified together with contact.adhesion", remedy)
     relaxing_key = next((law_key for law_key, law in config.materials() if law.relaxation), None)
     if relaxing_key:
-        problem = (
-            f"does not relax, but {relaxing_key}.relaxation needs a load curve that relaxes as a "
-            "whole"
-        )
+        problem = f"does not relax, but {relaxing_key}.relaxation applies to the whole load curve"
         yield ConfigError(key, problem, remedy)
 
 

@@ -130,7 +130,7 @@ def _flow_law_errors(key: str, material: Material) -> Iterator[ConfigError]:
     flow = material.flow
     assert flow
     if isinstance(material, Gel):
-        remedy = "give diffusivity, that of the solvent"
+        remedy = "give the diffusivity of the solvent"
         if flow.permeability is not None:
             problem = "of a gel follows from its swelling"
             yield ConfigError(f"{key}.permeability", problem, remedy)

@@ -185,7 +185,7 @@ def _check_punch_width(body: Body, tip: Indenter, center: Center) -> None:
         return
     widest = body.lateral_extent(body.center)
     if tip.radius > widest:
-        problem = f"the edge of a flat punch of radius {tip.radius:g} crosses that of the body"
+        problem = f"the edge of a flat punch of radius {tip.radius:g} crosses the edge of the body"
         remedy = f"at most {widest:g}"
         if not isinstance(body, ImportedBody):
             remedy += f", at least {body.max_lateral_extent(center):g}, or shape: plate"

@@ -76,8 +76,8 @@ def pull_warnings(setup: ProblemSetup) -> tuple[ModelWarning, ...]:
     if not (setup.theory and setup.theory.tension_fraction):
         return ()
     message = (
-        f"{setup.theory.reason}; a contact without tension is smaller, and so is its force: only a "
-        "finite-element solution tells by how much"
+        f"{setup.theory.reason}; a contact without tension is smaller, and so is its force: the "
+        "difference is known only from a finite-element solution"
     )
     return (ModelWarning("pull", message, setup.theory.tension_fraction),)
 

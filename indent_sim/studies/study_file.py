@@ -373,7 +373,7 @@ class _StudyReader:
         if exact and not published:
             raise self.config_error(
                 (*case_keys, "exact"),
-                "belongs to a published value",
+                "is allowed only with a published value",
                 "add published, or leave it out",
             )
         return NamedCase(

@@ -202,7 +202,7 @@ def test_a_wider_punch_is_a_plate_until_the_rim_is_at_its_edge() -> None:
 @pytest.mark.parametrize("radius", [0.6, 0.7])
 def test_a_punch_whose_edge_crosses_that_of_a_block_is_refused(radius: float) -> None:
     block = BLOCK | {"size": [1.0, 1.0, 1.0]}
-    with pytest.raises(ConfigError, match="crosses that of the body"):
+    with pytest.raises(ConfigError, match="crosses the edge of the body"):
         scene(block, indenter={"shape": "flat_punch", "radius": radius})
 
 

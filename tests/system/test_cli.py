@@ -751,7 +751,9 @@ class TestAnotherScene:
         assert indent_sim(*words, "--error-bars").exit_code == 0
         done = indent_sim(*words)
         assert done.exit_code == 2
-        assert "of another scene: it has error bars, and --error-bars is missing now" in done.stderr
+        assert (
+            "of another scene: it has error bars, and --error-bars is not given now" in done.stderr
+        )
 
     @pytest.mark.parametrize(
         ("old", "new", "said"),

@@ -857,7 +857,7 @@ class TestComparison:
         )
         errors = ("force_error_vs", "force_error_worst", "a_error_vs", "p_error_vs")
         assert [row[name] for row in done.rows for name in errors] == [None] * 8
-        assert "no run is compared with another" in done.notes[0] and not done.recommendations
+        assert "are not compared" in done.notes[0] and not done.recommendations
 
     def test_accuracy_is_one_more_way_to_solve_the_same_problem(self, written, tmp_path):
         (tmp_path / "scene.yaml").write_text(

@@ -379,7 +379,7 @@ EFFECTS: dict[str, Cases] = {
             when=lambda v: v.layer_scene is None,
         ),
         Comparison(
-            "theory of all layers relative to a half-space of the first{v.stand_in_text}",
+            "theory of all layers relative to a half-space of the first layer{v.stand_in_text}",
             lambda v: v.layer_scene,
             lambda v: replace_sections(
                 v.layer_scene, body=HalfSpace(), material=v.layer_scene.layers[0].material
@@ -513,12 +513,12 @@ EFFECTS: dict[str, Cases] = {
     "friction": (
         Absent("the scene has no friction", when=lambda v: not v.friction),
         Change(
-            "friction {v.friction} relative to none: exact solution of a half-space",
+            "friction {v.friction} relative to no friction: exact solution of a half-space",
             lambda v: v.scene.plan.friction.force - 1,
             when=lambda v: v.scene.plan.friction,
         ),
         Comparison(
-            "friction {v.friction} relative to none, on one mesh{v.stand_in_text}",
+            "friction {v.friction} relative to no friction, on one mesh{v.stand_in_text}",
             lambda v: v.contact_variant(friction=v.friction),
             lambda v: v.contact_variant(),
         ),

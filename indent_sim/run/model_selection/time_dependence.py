@@ -46,20 +46,20 @@ LIMITS = {"drainage": ("drained", "undrained"), "rate": ("unrelaxed", "relaxed")
 TIME_EFFECTS: dict[str, Cases] = {
     "drainage": (
         Range(
-            "the scene relative to its swelling equilibrium, the range from the body before any "
-            "flow{v.row_text}",
+            "the scene relative to its swelling equilibrium; the range includes the body before "
+            "any flow{v.row_text}",
             lambda v: v.swelling_range,
             when=lambda v: v.has_bath,
         ),
         Range(
-            "the scene relative to its drained body, the range up to its undrained body"
+            "the scene relative to its drained body; the range includes its undrained body"
             "{v.row_text}",
             lambda v: v.drainage_range,
         ),
     ),
     "rate": (
         Range(
-            "the scene relative to its unrelaxed body, the range down to its relaxed body"
+            "the scene relative to its unrelaxed body; the range includes its relaxed body"
             "{v.row_text}",
             lambda v: v.relaxation_range,
         ),

@@ -23,8 +23,8 @@ DEPTH_TOLERANCE = 1e-9  # relative
 MAX_DEPTHS = 200  # theory is evaluated at no more depths than these
 DEPTH_FACTOR = 1.3  # the depth of a prescribed force differs from its prediction by less than this
 NO_COMPARISON_NOTE = (
-    "every run solves another problem, so that no run is compared with another; curves.csv and "
-    "curves.png have the curves"
+    "all runs solve different problems and are not compared; curves.csv and curves.png contain "
+    "their curves"
 )
 APPROACH_NOTE = "the reference is a time history: runs are compared with the rows of its approach"
 NAN = math.nan
