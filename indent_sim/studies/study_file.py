@@ -527,8 +527,7 @@ class _StudyReader:
         )
 
     def read_tolerance(self) -> float | None:
-        """Return the tolerance: relative error of the force up to which a row is "right", or
-        None."""
+        """Return the tolerance, the largest relative force error of a "right" row, or None."""
         tolerance = self.document.get("tolerance")
         if tolerance is None:
             return None
