@@ -667,7 +667,7 @@ class TestRoom:
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"what": ("forces",)}, "none of force, time, pressure"),
+        ({"what": ("forces",)}, "not one of force, time, pressure"),
         ({"fields": ("J",)}, "--field is only for --what fields"),
         ({"steps": ("2",)}, "--steps is only for"),
         ({"what": ("fields",), "fields": ("mises",)}, "there is no field mises"),
