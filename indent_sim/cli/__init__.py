@@ -1,1 +1,1 @@
-"""The command line."""
+"""Command-line interface, and its commands as Python functions."""

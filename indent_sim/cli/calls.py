@@ -35,7 +35,7 @@ def read(path: str | Path) -> Results | Study:
     Raises
     ------
     UsageError
-        The path has none of these, or its content is damaged.
+        If the path contains none of these, or its content is damaged.
     """
     if result_files.folder_kind(Path(path)) == "study":
         return run_study.read_study(Path(path))
@@ -43,12 +43,12 @@ def read(path: str | Path) -> Results | Study:
 
 
 def plan(given: SceneInput, *, error_bars: bool = False) -> Report:
-    """Return the plan of a scene, or the runs of a study with their cost; nothing is solved.
+    """Return the plan of a scene, or the planned runs of a study, without solving anything.
 
     Parameters
     ----------
     given
-        Scene or study: a file, nested mappings shaped like a file, or the config of a scene.
+        Scene or study: a file, a dictionary with its structure, or the config of a scene.
     error_bars
         Include the cost of the additional solutions of error estimates.
 
@@ -97,9 +97,9 @@ def compare(
     first, second
         Results, or the paths of result folders, force tables or measured curves.
     rtol
-        Relative tolerance of all columns, or of each by its name.
+        Relative tolerance of all columns, or a dictionary of tolerances by column.
     columns
-        Columns to compare; by default depth, force, contact radius and those of `rtol`.
+        Columns to compare; by default depth, force, contact radius and the columns of `rtol`.
 
     Returns
     -------
@@ -123,16 +123,16 @@ def study(
     Parameters
     ----------
     given
-        Study: a file, or nested mappings shaped like a file.
+        Study: a file, or a dictionary with its structure.
     directory
-        Folder of the study. A study given as mappings without a folder keeps its runs in a
-        temporary one, which is deleted together with the returned object.
+        Folder of the study. A study given as a dictionary without a folder uses a temporary folder,
+        which is deleted together with the returned object.
     jobs
         Number of runs at the same time.
     resume
-        Keep finished runs, also those that the study does not contain.
+        Keep finished runs, including runs that are not part of the study.
     overwrite
-        Replace finished runs in the folder that the study does not contain.
+        Replace finished runs in the folder that are not part of the study.
 
     Raises
     ------
@@ -187,7 +187,7 @@ def plot(
     Raises
     ------
     UsageError
-        The results do not contain a requested quantity, or `ax` is given with several panels.
+        If the results do not contain a requested quantity, or `ax` is given with several panels.
     """
     from indent_sim.results.pictures import figures, panels
 
@@ -238,8 +238,10 @@ def _plot_study(shown: Study, panel: str, ax: Axes | None) -> Figure:
 
 
 def _normalize_options(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return options of a picture as the command line gives them; UsageError for an unknown one."""
-    # Options of `plot`.
+    """Return the options of a picture as from the command line.
+
+    Raises UsageError for an unknown option.
+    """
     plot_options = (
         "fields",
         "steps",

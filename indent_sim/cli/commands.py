@@ -75,13 +75,13 @@ TEMPLATES = ("cell", "gel", "film", "nanoindentation", "rubber", "study")
 
 
 class Program(click.Group):
-    """Command group that turns every end of the program into a message and an exit code."""
+    """Command group that converts failures of the program to a message and an exit code."""
 
     def main(self, *args: Any, **options: Any) -> Any:
-        """Set one BLAS thread and no pydantic plugins, unless the environment sets them.
+        """Run the program with one BLAS thread and without pydantic plugins.
 
-        This has to happen before numpy and pydantic are imported; pydantic would search every
-        installed package for plugins.
+        Settings of the environment take precedence. The defaults must be set before numpy and
+        pydantic are imported; pydantic would search every installed package for plugins.
         """
         # Numbers of BLAS threads. Several threads slow systems of these sizes down.
         thread_variables = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -104,7 +104,7 @@ class Program(click.Group):
         return ctx
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the command; expected failures print a message, others a traceback."""
+        """Run the command; print a message for expected failures and a traceback for others."""
         try:
             if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
                 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -119,7 +119,7 @@ class Program(click.Group):
 
 
 def _open_closed_streams() -> None:
-    """Open /dev/null in place of stdin, stdout and stderr that are closed; libraries need them."""
+    """Open /dev/null in place of closed stdin, stdout and stderr, which libraries need."""
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
             null = os.open(os.devnull, os.O_RDWR)
@@ -181,7 +181,7 @@ def run(
 
 @program.command()
 @click.argument("file", metavar="STUDY", type=PATH)
-@click.option("--resume", is_flag=True, help="Keep finished runs and do the others.")
+@click.option("--resume", is_flag=True, help="Keep finished runs and perform the others.")
 @click.option(
     "--overwrite",
     is_flag=True,
@@ -326,7 +326,7 @@ def _print_curve_requirements(
 
 @program.command()
 @click.argument("curves", metavar="CURVE_OR_FOLDER...", nargs=-1, type=PATH)
-@click.option("--scene", type=PATH, help="Scene that is the model; its loading is not used.")
+@click.option("--scene", type=PATH, help="Scene used as the model; its loading is ignored.")
 @click.option(
     "--design",
     "design_scene",
@@ -341,7 +341,7 @@ def _print_curve_requirements(
     "--noise",
     type=NumberInRange(0, 1, min_open=True),
     metavar="X",
-    help="With --design: standard deviation of a force over the largest force.",
+    help="With --design: standard deviation of the force divided by the largest force.",
 )
 @click.option(
     "--points",
@@ -452,7 +452,7 @@ def _refuse_mixed_options(
     if design_scene and noise is None:
         raise UsageError(
             "--design needs --noise X",
-            "X is the standard deviation of a force over the largest force, e.g. 0.01",
+            "X is the standard deviation of the force divided by the largest force, e.g. 0.01",
         )
     if not design_scene and (noise is not None or points is not None):
         raise UsageError(
@@ -501,7 +501,7 @@ def _fit_curves(
 
 
 def _reading_options(columns: tuple[str, ...], units: dict[str, str]) -> ReadOptions:
-    """Return the options for reading curve files from those of the command line."""
+    """Return the options for reading curve files from the command-line options."""
     from indent_sim.fitting.fit_folder import ReadOptions
 
     if columns and not 2 <= len(columns) <= 3:
@@ -756,7 +756,7 @@ def report(folder: Path, output: Path | None, crate: Literal["", "crate"]) -> No
 
 
 def _own_file_names(folder: Path) -> Sequence[str]:
-    """Return the names of the program's own files in a folder of this kind."""
+    """Return the names of this program's files in a folder of results, a study or a fit."""
     from indent_sim.results.result_files import FIELDS_FOLDER, RESULT_FILES, folder_kind
 
     match folder_kind(folder):
@@ -865,9 +865,9 @@ def main() -> None:
 
 
 def _start_mesher(load_config: Callable[[], Config]) -> bool:
-    """Start the mesher process on rank 0, before MPI is loaded; return whether MPI is needed.
+    """Start the mesher process on rank 0, before MPI is imported; return whether MPI is needed.
 
-    A scene that theory solves on a single rank needs neither.
+    A scene that is solved by theory on a single rank needs neither.
     """
     from indent_sim.process.ranks import is_parallel, is_root
     from indent_sim.run.planned_run import start_mesher_if_needed
@@ -898,8 +898,8 @@ def _refuse_parallel_run() -> None:
 def abort_all_ranks_together(comm: Any) -> Iterator[None]:
     """End all ranks with the same exit code if one fails, and print one message.
 
-    The message is that of rank 0, or, if rank 0 does not fail, that of the rank that does. A rank
-    that fails alone, by a bug or a signal, aborts all of them.
+    The message is from rank 0, or, if rank 0 does not fail, from the rank that fails. A rank that
+    fails alone, by a bug or a signal, aborts all ranks.
     """
     consensus = FailureConsensus(comm)
     try:
@@ -923,7 +923,7 @@ def abort_all_ranks_together(comm: Any) -> Iterator[None]:
 def _simulate(
     settings: Config, comm: Any, directory: Path, verbosity: Verbosity, **options: Any
 ) -> Outcome:
-    """Simulate a scene with progress on stderr; after a failure print where its rows are."""
+    """Simulate a scene with progress on stderr; after a failure, print the folder of its rows."""
     from indent_sim.run.pipeline import simulate as simulate
 
     progress_context: AbstractContextManager[Any] = nullcontext()
@@ -948,7 +948,7 @@ def _simulate(
 
 @contextmanager
 def _quiet_libraries(level: int) -> Iterator[None]:
-    """Print the program's messages from a level on, and warnings of libraries, to stderr."""
+    """Print the program's messages of at least a level, and warnings of libraries, to stderr."""
     own_logger = logging.getLogger("indent_sim")
     root_logger = logging.getLogger()
     own_handler = StderrHandler(logging.INFO)
@@ -977,7 +977,7 @@ class StderrHandler(logging.Handler):
 
 
 def _report_kept_rows(directory: Path, error: BaseException) -> None:
-    """Print where the rows of a failed run are, or that an earlier finished run is unchanged."""
+    """Print the folder of a failed run's rows, or that an earlier finished run is unchanged."""
     from indent_sim.results.result_files import read_report
 
     report = read_report(directory)
@@ -990,7 +990,7 @@ def _report_kept_rows(directory: Path, error: BaseException) -> None:
 
 
 def _print_conclusion(outcome: Outcome, output_format: OutputFormat, verbosity: Verbosity) -> None:
-    """Print the result of a run to stdout, and its conclusion or only warnings to stderr."""
+    """Print the result of a run to stdout, and final remarks or only warnings to stderr."""
     from indent_sim.results.reader import has_reactions, rows_of
     from indent_sim.results.result_files import read_report
 
@@ -1009,7 +1009,7 @@ def _print_conclusion(outcome: Outcome, output_format: OutputFormat, verbosity: 
 def _is_study(path: Path) -> bool:
     """Return whether a file contains a study; False if it cannot be read.
 
-    The error is then that of reading it as a scene.
+    The error is then reported when the file is read as a scene.
     """
     from indent_sim.config.scene_file import is_study, read_document
 
@@ -1036,7 +1036,7 @@ def _plan_study(
 
 
 def _terminal_width() -> int:
-    """Return the number of columns of the terminal; 120 if stdout is none."""
+    """Return the number of columns of the terminal; 120 if stdout is not a terminal."""
     import shutil
 
     return shutil.get_terminal_size((120, 24)).columns if sys.stdout.isatty() else 120

@@ -44,7 +44,7 @@ OPTIONAL_PACKAGES = {
 
 @dataclass(frozen=True)
 class HealthCheck:
-    """Result of one check: its name, its finding, and a verdict good | warning | broken."""
+    """Result of one check: name, finding, and verdict "good", "warning" or "broken"."""
 
     name: str
     found: str
@@ -57,7 +57,7 @@ class HealthCheck:
 
 
 def check_installation() -> list[HealthCheck]:
-    """Check everything that a run needs, in the environment of a run."""
+    """Check all parts of the installation that a run needs."""
     environment_checks = [_check_working_directory(), _run_check("JIT cache", _check_kernel_cache)]
     packages = [
         *map(_check_package, NEEDED_PACKAGES),
@@ -78,7 +78,7 @@ def check_installation() -> list[HealthCheck]:
 
 
 def _check_working_directory() -> HealthCheck:
-    """Check that the working directory exists; without one no library could be imported."""
+    """Check that the working directory exists, which is needed for importing libraries."""
     try:
         return HealthCheck("directory", os.getcwd())
     except OSError:
@@ -127,7 +127,7 @@ def _package_version(name: str, module: Any) -> str:
 
 
 def _run_check(name: str, check: Callable[[], HealthCheck]) -> HealthCheck:
-    """Run one check; an exception in it is a broken part of the installation."""
+    """Run one check; an exception means that this part of the installation is broken."""
     try:
         return check()
     except Exception as error:

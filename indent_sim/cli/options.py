@@ -9,7 +9,7 @@ import click
 
 
 class NumberInRange(click.FloatRange):
-    """Number in a range; NaN is in no range."""
+    """Type of an option: a number in a range, but not NaN."""
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
@@ -59,7 +59,7 @@ set_option = click.option(
 def parse_shard(
     ctx: click.Context, option: click.Parameter, text: str | None
 ) -> tuple[int, int] | None:
-    """Return the two numbers of I/N."""
+    """Return the two numbers of a shard "I/N"."""
     if text is None:
         return None
     index, slash, count = text.partition("/")
@@ -126,7 +126,7 @@ def parse_zoom(ctx: click.Context, option: click.Parameter, text: str | None) ->
 
 
 def parse_tolerances(ctx: click.Context, option: click.Parameter, text: str) -> dict[str, float]:
-    """Return tolerances by column; the key "" has the tolerance X of all columns."""
+    """Return tolerances by column; the key "" is for all columns that are not named."""
     tolerances: dict[str, float] = {}
     for word in parse_words(ctx, option, text):
         name, _, value = word.rpartition("=")

@@ -20,7 +20,7 @@ FORMAT_KEY = "indent_sim.output_format"
 
 
 def exit_with_usage_error(error: click.ClickException, output_format: OutputFormat) -> NoReturn:
-    """Exit like click after an invalid option, with a JSON object if one was requested."""
+    """Exit as click does after an invalid option, with a JSON object if requested."""
     if output_format == "json":
         print_failure(error, error.exit_code, UsageError.__name__)
     error.show()
@@ -28,7 +28,7 @@ def exit_with_usage_error(error: click.ClickException, output_format: OutputForm
 
 
 def report_failure(error: BaseException) -> int:
-    """Print the failure to stderr and, with --json, to stdout; return the exit code."""
+    """Print a failure to stderr and, with --json, to stdout; return the exit code."""
     code = getattr(error, "exit_code", 130 if isinstance(error, KeyboardInterrupt) else 1)
     if isinstance(error, KeyboardInterrupt):
         print_stderr(str(error) or "interrupted")
@@ -74,7 +74,7 @@ def print_failure(error: BaseException, code: int, kind: str) -> None:
 
 
 def error_as_json(error: BaseException, kind: str) -> dict[str, Any]:
-    """Return an error as JSON: type, message, and position and remedy as far as known."""
+    """Return an error for JSON: type, message, and, if known, position and remedy."""
     message = error.format_message() if isinstance(error, click.ClickException) else str(error)
     location: dict[str, Any] = dict.fromkeys(("file", "line", "key", "remedy"))
     if isinstance(error, ConfigError | UsageError):
@@ -88,7 +88,7 @@ def error_as_json(error: BaseException, kind: str) -> dict[str, Any]:
 
 
 def print_stdout(text: str) -> None:
-    """Print to stdout; a closed pipe is no error, a full disk is one."""
+    """Print to stdout; a closed pipe is ignored, a full disk is an error."""
     try:
         with suppress(UnicodeEncodeError):
             return click.echo(text)
@@ -103,7 +103,7 @@ def print_stdout(text: str) -> None:
 
 
 def print_stderr(text: str) -> None:
-    """Print to stderr; a closed pipe and a full disk are no errors.
+    """Print to stderr; a closed pipe and a full disk are ignored.
 
     Control characters, which file names and titles may contain, are printed in escaped form.
     """

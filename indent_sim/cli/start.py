@@ -1,7 +1,7 @@
-"""Entry point of the program: Ctrl-C while it loads ends it without a traceback.
+"""Entry point of the program, where Ctrl-C during imports causes no traceback.
 
-The default handler of Ctrl-C is in place before any other module of the program is imported.
-Nothing but the program may import this module, because it changes the handler of the process.
+The default handler of Ctrl-C is set before any other module of the program is imported. Other
+programs must not import this module, because it changes the handler of the process.
 """
 
 import signal

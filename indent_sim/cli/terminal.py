@@ -33,7 +33,7 @@ Report = dict[str, Any]
 
 @contextmanager
 def show_progress(print_line: Callable[[str], None], config: Config) -> Iterator[Progress]:
-    """Yield a function to call with every row: a progress bar on a terminal, else lines of a log.
+    """Yield a progress function for every row: a bar on a terminal, otherwise log lines.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def show_progress(print_line: Callable[[str], None], config: Config) -> Iterator
 
 
 def _row_units(units: Mapping[str, str], is_flat: bool) -> dict[str, str]:
-    """Return the units of time, depth, force and contact radius, as far as the scene has units.
+    """Return the units of time, depth, force and contact radius that the scene has.
 
     Forces in plane strain (`is_flat`) are per unit length.
     """
@@ -94,7 +94,7 @@ def conclusion_lines(outcome: Outcome) -> list[str]:
     lines += [*_error_estimate_lines(outcome), *_theory_lines(report)]
     if fit := report.get("hertz"):
         modulus_error = f"{fit['percent']:+.3g} %{fit.get('against', '')}"
-        lines.append(f"a Hertz fit of this curve reads E = {fit['E']:.4g} ({modulus_error})")
+        lines.append(f"a Hertz fit of this curve gives E = {fit['E']:.4g} ({modulus_error})")
     lines += _section_sentence(_report_section(report, "stick"))
     lines += [
         *_largest_pull_lines(_report_section(report, "adhesion")),
@@ -172,7 +172,7 @@ def _is_plane_strain(report: Report) -> bool:
 
 
 def _mapping_of(part: Any) -> Mapping[str, Any]:
-    """Return a section of a report as a mapping, which it already is if it comes from run.json."""
+    """Return a section of a report as a mapping; sections from run.json are mappings already."""
     return part if isinstance(part, Mapping) else vars(part)
 
 
@@ -182,7 +182,7 @@ def _hysteresis_lines(loop: HysteresisLoop | None, units: Mapping[str, str]) -> 
         return []
     unit = f"{units['force']} {units['delta']}".strip()
     area_text = f"hysteresis loop: area {loop.area:.4g} ± {loop.error:.1g} {unit}".rstrip()
-    percent_text = f"{100 * loop.area / loop.way_in:.3g} % of the work of loading"
+    percent_text = f"{100 * loop.area / loop.loading_work:.3g} % of the work of loading"
     range_text = ""
     if loop.end_depth is not None:
         range_text = f", at depths above {loop.end_depth:.4g} {units['delta']}".rstrip()
@@ -206,7 +206,7 @@ def _section_sentence(part: Report) -> list[str]:
 
 
 def _largest_pull_lines(report: Report) -> list[str]:
-    """Return the line of the pull-off force, with the values that theory leads to expect.
+    """Return the line of the pull-off force, with the values predicted by theory.
 
     Without a search between rows it is the largest tensile force of a row.
     """
@@ -250,7 +250,7 @@ def _experiment_lines(report: Report) -> Iterator[str]:
 
 
 def plan_text(planned_run: PlannedRun, width: int = 120) -> str:
-    """Return the plan of a run as a text: every choice with its reason, and the predictions.
+    """Return the plan of a run as text: every choice with its reason, and predictions.
 
     Parameters
     ----------
@@ -319,7 +319,9 @@ def requirements_text(requirements: Requirements, width: int = 120) -> str:
 
 
 def curve_requirements_text(requirements: CurveRequirements, width: int = 120) -> str:
-    """Return how a scene and other models explain a curve, and the scene's requirements, as text.
+    """Return text on the agreement of a scene and other models with a curve.
+
+    The model requirements of the scene are included.
 
     `width` is the number of columns of the text.
     """
@@ -362,7 +364,7 @@ def curve_requirements_text(requirements: CurveRequirements, width: int = 120) -
 
 
 def design_text(design: Design) -> str:
-    """Return the intervals to expect from a measurement, and correlated parameters, as a text."""
+    """Return the expected intervals of a measurement, and correlated parameters, as text."""
     rows = [
         ["", *design.parameters],
         ["scene as given", *_interval_texts(design.parameters, design.config)],
@@ -445,12 +447,12 @@ def study_plan_text(planned: StudyPlan) -> str:
 
 
 def scoreboard_text(rows: Sequence[Report]) -> str:
-    """Return published, exact and computed values, one line each, and which of them is wrong."""
+    """Return lines with published, exact and computed values, and which of them are wrong."""
     from indent_sim.studies.reference.scoreboard import verdict_text
 
     names = ("published", "exact", "ours", "our_error")
     heads = [name.replace("_", " ") for name in names]
-    lines = [["case", "", *heads, "difference", "who is wrong"]]
+    lines = [["case", "", *heads, "difference", "wrong value"]]
     for row in rows:
         numbers = ["" if row[name] is None else _value_text(row[name]) for name in names]
         difference_text = (
@@ -461,7 +463,7 @@ def scoreboard_text(rows: Sequence[Report]) -> str:
 
 
 def comparison_text(comparison: Comparison) -> str:
-    """Return two results side by side, and the largest relative difference of every column."""
+    """Return a table of two results, and the largest relative difference of every column."""
     names = list(comparison.pairs)
     head = [comparison.matched_by, *(f"{name} {side}" for name in names for side in "AB")]
     rows = [
@@ -486,7 +488,7 @@ def comparison_text(comparison: Comparison) -> str:
 
 
 def _interpolation_lines(comparison: Comparison) -> list[str]:
-    """Return which result was interpolated, with its error, and the difference of the forces."""
+    """Return lines on the interpolated result, its error, and the force differences."""
     if comparison.interpolation is None:
         return []
     path, error = comparison.interpolation

@@ -1,1 +1,1 @@
-"""A scene file and the Config it describes."""
+"""Scene files and the Config that they describe, with all checks."""

@@ -25,7 +25,7 @@ MIRROR_PLANE = "the mirror plane"
 
 
 def cap_errors(config: SceneSections) -> Iterator[ConfigError]:
-    """Yield errors of the height and the contact angle of a cap."""
+    """Yield an error for invalid height or contact angle of a cap."""
     body = config.body
     if not isinstance(body, Cap):
         return
@@ -58,7 +58,7 @@ def cap_errors(config: SceneSections) -> Iterator[ConfigError]:
 
 
 def layer_errors(config: SceneSections) -> Iterator[ConfigError]:
-    """Yield errors of the materials and of the thicknesses of layers."""
+    """Yield errors in the materials and thicknesses of layers."""
     layers = config.body.layers or ()
     bare_layers = [k for k, layer in enumerate(layers) if layer.material is None]
     if not layers and not getattr(config.body, "regions", None):
@@ -66,7 +66,7 @@ def layer_errors(config: SceneSections) -> Iterator[ConfigError]:
     if bare_layers and config.material is None:
         problem = "this section is missing"
         if layers:
-            problem += f", and {key_of_layer(bare_layers[0])} has no material of its own"
+            problem += f", and {key_of_layer(bare_layers[0])} has no material"
         kinds = ", ".join(types_by_tag(Material, "model"))
         yield ConfigError("material", problem, f"give model: one of {kinds}")
     without_thickness = [k for k, layer in enumerate(layers) if layer.thickness is None]
@@ -101,7 +101,7 @@ def layer_errors(config: SceneSections) -> Iterator[ConfigError]:
 
 
 def _coating_errors(config: SceneSections, body: Cap | Ball) -> Iterator[ConfigError]:
-    """Yield errors of the thicknesses of coatings and of the element sizes in them."""
+    """Yield errors in the thicknesses and element sizes of coatings."""
     coatings = (body.layers or ())[:-1]
     sizes = config.mesh.h_layers
     if sizes is not None and len(sizes) != len(coatings):
@@ -136,7 +136,7 @@ def _coating_errors(config: SceneSections, body: Cap | Ball) -> Iterator[ConfigE
 
 
 def surface_tension_errors(config: SceneSections) -> Iterator[ConfigError]:
-    """Yield errors of a surface tension together with other effects."""
+    """Yield an error if surface tension is combined with an incompatible effect."""
     if not config.body.surface_tension:
         return
     key = "body.surface_tension"
@@ -151,15 +151,12 @@ def surface_tension_errors(config: SceneSections) -> Iterator[ConfigError]:
         yield ConfigError(key, "is not verified together with contact.adhesion", remedy)
     relaxing_key = next((law_key for law_key, law in config.materials() if law.relaxation), None)
     if relaxing_key:
-        problem = (
-            f"does not relax, but {relaxing_key}.relaxation needs a load curve that relaxes as a "
-            "whole"
-        )
+        problem = f"does not relax, but {relaxing_key}.relaxation applies to the whole load curve"
         yield ConfigError(key, problem, remedy)
 
 
 def inclusion_errors(config: SceneSections) -> Iterator[ConfigError]:
-    """Yield errors of inclusions that leave a layer or are too near to another surface."""
+    """Yield an error for each inclusion that crosses a surface or is too close to one."""
     inclusions = config.body.inclusions or ()
     if config.mesh.h_inclusions is not None and len(config.mesh.h_inclusions) != len(inclusions):
         problem = (
@@ -193,7 +190,7 @@ def inclusion_errors(config: SceneSections) -> Iterator[ConfigError]:
 
 
 def _unsupported_inclusion(body: AnyBody, inclusion: Inclusion) -> tuple[str, str] | None:
-    """Return why a body of this shape cannot have an inclusion, and a remedy; None if it can."""
+    """Return the reason why this body cannot have an inclusion, and a remedy, or None."""
     if isinstance(body, Strip) and inclusion.center[1]:
         return (
             f"a strip is infinite along y, but the center is at y = {inclusion.center[1]:g}",
@@ -213,7 +210,7 @@ def _unsupported_inclusion(body: AnyBody, inclusion: Inclusion) -> tuple[str, st
 
 
 def _side_problem(body: AnyBody, inclusion: Inclusion) -> str:
-    """Return the problem of an inclusion that crosses a side or is too near to it, or ""."""
+    """Return a message if an inclusion crosses a side or is too close to it, otherwise ""."""
     shape = body.spherical_body if isinstance(body, Cap | Ball) else body
     clearance = shape.wall_clearance(inclusion)  # type: ignore[union-attr]
     if clearance >= _min_clearance(inclusion):
@@ -224,7 +221,7 @@ def _side_problem(body: AnyBody, inclusion: Inclusion) -> str:
 
 
 def _level_face_problem(faces: Sequence[tuple[str, float]], inclusion: Inclusion) -> str:
-    """Return the problem of an inclusion at the top, the base or an interface, or ""."""
+    """Return a message on an inclusion too close to top, base or interface, otherwise ""."""
     z = inclusion.center[2]
     half_height = inclusion.half_width(2)
     min_clearance = _min_clearance(inclusion)
@@ -244,7 +241,7 @@ def _level_face_problem(faces: Sequence[tuple[str, float]], inclusion: Inclusion
 
 
 def _coating_face_problem(body: AnyBody, inclusion: Inclusion) -> str:
-    """Return the problem of an inclusion at the inner face of a coating, or ""."""
+    """Return a message on an inclusion too close to the inner face of a coating, or ""."""
     if not isinstance(body, Cap | Ball):
         return ""
     radius = body.spherical_body.radius
@@ -266,7 +263,7 @@ def _coating_face_problem(body: AnyBody, inclusion: Inclusion) -> str:
 def _level_faces(config: SceneSections) -> list[tuple[str, float]]:
     """Return names and z [length] of the horizontal faces from the top.
 
-    The mirror plane of a ball is no obstacle for an inclusion centered on it.
+    The mirror plane of a ball is not one of them, since an inclusion may be centered on it.
     """
     body = config.body
     depths = list(accumulate(layer.thickness or inf for layer in config.layers))
@@ -280,7 +277,7 @@ def _level_faces(config: SceneSections) -> list[tuple[str, float]]:
 def _min_clearance(*inclusions: Inclusion) -> float:
     """Return the smallest allowed distance [length] of inclusions from any surface.
 
-    Elements have to fit into it.
+    The gap must be large enough for elements.
     """
     # Smallest distance of an inclusion from any other surface over half of its smallest thickness.
     min_fraction = 0.01

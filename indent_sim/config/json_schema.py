@@ -1,4 +1,4 @@
-"""JSON Schema of the scene file, derived from the schema and the symbols."""
+"""JSON Schema of the scene file, derived from `schema` and the table of symbols."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def _allow_quantities(value: dict[str, Any]) -> dict[str, Any]:
-    """Return the schema of numbers with a dimension, extended by quantities with a unit."""
+    """Extend the JSON Schema of a number with a dimension by text such as "2.5 um"."""
     if "anyOf" in value:
         return value | {"anyOf": [_allow_quantities(part) for part in value["anyOf"]]}
     if value.get("type") == "array":
@@ -63,10 +63,13 @@ def _allow_quantities(value: dict[str, Any]) -> dict[str, Any]:
 
 
 class _SchemaGenerator(GenerateJsonSchema):
-    """Pydantic's generator, with descriptions of keys, required tags and one word for all walls."""
+    """JSON Schema generator that adds descriptions, required tags and short forms.
+
+    In a short form, one word such as "fixed" sets all fields of a section, e.g. all walls of a box.
+    """
 
     def dataclass_schema(self, schema: Any) -> Any:
-        """Return the schema of a section."""
+        """Return the JSON Schema of a section."""
         definition = super().dataclass_schema(schema)
         section = next(
             (section for section, kind in sections_and_kinds() if kind is schema["cls"]), ""
@@ -74,12 +77,12 @@ class _SchemaGenerator(GenerateJsonSchema):
         return _add_descriptions(definition, schema["cls"], section)
 
     def model_schema(self, schema: Any) -> Any:
-        """Return the schema of the whole file."""
+        """Return the JSON Schema of the whole file."""
         return _add_descriptions(super().model_schema(schema), Config, "")
 
 
 def _add_descriptions(definition: Any, kind: Any, section: str) -> Any:
-    """Return the schema of a dataclass with descriptions, without titles and defaults of None."""
+    """Return the JSON Schema of a dataclass with descriptions, without titles and null defaults."""
     for name, entry in definition["properties"].items():
         entry.pop("title", None)
         if entry.get("default", "") is None:
@@ -100,7 +103,7 @@ def _add_descriptions(definition: Any, kind: Any, section: str) -> Any:
 
 
 def section_alternatives(section: str) -> Iterator[tuple[str, str, list[list[str]]]]:
-    """Yield the alternatives of a section.
+    """Yield the alternatives of a section, such as the shapes of a body.
 
     Yields
     ------
@@ -124,7 +127,7 @@ def section_alternatives(section: str) -> Iterator[tuple[str, str, list[list[str
 
 
 def sections_and_kinds() -> Iterator[tuple[str, type]]:
-    """Yield each section with each dataclass that it may be, then the sections inside of these."""
+    """Yield each section with each of its possible dataclasses, then their inner sections."""
     outer = [(section, kind) for section, kinds in schema.sections().items() for kind in kinds]
     yield from outer
     for _, owner in outer:

@@ -1,4 +1,4 @@
-"""Types of keys: their alternatives, fields, tags and remedies, and the allowed values in words."""
+"""Types of keys: alternatives, fields, tags, remedies, and descriptions of allowed values."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from indent_sim.model.units import TaggedBy
 
 
 def remedy_of(hint: Any) -> str:
-    """Return the remedy with which a type is annotated; "" if there is none."""
+    """Return the remedy in the annotations of a type; "" if there is none."""
     marks = hint.__metadata__ if get_origin(hint) is Annotated else ()
     return next((mark for mark in marks if isinstance(mark, str)), "")
 
@@ -42,7 +42,7 @@ def types_by_tag(union: Any, tag: str) -> dict[str, type]:
 
 @cache
 def tag_of(hint: Any) -> str | None:
-    """Return the key that selects among the alternatives of a section; None without a choice."""
+    """Return the key that selects the alternative of a section; None without alternatives."""
     marks = hint.__metadata__ if get_origin(hint) is Annotated else ()
     return next((mark.key for mark in marks if isinstance(mark, TaggedBy)), None)
 
@@ -80,9 +80,9 @@ def union_members(hint: Any) -> tuple[Any, ...]:
 
 @cache
 def untagged_sections(hint: Any) -> tuple[str, ...]:
-    """Return names of the dataclasses without a tag that may replace a word.
+    """Return the names of dataclasses without a tag that are allowed in place of a word.
 
-    The conductance of a face, in place of `drained`, is an example.
+    An example is the conductance of a face in place of `drained`.
     """
     if hint is None or tag_of(hint) is not None:
         return ()
@@ -102,9 +102,9 @@ def bare_type(hint: Any) -> Any:
 
 @cache
 def allowed_words(hint: Any) -> tuple[str, ...]:
-    """Return the words that a value may be.
+    """Return the words (literals) that are allowed as a value.
 
-    One word may also stand for all fields of a dataclass.
+    They include words that set all fields of a dataclass, such as "fixed" for all walls of a box.
     """
     kinds = [shared_field_type(bare_type(part)) for part in union_members(hint)]
     return tuple(
@@ -113,10 +113,10 @@ def allowed_words(hint: Any) -> tuple[str, ...]:
 
 
 def shared_field_type(kind: Any) -> Any:
-    """Return the type that all fields of a dataclass share, so that one value may stand for all.
+    """Return the common type of all fields of a dataclass, so that one value can set them all.
 
-    The walls of a box are an example; None if the fields differ. Any other type is returned as it
-    is.
+    An example are the walls of a box. The result is None if the fields have different types. Types
+    other than dataclasses are returned unchanged.
     """
     if not dataclasses.is_dataclass(kind):
         return kind
@@ -130,7 +130,7 @@ def shared_field_type(kind: Any) -> Any:
 
 
 def describe_type(hint: Any) -> str:
-    """Return a type and its range in words: "a number > 0 or auto"."""
+    """Return the description of a type with its range, such as "a number > 0 or auto"."""
     members = union_members(hint)
     # Every whole number is also a number.
     described_members = [member for member in members if not (member is int and float in members)]
@@ -138,12 +138,12 @@ def describe_type(hint: Any) -> str:
 
 
 def join_words(words: Sequence[str], last: str = "or") -> str:
-    """Return "a, b or c"."""
+    """Return words joined as in "a, b or c"."""
     return f"{', '.join(words[:-1])} {last} {words[-1]}" if len(words) > 1 else "".join(words)
 
 
 def _describe_member(hint: Any) -> str:
-    """Return one alternative of a type in words."""
+    """Return the description of one alternative of a type."""
     marks = hint.__metadata__ if get_origin(hint) is Annotated else ()
     kind = bare_type(hint)
     if get_origin(kind) is Literal:
@@ -172,7 +172,7 @@ def _describe_member(hint: Any) -> str:
 
 
 def _describe_list(item: str, marks: Sequence[Any]) -> str:
-    """Return the type of a list in words."""
+    """Return the description of the type of a list."""
     items = item.removeprefix("a ")
     if items.startswith("list"):
         items = items.replace("list", "lists", 1)

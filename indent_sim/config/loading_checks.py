@@ -13,7 +13,7 @@ from indent_sim.process.errors import ConfigError
 
 
 def load_path_errors(config: SceneSections) -> Iterator[ConfigError]:
-    """Yield errors of the load path."""
+    """Yield errors in the load path."""
     loading = config.loading
     attraction = config.contact.adhesion
     if not loading.given_path_keys:
@@ -27,7 +27,7 @@ def load_path_errors(config: SceneSections) -> Iterator[ConfigError]:
         )
     elif (forces := loading.forces) and not attraction and min(forces) < 0:
         first_pull = next(k for k, force in enumerate(forces) if force < 0)
-        problem = f"a force of {forces[first_pull]:g} pulls, but there is no adhesion"
+        problem = f"a force of {forces[first_pull]:g} is tensile, but there is no adhesion"
         yield ConfigError(
             f"loading.forces[{first_pull}]", problem, "use a force >= 0, or give contact.adhesion"
         )
@@ -40,14 +40,14 @@ def load_path_errors(config: SceneSections) -> Iterator[ConfigError]:
 
 
 def history_errors(config: SceneSections) -> Iterator[ConfigError]:
-    """Yield errors of a history."""
+    """Yield errors in a history."""
     path_in_time = config.loading.prescribed_history
     times = config.loading.times
     if path_in_time is None:
         if not isinstance(times, str):
             yield ConfigError(
                 "loading.times",
-                "applies to a history, and there is none",
+                "applies to a history, but there is none",
                 "give loading.history, or leave it out",
             )
         return
@@ -93,6 +93,6 @@ def history_errors(config: SceneSections) -> Iterator[ConfigError]:
     elif lowest_force < 0 and not (config.experiment and config.experiment.adhesion):
         yield ConfigError(
             key,
-            f"a force of {lowest_force:g} pulls, but there is no adhesion",
+            f"a force of {lowest_force:g} is tensile, but there is no adhesion",
             "give experiment.adhesion",
         )

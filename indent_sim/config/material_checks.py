@@ -18,7 +18,7 @@ from indent_sim.process.errors import ConfigError
 
 
 def material_errors(config: SceneSections) -> Iterator[ConfigError]:
-    """Yield errors of the constants of each material."""
+    """Yield errors in the constants of each material."""
     for key, material in config.materials():
         try:
             material.canonical()
@@ -29,7 +29,7 @@ def material_errors(config: SceneSections) -> Iterator[ConfigError]:
 
 
 def flow_errors(config: SceneSections) -> Iterator[ConfigError]:
-    """Yield errors of the pore flow: missing keys, and keys that cannot be combined with it."""
+    """Yield errors in the pore flow: missing keys, and keys that cannot be combined with it."""
     flows = {f"{key}.flow": material for key, material in config.materials() if material.flow}
     if config.loading.per_doubling is not None and not any(
         material.is_time_dependent for _, material in config.materials()
@@ -48,7 +48,7 @@ def flow_errors(config: SceneSections) -> Iterator[ConfigError]:
             )
         elif config.drainage and not isinstance(config.drainage.bath, float | int):
             yield ConfigError(
-                "drainage.bath", "changes in time, and no material has a flow", "give material.flow"
+                "drainage.bath", "changes in time, but no material has a flow", "give material.flow"
             )
         yield from _gel_errors(config)
         return
@@ -88,7 +88,7 @@ def flow_errors(config: SceneSections) -> Iterator[ConfigError]:
 
 
 def _has_own_bath(config: SceneSections) -> bool:
-    """Return whether the stretch of a gel is that of its bath."""
+    """Return whether the stretch of a gel is the swelling equilibrium in its bath."""
     return any(
         isinstance(material, Gel) and material.stretch == "auto"
         for _, material in config.materials()
@@ -96,7 +96,7 @@ def _has_own_bath(config: SceneSections) -> bool:
 
 
 def _gel_errors(config: SceneSections) -> Iterator[ConfigError]:
-    """Yield errors of gels, which all have the bath of the scene and its solvent."""
+    """Yield errors in gels, which all have the same bath and solvent."""
     gels = {key: material for key, material in config.materials() if isinstance(material, Gel)}
     for key, gel in gels.items():
         try:
@@ -126,11 +126,11 @@ def _gel_errors(config: SceneSections) -> Iterator[ConfigError]:
 
 
 def _flow_law_errors(key: str, material: Material) -> Iterator[ConfigError]:
-    """Yield errors of the flow of one material."""
+    """Yield errors in the flow of one material."""
     flow = material.flow
     assert flow
     if isinstance(material, Gel):
-        remedy = "give diffusivity, that of the solvent"
+        remedy = "give the diffusivity of the solvent"
         if flow.permeability is not None:
             problem = "of a gel follows from its swelling"
             yield ConfigError(f"{key}.permeability", problem, remedy)
@@ -153,7 +153,7 @@ def _flow_law_errors(key: str, material: Material) -> Iterator[ConfigError]:
 
 
 def relaxation_errors(config: SceneSections) -> Iterator[ConfigError]:
-    """Yield errors of the relaxation of the materials."""
+    """Yield errors in the relaxation of the materials."""
     laws = dict(config.materials())
     frequencies = config.experiment and config.experiment.frequencies
     history = config.loading.prescribed_history
@@ -192,7 +192,7 @@ def relaxation_errors(config: SceneSections) -> Iterator[ConfigError]:
 def _shear_relaxation_errors(
     config: SceneSections, laws: Mapping[str, Material]
 ) -> Iterator[ConfigError]:
-    """Yield errors of keys that cannot be combined with relaxation of the shear modulus alone."""
+    """Yield an error for each key that cannot be combined with relaxation in shear only."""
     for key, law in laws.items():
         if law.relaxation and law.relaxation.of == "all":
             problem = (
@@ -226,7 +226,7 @@ def _shear_relaxation_errors(
 def _relaxation_law_errors(
     config: SceneSections, key: str, given: Relaxation
 ) -> Iterator[ConfigError]:
-    """Yield errors of a relaxation itself, and of a history with which it cannot be combined."""
+    """Yield errors in a relaxation law, and in a history that is incompatible with it."""
     if (given.prony is None) == (given.power_law is None):
         yield ConfigError(key, "needs exactly one of its two laws", "give prony or power_law")
     for k, (fraction, time) in enumerate(given.prony or ()):

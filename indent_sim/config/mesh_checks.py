@@ -24,7 +24,7 @@ MESH_SIZE_KEYS = (
 
 
 def accuracy_errors(config: SceneSections) -> list[ConfigError]:
-    """Return errors of given element sizes if `accuracy` is to choose them."""
+    """Return an error for every given element size that `accuracy` would choose."""
     given = _given_mesh_keys(config.mesh, "refinements") if config.accuracy is not None else []
     return [
         ConfigError(key, "contradicts accuracy, which chooses it", "give one of the two")
@@ -42,9 +42,10 @@ def _given_mesh_keys(mesh: MeshSettings, extra_key: str) -> list[str]:
 
 
 def mesh_file_errors(config: SceneSections) -> Iterator[ConfigError]:
-    """Yield errors of a mesh from a file.
+    """Yield errors in the keys of a mesh from a file.
 
-    It has its own element sizes, it alone has refinements, and its file is in the scene's folder.
+    Its element sizes are given, refinements apply only to it, and its file must be in the folder of
+    the scene.
     """
     body = config.body
     mesh = config.mesh

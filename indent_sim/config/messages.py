@@ -1,4 +1,4 @@
-"""Error messages of a scene file: errors of pydantic as key, problem and remedy."""
+"""Error messages for a scene file: conversion of pydantic's errors to key, problem and remedy."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ _NO_SECTION_TYPES = {"dict_type", "dataclass_type", "model_type", "dataclass_exa
 
 
 def config_error(error: ValidationError, document: Mapping[str, Any]) -> ConfigError:
-    """Return the errors that pydantic found in the document as one ConfigError.
+    """Return pydantic's errors in a document as a ConfigError.
 
-    Several errors become ConfigErrors.
+    Several errors are returned as ConfigErrors.
     """
     groups: dict[KeyPath, list[Any]] = {}
     for finding in error.errors(include_url=False, include_input=False)[: 100 * MAX_PROBLEMS]:
@@ -43,10 +43,10 @@ def config_error(error: ValidationError, document: Mapping[str, Any]) -> ConfigE
 def _repeated_errors(
     groups: dict[KeyPath, list[Any]], document: Mapping[str, Any]
 ) -> Iterator[KeyPath]:
-    """Yield keys whose error only repeats another one.
+    """Yield keys whose error only repeats another error.
 
-    They are a missing key that was misspelt, a list with wrong items, and a section with wrong keys
-    where a word is allowed, too.
+    They are a missing key that was misspelt, a list with invalid items, and a section with invalid
+    keys for which a word is also allowed.
     """
     for path, (finding, *_) in groups.items():
         is_section = key_types.untagged_sections(schema.node_at(path, document).type)
@@ -63,7 +63,7 @@ def _repeated_errors(
 
 
 def document_path(finding: Any, document: Mapping[str, Any]) -> KeyPath:
-    """Return the key path in the file of an error of pydantic.
+    """Return the key path in the file for an error of pydantic.
 
     Pydantic's location also contains tags of unions and names of classes, which are left out;
     `center`, which is a field of Config, is moved to its section `indenter`.
@@ -91,14 +91,14 @@ def document_path(finding: Any, document: Mapping[str, Any]) -> KeyPath:
 
 
 def closest_match(word: Any, choices: tuple[str, ...]) -> str | None:
-    """Return the most similar choice, whatever its case; None if no choice is similar."""
+    """Return the most similar choice, ignoring case; None if no choice is similar."""
     folded = {str(choice).lower(): str(choice) for choice in reversed(choices)}
     match = get_close_matches(str(word).lower(), folded, n=1, cutoff=0.6)
     return folded[match[0]] if match else None
 
 
 def short_repr(value: Any) -> str:
-    """Return a value as in the file, shortened."""
+    """Return a value as it is written in the file, shortened."""
     if value is None:
         return "nothing"
     if isinstance(value, bool):
@@ -108,7 +108,7 @@ def short_repr(value: Any) -> str:
 
 
 def _error_at(path: KeyPath, findings: list[Any], document: Mapping[str, Any]) -> ConfigError:
-    """Return the error of a key from pydantic's errors of this key."""
+    """Return the ConfigError for a key from pydantic's errors for this key."""
     types = {error["type"] for error in findings}
     if types & _UNKNOWN_TYPES:
         return _unknown_key_error(path, document)
@@ -132,7 +132,7 @@ def _error_at(path: KeyPath, findings: list[Any], document: Mapping[str, Any]) -
 
 
 def _unknown_key_error(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
-    """Return the error of an unknown key, with the most similar valid key."""
+    """Return the ConfigError for an unknown key, with the most similar valid key."""
     if path in schema.REMOVED_KEYS:
         return ConfigError(key_text(path), *schema.REMOVED_KEYS[path])
     *parents, key = path
@@ -159,7 +159,7 @@ def _unknown_key_error(path: KeyPath, document: Mapping[str, Any]) -> ConfigErro
 
 
 def _missing_key_error(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
-    """Return the error of a missing key or section."""
+    """Return the ConfigError for a missing key or section."""
     node = schema.node_at(path, document)
     if node.tag or node.section_type is not None:
         return ConfigError(key_text(path), "this section is missing", _section_remedy(node))
@@ -167,7 +167,7 @@ def _missing_key_error(path: KeyPath, document: Mapping[str, Any]) -> ConfigErro
 
 
 def _wrong_tag_error(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
-    """Return the error of a missing or unknown tag."""
+    """Return the ConfigError for a missing or unknown tag."""
     node = schema.node_at(path, document)
     tag = str(node.tag)
     kinds = tuple(key_types.types_by_tag(node.type, str(node.tag)))
@@ -187,7 +187,7 @@ def _wrong_tag_error(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
 
 
 def _no_section_error(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
-    """Return the error of a value in place of a section."""
+    """Return the ConfigError for a value in place of a section."""
     node = schema.node_at(path, document)
     if key_types.allowed_words(node.type) and node.value is not None:
         return _wrong_value_error(node)
@@ -198,7 +198,7 @@ def _no_section_error(path: KeyPath, document: Mapping[str, Any]) -> ConfigError
 
 
 def _wrong_value_error(node: schema.SchemaNode) -> ConfigError:
-    """Return the error of a value outside of its type."""
+    """Return the ConfigError for a value that its type does not allow."""
     path = node.path
     hint = node.type
     value = node.value
@@ -218,7 +218,7 @@ def _wrong_value_error(node: schema.SchemaNode) -> ConfigError:
 
 
 def _section_remedy(node: schema.SchemaNode) -> str:
-    """Return the tags or keys of a section as a remedy."""
+    """Return a remedy that lists the tags or keys of a section."""
     if node.tag:
         return f"give {node.tag}: one of {', '.join(key_types.types_by_tag(node.type, node.tag))}"
     keys = node.allowed_keys()
@@ -234,7 +234,7 @@ def _variants_with_key(key: str, section: schema.SchemaNode, valid: tuple[str, .
 
 
 def _section_keys(section: str) -> set[str]:
-    """Return all keys of a section, whatever its tag is."""
+    """Return all keys of a section with any of its tags."""
     if section == "units":
         return set()
     keys = {name for kind in schema.sections()[section] for name in key_types.field_names(kind)}

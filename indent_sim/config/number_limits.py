@@ -1,4 +1,4 @@
-"""Limits of numbers that are too large, too small or too different for arithmetic of 16 digits."""
+"""Limits of numbers for double precision: size, and ratio of lengths."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def _ratio_errors(
 def _scene_numbers(name: str, section: Any) -> Iterator[SceneNumber]:
     """Yield the numbers with a dimension in a section and in its inner sections.
 
-    From a list it is the largest number, from lists of a body also the smallest one.
+    For a list the largest number is yielded, for lists of a body also the smallest one.
     """
     for field, unit in field_units(type(section)).items():  # type: ignore[arg-type]
         value = getattr(section, field)

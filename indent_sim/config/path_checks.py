@@ -1,4 +1,4 @@
-"""Checks of paths in scene files, which may come from other people."""
+"""Checks of paths in scene files, which may be untrusted."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from indent_sim.process.errors import ConfigError, printable
 
 
 def directory_errors(config: SceneSections) -> Iterator[ConfigError]:
-    """Yield the error of the result folder."""
+    """Yield an error if the result folder is not allowed."""
     if config.output.directory and (problem := directory_problem(config.output.directory)):
         yield ConfigError("output.directory", problem, "choose any other folder with --output")
 
 
 def directory_problem(directory: str) -> str:
-    """Return the problem of a result folder that is given in a file, or "".
+    """Return a message if a result folder named in a file is not allowed, otherwise "".
 
-    The folder has to be below the working directory, because scene and study files come from other
-    people. The command line may name any other folder.
+    The folder must be below the working directory, because scene and study files may be untrusted.
+    The command line may name any other folder.
     """
     if problem := path_problem(directory, "the working directory"):
         return problem
@@ -34,7 +34,7 @@ def directory_problem(directory: str) -> str:
 
 
 def path_problem(path: str, root_name: str) -> str:
-    """Return the problem of a path that has to be below the folder `root_name`, or ""."""
+    """Return a message if a path is not below the folder `root_name`, otherwise ""."""
     parts = path.split("/")
     if path.startswith("/") or ".." in parts:
         return f"must be below {root_name}, not absolute and without .."

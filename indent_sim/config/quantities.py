@@ -1,7 +1,7 @@
 """Conversion of quantities with a unit, "2.5 um" or "1 kPa", to the units of the scene.
 
-The arithmetic is decimal, exact except for radians, and rounded once at the end. A scene in mixed
-units therefore gives the same digits as one in plain numbers.
+The decimal arithmetic is exact except for radians, and rounded once at the end. A scene with mixed
+units therefore gives exactly the same numbers as a scene with plain numbers.
 """
 
 from __future__ import annotations
@@ -92,8 +92,8 @@ def convert_quantities(document: Mapping[str, Any]) -> tuple[dict[str, Any], Qua
     Raises
     ------
     ConfigError
-        A unit is unknown or of the wrong dimension, or the scene does not define the units to
-        which a quantity is to be converted. Several such errors are ConfigErrors.
+        If a unit is unknown or has the wrong dimension, or if the scene does not define the units
+        for the conversion. Several such errors are raised as ConfigErrors.
     """
     conversion = Conversion(document)
     converted_document = conversion.convert_node(schema.node_at((), document))
@@ -103,7 +103,7 @@ def convert_quantities(document: Mapping[str, Any]) -> tuple[dict[str, Any], Qua
 
 
 def si_factor(unit: str, kind: str) -> float:
-    """Return the SI value of a unit of length, force or time; ConfigError for any other unit."""
+    """Return the SI value of a unit of length, force or time; raise ConfigError otherwise."""
     factor, exponents = _unit_factor(f"units.{kind}", unit)
     if exponents != {kind: 1}:
         problem = f"'{unit}' is {_dimension_text(exponents)}, not a {kind}"
@@ -112,7 +112,7 @@ def si_factor(unit: str, kind: str) -> float:
 
 
 class Conversion:
-    """Conversion of the quantities of a document to numbers in its units, with all errors."""
+    """Conversion of the quantities in a document to its units; all errors are collected."""
 
     def __init__(self, document: Mapping[str, Any]):
         self.quantities: Quantities = {}
@@ -125,7 +125,7 @@ class Conversion:
         self._force = KIND_EXPONENTS["force per length" if is_flat else "force"]
 
     def convert_node(self, node: schema.SchemaNode, list_unit: Unit | UnitRow | None = None) -> Any:
-        """Return the value of a node with its quantities converted.
+        """Return the value of a document node with its quantities converted.
 
         `list_unit` is the unit of the list that contains the node.
         """
@@ -160,7 +160,7 @@ class Conversion:
         if DECIMAL_COMMA.fullmatch(text):
             corrected_text = text.strip().replace(",", ".")
             raise ConfigError(
-                key, f"a comma is no decimal point: '{text}'", f"write {corrected_text}"
+                key, f"a comma is not a decimal point: '{text}'", f"write {corrected_text}"
             )
         match = QUANTITY_PATTERN.fullmatch(text)
         if match is None:
@@ -172,7 +172,9 @@ class Conversion:
         if unit == ANGLE:
             if match["unit"] not in ANGLES:
                 raise ConfigError(
-                    key, f"'{text}' is no angle", "give degrees, or for example 70 deg or 1.2 rad"
+                    key,
+                    f"'{text}' is not an angle",
+                    "give degrees, or for example 70 deg or 1.2 rad",
                 )
             return float(match["number"]) * ANGLES[match["unit"]]
         factor, exponents = _unit_factor(key, match["unit"])
@@ -190,7 +192,7 @@ class Conversion:
         return float(Decimal(match["number"]) * factor / scene_unit_factor)
 
     def _scene_unit_factor(self, key: str, required_exponents: Exponents) -> Decimal:
-        """Return the SI value of the scene's own unit of this dimension."""
+        """Return the SI value of the scene's unit for a dimension."""
         total = Decimal(1)
         for kind, power in required_exponents.items():
             label = "s" if kind == "time" else self._units.get(kind)
@@ -210,9 +212,9 @@ class Conversion:
 
 
 def _dimension_exponents(unit: Unit, force: Exponents = BASE_EXPONENTS["force"]) -> Exponents:
-    """Return the exponents of length, force and time of a dimension.
+    """Return the exponents of length, force and time of a unit of the symbol table.
 
-    `force` has those of a force of the scene, which in plane strain is per unit length.
+    `force` are the exponents of a force of the scene, which in plane strain is per unit length.
     """
     total: Counter[str] = Counter()
     for word, power in unit.powers.items():
@@ -227,7 +229,7 @@ def _dimension_exponents(unit: Unit, force: Exponents = BASE_EXPONENTS["force"])
 
 @cache
 def _unit_factor(key: str, unit: str) -> Factor:
-    """Return SI value and dimension of a unit; ConfigError if there is no such unit."""
+    """Return SI value and dimension of a unit; raise ConfigError if there is no such unit."""
     if unit in ANGLES:
         return Decimal(1), {"angle": 1}
     total = Decimal(1)
@@ -269,7 +271,7 @@ def _unit_registry() -> Any:
 
 
 def _unknown_unit(key: str, unit: str) -> ConfigError:
-    """Return the error of an unknown unit, with the most similar known one."""
+    """Return the ConfigError for an unknown unit, with the most similar known unit."""
     # Units among which the probable meaning of an unknown unit is searched.
     suggested_units = (
         "pm nm um mm cm m pN nN uN mN N kN Pa kPa MPa GPa N/m mN/m deg rad s ms J/m^2 mJ/m^2"
@@ -280,7 +282,7 @@ def _unknown_unit(key: str, unit: str) -> ConfigError:
 
 
 def _dimension_text(exponents: Exponents) -> str:
-    """Return a dimension in words: "a length", "a pressure", "force^1 length^-2"."""
+    """Return a text on a dimension such as "a length", "a pressure", "force^1 length^-2"."""
     name = next(
         (name for name, kind_exponents in KIND_EXPONENTS.items() if kind_exponents == exponents),
         None,
@@ -300,7 +302,7 @@ def dimension_of_key(path: KeyPath, document: Mapping[str, Any]) -> str | None:
 def pressure_keys(config: schema.Config) -> list[str]:
     """Return the keys of all numbers with a pressure in their unit.
 
-    By dimensional analysis the force is proportional to the only one, if there is only one.
+    If there is only one such key, the force is proportional to it by dimensional analysis.
     """
     parts: list[tuple[str, Any]] = [*config.materials(), ("contact", config.contact)]
     parts += [(f"{key}.flow", law.flow) for key, law in config.materials() if law.flow]
@@ -329,5 +331,5 @@ def _pressure_fields(part: Any) -> list[str]:
 
 
 def _is_number(value: Any) -> bool:
-    """Return whether a value is a number; a truth value is none."""
+    """Return whether a value is a number; booleans are not."""
     return isinstance(value, int | float) and not isinstance(value, bool)

@@ -1,4 +1,4 @@
-"""Reader and writer of scene files: strict YAML, overrides, errors with file, line and key."""
+"""Reader and writer of scene files in strict YAML, with overrides and located errors."""
 
 from __future__ import annotations
 
@@ -43,22 +43,22 @@ SourceLocation = tuple[str, int | None]
 
 
 def load(path: SceneInput, overrides: Overrides = ()) -> Config:
-    """Return the config of a scene file, or of mappings of its shape, with some keys replaced.
+    """Return the config of a scene file, or of a dictionary, with some keys replaced.
 
     Parameters
     ----------
     path
-        A file, mappings of its shape, or a config that is to be changed.
+        A file, nested dictionaries with the structure of a file, or a config that is to be changed.
     overrides
-        Texts as after `--set`, "contact.method=penalty", or values by their dotted keys,
-        {"contact.method": "penalty"}.
+        Values by dotted keys, {"contact.method": "penalty"}, or texts as after `--set`, such as
+        "contact.method=penalty".
 
     Raises
     ------
     UsageError
-        The file cannot be read.
+        If the file cannot be read.
     ConfigError
-        The scene has errors.
+        If the scene has errors.
     """
     if isinstance(path, Config):
         return _apply_overrides(to_mapping(path), path.source, overrides)
@@ -69,9 +69,9 @@ def load(path: SceneInput, overrides: Overrides = ()) -> Config:
 
 
 def load_result_config(path: str | os.PathLike[str]) -> Config:
-    """Return the config of a result, which may have keys that were removed or moved since.
+    """Return the config of a result, which may contain keys of earlier versions.
 
-    It raises the same errors as `load`.
+    The errors are the same as of `load`.
     """
     document, source = read_document(path)
     for name, key in schema.REMOVED_KEYS:
@@ -82,9 +82,9 @@ def load_result_config(path: str | os.PathLike[str]) -> Config:
 
 
 def _migrate_key(document: Document, key: str, value: Any) -> None:
-    """Move a key from `experiment` to its present section.
+    """Move a key of an earlier version from `experiment` to its present section.
 
-    A history replaces the loading; a relaxation goes to every material.
+    A history replaces the loading; a relaxation is moved to every material.
     """
     if schema.MOVED_KEYS[key] == "loading":
         document["loading"] = {key: value}
@@ -105,14 +105,14 @@ def loads(text: str, name: str = "", overrides: Overrides = ()) -> Config:
 
 
 def is_study(document: Mapping[str, Any]) -> bool:
-    """Return whether a document is a study: one scene that is varied, or a list of cases."""
+    """Return whether a document is a study: a scene with variations, or a list of cases."""
     return document.keys() >= STUDY_SECTIONS or "cases" in document
 
 
 def read_document(path: str | os.PathLike[str]) -> tuple[Document, Source]:
     """Return the unchecked sections of a YAML file and the position of every key.
 
-    It raises the same errors as `load`.
+    The errors are the same as of `load`.
     """
     name = os.fspath(path)
     content = _read_content(name)
@@ -135,9 +135,10 @@ def _parse_document(text: str, name: str) -> tuple[Document, Source]:
 
 
 def config_from_mapping(data: Mapping[str, Any], overrides: Overrides = ()) -> Config:
-    """Return the config of nested mappings, lists, numbers and dataclasses, shaped like a file.
+    """Return the config of nested mappings, lists, numbers and dataclasses.
 
-    Numbers and arrays of numpy are allowed. `overrides` is that of `load`.
+    They have the structure of a file. Numbers and arrays of numpy are allowed. `overrides` is as in
+    `load`.
     """
     return _apply_overrides(plain_document(data), Source(), overrides)
 
@@ -153,15 +154,14 @@ def plain_document(data: Mapping[str, Any]) -> Document:
 def config_with_settings(
     document: Mapping[str, Any], source: Source, settings: Iterable[tuple[str, Any, SourceLocation]]
 ) -> Config:
-    """Return the config of a document in which some keys are replaced.
+    """Return the config of a document after replacement of some keys.
 
     Parameters
     ----------
     document, source
-        Sections of a file and the positions of its keys; they are not changed.
+        Sections of a file and the positions of its keys; both remain unchanged.
     settings
-        Dotted key, value, and position of the value in a file. Of two settings of one key the last
-        one is used.
+        Dotted key, value, and position of the value in a file. The last setting of a key is used.
     """
     new_document = copy.deepcopy(dict(document))
     new_source = dataclasses.replace(source, locations=dict(source.locations))
@@ -173,10 +173,10 @@ def config_with_settings(
 def quantities_of(
     document: Mapping[str, Any], settings: Iterable[tuple[str, Any, SourceLocation]]
 ) -> Quantities:
-    """Return the quantities of a document in which some keys are replaced.
+    """Return the quantities of a document after replacement of some keys.
 
-    The arguments are those of `config_with_settings`. Each quantity is returned as given, and as a
-    number in the units of the document; ConfigError if it has no valid unit.
+    The parameters are those of `config_with_settings`. Each quantity is returned as given and as a
+    number in the units of the document. Raises ConfigError for an invalid unit.
     """
     new_document = copy.deepcopy(dict(document))
     new_source = Source()
@@ -186,7 +186,7 @@ def quantities_of(
 
 
 def locate_error(where: Config | Source, error: ConfigError) -> ConfigError:
-    """Return an error with file and line of its key, or of the nearest section around it."""
+    """Return an error with file and line of its key or of the enclosing section."""
     source = where.source if isinstance(where, Config) else where
     if isinstance(error, ConfigErrors):
         errors = [locate_error(source, part) for part in error.errors]
@@ -198,12 +198,12 @@ def locate_error(where: Config | Source, error: ConfigError) -> ConfigError:
 
 
 def to_yaml(config: Config) -> str:
-    """Return the whole config, defaults included, as YAML that loads to an equal config."""
+    """Return the complete config, including defaults, as YAML that loads to an equal config."""
     return strict_yaml.dump(to_mapping(config))
 
 
 def to_mapping(config: Config, keys: Iterable[str] | None = None) -> Document:
-    """Return the config, or some of its keys, as nested mappings shaped like a file."""
+    """Return the config, or some of its keys, as nested mappings like a file."""
     values = {name: getattr(config, name) for name in keys or schema.allowed_keys_at((), {})}
     data = {name: _document_value(value) for name, value in values.items() if value is not None}
     if config.center is not None and "indenter" in data:
@@ -212,7 +212,7 @@ def to_mapping(config: Config, keys: Iterable[str] | None = None) -> Document:
 
 
 def _section_document(item: Any) -> Document:
-    """Return a dataclass as the section of a file, without keys that are not given."""
+    """Return a dataclass as the section of a file, without keys that are None."""
     unused: set[str] = set()
     if isinstance(item, Loading):
         unused = {
@@ -226,7 +226,7 @@ def _section_document(item: Any) -> Document:
 
 
 def _document_value(value: Any) -> Any:
-    """Return the value of a field as a file gives it; equal walls are one word."""
+    """Return the value of a field as in a file, with one word for equal walls."""
     kind: Any = type(value)
     if kind in SCALARS:
         return value
@@ -242,7 +242,7 @@ def _document_value(value: Any) -> Any:
 
 
 def _read_content(name: str) -> bytes:
-    """Return the bytes of a file; UsageError if it cannot be read."""
+    """Return the bytes of a file; raise UsageError if it cannot be read."""
     try:
         # O_NONBLOCK opens a pipe without waiting for its writer; the pipe is then refused.
         with open(
@@ -260,7 +260,7 @@ def _read_content(name: str) -> bytes:
 
 
 def _apply_overrides(document: Document, source: Source, overrides: Overrides) -> Config:
-    """Return the config of a document with overrides, or all its errors."""
+    """Return the config of a document with overrides, or raise all its errors."""
     if isinstance(overrides, Mapping):
         return config_with_settings(
             document, source, [_check_setting(key, value) for key, value in overrides.items()]
@@ -287,7 +287,7 @@ def _apply_overrides(document: Document, source: Source, overrides: Overrides) -
 def collect_errors(
     first: ConfigError, config: Config, check: Callable[[Config], object]
 ) -> ConfigError:
-    """Return an error of a config, and those that remain after its keys are repaired.
+    """Return an error of a config with all errors that remain after its repair.
 
     Parameters
     ----------
@@ -296,7 +296,7 @@ def collect_errors(
     config
         Config with the error.
     check
-        Raises ConfigError for a config with errors.
+        Function that raises ConfigError for a config with errors.
     """
     parse_again = partial(_parse_config, source=config.source)
     return _collect_document_errors(
@@ -307,9 +307,9 @@ def collect_errors(
 def _collect_document_errors(
     first: ConfigError, document: Document, source: Source, check: Callable[[Any], object]
 ) -> ConfigError:
-    """Return the first errors of a document, and those that remain after these are repaired.
+    """Return the errors of a document, including those that remain after repair of the first.
 
-    A wrong key is replaced by the one that was probably meant, or removed. All errors have their
+    An invalid key is replaced by the key that was probably meant, or removed. All errors have
     positions.
     """
     document = copy.deepcopy(document)
@@ -333,9 +333,9 @@ def _collect_document_errors(
 def _independent_errors(
     earlier_errors: Sequence[ConfigError], error: ConfigError
 ) -> list[ConfigError]:
-    """Return the errors that do not result from the removal of the keys of earlier errors.
+    """Return the errors that do not result from the removal of keys with earlier errors.
 
-    They are about other sections and keys, and do not ask for a key that was removed.
+    They concern other sections and keys, and do not request a key that was removed.
     """
     earlier_paths = [
         path[:-1] if path[-1] in schema.TAG_KEYS else path
@@ -355,7 +355,7 @@ def _independent_errors(
 
 
 def _is_consequence(earlier_errors: Sequence[ConfigError], error: ConfigError) -> bool:
-    """Return whether the remedy of an error asks for the key of an earlier error."""
+    """Return whether the remedy of an error requests the key of an earlier error."""
     words = re.split(r"[\s,;]+", error.remedy)
     return any(
         earlier.key and not earlier.suggestion and earlier.key in words
@@ -364,9 +364,9 @@ def _is_consequence(earlier_errors: Sequence[ConfigError], error: ConfigError) -
 
 
 def _repair_key(document: Document, source: Source, error: ConfigError) -> bool:
-    """Replace a wrong key or value by the one that was probably meant, or remove it.
+    """Replace an invalid key or value by the one that was probably meant, or remove it.
 
-    Returns whether that was possible.
+    Returns True if that was possible.
     """
     path = key_path(error.key)
     section = schema.node_at(path[:-1], document).value
@@ -386,7 +386,7 @@ def _repair_key(document: Document, source: Source, error: ConfigError) -> bool:
 
 
 def _check_setting(key: str, value: Any) -> tuple[str, Any, SourceLocation]:
-    """Return a setting for `config_with_settings`; ConfigError if the key is not valid."""
+    """Return a setting for `config_with_settings`; raise ConfigError for an invalid key."""
     if not (
         isinstance(key, str) and KEY_PATTERN.fullmatch(key) and len(key_path(key)) <= MAX_DEPTH
     ):
@@ -395,7 +395,7 @@ def _check_setting(key: str, value: Any) -> tuple[str, Any, SourceLocation]:
 
 
 def _apply_override(document: Document, source: Source, text: str) -> KeyPath:
-    """Set one key of the document and record where it came from."""
+    """Set one key of the document and record the source of the value."""
     # Largest number of characters of a --set that a message repeats.
     max_characters = 80
     shortened_text = text if len(text) <= max_characters else f"{text[:max_characters]}..."
@@ -448,7 +448,10 @@ def _parent_section(
             key = key_text(path[: depth - 1])
             example = f"{key}={{{path[-1]}: ...}}"
             raise ConfigError(
-                key_text(path), f"{key} is not a section", f"set it whole: {example}", *place
+                key_text(path),
+                f"{key} is not a section",
+                f"set the whole section: {example}",
+                *place,
             )
         if depth == len(path):
             break
@@ -460,7 +463,7 @@ def _parent_section(
 
 
 def _validate(document: Document, source: Source) -> Config:
-    """Return the config of a document, or all its errors with their positions."""
+    """Return the config of a document, or raise all its errors with their positions."""
     if is_study(document):
         problem = "this is a study, not a scene"
         remedy = f"indent-sim study {source.name or 'FILE'}"
@@ -476,7 +479,7 @@ def _validate(document: Document, source: Source) -> Config:
 
 
 def _parse_config(document: Document, source: Source) -> Config:
-    """Return the config of a document; ConfigError, without a position, for its first errors."""
+    """Return the config of a document, or raise its first errors without positions."""
     try:
         document, quantities = convert_quantities(document)
         source = dataclasses.replace(source, quantities=quantities)
@@ -500,9 +503,10 @@ def _parse_config(document: Document, source: Source) -> Config:
 
 
 def _config_fields(document: Document) -> Document:
-    """Return the document in the shape of Config.
+    """Return the document with the structure of Config.
 
-    `center` is a field of Config, not of its tip; default tags and all walls are written out.
+    `center` is a field of Config, not of the tip; default tags and the words of all walls are
+    added.
     """
     if "center" in document:
         raise ConfigError("center", "unknown key", "it belongs in indenter")
@@ -513,7 +517,7 @@ def _config_fields(document: Document) -> Document:
 
 
 def _complete_defaults(node: schema.SchemaNode) -> Any:
-    """Return the value of a node with default tags and the words of all walls written out."""
+    """Return the value of a node with default tags and the words of all walls added."""
     value = node.value
     if (
         isinstance(value, str)
@@ -533,7 +537,7 @@ def _complete_defaults(node: schema.SchemaNode) -> Any:
 
 
 def _plain_value(value: Any, path: KeyPath) -> Any:
-    """Return any value as the mappings, lists and scalars of a file."""
+    """Return a value converted to the mappings, lists and scalars of a file."""
     if len(path) > MAX_DEPTH:
         raise ConfigError(key_text(path[:3]), f"nested deeper than {MAX_DEPTH} levels")
     # Arrays and scalars of numpy become lists and numbers.

@@ -1,4 +1,4 @@
-"""Sections of a scene file: their dataclasses, defaults and ranges, and where keys come from."""
+"""Sections of a scene file: dataclasses, defaults and ranges, and the source of every key."""
 
 from __future__ import annotations
 
@@ -39,10 +39,7 @@ AccuracyPreset = Literal["fast", "balanced", "accurate"]
 
 @dataclass(frozen=True)
 class Units:
-    """Units of plain numbers, by name.
-
-    Quantities with a unit of their own are converted to them.
-    """
+    """Units of plain numbers, by name; quantities with another unit are converted."""
 
     length: str = ""
     force: str = ""
@@ -68,7 +65,7 @@ class MeshSettings:
 
 @dataclass(frozen=True)
 class SolverSettings:
-    """Solution of the equations.
+    """Settings of the solver: method, linear solver and tolerances.
 
     Options of PETSc come from the environment variable
     [PETSC_OPTIONS](how_do_i.md#tune-petsc).
@@ -94,9 +91,9 @@ class OutputSettings:
 
 @dataclass(frozen=True)
 class Source:
-    """Source of every key of a config: file and line, or the `--set` that gave it.
+    """Source of every key of a config: file and line, or the `--set` option.
 
-    All sources are equal: two configs with the same values are equal, wherever they were written.
+    All sources compare equal, so that two configs with the same values are equal.
     """
 
     name: str = field(default="", compare=False)
@@ -109,7 +106,7 @@ class Source:
     )
 
     def location(self, path: KeyPath) -> tuple[str, int | None]:
-        """Return file and line of a key, or of the nearest section around it."""
+        """Return file and line of a key, or of its enclosing section."""
         for end in range(len(path), -1, -1):
             if path[:end] in self.locations:
                 return self.locations[path[:end]]
@@ -117,7 +114,7 @@ class Source:
 
 
 class SceneSections(BaseModel):
-    """Sections of a scene file with their defaults, before their keys are compared."""
+    """Sections of a scene file with their defaults, before checks of their consistency."""
 
     model_config = ConfigDict(
         extra="forbid", frozen=True, strict=True, allow_inf_nan=False, revalidate_instances="always"
@@ -157,7 +154,7 @@ class SceneSections(BaseModel):
 
     @property
     def instrument(self) -> Experiment:
-        """Experiment of the scene; an empty one if the file has none."""
+        """Experiment of the scene; an Experiment without entries if the file has none."""
         return self.experiment or Experiment()
 
     @property

@@ -1,8 +1,8 @@
 """Schema of the scene file: its sections with their keys, types, ranges and defaults.
 
-The dataclasses of `model` are the schema of body, material, indenter, contact and loading, those of
-`scene_sections` that of the other sections. Reader, error messages, JSON Schema and
-docs/config.md are all derived from it.
+The dataclasses of `model` define the sections body, material, indenter, contact and loading, and
+those of `scene_sections` define the other sections. Reader, error messages, JSON Schema and
+docs/config.md are derived from this schema.
 """
 
 from __future__ import annotations
@@ -89,11 +89,11 @@ CONSISTENCY_CHECKS = (
 
 
 class Config(SceneSections):
-    """Checked scene file with its defaults; every "auto" is still undecided."""
+    """Validated scene file with defaults; values "auto" are not yet decided."""
 
     @model_validator(mode="after")
     def _check_consistency(self) -> Config:
-        """Raise ConfigErrors with all contradictions between keys."""
+        """Return the config if its keys are consistent; raise ConfigErrors otherwise."""
         given = {name: part for name in sections() if (part := getattr(self, name)) is not None}
         errors = number_limits.limit_errors(given)
         if not errors:
@@ -105,7 +105,7 @@ class Config(SceneSections):
 
 @cache
 def section_tags() -> dict[str, str]:
-    """Return the tag key of every section that has one: body -> shape."""
+    """Return the key by which each section selects an alternative, such as body -> shape."""
     return {
         name: tag for name, hint in field_types(Config).items() if (tag := tag_of(hint)) is not None
     }
@@ -113,7 +113,7 @@ def section_tags() -> dict[str, str]:
 
 @cache
 def sections() -> dict[str, tuple[type, ...]]:
-    """Return the sections of the file in order, with the dataclasses that each may be."""
+    """Return the sections of the file in order, each with its possible dataclasses."""
     types_by_name = {name: union_members(hint) for name, hint in field_types(Config).items()}
     return {
         name: kinds for name, kinds in types_by_name.items() if dataclasses.is_dataclass(kinds[0])
@@ -153,7 +153,7 @@ class SchemaNode:
         return type_of_tag(self.type, self.tag_value) if self.type is not None else None
 
     def child(self, part: str | int) -> SchemaNode:
-        """Return the node of a key, or of an item of a list."""
+        """Return the node of a key of this section, or of an item of this list."""
         value = self.value[part] if has_part(self.value, part) else None
         path = (*self.path, part)
         kind = self.section_type
@@ -178,7 +178,7 @@ class SchemaNode:
         return SchemaNode(path, item_type, None, value)
 
     def children(self) -> Iterator[SchemaNode]:
-        """Yield the nodes of all values inside this one."""
+        """Yield the nodes of all values inside this node."""
         if isinstance(self.value, Mapping):
             yield from (self.child(key) for key in self.value)
         elif isinstance(self.value, (list, tuple)) and len(self.value):
@@ -225,7 +225,7 @@ def _file_order(kind: Any) -> tuple[str, ...]:
 
 
 def has_part(value: Any, part: str | int) -> bool:
-    """Return whether a section has a key, or a list an item of this number."""
+    """Return whether a section has a key, or a list has an item with this index."""
     if isinstance(value, (list, tuple)):
         return isinstance(part, int) and part < len(value)
     return isinstance(value, Mapping) and part in value

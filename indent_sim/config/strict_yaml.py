@@ -1,8 +1,7 @@
 """Strict reader of YAML 1.2 (core schema): plain data with the line of every key.
 
-`1e-6` is a number, `on` and `yes` are words, `010` is ten. Errors are: a key given twice, tags,
-anchors, aliases, a second document, and, before they cost time, files that are too long or nested
-too deeply.
+`1e-6` is a number, `on` and `yes` are words, `010` is ten. Errors are raised for repeated keys,
+tags, anchors, aliases, a second document, and files that are too long or nested too deeply.
 """
 
 from __future__ import annotations
@@ -52,7 +51,7 @@ def parse(text: str, name: str = "") -> tuple[Any, Lines]:
     Raises
     ------
     ConfigError
-        The text is not strict YAML.
+        If the text is not strict YAML.
     """
     _refuse_text(text, name)
     reader = _EventReader(name)
@@ -71,13 +70,13 @@ def key_text(path: KeyPath) -> str:
 
 
 def key_path(text: str) -> KeyPath:
-    """Return the key path of its dotted form."""
+    """Return the key path of a text such as loading.deltas[2]."""
     parts = re.findall(r"\[(\d+)\]|([^.\[\]]+)", text)
     return tuple(int(index) if index else word for index, word in parts)
 
 
 def leaf_values(value: Any, path: KeyPath = ()) -> Iterator[tuple[str, Any]]:
-    """Yield dotted key and value of everything but sections and lists of sections."""
+    """Yield dotted key and value of all entries except sections and lists of sections."""
     is_list = isinstance(value, list) and any(isinstance(part, Mapping) for part in value)
     if not isinstance(value, Mapping) and not is_list:
         yield key_text(path), value
@@ -160,14 +159,14 @@ class _EventReader:
         return values
 
     def key(self, event: Any, path: KeyPath) -> str:
-        """Return the key of an event; ConfigError if it is not a word."""
+        """Return the key of an event; raise ConfigError if it is not a word."""
         word = self.node(event, iter(()), path) if isinstance(event, yaml.ScalarEvent) else None
         if not isinstance(word, str):
             raise self.error(event, path, "a key must be a word")
         return word
 
     def scalar(self, event: yaml.ScalarEvent, path: KeyPath) -> Any:
-        """Return the text of a quoted scalar or of a block, or the value of an unquoted scalar."""
+        """Return the text of a quoted or block scalar, or the value of an unquoted scalar."""
         text = event.value
         is_quoted = not event.implicit[0]
         if is_quoted:
@@ -182,12 +181,12 @@ class _EventReader:
             raise self.error(event, path, str(error)) from None
 
     def error(self, event: Any, path: KeyPath, problem: str, remedy: str = "") -> ConfigError:
-        """Return the error of a key path at the line of an event."""
+        """Return the ConfigError for a key path at the line of an event."""
         return ConfigError(key_text(path), problem, remedy, self.name, event.start_mark.line + 1)
 
 
 def parse_scalar(text: str) -> Any:
-    """Return the value of an unquoted YAML 1.2 scalar; OverflowError if the number is too large."""
+    """Return the value of an unquoted YAML 1.2 scalar; raise OverflowError if it is too large."""
     if text in _CONSTANTS:
         return _CONSTANTS[text]
     integer_match = _INTEGER.fullmatch(text)
@@ -215,7 +214,7 @@ def _refuse_text(text: str, name: str) -> None:
 
 
 def _syntax_error(error: yaml.MarkedYAMLError, text: str, name: str) -> ConfigError:
-    """Return the error of a text that is not YAML, with its line."""
+    """Return the ConfigError for a text that is not YAML, with its line."""
     mark = error.problem_mark or error.context_mark
     problem = "not YAML: " + " ".join(part for part in (error.context, error.problem) if part)
     # Some versions of libyaml have a smaller limit of nesting than this reader.
@@ -238,12 +237,12 @@ def inline_yaml(value: Any) -> str:
 
 
 def short_yaml(value: object) -> str:
-    """Return the YAML text of a value for people, a float with four digits."""
+    """Return the YAML text of a value for messages, with four digits of a float."""
     return f"{value:.4g}" if isinstance(value, float) else inline_yaml(value)
 
 
 def _scalar_yaml(value: Any) -> str:
-    """Return the YAML text of a number, a truth value, null or a text."""
+    """Return the YAML text of a number, a boolean, null or a text."""
     if value is None or isinstance(value, bool):
         return {None: "null", True: "true", False: "false"}[value]
     if isinstance(value, float):

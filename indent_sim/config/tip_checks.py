@@ -16,7 +16,7 @@ from indent_sim.process.errors import ConfigError
 
 
 def contact_errors(config: SceneSections) -> Iterator[ConfigError]:
-    """Yield errors of `epsilon_t` without friction, and of adhesion."""
+    """Yield errors in the contact: `epsilon_t` without friction, and invalid adhesion."""
     adhesion = config.contact.adhesion
     if config.contact.epsilon_t != "auto" and config.contact.is_conservative:
         yield ConfigError(
@@ -33,7 +33,7 @@ def contact_errors(config: SceneSections) -> Iterator[ConfigError]:
 
 
 def center_errors(config: SceneSections) -> Iterator[ConfigError]:
-    """Yield errors of the position of the tip's axis."""
+    """Yield errors in the position of the tip's axis."""
     center = config.center
     needed = len(config.body.center)
     if isinstance(config.body, UnboundedBody | Cap | Ball) and any(center or ()):
@@ -49,7 +49,7 @@ def center_errors(config: SceneSections) -> Iterator[ConfigError]:
 
 
 def tip_errors(config: SceneSections) -> list[ConfigError]:
-    """Return errors of the tip and of its combination with the body."""
+    """Return errors in the tip and in its combination with the body."""
     tip = config.indenter
     if getattr(config.body, "kinematics", "") == "axisymmetric" and not tip.is_axisymmetric:
         return [
@@ -104,7 +104,7 @@ def tip_errors(config: SceneSections) -> list[ConfigError]:
 
 
 def experiment_errors(config: SceneSections) -> Iterator[ConfigError]:
-    """Yield errors of an experiment that do not depend on the solution."""
+    """Yield errors in an experiment that are known before the solution."""
     experiment = config.experiment
     if experiment is None:
         return
@@ -127,10 +127,10 @@ def experiment_errors(config: SceneSections) -> Iterator[ConfigError]:
 
 
 def _jkr_errors(config: SceneSections, adhesion: JKRAdhesion) -> Iterator[ConfigError]:
-    """Yield errors where the JKR limit does not apply.
+    """Yield errors if the JKR limit does not apply.
 
-    It needs a circular contact whose radius varies with the depth, for Griffith's balance at its
-    edge.
+    The limit needs a circular contact whose radius varies with the depth, for the Griffith energy
+    balance at the edge of the contact.
     """
     body = config.body
     tip = config.indenter

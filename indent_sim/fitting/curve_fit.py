@@ -77,8 +77,16 @@ ModelChoice = Literal["needed", "all"]
 class FitRequest:
     """Settings of a fit that are the same for all curves.
 
-    config: the scene; varied_keys: keys of the parameters; origin: what is known of contact point
-    and baseline; models: whether alternative models are fitted only when needed, or always.
+    Attributes
+    ----------
+    config
+        The scene.
+    varied_keys
+        Keys of the fitted parameters.
+    origin
+        Options of the contact point and the baseline.
+    models
+        Whether alternative models are fitted only when needed, or always.
     """
 
     config: Config
@@ -90,10 +98,18 @@ class FitRequest:
 
 @dataclass(frozen=True)
 class PlottedCurve:
-    """Data of the picture and the table of a curve, each array of shape (n,).
+    """Data for the picture and the table of a curve, in arrays of shape (n,).
 
-    delta: depth from first contact; force: force without baseline; alternative_fits: fits of other
-    models by name; t: times from first contact [s] if the force depends on time, else None.
+    Attributes
+    ----------
+    delta
+        Depth from first contact.
+    force
+        Force without baseline.
+    alternative_fits
+        Forces by other models, by name.
+    t
+        Times from first contact [s] if the force depends on time, else None.
     """
 
     delta: np.ndarray
@@ -105,7 +121,7 @@ class PlottedCurve:
 
 @dataclass(frozen=True)
 class CurveFit:
-    """Result for one curve: its entry of fit.json, and the data of its picture."""
+    """Result for one curve: the entry for fit.json and the data of its picture."""
 
     entry: dict[str, Any]
     plotted: PlottedCurve | None = None
@@ -122,7 +138,7 @@ class CurveFit:
 
 
 def rejected_fit(name: str, reason: str, seconds: float = 0.0) -> CurveFit:
-    """Return the result of a curve without parameters, with the reason."""
+    """Return the result for a curve that was rejected, with the reason."""
     return CurveFit({"curve": name, "status": "refused", "reason": reason, "seconds": seconds})
 
 
@@ -141,8 +157,8 @@ def fit_curve(curve: MeasuredCurve, request: FitRequest, tables: ForwardModelCac
     Raises
     ------
     ConfigError
-        The scene or a key is wrong for every curve. A curve that cannot be fitted is a result with
-        a reason instead.
+        If the scene or a key is invalid for every curve. A curve that cannot be fitted does not
+        raise an error, but gives a result with the reason.
     """
     start_time = time.process_time()
     try:
@@ -171,7 +187,7 @@ def convert_to_scene_units(curve: MeasuredCurve, config: Config) -> MeasuredCurv
 def cantilever_stiffness_si(config: Config) -> float | None:
     """Return the cantilever stiffness of a scene in N/m, for AFM files that lack it.
 
-    None if the scene has no cantilever or no units.
+    The result is None if the scene has no cantilever or no units.
     """
     cantilever = config.experiment.cantilever if config.experiment else None
     if cantilever is None or not (config.units.length and config.units.force):
@@ -206,7 +222,7 @@ def _fit_and_assess(
 def _fit_load_curve(
     config: Config, request: FitRequest, samples: Samples, tables: ForwardModelCache
 ) -> Estimate:
-    """Fit an elastic scene; solve it deeper and fit again if the curve turns out to be deeper."""
+    """Fit an elastic scene, again with a deeper solution if the fitted depth exceeds it."""
     forward_model = _graded_forward_model(config, request.varied_keys, samples, tables)
     estimate = fit_model(forward_model, samples, request.origin)
     depth = _max_indentation(estimate)
@@ -222,11 +238,10 @@ def _fit_load_curve(
 def _fit_along_path(
     config: Config, request: FitRequest, samples: Samples, tables: ForwardModelCache
 ) -> Estimate:
-    """Fit a path-dependent scene along the load path that was measured.
+    """Fit a path-dependent scene along the measured load path.
 
-    The path begins at first contact, which an elastic fit estimates first. Path and fit are
-    repeated until the contact point no longer moves (fixed-point iteration, at most
-    four times).
+    The path begins at first contact, of which an elastic fit gives the first estimate. Path and fit
+    are repeated until the contact point converges (at most four times).
     """
     assert samples.t is not None
     compliance = config.experiment.compliance if config.experiment else 0.0
@@ -272,12 +287,12 @@ def _fit_along_path(
 def _elastic_contact_point(
     config: Config, request: FitRequest, approach: Samples, tables: ForwardModelCache
 ) -> float:
-    """Return the contact point of an elastic fit of the approach whose first modulus is free.
+    """Return the contact point of an elastic fit of the approach with a free first modulus.
 
     Raises
     ------
     FitRejected
-        The curve has no contact.
+        If the curve has no contact.
     """
     if request.origin.contact_point is not None:
         return request.origin.contact_point
@@ -295,14 +310,14 @@ def _elastic_contact_point(
 
 
 def _elastic_config_with_spring(config: Config, depth: float) -> Config:
-    """Return the scene with elastic material and the same spring, pressed to a depth."""
+    """Return the scene with elastic material and the same spring, loaded to a depth."""
     experiment = to_mapping(config).get("experiment")
     document = to_mapping(elastic_config(config, depth))
     return config_from_mapping(document | ({"experiment": experiment} if experiment else {}))
 
 
 def _prepare_curve(curve: MeasuredCurve, request: FitRequest) -> tuple[Config, Samples, list[str]]:
-    """Return the scene as this curve needs it, the samples, and notes on the assumptions made."""
+    """Return the scene for this curve, the samples, and notes on the assumptions."""
     config = request.config
     notes = []
     has_spring = config.experiment is not None and config.experiment.compliance > 0
@@ -331,9 +346,10 @@ def _remove_spring(config: Config) -> Config:
 def _graded_forward_model(
     config: Config, keys: tuple[str, ...], samples: Samples, tables: ForwardModelCache
 ) -> ForwardModel:
-    """Return the forward model to a graded depth, which other curves can share.
+    """Return the forward model up to a rounded depth, so that other curves can share it.
 
-    If the scene does not exist at that depth, the model ends slightly below the curve's depth.
+    If the scene is not valid at that depth, the model extends slightly beyond the depth of the
+    curve.
     """
     contact_depth = _max_contact_depth(samples, config)
     # Solved depths are powers of this ratio, so that curves share solutions.
@@ -392,10 +408,10 @@ def _assess_model(
 
 
 def relative_calibration_error(config: Config, forward_model: ForwardModel) -> float:
-    """Return the relative error of a modulus by uncertain cantilever stiffness and tip radius.
+    """Return the relative error of a modulus due to uncertain stiffness and tip radius.
 
-    The stiffness enters with its own relative error, the radius with d ln F / d ln R times its
-    relative error; both are added in quadrature.
+    It is the sum in quadrature of the relative error of the cantilever stiffness and of the
+    relative error of the radius multiplied by d ln F / d ln R.
     """
     calibration = config.experiment.calibration if config.experiment else None
     if not calibration:
@@ -409,7 +425,7 @@ def relative_calibration_error(config: Config, forward_model: ForwardModel) -> f
 def _radius_exponent(config: Config, max_depth: float) -> float:
     """Return n = d ln F / d ln R at the largest depth, by a central difference.
 
-    A relative error of the tip radius R changes the modulus by n times itself.
+    A relative error of the tip radius R changes the modulus by n times this error.
     """
     R = number_at(config, "indenter.R")
     depths = np.array([max_depth])
@@ -433,7 +449,7 @@ def _report_entry(
     notes: tuple[str, ...],
     start_time: float,
 ) -> dict[str, Any]:
-    """Return the curve's entry of fit.json."""
+    """Return the entry of a curve for fit.json."""
     estimate = assessment.estimate
     forward_model = assessment.estimate.model.forward_model
     parameters = forward_model.parameters
@@ -492,7 +508,7 @@ def _report_entry(
 
 
 def _fixed_numbers(config: Config, forward_model: ForwardModel) -> dict[str, float]:
-    """Return the numbers of the scene that affect the modulus and were not fitted."""
+    """Return the numbers of the scene that affect the modulus but were not fitted."""
     fixed_values = {}
     for key in (
         "material.E",
@@ -537,7 +553,7 @@ def _depth_range_rows(assessment: ModelAssessment) -> list[dict[str, float]]:
 def _alternative_entry(
     alternative: AlternativeModel, parameters: tuple[Any, ...]
 ) -> dict[str, Any]:
-    """Return what an alternative model adds, and its value of the first varied key."""
+    """Return the added parameters of an alternative model and its value of the first varied key."""
     first_parameter = parameters[0] if parameters else None
     entry: dict[str, Any] = {
         "name": alternative.name,
@@ -556,9 +572,10 @@ def _alternative_entry(
 
 
 def _hertz_comparison(assessment: ModelAssessment, config: Config) -> dict[str, float] | None:
-    """Return the modulus of a half-space fit from the same contact point.
+    """Return the modulus by a fit of the half-space formula with the same contact point.
 
-    percent: its difference from the modulus of the scene in per cent.
+    The keys are `E`, the modulus, and `percent`, its difference from the modulus of the scene in
+    per cent. None if there is no fit.
     """
     estimate = assessment.estimate
     forward_model = assessment.estimate.model.forward_model
@@ -617,7 +634,7 @@ def format_value(key: str, config: Config, value: float, interval: Interval | No
     value
         The value in units of the scene.
     interval
-        Interval that the value belongs to: it sets the unit's prefix and the number of digits.
+        Interval of the value, which determines the prefix of the unit and the number of digits.
     """
     kind = quantity_kind(config, key)
     digits = _significant_digits(interval) if interval else MIN_DIGITS
@@ -630,7 +647,7 @@ def format_value(key: str, config: Config, value: float, interval: Interval | No
 
 
 def _significant_digits(interval: Interval) -> int:
-    """Return the digits that show two digits of an interval's width, at least four."""
+    """Return the number of digits that shows two digits of an interval's width, at least 4."""
     width = (interval.high - interval.low) / max(abs(interval.high), abs(interval.low), 1e-300)
     return (
         min(max(MIN_DIGITS, 2 - math.floor(math.log10(width))), MAX_DIGITS)
@@ -664,7 +681,7 @@ def _summary(assessment: ModelAssessment, config: Config) -> str:
 
 
 def one_line_summary(entry: Mapping[str, Any], config: Config) -> str:
-    """Return the intervals of an entry, and what contradicts the scene, in one line."""
+    """Return the intervals of an entry, and the reasons against the scene, in one line."""
     intervals = [
         format_interval(key, config, Interval(*map(numbers.get, INTERVAL_KEYS)))
         for key, numbers in entry["parameters"].items()
@@ -732,7 +749,7 @@ def _plotted_curve(assessment: ModelAssessment) -> PlottedCurve:
 
 
 def request_identity(request: FitRequest) -> Mapping[str, Any]:
-    """Return what distinguishes one request from another, to decide if a folder can be resumed."""
+    """Return the settings that must be equal for a folder to be resumed."""
     record = {
         "scene": to_mapping(request.config),
         "vary": list(request.varied_keys),

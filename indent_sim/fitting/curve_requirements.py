@@ -27,10 +27,16 @@ from indent_sim.run.model_selection.recommended_model import Requirements, requi
 
 @dataclass(frozen=True)
 class CurveRequirements:
-    """Requirements of a scene at the depth and with the modulus of a measured curve.
+    """Model requirements of a scene at the depth and with the modulus of a measured curve.
 
-    key: key of the fitted modulus; entry: the curve's entry as in fit.json; models: alternative
-    models with the modulus that each gives, and whether it is needed or not excluded.
+    Attributes
+    ----------
+    key
+        Key of the fitted modulus.
+    entry
+        Entry of the curve as in fit.json.
+    models
+        Alternative models, each with its modulus and whether it is needed or not excluded.
     """
 
     config: Config
@@ -41,19 +47,19 @@ class CurveRequirements:
 
     @property
     def modulus(self) -> Interval:
-        """The modulus of the curve with its stated interval."""
+        """Modulus of the curve with its stated interval."""
         interval = self.entry["parameters"][self.key]
         return Interval(interval["value"], interval["low"], interval["high"])
 
     def as_json(self) -> dict[str, Any]:
-        """Return the requirements as one JSON object."""
+        """Return the requirements as an object for JSON."""
         return self.requirements.as_json() | {"curve": self.entry, "models": self.models}
 
 
 def require_for_curve(
     config: Config, path: Path, within: float, reading: ReadOptions | None = None
 ) -> CurveRequirements:
-    """Return what a scene requires at the depth and with the modulus of a measured curve.
+    """Return the model requirements at the depth and with the modulus of a measured curve.
 
     Parameters
     ----------
@@ -69,9 +75,9 @@ def require_for_curve(
     Raises
     ------
     NotConverged
-        The curve does not determine the modulus.
+        If the curve does not determine the modulus.
     ConfigError
-        The scene has no modulus or cannot be run. `read_curves` has further errors.
+        If the scene has no modulus or cannot be run. Errors of `read_curves` are raised, too.
     """
     reading = reading or ReadOptions()
     key = next(iter(pressure_keys(config)), None)
@@ -101,7 +107,7 @@ def require_for_curve(
 def _approach_loading(
     config: Config, curve: MeasuredCurve, entry: dict[str, Any]
 ) -> dict[str, Any]:
-    """Return the loading of the curve's approach: its depth, or a linear approach in time."""
+    """Return the section `loading` for the approach: a depth, or a linear history."""
     if not config.loading.prescribed_history:
         return {"delta": entry["depth"], "steps": config.loading.steps}
     has_spring = config.experiment is not None and config.experiment.compliance > 0

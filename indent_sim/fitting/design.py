@@ -1,4 +1,4 @@
-"""Experimental design: the intervals that a measurement would give, before it is made.
+"""Experimental design: intervals to be expected from a planned measurement.
 
 With the Jacobian J of the force with respect to parameters, contact point and baseline, and white
 noise of standard deviation s, their covariance is s^2 (J'J)^-1 (Seber & Wild 2003, ch. 5). Wide
@@ -55,7 +55,7 @@ BASELINE_DEPTHS = 1.0  # length of the baseline of a designed curve, in indentat
 
 @dataclass(frozen=True)
 class DesignImprovement:
-    """Change of the scene with the intervals that it would give, or why it is impossible."""
+    """Change of the experiment with the expected intervals, or the reason why it is impossible."""
 
     change: dict[str, Any]
     parameters: dict[str, Interval]
@@ -66,10 +66,23 @@ class DesignImprovement:
 class Design:
     """Expected intervals of the parameters of a scene by a planned measurement.
 
-    parameters: 95 % intervals; tied: ratio of each interval's width to its width with the other
-    parameters known; helps: changes of the experiment with their intervals; baseline: length in
-    depths beyond which no interval becomes narrower by more than 5 %; depth [length] and force
-    [force] of the deepest sample; noise [force]; points: samples of the whole curve.
+    Attributes
+    ----------
+    parameters
+        95 % intervals.
+    tied
+        Width of each interval divided by its width if the other parameters were known.
+    helps
+        Changes of the experiment with their intervals.
+    baseline
+        Sufficient length of the baseline in depths: a longer one makes no interval narrower by more
+        than 5 %.
+    depth, force
+        Depth [length] and force [force] of the deepest sample.
+    noise
+        Standard deviation of the noise [force].
+    points
+        Number of samples of the whole curve.
     """
 
     config: Config
@@ -84,7 +97,7 @@ class Design:
     points: int
 
     def as_json(self) -> dict[str, Any]:
-        """Return the design as one JSON object."""
+        """Return the design as an object for JSON."""
         report = {
             "scene": self.config.source.name,
             "vary": list(self.parameters),
@@ -97,7 +110,7 @@ class Design:
 
     @property
     def words(self) -> str:
-        """The expected intervals, and which parameters cannot be separated, in sentences."""
+        """Sentences on the expected intervals and on parameters that cannot be identified."""
         if not self.identifiable:
             return (
                 f"Not identifiable: {' and '.join(self.parameters)} together are not known better "
@@ -124,10 +137,10 @@ class Design:
 
 @dataclass(frozen=True)
 class _PlannedMeasurement:
-    """Measurement to be made: displacement x [length] over time t [s] from first contact.
+    """Planned measurement with displacement x [length] over time t [s] from first contact.
 
     x is the depth, or the displacement of the base behind a spring, and piecewise linear in time;
-    depth [length]: the largest depth.
+    depth [length] is the largest depth.
     """
 
     config: Config
@@ -157,7 +170,7 @@ class _PlannedMeasurement:
 
     @property
     def max_force(self) -> float:
-        """The largest force [force]."""
+        """Largest force [force]."""
         model = self.build_model(len(self.t) * 50, 0.0)
         return float(model.contact_force(self._initial_parameters).max())
 
@@ -188,26 +201,26 @@ class _PlannedMeasurement:
 
 
 def design_measurement(config: Config, keys: Sequence[str], noise: float, points: int) -> Design:
-    """Return what a measurement of a scene would tell about some of its keys.
+    """Return the expected intervals of some keys of a scene by a planned measurement.
 
     Parameters
     ----------
     config
-        The scene; its deepest point ends the measurement.
+        The scene; the measurement ends at its largest depth.
     keys
         Keys of the parameters.
     noise
-        Standard deviation of a sample relative to the largest force. The same absolute noise is
-        used where the scene is changed.
+        Standard deviation of a sample relative to the largest force. Changed scenes have the same
+        absolute noise.
     points
         Number of samples; half of them are the baseline.
 
     Raises
     ------
     ConfigError
-        A key or the scene is wrong.
+        If a key or the scene is invalid.
     NotConverged
-        The scene could not be solved.
+        If the scene could not be solved.
     """
     # Profiles of the likelihood may overflow far from the optimum.
     with np.errstate(all="ignore"):
@@ -246,7 +259,7 @@ def _evaluate_design(config: Config, keys: Sequence[str], noise: float, points: 
 def _plan_measurement(
     config: Config, keys: tuple[str, ...], tables: ForwardModelCache
 ) -> _PlannedMeasurement:
-    """Return the measurement along the scene's own path, until it leaves its largest depth."""
+    """Return the measurement along the path of the scene to the end of its largest depth."""
     for key in keys:
         number_at(config, key)
     if config.loading.force_history:
@@ -279,7 +292,7 @@ def _plan_measurement(
 
 
 def _scene_path(config: Config) -> MeasuredPath | None:
-    """Return the load path of a scene that must be solved in time; None for other scenes."""
+    """Return the load path of a scene that is solved by time stepping; None for other scenes."""
     history = config.loading.prescribed_history
     if not needs_time_stepping(config) or history is None:
         return None
@@ -381,7 +394,7 @@ def _evaluate_change(
 def _sufficient_baseline(
     measurement: _PlannedMeasurement, points: int, noise_force: float
 ) -> float:
-    """Return the shortest baseline that is as good as the longest, at the same sample distance."""
+    """Return the shortest sufficient baseline at the same sample spacing."""
     points_per_depth = points / (1.0 + BASELINE_DEPTHS)
 
     def deviations(baseline: float) -> np.ndarray:

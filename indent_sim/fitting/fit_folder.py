@@ -1,4 +1,4 @@
-"""Folder of a fit: all measured curves are fitted, with fit.json, tables and pictures.
+"""Fit of many measured curves into a folder with fit.json, tables and pictures.
 
 A call with the same folder continues with the curves that have no entry or whose file has changed.
 """
@@ -51,7 +51,7 @@ Entry = dict[str, Any]
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """Options for reading curve files: columns by title or number, units if the files have none."""
+    """Options for reading curve files: columns by title or number, and default units."""
 
     columns: tuple[str, ...] = ()
     units: Mapping[str, str] | None = None
@@ -59,7 +59,7 @@ class ReadOptions:
 
 @dataclass(frozen=True)
 class CurveFits:
-    """Fits of several curves: their folder, and their entries in the order of the curves."""
+    """Fits of several curves: the folder, and the entries in the order of the curves."""
 
     directory: Path
     request: FitRequest
@@ -67,7 +67,7 @@ class CurveFits:
 
     @property
     def exit_code(self) -> int:
-        """Exit code: 0 if any curve was fitted, else 5."""
+        """Exit code: 0 if at least one curve was fitted, else 5."""
         is_any_done = any(entry["status"] == "done" for entry in self.entries)
         return 0 if is_any_done else NotConverged.exit_code
 
@@ -110,21 +110,21 @@ def fit_curves(
     jobs
         Number of curves that are fitted at the same time.
     tell
-        Called with each line of progress.
+        Function that is called with each line of progress.
 
     Returns
     -------
     CurveFits
-        A curve that cannot be fitted is an entry with its reason.
+        The entries; a curve that cannot be fitted has an entry with the reason.
 
     Raises
     ------
     UsageError
-        A path does not exist, or the folder holds something else.
+        If a path does not exist, or the folder contains something else.
     ConfigError
-        The scene, a key or a column is wrong.
+        If the scene, a key or a column is invalid.
     BackendError
-        A package for AFM files is missing.
+        If a package for AFM files is missing.
     """
     reading = reading or ReadOptions()
     files = [file for path in paths for file in curve_files(path)]
@@ -156,7 +156,7 @@ def fit_curves(
 
 
 class _Writer:
-    """Writer of the entries of a fit and its files, every few seconds."""
+    """Writer of a fit, which updates the files with the entries every few seconds."""
 
     def __init__(self, directory: Path, request: FitRequest, earlier_entries: list[Entry]):
         self.directory = directory
@@ -176,7 +176,7 @@ class _Writer:
         return True
 
     def add_entry(self, entry: Entry) -> None:
-        """Add an entry, and write the files if the last writing is some seconds ago."""
+        """Add an entry, and write the files if they were last written some seconds ago."""
         self.entries.append(entry)
         # Time [s] between two writings of fit.json while curves are fitted.
         save_interval = 2.0
@@ -226,12 +226,12 @@ def _open_locked(directory: Path, request: FitRequest) -> Iterator[list[Entry]]:
     Raises
     ------
     UsageError
-        The folder belongs to something else.
+        If the folder contains something else.
     """
     result_files.refuse_foreign(directory, "fit", (FIT_PICTURE,))
     report = read_report(directory, FIT)
     if report and report.get("request") != _json_roundtrip(request_identity(request)):
-        problem = f"{directory} holds the fit of another scene, or of other options"
+        problem = f"{directory} contains the fit of another scene or with other options"
         raise UsageError(problem, "choose another --output", str(directory))
     created_folders = [folder for folder in (directory, *directory.parents) if not folder.exists()]
     try:
@@ -255,7 +255,7 @@ def _open_locked(directory: Path, request: FitRequest) -> Iterator[list[Entry]]:
 
 
 def _remove_empty_folders(directory: Path, created_folders: Sequence[Path]) -> None:
-    """Delete the folders that this call has made, if nothing was written into them."""
+    """Delete the folders that this call has created, if they are empty."""
     with suppress(OSError):
         (directory / result_files.LOCK).unlink()
         for folder in (directory / CURVES_FOLDER, *created_folders):
@@ -311,7 +311,7 @@ def _unique_name(name: str, file: Path, used_names: set[str]) -> str:
 
 
 def _file_identity(file: Path) -> Entry:
-    """Return what distinguishes a file from a later file of the same name."""
+    """Return the properties of a file by which a later change is detected."""
     try:
         status = file.stat()
     except OSError:
@@ -375,12 +375,12 @@ def _fit_in_child(task: _FitTask, request: FitRequest) -> Entry:
 
 @cache
 def _forward_models() -> ForwardModelCache:
-    """The forward models of this process."""
+    """Return the cache of forward models of this process."""
     return ForwardModelCache()
 
 
 def _ready_processes(busy: Mapping[ChildProcess, Any]) -> list[ChildProcess]:
-    """Return the processes that have ended their task, at least one."""
+    """Wait for processes that have finished their task, and return them."""
     answered = list(map(id, connection.wait(list(busy))))  # type: ignore[arg-type]
     return [process for process in busy if id(process) in answered]
 

@@ -153,7 +153,7 @@ def _has_hold(delta: np.ndarray) -> bool:
 
 
 def _draw_depth_ranges(axes: Axes, entry: Entry, key: str, axis: Axis, range_name: str) -> None:
-    """Draw the key from each depth (or time) range, the stated interval, and better models."""
+    """Draw the values of a key by depth (or time) range, the stated interval and other models."""
     interval = entry["parameters"][key]
     windows = entry["window"]
     axes.axhspan(

@@ -28,7 +28,7 @@ Entry = Mapping[str, Any]
 
 
 def fit_page(folder: Path) -> str:
-    """Return the HTML page of a fit's folder; UsageError if it has no readable fit."""
+    """Return the HTML page of a fit's folder; raise UsageError if it has no readable fit."""
     record = read_report(folder, FIT)
     try:
         entries = record["curves"]
@@ -39,7 +39,7 @@ def fit_page(folder: Path) -> str:
         parts = _page_parts(folder, config, entries, done_entries, keys)
     except (KeyError, TypeError, ValueError, AttributeError, IndentSimError) as error:
         raise UsageError(
-            f"{folder} holds no readable fit: {type(error).__name__} {error}"
+            f"{folder} contains no readable fit: {type(error).__name__} {error}"
         ) from None
     curves_text = f"{len(entries)} curves"
     if len(entries) == 1 and done_entries:
@@ -65,7 +65,7 @@ def _page_parts(
     done_entries: Sequence[Entry],
     keys: Sequence[str],
 ) -> dict[str, Any]:
-    """Return the contents of the page: numbers, sentences, pictures, tables, warnings."""
+    """Return the content of the page: numbers, sentences, pictures, tables, warnings."""
     only_entry = done_entries[0] if len(entries) == 1 and done_entries else None
     # Further curves are only in the table.
     max_pictures = 12
@@ -96,7 +96,7 @@ def _page_parts(
 
 
 def _parameter_numbers(entry: Entry, keys: Sequence[str], config: Config) -> list[tuple[str, str]]:
-    """Return the parameters of the only curve as text, with their intervals."""
+    """Return the parameters of a single curve as text, with their intervals."""
     numbers = []
     for key in keys:
         interval = entry["parameters"][key]
@@ -138,7 +138,7 @@ def _pictures(folder: Path, done_entries: Sequence[Entry], config: Config) -> It
 
 
 def _single_curve_tables(entry: Entry) -> Iterator[Table]:
-    """Yield the tables of the only curve: depth ranges, alternative models, residuals."""
+    """Yield the tables of a single curve: depth ranges, alternative models, residuals."""
     windows = entry["window"]
     yield thinned_table(
         "Fits to a part of the depth",
@@ -165,7 +165,7 @@ def _single_curve_tables(entry: Entry) -> Iterator[Table]:
 
 
 def _model_cells(model: Entry) -> list[str]:
-    """Return the first varied key that an alternative model gives, and what it adds."""
+    """Return table cells of an alternative model: first varied key, and added parameters."""
     added_values = ", ".join(
         f"{key} = {value_text(value)}" for key, value in model["parameters"].items()
     )

@@ -1,4 +1,4 @@
-"""Tables of a fit: fit.csv with a row per curve, and a table of each curve with its fits."""
+"""Tables of a fit: fit.csv with a row per curve, and one table per curve with its fits."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ Entry = Mapping[str, Any]
 def table_of_fits(entries: Sequence[Entry], keys: Sequence[str]) -> str:
     """Return fit.csv: status, reason, cause, varied keys with intervals, and residuals.
 
-    drift_percent is the difference of the first key at half the depth from its value at the whole
-    depth. Cells without a value are empty.
+    drift_percent is the relative difference between the values of the first key by fits to half the
+    depth and to the whole depth. Cells without a value are empty.
     """
     columns = (
         *FIRST_COLUMNS,
@@ -81,7 +81,7 @@ def _fit_row(entry: Entry, keys: Sequence[str]) -> dict[str, Any]:
 
 
 def modulus_drift(entry: Entry, keys: Sequence[str]) -> float | str:
-    """Return the difference of the first key at half the depth in per cent; "" if unknown."""
+    """Return the change of the first key by a fit to half the depth [%]; "" if unknown."""
     windows = entry["window"]
     if not keys or windows[0]["upper"] != 0.5 or not windows[-1][keys[0]]:
         return ""
@@ -114,7 +114,7 @@ def table_of_curve(curve: PlottedCurve) -> str:
 
 
 def read_curve_table(text: str) -> PlottedCurve:
-    """Return the curve that `table_of_curve` has written; ValueError for any other text."""
+    """Return the curve that `table_of_curve` has written; raise ValueError for other text."""
     head, *rows = csv.reader(io.StringIO(text))
     if tuple(head[: len(PLOTTED_COLUMNS)]) != PLOTTED_COLUMNS or not rows:
         raise ValueError("not the table of a fitted curve")

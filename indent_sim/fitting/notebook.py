@@ -29,8 +29,16 @@ Curve = str | Path | MeasuredCurve | tuple[Any, Any]
 class Fit:
     """Scene fitted to a curve.
 
-    parameters: value, low and high by key; explained: True if the scene explains the curve; words:
-    the result in sentences; entry: the curve's entry as in fit.json.
+    Attributes
+    ----------
+    parameters
+        Value, low and high by key.
+    explained
+        True if the scene explains the curve.
+    words
+        Sentences on the result.
+    entry
+        Entry of the curve as in fit.json.
     """
 
     parameters: dict[str, Interval]
@@ -82,9 +90,9 @@ def fit(
     Raises
     ------
     NotConverged
-        The curve does not determine the parameters.
+        If the curve does not determine the parameters.
     ConfigError
-        A key or the scene is wrong.
+        If a key or the scene is invalid.
     """
     if isinstance(scene, Config):
         config = scene

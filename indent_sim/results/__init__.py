@@ -1,1 +1,1 @@
-"""States and files: the result folder, its tables, fields and pictures."""
+"""Result folders: writing and reading of their tables, fields, reports and pictures."""

@@ -1,4 +1,4 @@
-"""Writing of files so that a reader or a kill never meets half of a change."""
+"""Atomic writing of files: neither a reader nor a kill ever sees a partial change."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 
 
 def write_atomically(path: Path, content: str | bytes | Iterable[str], sync: bool = True) -> None:
-    """Replace a file at once: a reader or a kill finds the old content or the new one.
+    """Replace a file atomically, so that it has either the old or the new content at any time.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def write_atomically(path: Path, content: str | bytes | Iterable[str], sync: boo
 
 
 def _open_new(path: Path) -> int:
-    """Open a new file for writing, in place of a file left by a killed write, or of a link."""
+    """Open a new file for writing, and replace a link or the remainder of a killed write."""
     for _ in range(2):
         with suppress(FileExistsError):
             return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
@@ -48,14 +48,14 @@ def _open_new(path: Path) -> int:
 
 
 def temporary_path(path: Path) -> Path:
-    """Return the path beside a file under which its new content is written first."""
+    """Return the temporary path, in the same folder, for the new content of a file."""
     return path.with_name(f".{path.name}.new")
 
 
 def overwrite_in_place(path: Path, content: bytes) -> None:
-    """Overwrite a file without using space on the disk; blanks fill it up to its present length.
+    """Overwrite a file without using additional space on the disk.
 
-    Raises OSError if the content is longer than the file.
+    Blanks fill the file up to its present length. Raises OSError if the content is longer.
     """
     with open(path, "r+b", buffering=0) as file:
         size = os.fstat(file.fileno()).st_size
@@ -74,7 +74,7 @@ def sync_to_disk(path: Path) -> None:
 
 
 def append_atomically(path: Path, data: bytes, sync: bool = True, tail: bytes = b"") -> None:
-    """Append to a file in one write; a write that a full disk cuts off is undone.
+    """Append to a file in one write, which is undone if the disk is full.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def append_atomically(path: Path, data: bytes, sync: bool = True, tail: bytes = 
     data
         Bytes to add.
     sync
-        Wait until they are on the disk.
+        Wait until the bytes are on the disk.
     tail
         Bytes with which the file ends before and after; `data` is inserted before them.
     """
@@ -104,9 +104,9 @@ def append_atomically(path: Path, data: bytes, sync: bool = True, tail: bytes = 
 
 
 def read_regular_file(path: Path) -> bytes:
-    """Return the bytes of a regular file; OSError for any other kind, or if it is longer than 1 GB.
+    """Return the bytes of a regular file of at most 1 GB, otherwise raise OSError.
 
-    A pipe or a device might never end.
+    Reading from a pipe or a device might never end.
     """
     # A longer file is not read: it would fill the memory.
     max_bytes = 10**9

@@ -1,8 +1,8 @@
-"""Checkpoint: the last equilibria of a run in one small HDF5 file, for `--resume`.
+"""Checkpoint file (HDF5) with the last equilibria of a run, for `--resume`.
 
-The file is optional: if it is missing, damaged or of another mesh, the last depth is solved again
-from the undeformed body. It is made in memory and written by one rename, because the HDF5 library
-does not recover from a full disk.
+The file is optional: if it is missing, damaged or belongs to another mesh, the last depth is solved
+again from the undeformed body. The file is created in memory, written and renamed, because the HDF5
+library does not recover from a full disk.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ class Checkpoint:
     Attributes
     ----------
     step
-        Number of rows that were done.
+        Number of completed rows.
     equilibria
         Equilibria of the load path, oldest first.
     pull_off_points
-        Equilibria around the row with the largest pull, by their numbers; the pull-off is searched
-        between them.
+        Equilibria around the row with the largest tensile force, by step; the pull-off force is
+        searched between them.
     """
 
     step: int = 0
@@ -54,7 +54,7 @@ class Checkpoint:
             yield from vectors
 
     def checksum(self) -> int:
-        """Return the CRC-32 of all depths, times and unknowns, which reveals a damaged file."""
+        """Return the CRC-32 of all depths, times and unknowns, to detect a damaged file."""
         total = 0
         for values in self.arrays():
             total = zlib.crc32(np.ascontiguousarray(values).tobytes(), total)
@@ -62,14 +62,14 @@ class Checkpoint:
 
 
 def write(path: Path, saved: Checkpoint, identity: Report) -> None:
-    """Replace the checkpoint file.
+    """Write the checkpoint file, in place of an earlier one.
 
     Parameters
     ----------
     path
         The file.
     saved
-        Its new content.
+        The checkpoint to be written.
     identity
         Entries that identify the mesh and the numbering of the unknowns.
 
@@ -97,7 +97,7 @@ def write(path: Path, saved: Checkpoint, identity: Report) -> None:
 def read(path: Path, identity: Report) -> Checkpoint:
     """Return the checkpoint saved for this mesh and numbering.
 
-    It is empty if there is none, or if it is damaged or of another mesh.
+    The checkpoint is empty if the file is missing, damaged or belongs to another mesh.
     """
     import h5py
 

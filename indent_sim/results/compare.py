@@ -37,14 +37,14 @@ Tolerances = float | Mapping[str, float]
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two tables side by side: one pair of values per row and column.
+    """Result of the comparison of two tables, with a pair of values per row and column.
 
     Attributes
     ----------
     row_keys
         Step, row number, depth or time of each compared row.
     matched_by
-        The quantity that matches the rows: "step", "row", "delta" or "t".
+        The column by which rows are matched: "step", "row", "delta" or "t".
     pairs
         Values (rows, 2) of both tables by column.
     rtol
@@ -54,10 +54,10 @@ class Comparison:
     differences
         One sentence per difference; empty if the two are equal within the tolerances.
     other_tables
-        Comparisons of the tables besides the force table, for two results that both have them.
+        Comparisons of further tables that both results have.
     interpolation
-        The path whose values were interpolated, and the estimated error of its force, relative to
-        the largest force.
+        Path of the result whose values were interpolated, and the estimated interpolation error of
+        the force, relative to the largest force.
     """
 
     row_keys: tuple[float, ...]
@@ -71,7 +71,7 @@ class Comparison:
 
     @property
     def residual(self) -> dict[str, float]:
-        """Differences of the forces in per cent of the largest: maximum and root mean square."""
+        """Maximum and root mean square of the force differences [% of the largest force]."""
         pair = self.pairs.get("force", np.empty((0, 2)))
         pair = pair[np.isfinite(pair).all(axis=1)]
         largest = float(np.abs(pair).max(initial=0.0))
@@ -96,7 +96,7 @@ class Comparison:
             raise VerificationError("the two results differ\n" + "\n".join(lines))
 
     def as_json(self) -> Report:
-        """Return the comparison as one JSON object."""
+        """Return the comparison as an object for JSON."""
         numbers = [
             {name: pair[i] for name, pair in self.pairs.items()} for i in range(len(self.row_keys))
         ]
@@ -125,36 +125,37 @@ def compare(
 ) -> Comparison:
     """Compare two results row by row.
 
-    Two numbers agree if |x - y| <= rtol max(|x|, |y|, 1e-6 max|column|): the last term makes a
-    force of 1e-18 out of contact a zero. An empty cell agrees only with an empty cell.
+    Two numbers agree if |x - y| <= rtol max(|x|, |y|, 1e-6 max|column|). Due to the last term, a
+    force of 1e-18 out of contact counts as zero. An empty cell agrees only with an empty cell.
 
-    Rows are matched by step; in tables without steps by depth, the k-th row of a depth with the
-    k-th. If the depths differ, the curve with more rows is interpolated in depth, approach and
-    retraction separately: a result by power laws between neighbouring rows, a measured curve
-    linearly. If the times of two histories differ, the one with more rows is taken at the times of
-    the other: its row of that time, at a jump the row on the same side, otherwise by linear
-    interpolation. The interpolation error is of order h^2; it is estimated as a quarter of the
-    error at rows that are left out.
+    Rows are matched by step. In tables without steps they are matched by depth, and the k-th row at
+    a depth by the k-th row at this depth. If the depths differ, the curve with more rows is
+    interpolated in depth, approach and retraction separately: a result by power laws between
+    neighbouring rows, a measured curve linearly. If the times of two histories differ, the history
+    with more rows is evaluated at the times of the other one: by a row at the same time, at a jump
+    by the row on the same side, otherwise by linear interpolation. The interpolation error is of
+    order h^2; it is estimated as a quarter of the error at every second row, interpolated from the
+    others.
 
-    Measured curves are converted to the units of the other. A history that an earlier version wrote
-    to experiment.csv can be compared with one in the force table. Rows of two files experiment.csv
-    or dynamic.csv are matched by their number, and all their columns are compared, words as well.
-    If two results both have these files, they are compared, too.
+    A measured curve is converted to the units of the other result. A history that an earlier
+    version wrote to experiment.csv can be compared with one in the force table. Rows of two files
+    experiment.csv or dynamic.csv are matched by their number, and all columns are compared,
+    including text. If both results have these files, they are compared, too.
 
     Parameters
     ----------
     first, second
         Result folders, force tables or measured curves.
     rtol
-        Relative tolerance of all columns, or by column; "" stands for all columns that are not
-        named, whose default is 1e-6.
+        Relative tolerance of all columns, or tolerances by column; the key "" is for all columns
+        that are not named (default 1e-6).
     columns
-        The compared columns; by default delta, force, a and those that rtol names.
+        The compared columns; by default delta, force, a and the columns named in `rtol`.
 
     Raises
     ------
     UsageError
-        A table cannot be read, the two have different units, or a column is in no pair of tables.
+        If a table cannot be read, the units differ, or no pair of tables has a requested column.
     """
     paths = (Path(first), Path(second))
     common_tables = [
@@ -245,7 +246,7 @@ def _compare_tables(
 def _find_differences(
     key: str, keys: np.ndarray, pairs: dict[str, np.ndarray], tolerances: dict[str, float]
 ) -> tuple[dict[str, float], list[str]]:
-    """Return the largest relative difference of every column, and a sentence per difference."""
+    """Return the largest relative difference of each column, and one sentence per difference."""
     worst = {}
     differences = []
     for name, pair in pairs.items():
@@ -260,10 +261,10 @@ def _find_differences(
 def _is_matched(
     A: Table, B: Table, matched_A: np.ndarray, matched_B: np.ndarray, abscissa: str, rtol: float
 ) -> bool:
-    """Return whether rows matched by name are at the same depths, or times.
+    """True if rows of the same step have the same depth (or time).
 
-    Where forces are prescribed, depths are results and differ a little: rows of equal steps then
-    still belong together. Tables with too few rows for interpolation count as matched.
+    If forces are prescribed, depths are results and may differ slightly; rows of equal steps are
+    then matched nevertheless. Tables with too few rows for interpolation count as matched.
     """
     if (
         min(len(A[abscissa]), len(B[abscissa])) < 1
@@ -352,8 +353,8 @@ def _compare_by_depth(
 def _force_tables(paths: tuple[Path, Path], A: Table, B: Table) -> tuple[Table, Table]:
     """Return the two force tables.
 
-    If only one of them has times, the history in experiment.csv takes the place of the other, if it
-    exists.
+    If only one of them has times, the other one is replaced by the history in its experiment.csv,
+    if it exists.
     """
     if ("t" in A) == ("t" in B):
         return A, B
@@ -370,7 +371,7 @@ def _force_tables(paths: tuple[Path, Path], A: Table, B: Table) -> tuple[Table, 
 
 
 def _read_table_pair(first: Path, second: Path) -> tuple[Table, Table]:
-    """Read two tables in the same units; UsageError if two results have different ones."""
+    """Read two tables in the same units; raise UsageError if two results have different units."""
     first_results, second_results = convert_to_common_units(
         [_read_any_table(path) for path in (first, second)]
     )
@@ -404,8 +405,8 @@ def _column_tolerances(
 ) -> dict[str, float]:
     """Return the tolerance of each compared column.
 
-    The compared columns are those of `columns`, or else `default_columns` and those that rtol
-    names.
+    The compared columns are `columns`, or by default `default_columns` and the columns named in
+    `rtol`.
     """
     compared_columns = columns or default_columns
     if not isinstance(rtol, Mapping):
@@ -421,7 +422,7 @@ def _column_tolerances(
 
 
 def _refuse_missing(name: str, tables: Mapping[str, Table]) -> None:
-    """Raise UsageError if a table lacks a column."""
+    """Raise UsageError if no table has the column `name`."""
     for path, table in tables.items():
         if name not in table:
             raise UsageError(f"{path} has no column '{name}'; it has {', '.join(table)}")
@@ -430,7 +431,7 @@ def _refuse_missing(name: str, tables: Mapping[str, Table]) -> None:
 def _relative_difference(pair: np.ndarray) -> np.ndarray:
     """Return |x - y| / max(|x|, |y|, 1e-6 max|column|) of pairs (rows, 2).
 
-    It is 0 for two NaN, and infinite if only one of them is NaN.
+    The difference is 0 for two NaN, and infinite if only one of them is NaN.
     """
     finite = np.abs(pair[np.isfinite(pair)])
     floor = 1e-6 * finite.max(initial=0.0)

@@ -33,7 +33,7 @@ def read_table(
 ) -> dict[str, np.ndarray]:
     """Read the columns of a CSV file with a header.
 
-    A last line without a newline was torn by a kill and is dropped. An empty cell is NaN.
+    A last line without a newline is incomplete and ignored. An empty cell is NaN.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def read_table(
     Raises
     ------
     UsageError
-        The file cannot be read, or is not such a table; the message names the line and the column.
+        If the file cannot be read or has another format; the message names the line and the column.
     """
     if path.name == EXPERIMENT and not words:
         problem = (
@@ -101,7 +101,7 @@ def read_table(
 def _parse_row(
     line: str, header: Sequence[str], words: Sequence[str], place: str
 ) -> list[float | str]:
-    """Parse one line into numbers and words; UsageError names its `place` in the file."""
+    """Parse one line into numbers and words; `place` is its position in the file for errors."""
     cells = line.split(",")
     if len(cells) != len(header):
         raise UsageError(
@@ -115,11 +115,11 @@ def _parse_row(
 
 
 def _parse_number(cell: str, place: str) -> float:
-    """Parse a number; UsageError if it is none or larger than LARGEST_NUMBER."""
+    """Parse a number; raise UsageError if it is invalid or larger than LARGEST_NUMBER."""
     try:
         value = tables.parse_number(cell)
     except ValueError:
         raise UsageError(f"{place} is not a number: not a table of numbers") from None
     if abs(value) > LARGEST_NUMBER:
-        raise UsageError(f"{place} is too large for a number of a result")
+        raise UsageError(f"the value in {place} is larger than {LARGEST_NUMBER:g}")
     return value

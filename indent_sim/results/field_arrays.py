@@ -45,7 +45,7 @@ XDMF_TAIL = "</Grid>\n</Domain>\n</Xdmf>\n"
 
 
 def vectors_in_3d(vectors: np.ndarray) -> np.ndarray:
-    """Return (n, 2) vectors of the (x, z) plane as (n, 3), and (n, 3) vectors as they are."""
+    """Return (n, 2) vectors of the (x, z) plane as (n, 3); (n, 3) vectors are unchanged."""
     vectors = np.asarray(vectors, dtype=float)
     if vectors.shape[1] == 3:
         return vectors
@@ -58,7 +58,7 @@ def step_file(step: int) -> str:
 
 
 def read_arrays(path: Path) -> dict[str, np.ndarray]:
-    """Return the arrays of an HDF5 file by name; a damaged file may raise any exception."""
+    """Return the arrays of an HDF5 file by name; a damaged file can raise any exception."""
     import h5py
 
     with h5py.File(io.BytesIO(read_regular_file(path)), "r") as file:

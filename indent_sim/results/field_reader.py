@@ -45,7 +45,7 @@ def missing_field_files(folder: Path) -> list[str]:
 def steps_with_fields(folder: Path, rows: Collection[float]) -> list[int]:
     """Return the steps in `rows` whose fields are in a result folder.
 
-    Fields are written before their row: fields without a row do not count.
+    Fields are written before the row of their step; fields of a step without a row are ignored.
     """
     return [step for step in _indexed_steps(_read_index(folder)) if step in rows]
 
@@ -75,13 +75,13 @@ def read_fields(folder: str | os.PathLike[str], step: int) -> dict[str, np.ndarr
     Returns
     -------
     dict
-        points (n, 3) [length], cells (m, corners), region (m,), and the fields by name: one row per
-        point or per cell, as `field_arrays` says.
+        points (n, 3) [length], cells (m, corners), region (m,), and the fields by name with one row
+        per point or per cell, see `field_arrays`.
 
     Raises
     ------
     UsageError
-        The files are missing or damaged.
+        If the files are missing or damaged.
     """
     folder = Path(folder)
     try:

@@ -1,11 +1,11 @@
-"""Writer of fields.xdmf, tip.xdmf and fields/ for ParaView, readable after a kill at any moment.
+"""Writer of fields.xdmf, tip.xdmf and fields/ for ParaView, readable after a kill at any time.
 
-fields/ holds the mesh and every kept state in one HDF5 file each. A file is made in memory, written
-under a temporary name and renamed, because the HDF5 library does not recover from a full disk.
-fields.xdmf names a state once its file exists. If all states are kept, each is inserted before the
-closing tags in one write, so that the bytes written grow with the number of states and not with its
-square. tip.xdmf is the same for the rigid tip, which has a mesh of its own: its points at first
-touch, and its displacement.
+fields/ holds the mesh and every kept state in one HDF5 file each. A file is created in memory,
+written under a temporary name and renamed, because the HDF5 library does not recover from a full
+disk. fields.xdmf refers to a state as soon as its file exists. If all states are kept, each one is
+inserted before the closing tags in one write, so that the total number of written bytes is
+proportional to the number of states. tip.xdmf describes the rigid tip on a separate mesh: points at
+first touch, and displacement.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ TIP_XDMF_FILE = "tip.xdmf"
 
 @dataclass(frozen=True)
 class _StoredState:
-    """A state in the files: its step, depth, time, and its XDMF text by file name."""
+    """State in the files: step, depth, time, and its XDMF text by file name."""
 
     step: int
     delta: float
@@ -52,8 +52,8 @@ class _StoredState:
 class FieldWriter:
     """Writer of a time series of fields on one mesh, and of the tip above it.
 
-    The time of a state in the series is its own if the scene has times, otherwise its step. Of two
-    states with the same time the later one is written as the next larger floating-point number.
+    The time of a state in the series is its time, or its step if the scene has no times. If two
+    states have the same time, the later one gets the next larger floating-point number.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class FieldWriter:
         points (n, 2) or (n, 3) [length], where two columns are (x, z); cells (m, 3) or (m, 4),
         numbers of points; regions (m,); and the tip as a `TipGeometry`.
     keep
-        "all" states, or the deepest and the "last" one.
+        "all" for all states, "last" for the deepest and the last state.
     done
         Number of steps of a previous run whose states are kept (`is_continued`), unless their files
         are missing, damaged or of another mesh; then the series begins anew. None begins a new
@@ -123,13 +123,13 @@ class FieldWriter:
         Parameters
         ----------
         step
-            Number of its row.
+            Number of the row of the state.
         delta
             Indentation depth [length].
         fields
             Values by name; the displacement is (n, 2) or (n, 3).
         t
-            Time of the state; None stands for its step.
+            Time of the state; None: the step is used as the time.
 
         Raises
         ------
@@ -218,7 +218,7 @@ class FieldWriter:
         arrays: ArrayLayouts,
         mesh_arrays: ArrayLayouts,
     ) -> str:
-        """Return the XDMF grid of a state on the mesh whose arrays have a prefix: "" or "tip_"."""
+        """Return the XDMF grid of a state on the mesh of the body, or of the tip ("tip_")."""
         points, cells = (self._mesh[f"{prefix}{name}"] for name in ("points", "cells"))
         counts = {"Node": len(points), "Cell": len(cells)}
         items = [
@@ -246,7 +246,7 @@ class FieldWriter:
         return "".join([head, topology, geometry, *items, "</Grid>\n"])
 
     def _write_index(self) -> None:
-        """Write the XDMF files of the kept states, then delete the files of all others."""
+        """Write the XDMF files of the kept states, and then delete the files of other states."""
         for name in (XDMF_FILE, TIP_XDMF_FILE):
             text = (
                 self._index_head
@@ -266,7 +266,7 @@ def _information_xml(name: str, value: str) -> str:
 
 
 def _quote_attribute(text: str) -> str:
-    """Quote a value of an XML attribute; xml.sax would load modules for internet access."""
+    """Quote a value of an XML attribute; xml.sax would import modules for internet access."""
     # XML readers turn unescaped line ends and tabs of an attribute into blanks.
     blank_escapes = str.maketrans({"\n": "&#10;", "\r": "&#13;", "\t": "&#9;"})
     return f'"{html.escape(text).translate(blank_escapes)}"'

@@ -1,4 +1,4 @@
-"""HTML report: one page without any other files, from its texts, tables and pictures."""
+"""HTML report: a single self-contained page with texts, tables and pictures."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\d)")
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture of the page.
+    """Picture in the HTML page.
 
     Attributes
     ----------
     svg
-        The picture as SVG; a picture with an empty one is left out.
+        The picture as SVG; empty if the picture is left out.
     words
-        Its caption.
+        Caption of the picture.
     broad
-        Let the picture take the whole width of the page.
+        True if the picture takes the whole width of the page.
     """
 
     svg: str
@@ -41,7 +41,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Table:
-    """A table of the page.
+    """Table in the HTML page.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Table:
     words
         A sentence about the table.
     figures
-        The columns are numbers, and aligned as such.
+        True if the columns are numbers, which are aligned to the right.
     """
 
     title: str
@@ -63,7 +63,7 @@ class Table:
 
 
 def write(text: str, path: Path) -> None:
-    """Write a page to a file; UsageError if that is impossible, NotConverged on a full disk."""
+    """Write a page to a file; raise UsageError if that fails, NotConverged on a full disk."""
     try:
         write_atomically(path, text)
     except OSError as error:
@@ -73,7 +73,8 @@ def write(text: str, path: Path) -> None:
 def render_page(**parts: Any) -> str:
     """Render the page from its parts; texts are escaped.
 
-    Parts that only a run has may be missing: numbers, said, scene, chosen, pictures and warnings.
+    The parts numbers, said, scene, chosen, pictures and warnings exist only for runs and may be
+    missing.
     """
     from jinja2 import Environment, StrictUndefined
 
@@ -100,7 +101,7 @@ def merge_similar_warnings(warnings: Sequence[str]) -> list[str]:
 
 
 def _merge_lines(lines: Sequence[str]) -> str:
-    """Merge lines that differ only in their numbers into one."""
+    """Merge lines that differ only in their numbers into one line."""
     numbers = [
         sorted(set(column), key=float) for column in zip(*map(NUMBER.findall, lines), strict=True)
     ]
@@ -118,7 +119,7 @@ def thinned_table(
     Parameters
     ----------
     title, head
-        Title of the table, and of its columns.
+        Title of the table, and titles of its columns.
     rows
         All rows; the first and the last are kept.
     words
@@ -138,7 +139,7 @@ def thinned_table(
 
 
 def value_text(value: Any) -> str:
-    """Return a value as text, numbers with 6 digits; empty for None, NaN and booleans."""
+    """Return a value as text with up to 6 digits; empty for None, NaN and booleans."""
     try:
         number = float(value)
     except (TypeError, ValueError):

@@ -1,4 +1,4 @@
-"""Strict JSON of numbers, dataclasses and arrays, indented so that people can read it."""
+"""Conversion of numbers, dataclasses and arrays to strict JSON."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ def to_json(value: Any, indent: int | None = 2) -> str:
 
 
 def json_data(value: Any) -> Any:
-    """Return the value as plain numbers, texts, lists and dictionaries; None if not finite."""
+    """Return a value as plain numbers, texts, lists and dictionaries; None if not finite."""
     text = json.dumps(value, default=_plain_data)
     return json.loads(text, parse_constant=lambda name: None)
 
 
 def _plain_data(value: Any) -> Any:
-    """Return an object that the module json does not know as one that it knows."""
+    """Return an object of an unknown type as a type that the module json supports."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
     if isinstance(value, Mapping):

@@ -1,9 +1,9 @@
 """Output folder of a run: its lock, and how it replaces an older result folder.
 
-A run writes into a hidden staging folder beside its target and becomes the target by renaming, so
-that readers see the old folder or the new one, never half of one. `.lock` inside the folder is held
-while the run lives (the kernel releases it when the run is killed) and moves with the rename. The
-ownership of files is decided in `result_files`.
+A run writes into a hidden staging folder beside its target. The staging folder is then renamed to
+the target, so that readers see either the old or the complete new folder. The file `.lock` inside
+the folder is locked during the run (the kernel releases the lock if the run is killed).
+`result_files` decides which files belong to this program.
 """
 
 from __future__ import annotations
@@ -50,14 +50,14 @@ class OutputFolder:
     target
         The result folder.
     may_replace
-        Called with an existing folder; it raises UsageError if the folder is not to be replaced. By
-        default every folder of this program may be replaced.
+        Function that is called with an existing folder and raises UsageError if it must not be
+        replaced. By default every folder of this program may be replaced.
 
     Raises
     ------
     UsageError
-        The target was not made by this program, cannot be written, is in use, or is not to be
-        replaced. Nothing is left behind.
+        If the target was not made by this program, cannot be written, is in use, or must not be
+        replaced. No files are left behind.
     """
 
     def __init__(self, target: Path, may_replace: Callable[[Path], None] = lambda folder: None):
@@ -110,7 +110,7 @@ class OutputFolder:
         os.close(old_lock)
 
     def rename_into_place(self) -> None:
-        """Give the staging folder its target's name, with the foreign files of an old folder."""
+        """Rename the staging folder to the target, and keep foreign files of an old folder."""
         self._refuse_target()
         # A process whose working directory were renamed and deleted could not go on in it.
         if self._old_folder.parent != self.target and self.target not in (
@@ -134,7 +134,7 @@ class OutputFolder:
         self._delete_old()
 
     def abandon(self) -> None:
-        """Release the folder and leave everything as it was found."""
+        """Release the folder and restore its state before the run."""
         if not self.is_in_place and self._lock_descriptor >= 0:
             shutil.rmtree(self.path, ignore_errors=True)
         self.release_lock()
@@ -170,7 +170,7 @@ class OutputFolder:
             self._created_parents.append(folder)
 
     def _create_staging_folder(self) -> None:
-        """Create and lock the staging folder, and empty one that a killed run left."""
+        """Create and lock the staging folder; delete the files that a killed run has left in it."""
         # Another run may rename or delete the folder between two of these lines: then try again.
         for _ in range(20):
             with suppress(FileExistsError):
@@ -214,8 +214,8 @@ class OutputFolder:
     def _recover_interrupted_rename(self) -> None:
         """Finish or undo a replacement during which a run was killed.
 
-        run.json is moved out of the target first and into it last: it tells how far the replacement
-        came.
+        run.json is moved out of the target first and into it last, so that its location shows the
+        progress of the replacement.
         """
         if not self._old_folder.is_dir():
             return
@@ -241,7 +241,7 @@ class OutputFolder:
             delete_own_files(self._old_folder)
 
     def _rename_entries(self) -> None:
-        """Replace the target's entries one by one, where the folder itself cannot be renamed."""
+        """Replace the target's entries one by one, if the folder itself cannot be renamed."""
         # The folder gets its lock, which marks it as this program's, before it gets its name.
         new_old_folder = self.path / ".old"
         new_old_folder.mkdir()
@@ -282,7 +282,7 @@ def _sign_lock(descriptor: int) -> None:
 
 
 def _open_locked(path: Path, target: Path, flags: int = os.O_CREAT) -> int:
-    """Open and lock a file; UsageError if another process that writes the target holds it."""
+    """Open and lock a file; raise UsageError if another process has locked it."""
     descriptor = os.open(path, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK | flags, 0o644)
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
@@ -298,7 +298,7 @@ def _open_locked(path: Path, target: Path, flags: int = os.O_CREAT) -> int:
 
 
 def _is_same_file(descriptor: int, path: Path) -> bool:
-    """Return whether an open file is the one that has this path now."""
+    """Return whether an open file is still the file at this path."""
     with suppress(FileNotFoundError):
         return os.path.samestat(os.fstat(descriptor), os.stat(path))
     return False

@@ -1,6 +1,7 @@
-"""Protection of finished results: what a new run may replace.
+"""Protection of finished results against being overwritten by a new run.
 
-A run may replace rows of the same config file, and of finished runs only those of the same scene.
+A run may replace unfinished results of the same config file, and finished results of the same
+scene.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ MAX_DIFFERENCES = 5  # A message names no more differences than these.
 
 
 def is_finished(report: Report) -> bool:
-    """Return whether the run of a run.json computed all its rows."""
+    """Return whether the run that wrote a run.json has computed all rows."""
     # A run with one of these exit codes has all its rows; 6 means less accurate than required.
     complete_exit_codes = (0, 6)
     return (
@@ -44,12 +45,12 @@ def refuse_overwrite(folder: Path, config_yaml: str, report: Report) -> None:
     config_yaml
         The resolved scene of the new run.
     report
-        The run.json of the new run: its entries `asked` and `plan.auto` are used.
+        The run.json of the new run, of which the entries `asked` and `plan.auto` are used.
 
     Raises
     ------
     UsageError
-        The message names the differences, and an `--output` that is free.
+        If results would be overwritten; the message names the differences and an unused folder.
     """
     if not has_rows(folder):
         return
@@ -59,7 +60,7 @@ def refuse_overwrite(folder: Path, config_yaml: str, report: Report) -> None:
     if not is_same_config_file(old_report, report, folder):
         file = old_report["asked"]["config"]
         raise UsageError(
-            f"{folder} holds the run of another config file, {file}", remedy, str(folder)
+            f"{folder} contains the run of another config file, {file}", remedy, str(folder)
         )
     if not is_finished(old_report):
         return
@@ -69,7 +70,7 @@ def refuse_overwrite(folder: Path, config_yaml: str, report: Report) -> None:
         remaining = len(differences) - MAX_DIFFERENCES
         difference_text += f", and {remaining} more" if remaining > 0 else ""
         raise UsageError(
-            f"{folder} holds the finished run of another scene: {difference_text}",
+            f"{folder} contains the finished run of another scene: {difference_text}",
             remedy,
             str(folder),
         )
@@ -78,10 +79,10 @@ def refuse_overwrite(folder: Path, config_yaml: str, report: Report) -> None:
 def scene_differences(
     folder: Path, old_report: Report, config_yaml: str, new_report: Report
 ) -> list[str]:
-    """Return the differences between the scene of a finished run and that of a new one, in words.
+    """Return texts on the differences between the scenes of a finished and a new run.
 
-    Keys that both runs left to the program are ignored: their values may follow from another key,
-    or from the program's version. Error bars count as a difference if the new run would have none.
+    Keys that both runs left at auto are ignored, since their values may depend on another key or on
+    the program's version. Error bars count as a difference if the new run would have none.
 
     Parameters
     ----------
@@ -117,7 +118,7 @@ def scene_differences(
     if old_options.get("error_bars") and not (
         new_options.get("error_bars") or new_values["accuracy"]
     ):
-        differences.append("it has error bars, and --error-bars is missing now")
+        differences.append("it has error bars, but --error-bars is not given now")
     return differences
 
 
@@ -132,8 +133,8 @@ def free_folder_name(folder: Path) -> Path:
 def _read_scene(folder: Path) -> Mapping[str, Any]:
     """Return the scene of a finished run with the keys of this version.
 
-    A scene that this version cannot read is returned as it stands. Empty if config.yaml is missing
-    or damaged: then nobody knows to which scene the rows belong, and a new run repairs the folder.
+    A scene that this version cannot read is returned unchanged. The result is empty if config.yaml
+    is missing or damaged; a new run then replaces the folder.
     """
     try:
         return to_mapping(load_result_config(folder / CONFIG))
@@ -147,7 +148,7 @@ def _read_scene(folder: Path) -> Mapping[str, Any]:
 
 
 def _automatic_keys(report: Report) -> set[str]:
-    """Return the keys that a run left to the program."""
+    """Return the keys that were auto in the scene of a run."""
     return set((report.get("plan") or {}).get("auto") or ())
 
 
@@ -158,7 +159,7 @@ def _requested_options(report: Report) -> Mapping[str, Any]:
 
 
 def _difference_clause(key: str, old: Any, new: Any) -> str:
-    """Return the values of a key in two scenes as a clause; None stands for a missing key."""
+    """Return a clause on the values of a key in two scenes; None: the key is missing."""
     if old is None:
         return f"{key} was missing and is {_value_text(new)}"
     if new is None:

@@ -24,14 +24,14 @@ from indent_sim.results.tables import SURFACE, parse_state
 
 @dataclass(frozen=True)
 class PreviousRun:
-    """Rows of a previous run, and the part of its table that they fill.
+    """Rows of a previous run, and the length of their part of the force table.
 
     Attributes
     ----------
     states
         One state per complete row, in order.
     columns
-        Columns of its force table.
+        Columns of the force table.
     table_bytes
         Length of the table up to the last complete row [bytes].
     report
@@ -49,7 +49,7 @@ class PreviousRun:
         Parameters
         ----------
         deltas
-            Prescribed depths [length], or None where they are not prescribed.
+            Prescribed depths [length], or None if they are not prescribed.
         steps
             Number of steps of the load path.
         folder
@@ -58,7 +58,7 @@ class PreviousRun:
         Raises
         ------
         UsageError
-            There are more rows than steps, or a row is at another depth.
+            If there are more rows than steps, or a row is at another depth.
         """
         table = str(folder / TABLE)
         problems = []
@@ -91,19 +91,19 @@ def previous_run(
     config_yaml
         The resolved scene of the new run.
     report
-        The run.json of the new run: `plan.auto` lists the keys that were left to the program.
+        The run.json of the new run, in which `plan.auto` lists the keys that were auto.
 
     Returns
     -------
     PreviousRun or None
-        None if the folder holds no rows.
+        None if the folder has no rows.
 
     Raises
     ------
     ConfigError
-        The folder holds a run of another config.
+        If the folder contains a run of another config.
     UsageError
-        Its rows cannot be read.
+        If the rows cannot be read.
     """
     old_report = resumable_report(folder)
     if not old_report:
@@ -145,7 +145,7 @@ def missing_files(folder: Path, surface: KeptStates, fields: KeptStates) -> list
     folder
         The result folder.
     surface, fields
-        Which states the run kept in surface.csv and in the fields.
+        States that the run keeps in surface.csv and in the fields.
     """
     missing = missing_field_files(folder) if fields != "none" else []
     with suppress(UsageError):
@@ -160,8 +160,8 @@ def missing_files(folder: Path, surface: KeptStates, fields: KeptStates) -> list
 def _current_config_yaml(path: Path) -> str:
     """Return the config of a result with all keys of this version, new ones at their defaults.
 
-    A config that the present version cannot read is returned as it stands. UnicodeDecodeError if
-    the file is not text.
+    A config that the present version cannot read is returned unchanged. UnicodeDecodeError is
+    raised if the file is not text.
     """
     text = read_regular_file(path).decode("utf-8")
     try:
@@ -175,8 +175,7 @@ def _refuse_other_config(
 ) -> None:
     """Raise ConfigError if two configs differ, with the first key that differs.
 
-    A key that both runs left to the program (`automatic_keys`) is named only if no other key
-    differs.
+    A key that was auto in both runs (`automatic_keys`) is named only if no other key differs.
     """
     if old_yaml == new_yaml:
         return
@@ -186,7 +185,7 @@ def _refuse_other_config(
         if path[-1] in (documents[0].get(path[0]) or {}):
             remedy_text = f"give --overwrite in place of --resume to replace it; {remedy}"
             raise ConfigError(
-                key_text(path), f"{problem}; {folder} holds a run with it", remedy_text
+                key_text(path), f"{problem}; {folder} contains a run with it", remedy_text
             )
     differing_keys = [
         key for key in {**new_values, **old_values} if old_values.get(key) != new_values.get(key)
@@ -204,7 +203,7 @@ def _refuse_other_config(
         if key in values
     )
     difference_text = difference_text or "the same lines in another order"
-    problem = f"{folder} holds a run of another config ({difference_text})"
+    problem = f"{folder} contains a run of another config ({difference_text})"
     remedy = (
         "use the scene and the --set options of that run, or another --output, or leave --resume "
         "out to replace it"

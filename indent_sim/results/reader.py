@@ -1,8 +1,8 @@
 """Reader of result folders, force tables and measured curves.
 
 A result folder is read as `Results`: its force table by column, its run.json and its surface table.
-Tables are read by `csv_table`, run.json is checked by `report_schema`, and what `--resume` needs of
-an earlier run is read by `previous_run`.
+Tables are read by `csv_table`, run.json is checked by `report_schema`, and earlier runs are read
+for `--resume` by `previous_run`.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ RESULT_COLUMNS = tuple(
 
 @dataclass(frozen=True)
 class Results:
-    """A finished or partial run read back from its files.
+    """Results of a finished or partial run, read from its files.
 
     Attributes
     ----------
@@ -70,9 +70,9 @@ class Results:
     table
         Columns of force_indentation.csv by name, each (rows,).
     report
-        The content of run.json; empty where there is none.
+        The content of run.json; empty if there is none.
     surface
-        Columns of surface.csv by name; empty where there is none.
+        Columns of surface.csv by name; empty if there is none.
     """
 
     path: Path
@@ -98,8 +98,7 @@ class Results:
         return self._repr_table().html
 
     def _repr_table(self) -> ReprTable:
-        """Table that a notebook shows: the most important columns, and how the run ended."""
-        # A notebook shows these columns.
+        """Return the table for a notebook: the most important columns, and how the run ended."""
         shown_columns = ("step", "t", "delta", "force", "force_error", "a", "p_max", "branch")
         names = [
             name
@@ -121,12 +120,12 @@ class Results:
         )
 
     def to_pandas(self) -> pandas.DataFrame:
-        """Return the force table as a DataFrame; BackendError without pandas."""
+        """Return the force table as a DataFrame; raise BackendError without pandas."""
         return data_frame(self.table)
 
 
 def data_frame(table: Mapping[str, np.ndarray]) -> pandas.DataFrame:
-    """Return columns as a DataFrame; BackendError without pandas, which is an optional package."""
+    """Return columns as a DataFrame; raise BackendError without the optional package pandas."""
     try:
         import pandas
     except ImportError as error:
@@ -139,13 +138,14 @@ def data_frame(table: Mapping[str, np.ndarray]) -> pandas.DataFrame:
 def read(path: Path | str, report: Report | None = None) -> Results:
     """Read a result folder, a force table or a measured curve.
 
-    The rows of a measured curve are numbered from 1, its units are those that its file gives, and
-    its contact radius is NaN.
+    The rows of a measured curve are numbered from 1, its units are those of its file, and its
+    contact radius is NaN.
 
     Parameters
     ----------
     path
-        A result folder, a file of force_indentation.csv's format, or a file of a measured curve.
+        A result folder, a file in the format of force_indentation.csv, or a file of a measured
+        curve.
     report
         The content of run.json, if this process has just written it; by default it is read and
         checked.
@@ -153,7 +153,7 @@ def read(path: Path | str, report: Report | None = None) -> Results:
     Raises
     ------
     UsageError
-        There is no table, or a file is damaged.
+        If there is no table, or a file is damaged.
     """
     path = Path(path)
     file = force_table_path(path)
@@ -182,9 +182,9 @@ def read(path: Path | str, report: Report | None = None) -> Results:
 
 
 def report_of(path: Path) -> Report:
-    """Return the run.json of a result folder, or the units that belong to a force table alone.
+    """Return the run.json of a result folder, or only the units of a force table.
 
-    The units of a force table that is named by its own path are those of the run.json beside it.
+    The units of a force table are those of the run.json in the same folder.
     """
     if path.is_dir():
         return checked_report(path)
@@ -194,14 +194,14 @@ def report_of(path: Path) -> Report:
 
 
 def _is_result_table(path: Path) -> bool:
-    """Return whether a file has the columns of a force table, or cannot be read at all."""
+    """Return whether a file has the columns of a force table, or cannot be read."""
     return "step" in header_of(path) or not path.is_file()
 
 
 def _read_curve_file(path: Path) -> Results:
     """Read the first curve of a file of measured curves as a table.
 
-    Where the file has no depth, the displacement z of the base takes its place.
+    If the file has no depth, the displacement z of the base is used instead.
     """
     # This import loads the readers of all formats, which no run needs.
     from indent_sim.results.measured.curve_file import read_curves
@@ -228,16 +228,14 @@ def _read_curve_file(path: Path) -> Results:
 
 
 def force_table_path(path: Path) -> Path:
-    """Return the path of a folder's force table, or a file itself; UsageError if there is none."""
+    """Return the path of a folder's force table, or the path of a file unchanged."""
     if not path.is_dir():
         return path
     if os.path.lexists(file := path / TABLE):
         return file
     if result_files.folder_kind(path) == "study":
         remedy = f"name {path / 'runs' / 'NAME'}, the folder of a run"
-        raise UsageError(
-            f"{path} holds a study, which has no {TABLE} of its own", remedy, str(path)
-        )
+        raise UsageError(f"{path} contains a study, which has no {TABLE}", remedy, str(path))
     remedy = RUN_AGAIN_REMEDY if read_report(path) else "name the folder of a result"
     raise UsageError(f"cannot read {file}: it does not exist", remedy, str(file))
 
@@ -248,7 +246,7 @@ def read_run(path: Path) -> Results:
     Raises
     ------
     UsageError
-        As `read` raises it.
+        For the reasons of `read`.
     """
     report = checked_report(path)
     if report.get("rows"):
@@ -287,12 +285,12 @@ def rows_of(states: Iterable[State], with_reactions: bool = False) -> list[dict[
 def read_history(folder: Path) -> dict[str, np.ndarray]:
     """Read the rows of a history with their times t and displacements z of the base.
 
-    They are in the force table, or else in experiment.csv.
+    They are read from the force table, or else from experiment.csv.
 
     Raises
     ------
     UsageError
-        The table is damaged or has no rows.
+        If the table is damaged or has no rows.
     """
     columns = read(folder).table
     if "t" in columns:

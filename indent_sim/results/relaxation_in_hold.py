@@ -1,4 +1,4 @@
-"""Stress relaxation in the first hold of a history: how much the force falls, and how fast."""
+"""Stress relaxation in the first hold of a history: decrease of the force, and half-time."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ class HoldRelaxation:
 
     @property
     def remaining_fraction(self) -> np.ndarray:
-        """Fraction of the force's fall that remains (rows,): 1 at first, 0 at the end."""
+        """Normalized force relaxation (F - F_end)/(F_start - F_end) in the hold (rows,)."""
         return np.asarray((self.force - self.force[-1]) / (self.force[0] - self.force[-1]))
 
     @property
     def half_time(self) -> float:
-        """Time at which half of the fall is over [time]; NaN if the force does not fall.
+        """Time after which half of the force relaxation is complete [time]; NaN without relaxation.
 
         Between two rows the force is interpolated by an exponential function of time.
         """

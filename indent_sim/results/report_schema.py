@@ -1,4 +1,4 @@
-"""Schema of run.json: a report is validated before its numbers are used."""
+"""Schema of run.json, by which a report is validated before its numbers are used."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def _mapping_type(name: str = "mapping", /, *, needed: Collection[str] = (), **e
 
 @cache
 def _report_schema() -> TypeAdapter[Report]:
-    """Return the validator of run.json; made on first use, since most runs read no report."""
+    """Return the validator of run.json, which is created at first use."""
     answer: Any = {"name": str, "delta": Number, "force": Number}
     curve: Any = {"delta": list[Number], "force": list[Number]}
     force_point = _mapping_type(
@@ -111,7 +111,7 @@ def checked_report(folder: Path) -> Report:
     Raises
     ------
     UsageError
-        The file is not what this program writes; the message names the entry.
+        If the file was not written by this program or is damaged; the message names the entry.
     """
     report = read_report(folder)
     if not report and os.path.lexists(folder / REPORT):
@@ -139,7 +139,7 @@ def _damaged_report(folder: Path, why: str) -> UsageError:
 
 
 def _check_theory(theory: Report) -> None:
-    """Check relations between entries of `theory` that the schema cannot express; ValueError."""
+    """Check relations between entries of `theory` that the schema cannot express."""
     if theory and theory.get("delta_deviation", theory.get("force_deviation")) is None:
         raise ValueError("it has no deviation")
     half_space = theory.get("half_space")

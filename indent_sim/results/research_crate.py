@@ -50,12 +50,12 @@ def write_crate(folder: Path, parts: Sequence[str]) -> None:
     folder
         The folder.
     parts
-        Names of the program's own files and folders in it; those that exist are listed.
+        Names of files and folders of this program in the folder; existing ones are listed.
 
     Raises
     ------
     UsageError
-        The folder has metadata that this program did not write, or cannot be written.
+        If the folder has metadata that this program did not write, or cannot be written.
 
     References
     ----------

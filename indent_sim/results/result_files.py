@@ -1,7 +1,8 @@
 """Names and ownership of the files of result folders, studies and fits.
 
-A folder belongs to this program if its run.json or its `.lock` says so. Files and folders of others
-are never moved, written or deleted, whatever their name, and links are not followed when writing.
+A folder belongs to this program if its run.json or `.lock` has the signature of the program.
+Foreign files and folders are never moved, written or deleted, and links are not followed when
+writing.
 """
 
 from __future__ import annotations
@@ -82,12 +83,12 @@ def read_report(folder: Path, name: str = REPORT) -> Report:
     Returns
     -------
     dict
-        Empty if there is no such file, or if it is not this program's.
+        Empty if there is no such file, or if it was not written by this program.
 
     Raises
     ------
     UsageError
-        The file exists, but reading it is not permitted.
+        If the file exists but must not be read.
     """
     try:
         report = json.loads(read_regular_file(folder / name))
@@ -101,10 +102,10 @@ def read_report(folder: Path, name: str = REPORT) -> Report:
 
 
 def folder_kind(folder: Path) -> Literal["nothing", "run", "study", "fit", "other"]:
-    """Return what a folder holds: results of a run, a study or a fit, nothing, or other files.
+    """Return the kind of content of a folder: a run, a study, a fit, nothing, or other files.
 
-    "nothing" stands for an absent or empty folder, and for one with only the lock or the empty
-    runs/ of a run or a study that was killed as it began.
+    "nothing" stands for a missing or empty folder, and for a folder that contains only the lock or
+    the empty runs/ of a run or study that was killed at its start.
 
     Raises
     ------
@@ -158,7 +159,7 @@ def is_own_file(path: Path) -> bool:
 
 
 def is_own_folder(folder: Path) -> bool:
-    """Return whether this program made a folder: its lock or its run.json says so."""
+    """Return whether this program made a folder, by its lock or its run.json."""
     return (
         folder.is_dir()
         and not folder.is_symlink()
@@ -167,9 +168,9 @@ def is_own_folder(folder: Path) -> bool:
 
 
 def delete_own_files(folder: Path) -> None:
-    """Delete this program's files in a folder, its marks last, and the folder if it is empty.
+    """Delete this program's files in a folder, and the folder if it is then empty.
 
-    The marks, run.json and the lock, say that the folder belongs to this program.
+    run.json and the lock, which mark the folder as belonging to this program, are deleted last.
     """
     for name in (".staging", ".old"):
         if is_own_folder(folder / name):
@@ -203,7 +204,7 @@ def field_files(fields: Path) -> list[Path]:
 def delete_own_fields(fields: Path) -> None:
     """Delete this program's files in a folder of fields, and the folder if nothing else is in it.
 
-    A link in place of the folder is deleted, but not what it points to.
+    A link in place of the folder is deleted, but not its target.
     """
     for path in [*field_files(fields), *([fields] if fields.is_symlink() else [])]:
         _unlink_file(path)
@@ -218,12 +219,12 @@ def refuse_links(folder: Path) -> None:
     """
     fields = folder / FIELDS_FOLDER
     if os.path.lexists(fields) and (fields.is_symlink() or not fields.is_dir()):
-        raise UsageError(f"{fields} is a link or not a folder: nothing is written there")
+        raise UsageError(f"{fields} is a link or not a folder, and is not written")
     for path in [*(folder / name for name in sorted(RESULT_FILES | {LOCK})), *field_files(fields)]:
         with suppress(FileNotFoundError):
             file_status = path.lstat()
             if not stat.S_ISREG(file_status.st_mode) or file_status.st_nlink > 1:
-                raise UsageError(f"{path} is a link or not a file: nothing is written there")
+                raise UsageError(f"{path} is a link or not a file, and is not written")
 
 
 def has_rows(folder: Path) -> bool:
@@ -251,9 +252,9 @@ def refuse_foreign(
     Parameters
     ----------
     target
-        The folder that the results are to have.
+        The result folder.
     kind
-        Kind of results that may be replaced: "run", "study" or "fit".
+        Kind of the results that may be replaced: "run", "study" or "fit".
     written_names
         Names of files that will be written under names which other programs might use, too.
     """
@@ -276,7 +277,7 @@ def refuse_foreign(
 def config_file_entries(file: str, folder: Path) -> dict[str, str]:
     """Return the entries of run.json that name the config file of a run.
 
-    They are its absolute path, and its path relative to the result folder, which still holds if
+    They are its absolute path, and its path relative to the result folder, which is still valid if
     both are moved together. Empty for a run without a config file.
     """
     path = os.path.realpath(file)
@@ -288,7 +289,7 @@ def config_file_entries(file: str, folder: Path) -> dict[str, str]:
 
 
 def is_same_config_file(old_report: Report, new_report: Report, folder: Path) -> bool:
-    """Return whether two runs belong to one config file; a run that names none belongs to any.
+    """Return whether two runs have the same config file; True if one of them names no file.
 
     Parameters
     ----------

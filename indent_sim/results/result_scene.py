@@ -1,4 +1,4 @@
-"""Scene of a result folder, as its config.yaml gives it."""
+"""Scene of a result folder, from its config.yaml."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ def has_adhesion(folder: Path) -> bool | None:
 
 @lru_cache(16)  # Every panel of a picture needs the scene.
 def _cached_scene(file: Path, modified_ns: int, inode: int) -> Config | None:
-    """Read a scene file; the time of its last change and its inode make up the key of the cache."""
+    """Read a scene file; results are cached by file, modification time and inode."""
     with suppress(IndentSimError, OSError, ValueError):
         return load_result_config(file)
     return None
 
 
 def contacts_per_body(body: AnyBody) -> int:
-    """Return the number of equal contacts of a body: two of a ball between two tips."""
+    """Return the number of equal contacts of a body; it is 2 for a ball between two tips."""
     return body.spherical_body.contacts_per_body if isinstance(body, Ball) else 1

@@ -42,7 +42,7 @@ CAPTIONS = {
 
 
 def run_page(folder: Path) -> str:
-    """Return the HTML page of a result; UsageError if the folder has no result."""
+    """Return the HTML page of a result; raise UsageError if the folder has no result."""
     results = read_run(folder)
     report = results.report
     if not report:
@@ -125,8 +125,8 @@ def _audit_table(report: Report) -> Table:
 def _key_numbers(results: Results) -> list[tuple[str, str]]:
     """Return names and values of the most important row.
 
-    It is the deepest row, or in a history the row of the largest force (the last one without
-    forces).
+    It is the row of the largest depth, or in a history the row of the largest force (the last row
+    if all forces are 0).
     """
     if not len(results):
         return []
@@ -186,25 +186,25 @@ def _theory_sentences(results: Results) -> list[str]:
 
 
 def _no_slip_sentences(report: Report) -> list[str]:
-    """Return how the force would change if the surface could not slip on the tip."""
+    """Return a sentence on the change of the force if the surface could not slip on the tip."""
     words = _report_section(report, "stick").get("words")
     return [f"{words[:1].upper()}{words[1:]}."] if words else []
 
 
 def _hertz_sentences(results: Results) -> list[str]:
-    """Return the modulus that a Hertz fit of the curve would give."""
+    """Return a sentence on the modulus by a Hertz fit of the curve."""
     fit = results.report.get("hertz")
     if not fit:
         return []
     modulus = scaled_axis("pressure", [results], fit["E"], "E").value_text(fit["E"])
     return [
-        f"A Hertz fit of this curve reads E = {modulus} ({fit['percent']:+.3g} "
+        f"A Hertz fit of this curve gives E = {modulus} ({fit['percent']:+.3g} "
         f"%{fit.get('against', '')})."
     ]
 
 
 def _tension_sentences(results: Results) -> list[str]:
-    """Return the length gamma/E* below which surface tension dominates elasticity."""
+    """Return a sentence on the length gamma/E* below which surface tension dominates."""
     expected = _report_section(results.report, "plan", "prediction")
     length = expected.get("elastocapillary_length")
     a = expected.get("a")
@@ -218,9 +218,9 @@ def _tension_sentences(results: Results) -> list[str]:
 
 
 def _largest_pull_sentences(results: Results) -> list[str]:
-    """Return the pull-off of an adhesive contact with a range, or its largest tensile force.
+    """Return sentences on the pull-off force, or on the largest tensile force of a row.
 
-    A second sentence gives the numbers that are expected before the run.
+    A second sentence gives the predicted values.
     """
     adhesion = _report_section(results.report, "adhesion")
     largest_pull = adhesion.get("largest_pull")
@@ -249,7 +249,7 @@ def _largest_pull_sentences(results: Results) -> list[str]:
 
 
 def _pull_off_sentences(results: Results) -> list[str]:
-    """Return the points at which an adhesive tip comes off under each control."""
+    """Return sentences on the pull-off points of an adhesive tip under each type of control."""
     force = _unit_text(results, "force")
     length = _unit_text(results, "length")
     sentences = []
@@ -262,7 +262,7 @@ def _pull_off_sentences(results: Results) -> list[str]:
 
 
 def _report_section(report: Report, *names: str) -> Report:
-    """Return a nested section of run.json by the names on the way to it; empty if there is none."""
+    """Return a nested section of run.json by its keys from the top; empty if there is none."""
     for name in names:
         report = report.get(name) or {}
     return report
@@ -286,7 +286,7 @@ def _experiment_tables(results: Results) -> list[Table]:
 
 
 def _run_pictures(results: Results) -> list[Picture]:
-    """Return the pictures that the rows and fields of a result allow."""
+    """Return the pictures for which a result has rows and fields."""
     steps = steps_with_fields(results.path, results["step"])
     in_time = is_time_stepped(results.report) and len(results) > 0
     pictures = [_history_picture(results)] if in_time else []

@@ -14,7 +14,7 @@ Table = dict[str, np.ndarray]
 
 
 def values_at_times(dense: Table, t: np.ndarray, names: Sequence[str]) -> tuple[Table, np.ndarray]:
-    """Return the columns of a history at other times, and where they are interpolated.
+    """Return the columns of a history at other times, with a mask of interpolated rows.
 
     Parameters
     ----------
@@ -28,8 +28,8 @@ def values_at_times(dense: Table, t: np.ndarray, names: Sequence[str]) -> tuple[
     Returns
     -------
     tuple
-        Columns by name (n,), and (n,) bool: True where no row has this time and the value is linear
-        between two rows.
+        Columns by name (n,), and a mask (n,) of the values that are linearly interpolated between
+        two rows.
     """
     # Two rows at a jump have the same time, and the later one may be the only one of a table.
     # Occurrences are counted from the end, so that the rows after the jump are matched first.
@@ -48,11 +48,10 @@ def values_at_times(dense: Table, t: np.ndarray, names: Sequence[str]) -> tuple[
 
 
 def history_chord_error(history: Table) -> float:
-    """Estimate the relative error of linear interpolation of a history's force.
+    """Estimate the error of linear interpolation of the force of a history.
 
-    It is relative to the largest force.
-
-    The history is cut at its jumps and at the ends of its branches, where the force has corners.
+    The error is relative to the largest force. The history is split at jumps and at the ends of
+    branches, where the slope of the force is discontinuous.
     """
     t = history["t"]
     force = history["force"]
@@ -73,7 +72,7 @@ def interpolate_table(
     Parameters
     ----------
     dense, sparse
-        The table to be interpolated, and the one whose depths are used; columns by name.
+        The table to be interpolated, and the table whose depths are used; columns by name.
     names
         The columns to interpolate.
 
@@ -112,8 +111,8 @@ def interpolate_table(
 def _interpolate(x_new: np.ndarray, x: np.ndarray, y: np.ndarray, is_smooth: bool) -> np.ndarray:
     """Interpolate y(x) at new points, with x in ascending order.
 
-    A smooth curve is a power law between two neighbours, y = y_1 (x/x_1)^m, where both are
-    positive; other curves, and other places, are linear.
+    A smooth curve is interpolated by a power law y = y_1 (x/x_1)^m between two positive neighbours;
+    otherwise the interpolation is linear.
     """
     values = np.interp(x_new, x, y)
     k = np.clip(np.searchsorted(x, x_new), 1, max(len(x) - 1, 1))
@@ -131,8 +130,8 @@ def _interpolate(x_new: np.ndarray, x: np.ndarray, y: np.ndarray, is_smooth: boo
 def _interpolation_error(x: np.ndarray, y: np.ndarray, is_smooth: bool) -> float:
     """Estimate the largest interpolation error between the points of a curve.
 
-    Every second point is left out and interpolated from the others: the error of that is O((2h)^2),
-    so a quarter of it estimates the error O(h^2) between all points.
+    Every second point is left out and interpolated from the others. The error of this interpolation
+    is O((2h)^2), so that a quarter of it estimates the error O(h^2) between all points.
     """
     if len(x) < MIN_ROWS:
         return 0.0

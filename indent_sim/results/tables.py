@@ -1,11 +1,11 @@
 """Tables of a result folder: rows of the force table and blocks of the surface table.
 
-The force table is appended to, one row in one write: to rewrite it at every step would cost the
-square of the number of steps. A kill can then at worst tear the last line, and readers drop a last
-line without a newline. All other files are replaced as a whole, except surface.csv with
-`surface: all`, which is appended to as well. A step counts as done when its row of
-force_indentation.csv is complete: the other files of a step are written before its row, and readers
-ignore steps without a row.
+Each row is appended to the force table in one write, since rewriting the table at every step would
+take a time proportional to the square of the number of steps. A kill can leave an incomplete last
+line, and readers ignore a last line without a newline. All other files are replaced as a whole,
+except surface.csv with `surface: all`, which is appended to as well. A step counts as done when its
+row of force_indentation.csv is complete: the other files of a step are written before its row, and
+readers ignore steps without a row.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def force_row(state: State, columns: tuple[str, ...]) -> bytes:
 def _column_writers(
     columns: tuple[str, ...],
 ) -> tuple[Callable[[State], tuple[Any, ...]], tuple[Callable[[Any], str], ...], tuple[str, ...]]:
-    """Return a getter of the values of a state, their formatters, and the columns of reactions.
+    """Return the getter of a state's values, their formatters, and the columns of reactions.
 
     The reactions are the last columns of the table.
     """
@@ -100,7 +100,7 @@ def parse_state(names: tuple[str, ...], line: bytes, unknown: Collection[str] = 
     Returns
     -------
     State or None
-        None if the line is torn, or holds values that no solution has.
+        None if the line is incomplete, or contains values that are impossible for a solution.
     """
     cells = line.decode("ascii", "replace").split(",")
     if len(cells) != len(names):
@@ -133,8 +133,8 @@ def _parse_cell(name: str, cell: str) -> float | str:
 def parse_number(cell: str) -> float:
     """Parse a number; an empty cell is NaN.
 
-    ValueError for texts that Python accepts as numbers and other programs do not: 1_000, digits of
-    other scripts.
+    ValueError is raised for texts that Python accepts as numbers but other programs do not, such as
+    1_000.
     """
     if "_" in cell or not cell.isascii():
         raise ValueError(f"{cell!r} is not a number")
@@ -142,7 +142,7 @@ def parse_number(cell: str) -> float:
 
 
 def parse_integer(cell: str) -> int:
-    """Parse a non-negative integer; ValueError for anything else."""
+    """Parse a non-negative integer; raise ValueError for anything else."""
     if not cell.strip().isdecimal() or not cell.isascii():
         raise ValueError(f"{cell!r} is not a whole number")
     return int(cell)
@@ -199,10 +199,10 @@ def surface_blocks(path: Path) -> dict[int, bytes]:
 
 
 def drop_later_blocks(path: Path, steps: int) -> None:
-    """Remove the lines of a surface table after the first `steps` steps, and a torn last line.
+    """Remove the lines of a surface table after the first `steps` steps, and a partial last line.
 
-    Lines of an older version of this program get empty cells for the columns that they lack.
-    UsageError if the file is not such a table.
+    Lines of an older version of this program get empty cells for missing columns. UsageError is
+    raised if the file is not a surface table.
     """
     if not path.exists():
         return

@@ -13,7 +13,7 @@ SectionCurve = tuple[np.ndarray, np.ndarray]  # Distance from the axis s, and he
 
 @dataclass(frozen=True)
 class TipGeometry:
-    """A tip as a mesh at first touch, with its apex at z = 0.
+    """Mesh of a tip at first touch, with its apex at z = 0.
 
     Attributes
     ----------
@@ -22,8 +22,8 @@ class TipGeometry:
     cells
         Numbers of the points of each line (m, 2) or triangle (m, 3).
     contacts_per_body
-        Number of equal contacts of the body: of a ball between two tips one half is modelled, and
-        each tip moves by half of the depth.
+        Number of equal contacts of the body. It is 2 for a ball between two tips, of which one half
+        is modelled and each tip moves by half of the depth.
     """
 
     points: np.ndarray
@@ -38,9 +38,10 @@ class TipGeometry:
 def half_section(
     tip: Indenter, width: float, degrees: float = 0.0, points: int = 160
 ) -> SectionCurve:
-    """Return the section (s, z) of the tip in the half-plane at an angle from x, apex first.
+    """Return the section (s, z) of the tip in a half-plane, beginning at the apex.
 
-    A sphere is drawn as a whole if it fits into the width; a tip that ends has a vertical side.
+    A sphere is returned as a whole if it fits into the width. A tip of finite radius has a vertical
+    side.
 
     Parameters
     ----------
@@ -83,7 +84,7 @@ def section(tip: Indenter, width: float, degrees: float = 0.0) -> SectionCurve:
 def tip_mesh(
     tip: Indenter, center: tuple[float, ...], width: float, kinematics: str, contacts_per_body: int
 ) -> TipGeometry:
-    """Return the mesh of a tip out to a distance from its axis.
+    """Return the mesh of a tip up to a distance from its axis.
 
     It is the half section (axisymmetric), the whole section (plane strain), or the surface (3D).
 
@@ -141,7 +142,7 @@ def _tip_surface(tip: Indenter, width: float) -> tuple[np.ndarray, np.ndarray]:
 def plot_width(tip: Indenter, a: float, delta: float) -> float:
     """Return the distance from the axis to which a tip is drawn [length].
 
-    It is larger than the contact radius a and the depth; a tip that is not much wider is drawn
+    It is larger than the contact radius a and the depth. A tip that is not much wider is drawn as a
     whole.
     """
     contact_width = 2.5 * max(a, abs(delta))

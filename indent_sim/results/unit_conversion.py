@@ -1,4 +1,4 @@
-"""Units of several results: measured curves converted to those of a simulation."""
+"""Conversion of measured curves to the units of a simulation."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from indent_sim.results.reader import MEASURED, Results
 def convert_to_common_units(runs: Sequence[Results]) -> list[Results]:
     """Convert measured curves to the units of the first simulated result that gives its units.
 
-    A curve without units is taken to have these units already.
+    A curve without units is assumed to have these units already.
 
     Raises
     ------
     ConfigError
-        A unit of a curve is unknown.
+        If a unit of a curve is unknown.
     """
     simulated_first = sorted(runs, key=lambda run: run.report.get(MEASURED, False))
     unit_mappings = (run.report.get("units") or {} for run in simulated_first)
@@ -31,14 +31,14 @@ def convert_to_common_units(runs: Sequence[Results]) -> list[Results]:
 
 
 def refuse_different_units(runs: Sequence[Results], remedy: str) -> None:
-    """Raise UsageError if two runs have different units; a run without units is accepted as it is.
+    """Raise UsageError if two runs have different units; a run without units is accepted.
 
     Parameters
     ----------
     runs
         Results whose `units` are compared, for lengths and forces.
     remedy
-        The end of the message: what the user can do.
+        Advice at the end of the message.
     """
     for kind in ("length", "force"):
         paths_by_unit = {

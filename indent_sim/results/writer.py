@@ -1,4 +1,4 @@
-"""Writer of a result folder: each converged state is added to its files as it comes."""
+"""Writer of a result folder, which adds each converged state to the files."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ from indent_sim.results.tables import DYNAMIC, EXPERIMENT, SURFACE
 
 
 class ResultFolder:
-    """The files of one run, written while it goes on; a context manager, used on rank 0 alone.
+    """Writer of the files of one run; a context manager that is used only on rank 0.
 
-    The folder appears under its name with the first row. When the block is left, run.json gets the
-    status done, failed or interrupted, after the exception that passes through. A run that fails
-    before its first row replaces no earlier results; a run that ends with exit code 2 or 3 leaves
-    nothing.
+    The folder gets its final name with the first row. At the end of the `with` block run.json gets
+    the status done, failed or interrupted, depending on the exception. A run that fails before its
+    first row does not replace earlier results; a run that ends with exit code 2 or 3 leaves no
+    files.
 
     Parameters
     ----------
@@ -58,16 +58,16 @@ class ResultFolder:
     surface
         The states whose surface is kept in surface.csv.
     columns
-        Columns of the force table that this run has beyond STATE_COLUMNS and DERIVED_COLUMNS.
+        Columns of the force table in addition to STATE_COLUMNS and DERIVED_COLUMNS.
     report
-        Entries of run.json; `ResultFolder.report` can be changed until the end of the run.
+        Entries of run.json. The attribute `report` can be changed until the end of the run.
     resume
         Keep the rows of a previous run of this config (`previous_run`) and append to them.
     guard
-        Do not replace rows of another config file, nor a finished run of another scene
-        (UsageError). A finished run of the same scene is replaced only when this run is done.
+        If True, raise UsageError instead of replacing rows of another config file or a finished run
+        of another scene. A finished run of the same scene is replaced only at the end of this run.
     mesh
-        The mesh file of the config, as text in parts.
+        The mesh file of the config as parts of a text.
     """
 
     def __init__(
@@ -106,7 +106,7 @@ class ResultFolder:
 
     @property
     def path(self) -> Path:
-        """Folder in which the files are now; it changes once, with the first row."""
+        """Folder that contains the files at present; it changes once, with the first row."""
         return self._output.path
 
     def __enter__(self) -> ResultFolder:
@@ -131,7 +131,7 @@ class ResultFolder:
         return self
 
     def _refuse_overwrite(self, target: Path) -> None:
-        """Raise UsageError if this run would replace results that are to be kept."""
+        """Raise UsageError if this run would replace protected results."""
         if self._guard:
             refuse_overwrite(self._target, self._config_yaml, self.report)
 
@@ -176,12 +176,14 @@ class ResultFolder:
         self._started = earlier.report.get("started", self._started)
 
     def append(self, state: State) -> None:
-        """Add the row of a converged state, with its surface; the first row publishes the folder.
+        """Add the row of a converged state, with its surface.
+
+        The folder gets its final name with the first row.
 
         Raises
         ------
         NotConverged
-            The disk is full; the rows before are kept.
+            If the disk is full; earlier rows are kept.
         """
         if not state.converged:
             raise ValueError(
@@ -221,7 +223,7 @@ class ResultFolder:
         keep
             The states whose fields are kept.
         extra_arrays
-            Names of fields beyond those that every body has.
+            Names of fields in addition to those of every body.
         information
             Information that the files contain besides the units.
         """
@@ -256,8 +258,8 @@ class ResultFolder:
     ) -> None:
         """Write the fields of a state; to be called before its `append`.
 
-        Nothing is written without `open_fields`. The time is that of the state; None stands for its
-        step.
+        Nothing is written without `open_fields`. `time` is the time of the state; None: its step is
+        used.
         """
         if self._fields is None:
             return
@@ -265,7 +267,7 @@ class ResultFolder:
             self._fields.write(state.step, state.delta, fields, time)
 
     def write_experiment(self, rows: Sequence[Any], dynamic: Sequence[Any]) -> None:
-        """Write experiment.csv and dynamic.csv, or delete a file that gets no rows."""
+        """Write experiment.csv and dynamic.csv, or delete a file that would have no rows."""
         with defer_signals(), self._convert_write_errors():
             for name, items in ((EXPERIMENT, rows), (DYNAMIC, dynamic)):
                 if items:
@@ -274,7 +276,7 @@ class ResultFolder:
                     (self.path / name).unlink(missing_ok=True)
 
     def save_checkpoint(self, saved: Checkpoint, identity: Report) -> None:
-        """Keep the last equilibria for `--resume`; they are optional: a full disk is ignored."""
+        """Save the last equilibria for `--resume`; since optional, a full disk is ignored."""
         with defer_signals(), suppress(OSError):
             checkpoint.write(self.path / CHECKPOINT, saved, identity)
 
@@ -283,7 +285,7 @@ class ResultFolder:
         return checkpoint.read(self.path / CHECKPOINT, identity)
 
     def finish(self, error: BaseException | None) -> None:
-        """Record how the run ended; only the first call counts."""
+        """Record how the run ended; further calls have no effect."""
         if self._status["status"] == "running":
             self._status = dict(
                 zip(("status", "exit_code", "reason"), _final_status(error), strict=True)
@@ -317,13 +319,13 @@ class ResultFolder:
                 self._output.release_lock()
 
     def _sync_files(self, *names: str) -> None:
-        """Wait until these files and the first files of the run are on the disk."""
+        """Wait until the given files and the first files of the run are on the disk."""
         for name in (*self._unsynced_files, *names):
             atomic_files.sync_to_disk(self.path / name)
         self._unsynced_files = ()
 
     def _rename_into_place(self) -> None:
-        """Publish the folder under its name, once there is something to publish."""
+        """Give the folder its final name as soon as it has a row."""
         if self._output.is_in_place or self._appears_at_end:
             return
         self._output.rename_into_place()
@@ -346,7 +348,11 @@ class ResultFolder:
             overwrite_in_place(self.path / REPORT, to_json(last_report, indent=None).encode())
 
     def _write_surface(self, state: State, surface: Surface) -> None:
-        """Write the surface of every state, or of the deepest and the last one."""
+        """Write the surface of a state, as the key `output.surface` requests.
+
+        With "all", surfaces of all states are appended to the table. With "last", only those of
+        the deepest and the last state are kept.
+        """
         path = self.path / SURFACE
         block = tables.surface_block(state.step, surface)
         if self._surface == "all" and path.exists():
@@ -362,7 +368,7 @@ class ResultFolder:
 
     @contextmanager
     def _convert_write_errors(self) -> Iterator[None]:
-        """Raise NotConverged for a failed write: the run ends with the rows that it has."""
+        """Raise NotConverged for a failed write; the run then ends with its present rows."""
         try:
             yield
         except OSError as error:
@@ -378,7 +384,7 @@ class ResultFolder:
 
 
 def _final_status(error: BaseException | None) -> tuple[str, int, str]:
-    """Return status, exit code and reason of a run that ended with an exception, or with None."""
+    """Return status, exit code and reason of a run from the exception that ended it, or None."""
     if error is None:
         return "done", 0, ""
     if isinstance(error, KeyboardInterrupt):

@@ -1,4 +1,4 @@
-"""Derived quantities of a row: stiffness, contact area, modulus of a half-space fit."""
+"""Derived quantities of a row: stiffness, contact area and modulus of a half-space fit."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ Equilibrium = Any
 class DerivedQuantities:
     """Computes the derived quantities of successive states, all nondimensional.
 
-    The stiffness is that of the tangent. It is that of a flat punch in place of the contact by
-    theory and on a condensed axisymmetric body: the tangent of a mesh depends on which of its
-    points touch and jumps by a per cent where the next one does.
+    The stiffness is the tangent dF/ddelta. By theory, and on a condensed axisymmetric body, it is
+    the stiffness of a flat punch of the contact radius, because the tangent on a mesh jumps by a
+    per cent at every new contact point.
 
     Parameters
     ----------
     scene
         The scene.
     equilibrium
-        The body that has just been solved; None without a mesh.
+        Equilibrium of the body at the current state; None without a mesh.
     optional_output
-        Evaluates the quantities, which may be missing.
+        Evaluates the quantities; a failure is reported and does not stop the run.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class DerivedQuantities:
         self._punches: Punches | None = None
 
     def complete_state(self, state: State) -> State:
-        """The state with its stiffness, area and E_hertz; NaN where one is undefined."""
+        """Return the state with its stiffness, area and E_hertz; undefined quantities are NaN."""
         if not state.converged:
             return state
         krylov_before = self._krylov_iterations
@@ -72,7 +72,7 @@ class DerivedQuantities:
         return (self._equilibrium.statistics.krylov or 0) if self._equilibrium else 0
 
     def _hertz_modulus(self, state: State) -> float:
-        """The modulus with which the half-space formula gives the force of the state."""
+        """Return the modulus with which the half-space formula gives the force of the state."""
         physics = self.scene.physics
         # The force of the state is round-off if a force of zero is prescribed.
         if physics.path.control == "force" and physics.path.values[state.step - 1] == 0:
@@ -81,7 +81,7 @@ class DerivedQuantities:
         return physics.material.constants.E * state.force / force if force else nan
 
     def _stiffness(self, state: State) -> float:
-        """dF/ddelta at the state; NaN where it depends on the direction or the rate of loading."""
+        """Return dF/ddelta at the state; NaN if it depends on the direction or rate of loading."""
         if state.stiffness is not None:
             return state.stiffness
         physics = self.scene.physics
@@ -107,10 +107,15 @@ class DerivedQuantities:
 
 
 def punches_of(scene: Scene, equilibrium: Equilibrium = None) -> Punches:
-    """Flat punches of every radius on a linear axisymmetric body, by theory or condensation.
+    """Return flat punches of every radius on a linear axisymmetric body.
 
-    ValueError if the contact does not grow with the load, theory has no shape of the tip, or the
-    contact has too few elements.
+    They are solved by theory or by static condensation.
+
+    Raises
+    ------
+    ValueError
+        If the contact does not grow with the load, theory has no shape of the tip, or the contact
+        has too few elements.
     """
     theory = scene.plan.theory
     physics = scene.physics
@@ -128,9 +133,10 @@ def punches_of(scene: Scene, equilibrium: Equilibrium = None) -> Punches:
 
 
 def hertz_forces(scene: Scene, deltas: Iterable[float]) -> list[float | None]:
-    """Forces at depths by the half-space formula of the tip, nondimensional; None without one.
+    """Return the nondimensional forces at depths by the half-space formula of the tip.
 
-    With mirror planes they are the part of the force on the body itself.
+    A force is None if there is no formula. With mirror planes the forces are the part that acts on
+    the body itself.
     """
     physics = scene.physics
     if physics.scales.dim == 2:
@@ -142,15 +148,14 @@ def hertz_forces(scene: Scene, deltas: Iterable[float]) -> list[float | None]:
 
 
 def hertz_fit(scene: Scene, states: Sequence[State]) -> dict[str, Any] | None:
-    """Least-squares fit of the half-space formula to the rows of a run.
-
-    None for a tip with adhesion and where there is no formula or no contact.
+    """Fit the half-space formula to the rows of a run by least squares.
 
     Returns
     -------
     dict or None
         `E`: the modulus [user's units]; `percent`: its difference from that of the material below
-        the tip; `against`: the name of that material if there are several.
+        the tip; `against`: the name of that material if there are several. None with adhesion, or
+        if there is no formula or no contact.
     """
     if scene.plan.adhesion:
         return None

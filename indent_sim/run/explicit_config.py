@@ -1,4 +1,4 @@
-"""Explicit config of a run: every "auto" replaced by its value, in the user's units."""
+"""Explicit config of a run, with every "auto" replaced by its value in the user's units."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from indent_sim.scene.scene import Scene
 
 
 def explicit_config(config: Config, scene: Scene) -> Config:
-    """The config with every decision of the program: it gives the same mesh and numbers."""
+    """Return the config with every decision of the program; it gives the same mesh and results."""
     config = remove_unused_material(config, scene.physics.domain)
     gap = scene.physics.gap
     output = dataclasses.replace(config.output, fields=written_fields(config, scene))
@@ -42,7 +42,7 @@ def explicit_config(config: Config, scene: Scene) -> Config:
 
 
 def written_fields(config: Config, scene: Scene) -> KeptStates:
-    """The steps whose fields are written; by default the last one of a meshed scene."""
+    """Return the steps whose fields are written; by default the last one of a meshed scene."""
     scene_default: KeptStates = (
         "last" if scene.is_meshed and scene.history_on_curve is None else "none"
     )
@@ -50,7 +50,7 @@ def written_fields(config: Config, scene: Scene) -> KeptStates:
 
 
 def automatic_keys(config: Config, decided: Config) -> list[str]:
-    """The keys that the program decided, such as `mesh.h_contact` or `indenter.center`."""
+    """Return the keys that the program decided, such as `mesh.h_contact` or `indenter.center`."""
     is_section_replaced = {
         name: getattr(config, name) is not getattr(decided, name)
         for name in allowed_keys_at((), {})
@@ -68,7 +68,7 @@ def automatic_keys(config: Config, decided: Config) -> list[str]:
 
 
 def _material_sections(config: Config, scene: Scene) -> dict[str, Any]:
-    """The material sections with the formulation of each region."""
+    """Return the material sections with the formulation of each region."""
     if isinstance(config.body, MeshFromFile):
         return _imported_mesh_sections(config, config.body, scene)
     formulations = [region.formulation for region in scene.physics.domain.regions]
@@ -88,7 +88,7 @@ def _material_sections(config: Config, scene: Scene) -> dict[str, Any]:
 
 
 def _set_formulations(items: Sequence[Any], formulations: Sequence[str]) -> tuple[Any, ...]:
-    """Layers or inclusions with the given formulations."""
+    """Return layers or inclusions with the given formulations."""
     pairs = zip(items, formulations, strict=True)
     return tuple(
         dataclasses.replace(item, material=_replace_auto(item.material, formulation=formulation))
@@ -97,7 +97,7 @@ def _set_formulations(items: Sequence[Any], formulations: Sequence[str]) -> tupl
 
 
 def _imported_mesh_sections(config: Config, body: MeshFromFile, scene: Scene) -> dict[str, Any]:
-    """The materials by region, and the copy of the mesh file in the result folder."""
+    """Return the materials by region, and the path of the copied mesh file in the result folder."""
     domain = scene.physics.domain
     formulations = {region.name: region.formulation for region in domain.regions}
     region_laws = {
@@ -120,14 +120,14 @@ def _imported_mesh_sections(config: Config, body: MeshFromFile, scene: Scene) ->
 
 
 def _replace_auto(section: Any, **values: Any) -> Any:
-    """Replace values "auto" of a section; given values stay exactly."""
+    """Replace the values "auto" of a section; values given by the user are unchanged."""
     return dataclasses.replace(
         section, **{k: v for k, v in values.items() if getattr(section, k, None) == "auto"}
     )
 
 
 def _mesh_section(config: Config, scene: Scene) -> Any:
-    """The section `mesh` with the element sizes of the scene."""
+    """Return the section `mesh` with the element sizes of the scene."""
     if scene.sizes.refinements is not None:
         return dataclasses.replace(config.mesh, refinements=scene.sizes.refinements)
     sizes = scene.sizes
@@ -153,7 +153,7 @@ def _mesh_section(config: Config, scene: Scene) -> Any:
 
 
 def _contact_section(config: Config, scene: Scene) -> Any:
-    """The section `contact` with the contact law of the scene."""
+    """Return the section `contact` with the contact law of the scene."""
     law = scene.physics.scales.to_user_units(scene.physics.contact)
     settings = config.contact
     # The program chose another contact law: it takes over the settings that both laws have.

@@ -1,4 +1,4 @@
-"""History on the elastic curve: force and depth in time with relaxation, adhesion, cantilever."""
+"""Histories evaluated on the elastic curve, with relaxation, adhesion and a cantilever."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ DEPTH_OVERSHOOT = 1.001
 
 @dataclass(frozen=True)
 class HistoryRow:
-    """Row of a history or of an equilibrium curve; NaN where a number is undefined.
+    """Row of a history or of an equilibrium curve; undefined quantities are NaN.
 
-    `calibration_error` is the error of the force by the calibration of the instrument.
+    `calibration_error` is the error of the force due to the calibration of the instrument.
     """
 
     t: float
@@ -82,7 +82,7 @@ class HistoryResult:
     time
         The part `time` of run.json.
     warnings
-        Warnings.
+        Messages of warnings.
     """
 
     rows: list[HistoryRow]
@@ -92,7 +92,7 @@ class HistoryResult:
     warnings: list[str] = field(default_factory=list)
 
     def in_units(self, scales: Scales) -> HistoryResult:
-        """The result in the user's units."""
+        """Return the result in the user's units."""
         depth = scales.depth
         force = scales.force
         units = {
@@ -121,7 +121,7 @@ class HistoryResult:
 
 
 def _scale_numbers(numbers: Mapping[str, Any], units: Mapping[str, float]) -> dict[str, Any]:
-    """Multiply numbers, also those in nested parts, by the unit of their name."""
+    """Return numbers, also in nested dictionaries, multiplied by the unit of their name."""
     scaled: dict[str, Any] = {}
     for name, value in numbers.items():
         if isinstance(value, dict):
@@ -134,7 +134,7 @@ def _scale_numbers(numbers: Mapping[str, Any], units: Mapping[str, float]) -> di
 
 
 def relaxation_modulus(law: Relaxation | None) -> Modulus:
-    """Normalised relaxation modulus G(t)/G(0); 1 without relaxation."""
+    """Return the normalised relaxation modulus G(t)/G(0); it is 1 without relaxation."""
     if law and law.power_law:
         return PowerLaw(law.power_law.exponent, law.power_law.time)
     terms = law.prony if law and law.prony else ()
@@ -209,7 +209,7 @@ class _HistoryEvaluation:
         return self._curves[top]
 
     def _sample_curve(self, top: float) -> ElasticCurve:
-        """Sample the elastic curve by theory, by flat punches, or by equilibria."""
+        """Compute samples of the elastic curve by theory, by flat punches, or by equilibria."""
         if not self.scene.is_meshed:
             theory = self.scene.plan.theory
             assert theory is not None
@@ -229,13 +229,13 @@ class _HistoryEvaluation:
         return _elastic_curve([(p.delta, p.force, p.a) for p in samples])
 
     def _solve_depth(self, equilibrium: Equilibrium, depth: float, stated_depth: float) -> None:
-        """Solve a body at a depth; ValueError if it fails."""
+        """Solve a body at a depth; raise ValueError if it fails."""
         if not equilibrium.solve(depth):
             failed_depth = stated_depth * self.scene.physics.scales.depth
             raise ValueError(f"the depth {failed_depth:g} was not reached: {equilibrium.failure}")
 
     def _curve_from_equilibria(self, top: float) -> ElasticCurve:
-        """Sample the elastic curve by equilibria down to a contact of a few elements."""
+        """Compute samples of the elastic curve by equilibria on the mesh."""
         samples: list[tuple[float, float, float]] = []
         # Least number of elements in the contact of a sample.
         min_elements = 2.0
@@ -255,7 +255,7 @@ class _HistoryEvaluation:
         return _elastic_curve(samples[::-1])
 
     def relaxing_surface(self, top: float) -> RelaxingSurface:
-        """The surface system of viscoelastic time stepping, up to the contact at a depth."""
+        """Return the surface system of viscoelastic time stepping, up to the contact at a depth."""
         if not self.scene.is_meshed:
             theory = self.scene.plan.theory
             assert theory is not None and isinstance(theory.contact, Layer)
@@ -295,7 +295,7 @@ class _HistoryEvaluation:
         )
 
     def _time_report(self) -> dict[str, Any]:
-        """The part `time` of run.json; empty without a history."""
+        """Return the part `time` of run.json; empty without a history."""
         if self.history is None:
             return {}
         if self.uses_time_stepping:
@@ -315,7 +315,7 @@ class _HistoryEvaluation:
         return [last[t] for t in self.scene.history_on_curve.times]
 
     def _rows(self) -> list[HistoryRow]:
-        """The rows by the method that fits history, adhesion and relaxation."""
+        """Return the rows by the method for this history, adhesion and relaxation."""
         if self.history is None:
             return self._jkr_curve_rows(self.jkr) if self.jkr else self._elastic_curve_rows()
         if self.jkr:
@@ -329,7 +329,7 @@ class _HistoryEvaluation:
         )
 
     def _elastic_curve_rows(self) -> list[HistoryRow]:
-        """Rows of the elastic curve, without a history."""
+        """Return rows of the elastic curve for an experiment without a history."""
         curve = self.elastic_curve(self.max_depth)
         depth_fractions = (np.arange(1, CURVE_POINTS + 1) / CURVE_POINTS) ** 2
         return [
@@ -338,14 +338,14 @@ class _HistoryEvaluation:
         ]
 
     def _row_on_curve(self, curve: ElasticCurve, t: float, delta: float, branch: str) -> HistoryRow:
-        """The row of an elastic equilibrium at a depth."""
+        """Return the row of an elastic equilibrium at a depth."""
         contact = AdhesiveContact(
             float(curve.contact_radius(np.array(delta))), delta, float(curve.force(np.array(delta)))
         )
         return self._make_row(t, contact, branch)
 
     def _make_row(self, t: float, contact: AdhesiveContact | Response, branch: str) -> HistoryRow:
-        """The row of a contact, with the position of the cantilever's base."""
+        """Return the row of a contact, with the position of the cantilever's base."""
         return HistoryRow(
             t,
             contact.delta + self.compliance * contact.force,
@@ -356,7 +356,7 @@ class _HistoryEvaluation:
         )
 
     def _quasistatic_rows(self, history: History) -> list[HistoryRow]:
-        """Rows of a history without relaxation: equilibria on the elastic curve."""
+        """Return the rows of a history without relaxation: equilibria on the elastic curve."""
         curve = self.elastic_curve(self._max_depth_at(history.largest_value))
         rows = []
         for instant in history.rows:
@@ -370,14 +370,14 @@ class _HistoryEvaluation:
         return rows
 
     def _max_depth_at(self, largest: float, softest: float = 1.0) -> float:
-        """Upper bound of the depth at the largest value of a history.
+        """Return an upper bound of the depth at the largest value of a history.
 
         Parameters
         ----------
         largest
             The largest depth, base position or force.
         softest
-            Least fraction of the modulus that remains.
+            Smallest fraction of the modulus during the history.
         """
         if not self.has_prescribed_forces and not self.compliance:
             return largest
@@ -393,14 +393,14 @@ class _HistoryEvaluation:
         )
 
     def _lee_radok_ting_rows(self, history: History) -> list[HistoryRow]:
-        """Rows by Lee-Radok and Ting, or by time stepping if the contact grows again."""
+        """Return rows by Lee-Radok and Ting, or by time stepping if the contact grows again."""
         times, values = zip(*history.points_from_rest, strict=True)
         cycle = LeeRadokTing(self.modulus, times, values, self.elastic_curve(max(values)))
         instants = history.rows
         if cycle.contact_grows_again([instant.t for instant in instants]):
             self.warnings.append(
-                "the contact grows again during unloading or a hold after it: solved by time "
-                "stepping"
+                "the contact grows again during unloading or a subsequent hold: solved by "
+                "time stepping"
             )
             self.uses_time_stepping = True
             return self._time_stepped_rows(history)
@@ -414,7 +414,7 @@ class _HistoryEvaluation:
         return rows
 
     def _time_stepped_rows(self, history: History) -> list[HistoryRow]:
-        """Rows of a relaxing body by time stepping."""
+        """Return rows of a relaxing body by time stepping."""
         times, values = map(list, zip(*history.points_from_rest, strict=True))
         surface = self.relaxing_surface(
             self._max_depth_at(
@@ -441,7 +441,7 @@ class _HistoryEvaluation:
         return rows[len(history.points_from_rest) - len(history.points) :]
 
     def _jkr_curve_rows(self, jkr: Jkr) -> list[HistoryRow]:
-        """The equilibrium curve with adhesion by its contact radius, without a history."""
+        """Return the equilibrium curve with adhesion as a function of the contact radius."""
         pull_off = jkr.pull_off(self.compliance)
         deepest_contact = jkr.stable_equilibrium(self.max_depth)
         assert deepest_contact is not None
@@ -457,7 +457,7 @@ class _HistoryEvaluation:
         ]
 
     def _jkr_history_rows(self, jkr: Jkr, history: History) -> list[HistoryRow]:
-        """Stable equilibria along a history: snap-in at first touch, pull-off at the limit."""
+        """Return stable equilibria along a history with adhesion, with snap-in and pull-off."""
         compliance = inf if self.has_prescribed_forces else self.compliance
         pull_off = jkr.pull_off(compliance)
         pull_off_value = (
@@ -487,7 +487,7 @@ class _HistoryEvaluation:
         return rows
 
     def _adhesion_report(self, jkr: Jkr) -> dict[str, Any]:
-        """The parts `adhesion` and `cantilever` of run.json."""
+        """Return the parts `adhesion` and `cantilever` of run.json."""
         by_force = jkr.pull_off(inf)
         by_depth = jkr.pull_off(0.0)
         pull_offs = {
@@ -520,7 +520,7 @@ class _HistoryEvaluation:
         return report
 
     def _attraction_range_report(self, work: float) -> dict[str, float]:
-        """Tabor and Maugis parameters, and the pull-off force of the latter on a half-space."""
+        """Return the Tabor and Maugis parameters, and the Maugis pull-off force on a half-space."""
         attraction = self.experiment.adhesion
         physics = self.scene.physics
         if attraction is None or attraction.range is None:
@@ -536,9 +536,9 @@ class _HistoryEvaluation:
         }
 
     def _calibration_uncertainty(self, calibration: Calibration) -> tuple[float, float]:
-        """Relative uncertainties of a force (k times deflection) and of a modulus fitted to it.
+        """Return the relative uncertainties of a force (k times deflection) and of a modulus.
 
-        The modulus is F/F_1(R), with the force F_1 for unit modulus.
+        The fitted modulus is F/F_1(R), with the force F_1 for unit modulus.
         """
         radius_exponent = 0.0
         if calibration.R:
@@ -553,7 +553,7 @@ class _HistoryEvaluation:
         return calibration.stiffness, hypot(calibration.stiffness, radius_exponent * calibration.R)
 
     def _force_with_radius(self, radius_ratio: float) -> float:
-        """The elastic force at the largest depth with the tip's radius times a factor."""
+        """Return the elastic force at the largest depth with the tip's radius times a factor."""
         theory = self.scene.plan.theory
         tip = self.scene.physics.indenter.scaled(radius_ratio)
         contact = theory.contact if theory else None
@@ -568,7 +568,10 @@ class _HistoryEvaluation:
         return float(equilibrium.force)
 
     def _dynamic_stiffness(self, rows: list[HistoryRow]) -> list[DynamicStiffness]:
-        """K(a) (G' + i G'') of the contact at the end of the history, or of the deepest one."""
+        """Return K(a) (G' + i G'') of the contact at the end of the history.
+
+        If the contact has been lost by then, that of the largest depth is returned.
+        """
         frequencies = self.experiment.frequencies or ()
         stiffness = 0.0
         a = rows[-1].a
@@ -587,15 +590,15 @@ class _HistoryEvaluation:
 
 
 def _geometric_samples(first: float, last: float) -> list[float]:
-    """CURVE_SAMPLES values in geometric progression."""
+    """Return CURVE_SAMPLES values in geometric progression."""
     return [float(x) for x in np.geomspace(first, last, CURVE_SAMPLES)]
 
 
 def _elastic_curve(samples: list[tuple[float, float, float]]) -> ElasticCurve:
-    """The elastic curve through samples of depth, force and contact radius."""
+    """Return the elastic curve through samples of depth, force and contact radius."""
     return ElasticCurve(*np.array(samples, dtype=float).reshape(-1, 3).T)
 
 
 def _contact_entry(contact: AdhesiveContact) -> dict[str, float]:
-    """Entry of a contact in run.json."""
+    """Return the entry of a contact for run.json."""
     return {"delta": contact.delta, "force": contact.force}

@@ -128,13 +128,13 @@ def simulate(
     progress
         Called after every row with its state, its number and the number of rows.
     resume
-        Keep the rows of an earlier run of the same config and compute only the missing ones.
+        Keep the rows of an earlier run of the same config and compute only the missing rows.
     error_bars
-        Estimate the errors of every row. `accuracy` in the config does so too and refines the mesh
-        until the estimated error of the force is small enough.
+        Estimate the errors of every row. With `accuracy` in the config, errors are always
+        estimated, and the mesh is refined until the estimated error of the force is small enough.
     overwrite
         Replace the rows of another config or the finished run of another scene. A finished run of
-        the same scene is replaced without it, as soon as the new run is finished.
+        the same scene is always replaced when the new run is finished.
 
     Raises
     ------
@@ -155,7 +155,7 @@ def simulate(
 
 
 class SimulationDriver:
-    """Simulates one config on one mesh, or on successively finer ones, into the same folder."""
+    """Simulation of one config on one or on successively finer meshes, into the same folder."""
 
     def __init__(
         self,
@@ -190,9 +190,12 @@ class SimulationDriver:
             self._imported_mesh = read_imported_mesh(config, comm)
 
     def run(self) -> Outcome:
-        """Return the outcome of the last refinement level.
+        """Run all refinement levels and return the outcome of the last one.
 
-        Raises VerificationError if that level is less accurate than requested.
+        Raises
+        ------
+        VerificationError
+            If the last level is less accurate than requested.
         """
         accuracy_report = self._previous_report.get("accuracy") or {}
         for level in adaptive_refinement(
@@ -204,7 +207,7 @@ class SimulationDriver:
         return outcome
 
     def _resolve_scene(self, elements: float | None) -> Scene:
-        """The scene with this number of elements in the contact radius (None: the config's own)."""
+        """Return the scene with a given or the default number of elements in the contact radius."""
         # A given scene is not reused with an imported mesh: its file may have changed since.
         if elements is None and self._scene is not None and self._imported_mesh is None:
             return self._scene
@@ -296,9 +299,9 @@ class SimulationDriver:
         )
 
     def _try_remedies(self, scene: Scene, step: int, iterations: int) -> str:
-        """Try remedies for a path that ended early and report how far each one came.
+        """Try remedies for a path that ended early, and return a text on how far each one came.
 
-        Returns "" where there is no remedy or where several processes solve the scene.
+        The text is empty if there is no remedy, or if several processes solve the scene.
         """
         if self.comm.size > 1 or not has_remedies(scene):
             return ""
@@ -308,9 +311,9 @@ class SimulationDriver:
     def _finished_outcome(
         self, config_yaml: str, scene: Scene, output: OutputSettings, initial_report: dict[str, Any]
     ) -> Outcome | None:
-        """The outcome of an earlier run that is already complete; None if it is not.
+        """Return the outcome of an earlier run if it is complete, else None.
 
-        Files that are missing or damaged since are reported among its warnings.
+        Files of it that are missing or damaged are reported among its warnings.
         """
         comm = self.comm
         target = self.target
@@ -332,7 +335,7 @@ class SimulationDriver:
             is_reported_missing or comm.bcast(run_on_root(comm, (target / EXPERIMENT).exists))
         ):
             absent_files = [*absent_files, EXPERIMENT]
-        advice = "missing or damaged since; leave --resume out to compute them again"
+        advice = "missing or damaged; run again without --resume to recompute them"
         absence_warnings = [f"{', '.join(absent_files)}: {advice}"] if absent_files else []
         report = earlier.report | {
             "warnings": [*earlier.report.get("warnings", []), *absence_warnings]
@@ -342,7 +345,7 @@ class SimulationDriver:
     def _initial_report(
         self, scene: Scene, explicit: Config, prediction: dict[str, float]
     ) -> dict[str, Any]:
-        """Entries of run.json that are known before the solution."""
+        """Return the entries of run.json that are known before the solution."""
         physics = scene.physics
         plan = scene.plan
         request = asdict(self._request) | config_file_entries(self.config.source.name, self.target)
@@ -372,7 +375,7 @@ class SimulationDriver:
         return report | {"ranks": self.comm.size, "memory_before_MB": round(current_memory(), 1)}
 
     def _optional_columns(self, scene: Scene) -> tuple[str, ...]:
-        """Columns of the linear solver, of the error estimates and of the supports' reactions."""
+        """Return the columns of linear solver, error estimates and reactions of supports."""
         krylov_columns = KRYLOV_COLUMNS if scene.solver.linear == "iterative" else ()
         prescribed = {"delta"} if scene.physics.path.control == "depth" else set()
         columns = (
@@ -415,7 +418,7 @@ class SimulationDriver:
             return ErrorBars(level.scene, coarser_run, soft_states, half_steps, film, bath_states)
 
     def _no_slip_effect(self, run: CoarserRun, error_bars: AnyErrorBars) -> dict[str, Any] | None:
-        """Change of the largest force by a surface without slip, as planned or solved for it."""
+        """Return the change of the largest force if nothing slips, as planned or solved."""
         assert run.scene is not None
         with self._clock.stage("companions"):
             planned_effect = run.scene.plan.stick
@@ -431,7 +434,7 @@ class SimulationDriver:
     def _elastic_states(self, scene: Scene) -> list[State]:
         """Solve the elastic part of an auxiliary scene, without surface tables.
 
-        Returns the states up to the first failure; an empty list if the run failed altogether.
+        Return the states up to the first failure, none if the run fails at the beginning.
         """
         elastic_scene = replace(scene, history_on_curve=None)
         total = len(elastic_scene.physics.deltas)
@@ -458,7 +461,7 @@ def states(
     with_surface: bool = True,
     mesher: Mesher = Scene.grid,
 ) -> Iterator[State]:
-    """Solve a scene without writing files and yield one State per requested depth or force.
+    """Solve a scene without writing files, and yield one State per requested depth or force.
 
     On one process the memory of the solution is released when the iterator is exhausted or closed;
     on several ranks only when it is exhausted.
@@ -511,7 +514,7 @@ def states(
 
 @dataclass(frozen=True)
 class CondensedBody:
-    """A linear body condensed to its contact surface; another tip or depth takes milliseconds."""
+    """Linear body condensed to its contact surface, for fast solutions with other tips."""
 
     scene: Scene
     equilibrium: Equilibrium
@@ -529,7 +532,7 @@ class CondensedBody:
     ) -> list[State]:
         """Solve the contact for another tip, other depths or other forces, without surface tables.
 
-        The mesh is kept: it must be fine enough for this contact too.
+        The mesh is unchanged; it must be fine enough for the new contact too.
 
         Parameters
         ----------
@@ -577,15 +580,15 @@ class CondensedBody:
 
 
 def condense(scene: Scene, comm: Comm = None) -> CondensedBody:
-    """Factor the stiffness matrix of a linear body once and condense it to its contact surface.
+    """Factorize the stiffness matrix of a linear body and condense it to the contact surface.
 
-    Collective over `comm`, by default this process alone. Raises ConfigError if the solver method
-    of the scene is not "condensed".
+    The function is collective over `comm`, by default this process alone. It raises ConfigError if
+    the solver method of the scene is not "condensed".
     """
     if scene.solver.method != "condensed":
         raise ConfigError(
             "solver.method",
-            "this scene does not condense",
+            "this scene cannot be condensed",
             "linear elastic, reference gap, no Nitsche",
         )
     fe = backend()
@@ -605,29 +608,29 @@ _released_meshes: list[Any] = []
 
 
 def warm_up() -> None:
-    """Load the libraries that every run needs, so that the first of many runs is not slower."""
+    """Import the libraries that every run needs, so that the first of many runs is not slower."""
     start_mesher()
     backend()
 
 
 def config_of(given: SceneInput) -> Config:
-    """The config in any form in which it may be given; TypeError for a resolved Scene."""
+    """Return the config from a config, file or dictionary; raise TypeError for a Scene."""
     if isinstance(given, Scene):
         raise TypeError("expected a config, a file or a dictionary, not a resolved Scene")
     return given if isinstance(given, Config) else load(given)
 
 
 def communicator(comm: Comm, scene: Scene) -> Comm:
-    """The communicator that solves a scene: MPI's COMM_SELF for a meshed scene on one process."""
+    """Return the communicator that solves a scene: COMM_SELF for a mesh on one process."""
     return mpi().COMM_SELF if scene.is_meshed and isinstance(comm, SerialComm) else comm
 
 
 def mpi() -> Any:
-    """Initialise MPI and return mpi4py.MPI; BackendError if mpi4py is missing."""
+    """Initialise MPI and return mpi4py.MPI; raise BackendError if mpi4py is missing."""
     try:
         from mpi4py import MPI
     except (ImportError, RuntimeError) as error:
-        raise BackendError(f"mpi4py: {error}; `indent-sim doctor` says what is missing") from error
+        raise BackendError(f"mpi4py: {error}; `indent-sim doctor` lists what is missing") from error
     return MPI
 
 

@@ -1,4 +1,4 @@
-"""Planned run: the scene that a config becomes, before anything is solved or written."""
+"""Planned run: a config with its scene and predicted cost, before anything is solved."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from indent_sim.scene.solver_choices import needs_mesh
 
 @dataclass(frozen=True)
 class PlannedRun:
-    """A config and its resolved scene; depths are in the user's units."""
+    """Config and resolved scene of a run that has not started; depths are in the user's units."""
 
     config: Config = field(repr=False)
     scene: Scene = field(repr=False)
 
     @classmethod
     def resolve(cls, config: Config) -> Self:
-        """Resolve a config; ConfigError for a scene that cannot exist or exceeds this machine."""
+        """Resolve a config; raise ConfigError if the scene is invalid or needs too much memory."""
         return cls(config, resolve(config))
 
     def add_estimation_cost(self, error_bars: bool = False) -> Self:
-        """Add the time and memory of all auxiliary runs of the error estimate."""
+        """Return this run with the time and memory of all auxiliary runs of the error estimate."""
         if not (error_bars or self.scene.plan.resolution):
             return self
         from indent_sim.run.error_estimation.predicted_cost import predict_total_cost
@@ -38,19 +38,19 @@ class PlannedRun:
         return replace(self, scene=predict_total_cost(self.scene, error_bars))
 
     def study_seconds(self, error_bars: bool = False) -> float:
-        """Expected processor time [s] of the run in a process whose libraries are loaded."""
+        """Return the expected processor time [s] of the run, excluding the import of libraries."""
         from indent_sim.run.error_estimation.predicted_cost import study_seconds
 
         return study_seconds(self.scene, error_bars)
 
     @property
     def plan(self) -> Plan:
-        """The plan of the run: decisions with their reasons, model warnings, predictions."""
+        """Plan of the run: decisions with their reasons, model warnings, predictions."""
         return self.scene.plan
 
     @property
     def depths(self) -> list[float]:
-        """The depth of every row; the expected one where forces are prescribed."""
+        """Depth of every row; the expected depth if forces are prescribed."""
         return [delta * self.scene.physics.scales.depth for delta in self.scene.physics.deltas]
 
     @property
@@ -60,7 +60,7 @@ class PlannedRun:
 
     @property
     def accepts_any_depth(self) -> bool:
-        """True if forces at any depths follow without a load path: by theory or condensation."""
+        """True if theory or condensation gives forces at any depths, without a load path."""
         return not self.scene.is_meshed or self.scene.solver.method == "condensed"
 
     @property
@@ -70,7 +70,7 @@ class PlannedRun:
 
     @property
     def identity(self) -> str:
-        """Hash of problem, discretisation, history and experiment, without titles and output."""
+        """Hash of problem, discretisation, history and experiment, but not of titles and output."""
         # Imported here since it loads the readers of results, which no plan needs.
         from indent_sim.results.json_text import to_json
 
@@ -90,18 +90,18 @@ class PlannedRun:
 
     @property
     def stiffness(self) -> float | None:
-        """Stiffness epsilon_n or gamma of the contact law over E*/h_contact; None without one."""
+        """Stiffness epsilon_n or gamma of the contact law divided by E*/h_contact, or None."""
         law = self.scene.physics.contact
         return law.stiffness / self._stiffness_unit if hasattr(law, "stiffness") else None
 
     @property
     def _stiffness_unit(self) -> float:
-        """Stiffness E*/h_contact, to which that of the contact law is relative."""
+        """Nondimensional stiffness E*/h_contact, the unit of the contact law's stiffness."""
         return self.scene.physics.material.E_star / self.scene.sizes.h_contact
 
 
 def plan_with_cost(config: Config, error_bars: bool = False) -> PlannedRun:
-    """Plan a run with its auxiliary runs; ConfigError with all errors of the config."""
+    """Plan a run with its auxiliary runs; raise ConfigError with all errors of the config."""
     try:
         return PlannedRun.resolve(config).add_estimation_cost(error_bars)
     except ConfigError as error:
@@ -109,9 +109,9 @@ def plan_with_cost(config: Config, error_bars: bool = False) -> PlannedRun:
 
 
 def collect_scene_errors(first: ConfigError, config: Config) -> ConfigError:
-    """Collect further errors of a scene beside the first one.
+    """Return a ConfigError with the first and all further errors of a scene.
 
-    With an imported mesh the first one is returned alone, since the mesh file is read only once.
+    With an imported mesh only the first error is returned, since the mesh file is read only once.
     """
     is_of_file = isinstance(config.body, MeshFromFile)
     return locate_error(config, first) if is_of_file else collect_errors(first, config, resolve)

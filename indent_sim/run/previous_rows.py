@@ -1,4 +1,4 @@
-"""Previous rows of a path, with which a new row is compared."""
+"""Previous rows of a path, for comparison with a new row."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ RowForce = tuple[float, float, float]  # depth, force and half-width of its erro
 
 
 class PreviousRows:
-    """The previous rows of a path, with what a new row is compared with.
+    """Previous rows of a path with fast searches for the comparison with a new row.
 
     The cost of a comparison hardly depends on the number of rows.
     """
@@ -51,21 +51,21 @@ class PreviousRows:
         self.last = state
 
     def largest_shallower_force(self, delta: float) -> RowForce | None:
-        """The less deep row with the largest lower end of its error bar; None if there is none."""
+        """Return the shallower row with the largest lower end of its error bar, or None."""
         if delta > self.max_depth:
             return self._largest_force_row
         depth, force, bar = self._columns[:, : self._count]
         return self._row_at_maximum(force - bar, depth < delta)
 
     def smallest_deeper_force(self, delta: float) -> RowForce | None:
-        """The deeper row with the smallest upper end of its error bar; None if there is none."""
+        """Return the deeper row with the smallest upper end of its error bar, or None."""
         if delta >= self.max_depth:
             return None
         depth, force, bar = self._columns[:, : self._count]
         return self._row_at_maximum(-force - bar, depth > delta)
 
     def _row_at_maximum(self, value: np.ndarray, where: np.ndarray) -> RowForce | None:
-        """The row with the largest of these values among the selected rows, if there are any."""
+        """Return the row with the largest value among the selected rows, or None."""
         if not where.any():
             return None
         depth, force, bar = self._columns[:, int(np.argmax(np.where(where, value, -inf)))]
@@ -73,10 +73,10 @@ class PreviousRows:
 
 
 def force_interval(state: State) -> RowForce:
-    """Depth, force and half-width of the error bar of a row."""
+    """Return depth, force and half-width of the error bar of a row."""
     return state.delta, state.force, _error_half_width(state)
 
 
 def _error_half_width(state: State) -> float:
-    """Half-width of the error bar of a row's force [force]; 0 without one."""
+    """Return the half-width of the error bar of a row's force [force], or 0."""
     return state.force_error if state.force_error and isfinite(state.force_error) else 0.0

@@ -1,9 +1,9 @@
-"""Remedies for a load path that ended early: which ones were tried, and how far each came.
+"""Remedies for a load path that ended early, and how far the path continues with each.
 
-At finite strain a tip with an edge fails because too few elements go around the edge, or because
-they are distorted beyond what Newton's method can follow. A larger edge radius and other element
-sizes may help, but which one does is not known in advance. All trials together spend no more Newton
-iterations than the run itself.
+At finite strain Newton's method may fail near the edge of a tip because too few elements lie around
+the edge, or because they are too distorted. A larger edge radius or other element sizes may help,
+but it is not known in advance which. All trials together use at most as many Newton iterations as
+the run itself.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SolveStates = Callable[[Scene], Iterator[State]]
 
 @dataclass(frozen=True)
 class Remedy:
-    """A changed key of the scene with its value [user's units], and the changed config."""
+    """Changed key of the scene with its value [user's units], and the changed config."""
 
     key: str
     value: float
@@ -35,7 +35,7 @@ class Remedy:
 def has_remedies(scene: Scene) -> bool:
     """True if remedies are tried for a scene.
 
-    They are for a two-dimensional mesh at finite strain with prescribed depths and without time.
+    Remedies exist for two-dimensional meshes at finite strain, prescribed depths and no history.
     """
     physics = scene.physics
     is_two_dimensional = (
@@ -51,7 +51,7 @@ def has_remedies(scene: Scene) -> bool:
 
 
 def remedies(config: Config, scene: Scene) -> list[Remedy]:
-    """The remedies in the order of trial: larger edge radii, smaller elements, larger elements."""
+    """Return the remedies in order: larger edge radii, smaller elements, larger elements."""
     remedies_found = [
         Remedy("indenter.edge_radius", rho, _set_edge_radius(config, rho))
         for rho in _edge_radii(config, scene)
@@ -64,7 +64,7 @@ def remedies(config: Config, scene: Scene) -> list[Remedy]:
 
 
 def _edge_radii(config: Config, scene: Scene) -> list[float]:
-    """Larger edge radii of a punch: twice its own (at least LEAST_ROUNDING), and a hemisphere."""
+    """Return larger edge radii: twice the given (at least LEAST_ROUNDING), and a hemisphere."""
     tip = config.indenter
     if (
         not isinstance(tip, FlatPunch)
@@ -77,7 +77,7 @@ def _edge_radii(config: Config, scene: Scene) -> list[float]:
 
 
 def _set_edge_radius(config: Config, edge_radius: float) -> Config:
-    """The config with another edge radius."""
+    """Return the config with another edge radius."""
     tip: Any = config.indenter
     # A given size at a sharp edge may not fit a rounded one.
     mesh = replace(config.mesh, h_edge=None)
@@ -87,7 +87,7 @@ def _set_edge_radius(config: Config, edge_radius: float) -> Config:
 
 
 def _set_element_size(config: Config, h_contact: float) -> Config:
-    """The config with another element size in the contact."""
+    """Return the config with another element size in the contact."""
     mesh = replace(
         config.mesh, h_contact=h_contact, h_axis=None, h_edge=None, h_corner=None, h_far="auto"
     )
@@ -101,7 +101,7 @@ def try_remedies(
     resolve: Callable[[Config], Scene],
     solve_states: SolveStates,
 ) -> str:
-    """Report how far the remedies came, up to the first that passes the failed step.
+    """Return a text on how far the path continues with each remedy, up to the first success.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def try_remedies(
     step
         The step that did not converge, counted from 1.
     iterations_left
-        Newton iterations that all trials may spend together; none begins beyond it.
+        Newton iterations that all trials together may use; no trial begins beyond this number.
     resolve
         Makes the scene of a config.
     solve_states
@@ -143,6 +143,6 @@ def try_remedies(
 
 
 def _truncate_path(scene: Scene, step: int) -> Scene:
-    """The scene with only the first `step` rows of its path."""
+    """Return the scene with only the first `step` rows of its path."""
     values = scene.physics.path.values[:step]
     return scene.replace_physics(path=LoadPath("depth", values), deltas=values)

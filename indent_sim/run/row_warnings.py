@@ -14,17 +14,17 @@ from indent_sim.scene.scene import Scene
 
 
 def underresolved_rows(scene: Scene, states: Sequence[State]) -> list[str]:
-    """Warn of rows whose contact has too few elements, unless the plan has warned of it.
+    """Return warnings about rows whose contact has too few elements, unless the plan has warned.
 
-    Where the contact grows by itself, in time or under a force, its smallest radius is known only
-    from the rows.
+    If forces are prescribed or the contact grows with time, its smallest radius is known only
+    after the solution.
 
     Parameters
     ----------
     scene
         The scene of the run.
     states
-        Its rows [user's units].
+        The rows of the run [user's units].
 
     Returns
     -------
@@ -74,14 +74,14 @@ def underresolved_rows(scene: Scene, states: Sequence[State]) -> list[str]:
 
 
 def oscillating_pressure_warnings(scene: Scene, states: Sequence[State]) -> list[str]:
-    """Warn of rows whose contact pressure oscillates from node to node (a saw-tooth).
+    """Return warnings about rows whose contact pressure oscillates from node to node.
 
     Parameters
     ----------
     scene
         The scene of the run.
     states
-        Its rows, in any units.
+        The rows of the run, in any units.
 
     Returns
     -------
@@ -102,16 +102,16 @@ def oscillating_pressure_warnings(scene: Scene, states: Sequence[State]) -> list
         min_roughness = min(state.roughness for state in oscillating)
         rows = f"{rows}, by {100 * min_roughness:.2g} to {size_text}, most in step {worst.step}"
     return [
-        f"{rows}; p_max and `pressure` of the surface are as uncertain, the force far "
+        f"{rows}; p_max and `pressure` of the surface have this uncertainty, the force far "
         f"less; {_smoothing_advice(scene)}"
     ]
 
 
 def long_step_warnings(scene: Scene, states: Sequence[State]) -> list[str]:
-    """Warn of load increments that are too long to resolve where the surface slips on the tip.
+    """Return warnings about load increments that are too long to resolve the slip zone.
 
-    An increment in which the contact radius grows from a_0 to a treats all new contact as slipping
-    at once. The relative error of the stick radius is about (a - a_0)/a, that of the dissipation
+        In an increment in which the contact radius grows from a_0 to a, all new contact slips at
+        once. The relative error of the stick radius is about (a - a_0)/a, that of the dissipation
     half of (a - a_0)/(a - stick radius); that of the force is small. Rows with less than half of
     the largest contact radius are left out, since the first row is a single increment from rest in
     every run.
@@ -121,7 +121,7 @@ def long_step_warnings(scene: Scene, states: Sequence[State]) -> list[str]:
     scene
         The scene of the run, without error bars.
     states
-        Its rows, in the user's units.
+        The rows of the run, in the user's units.
 
     Returns
     -------
@@ -175,12 +175,12 @@ def long_step_warnings(scene: Scene, states: Sequence[State]) -> list[str]:
 
 
 def _percent_text(error: float) -> str:
-    """Text of a relative error."""
+    """Return a relative error as text."""
     return "its own size or more" if error >= 0.5 else f"about {100 * error:.0f} %"
 
 
 def _radius_of_first_contact(scene: Scene) -> float:
-    """Contact radius [length] at first touch: that of a flat face on a flat body, otherwise 0."""
+    """Return the contact radius at first touch [length]: 0 unless two flat faces meet."""
     physics = scene.physics
     if physics.is_compressed:
         return physics.body.lateral_extent(physics.center)
@@ -188,14 +188,14 @@ def _radius_of_first_contact(scene: Scene) -> float:
 
 
 def _smoothing_advice(scene: Scene) -> str:
-    """Name the element size whose reduction smooths the contact pressure (docs/decisions/0053)."""
+    """Return advice on the element size that smooths the pressure (docs/decisions/0053)."""
     if scene.sizes.rounded_edge_width:
         return refinement_advice(scene.sizes, "a smaller mesh.h_edge helps")
     return refinement_advice(scene.sizes, "a smaller mesh.h_contact helps")
 
 
 def _row_force_error(scene: Scene, state: State) -> float:
-    """Expected relative error of the force at the contact radius of the row."""
+    """Return the expected relative error of the force at the contact radius of the row."""
     physics = scene.physics
     a = scene.physics.full_contact_radius(state.a / scene.physics.scales.length)
     if physics.is_closed_by_swelling(state.delta / physics.scales.depth, a):

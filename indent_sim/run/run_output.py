@@ -1,4 +1,4 @@
-"""Output of a run: its result folder as all ranks see it, and outputs that may fail."""
+"""Output of a run: result folder shared by all MPI ranks, and outputs that may fail."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ Failure = tuple[str, str]  # reason of a missing output, and the traceback
 
 
 class OptionalOutput:
-    """Evaluates outputs whose failure is a warning and does not stop the run.
+    """Evaluation of outputs whose failure is reported as a warning and does not stop the run.
 
-    Signals pass through.
+    Exceptions that signals raise are not caught.
 
     Parameters
     ----------
@@ -56,8 +56,8 @@ class OptionalOutput:
     def __call__(self, name: str, find: Callable[[], T], fallback: Fallback) -> T | Fallback:
         """Return what `find` returns, or `fallback` on all ranks if it fails on any (collective).
 
-        The error of a rank on which others wait inside `find` is raised, since all ranks must stop
-        then.
+        If other ranks wait for the failed rank inside `find`, the error is raised, since all ranks
+        must stop.
 
         Parameters
         ----------
@@ -66,7 +66,7 @@ class OptionalOutput:
         find
             Evaluates the output.
         fallback
-            The value in its place.
+            The value that is returned if the output is missing.
         """
         failure: Failure | None = None
         try:
@@ -99,7 +99,7 @@ def _root_method(method: Callable[..., T]) -> Callable[..., T | None]:
 
 
 class RunOutput:
-    """The result folder as all ranks see it: rank 0 writes, every rank learns of a failure."""
+    """Result folder shared by all MPI ranks: rank 0 writes, failures are raised on all."""
 
     def __init__(
         self, comm: Comm, target: Path, config_yaml: str, report: Mapping[str, Any], **options: Any
@@ -147,9 +147,9 @@ class RunOutput:
     _read_checkpoint = _root_method(ResultFolder.read_checkpoint)
 
     def read_checkpoint(self, identity: Mapping[str, Any]) -> Checkpoint:
-        """The last equilibria of the run that is continued, on all ranks.
+        """Return the last equilibria of the run that is continued, on all ranks.
 
-        That run may have had another number of ranks.
+        A checkpoint can be read with a different number of MPI ranks.
         """
         return self.comm.bcast(self._read_checkpoint(identity)) or Checkpoint()
 
@@ -175,7 +175,7 @@ class RunOutput:
 
 
 def optional_output_after_run(folder: Path, report: dict[str, Any]) -> OptionalOutput:
-    """Outputs of a finished run; a missing one is recorded in its run.json and in `report`."""
+    """Return an OptionalOutput that records missing outputs in run.json and in `report`."""
 
     def report_missing(name: str, failure: Failure) -> None:
         for entries in (report, stored_report := read_report(folder)):

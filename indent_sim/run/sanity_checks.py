@@ -1,15 +1,16 @@
-"""Sanity checks of rows: bounds for every elastic body, whatever the mesh and the method.
+"""Sanity checks of rows: bounds that hold for every elastic body, mesh and method.
 
 Without adhesion the force is not tensile, and a tip below the undeformed surface is in contact. The
-force grows with the depth and is the derivative of the energy Pi, hence 0 <= Pi <= F delta. The
-surface stays outside the tip, also where no contact is modelled. The force agrees with theory where
-theory is exact, and in its order of magnitude where theory is nearly so. These bounds do not say
-how accurate a row is; `underresolved_rows` names rows whose contact has too few elements.
+force grows with the depth and is the derivative of the potential energy Pi of the body, hence 0 <=
+Pi <= F delta. The surface stays outside the tip, also where no contact is modelled. The force
+agrees with theory if theory is exact, and in its order of magnitude if theory is approximate. These
+bounds do not measure the accuracy of a row; `underresolved_rows` names rows whose contact has too
+few elements.
 
 Some bounds do not apply to every scene. With adhesion the force may be tensile, and it jumps where
 the tip snaps in or off. With flow or relaxation depth and force depend on time, and rules that
-compare them are left out. With friction unloading returns less work than loading took: forces are
-compared during loading only.
+compare rows are left out. With friction a part of the work of loading is dissipated, so that forces
+are compared only during loading.
 
 Each rule is a function of the scene, a converged state and the previous rows (in the user's units).
 It returns a sentence, or None if the state satisfies it. The bounds are wide enough for coarse
@@ -43,7 +44,7 @@ Rules = tuple[Rule, ...]
 
 
 def violated_bound(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Return which bound a converged state violates, with a remedy; None if it violates none.
+    """Return a sentence on the bound that a converged state violates, or None.
 
     Parameters
     ----------
@@ -73,16 +74,16 @@ def violated_bound(scene: Scene, state: State, earlier: PreviousRows) -> str | N
 
 @cache
 def _applicable_rules(is_pressed: bool, is_time_dependent: bool, may_snap_through: bool) -> Rules:
-    """The rules that apply to a row.
+    """Return the rules that apply to a row.
 
     Parameters
     ----------
     is_pressed
-        The depth exceeds that of first touch.
+        True if the depth exceeds the depth of first touch.
     is_time_dependent
-        The body depends on time.
+        True if the body depends on time.
     may_snap_through
-        The tip may snap in or off.
+        True if the tip may snap in or off.
     """
     excluded = {
         *(REPULSIVE_RULES if may_snap_through else ()),
@@ -96,7 +97,7 @@ def _applicable_rules(is_pressed: bool, is_time_dependent: bool, may_snap_throug
 
 
 def _check_finite(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Depth, force, contact radius and energy are finite; p_max is not under a sharp tip."""
+    """Check that depth, force, contact radius, energy and (without an edge) p_max are finite."""
     names = (
         "delta",
         "force",
@@ -108,21 +109,21 @@ def _check_finite(scene: Scene, state: State, earlier: PreviousRows) -> str | No
 
 
 def _check_no_tension(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """F >= 0."""
+    """Check that F >= 0."""
     if state.force >= 0 or state.force >= -_force_noise(scene, state, earlier):
         return None
     return f"the force is {state.force:.6g}, tensile without adhesion"
 
 
 def _check_no_force_above(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """F = 0 for delta < 0."""
+    """Check that F = 0 for delta < 0."""
     if state.delta >= 0 or state.force <= _force_noise(scene, state, earlier):
         return None
     return f"the force is {state.force:.6g}, but the tip is above the body"
 
 
 def _check_contact_found(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """F > 0 and a > 0 for delta > 0, since the undeformed tip and body overlap."""
+    """Check that F > 0 and a > 0 for delta > 0, where tip and undeformed body overlap."""
     if (state.force > 0 or scene.physics.contact.may_snap_through) and state.a > 0:
         return None
     missing_text = "no force" if state.force <= 0 else "no contact radius"
@@ -132,7 +133,7 @@ def _check_contact_found(scene: Scene, state: State, earlier: PreviousRows) -> s
 
 
 def _check_contact_radius(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """The contact radius does not exceed that of the tip by more than two elements."""
+    """Check that the contact exceeds the end of the tip by at most two elements."""
     end = scene.physics.indenter.radius_at(scene.physics.body.height)
     L = scene.physics.scales.length
     if state.a <= (end + 2 * scene.sizes.h_contact) * L:
@@ -141,7 +142,7 @@ def _check_contact_radius(scene: Scene, state: State, earlier: PreviousRows) -> 
 
 
 def _check_side_contact(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """The depth is below that of contact with the top of a fixed side (unbounded force)."""
+    """Check that the tip does not touch the top of a fixed side, where F is unbounded."""
     end = scene.physics.side_contact_depth * scene.physics.scales.depth
     if state.delta <= end * (1 + DEPTH_TOLERANCE):
         return None
@@ -152,9 +153,9 @@ def _check_side_contact(scene: Scene, state: State, earlier: PreviousRows) -> st
 
 
 def _check_new_solution(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """A new depth has a new solution.
+    """Check that a new depth has a new solution.
 
-    A solution without iterations is accepted only if the extrapolated state was correct and the
+        A solution without iterations is accepted only if the extrapolated state was correct and the
     force differs from the previous one.
     """
     previous = earlier.last
@@ -173,7 +174,7 @@ def _check_new_solution(scene: Scene, state: State, earlier: PreviousRows) -> st
 
 
 def _check_overlap(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """No facet of the deformed surface overlaps the tip more than mesh and penalty explain."""
+    """Check that facets overlap the tip by no more than mesh and penalty explain."""
     allowed = max(
         MAX_OVERLAP[0] * state.delta,
         MAX_OVERLAP[1] * scene.sizes.h_contact * scene.physics.scales.length,
@@ -184,13 +185,13 @@ def _check_overlap(scene: Scene, state: State, earlier: PreviousRows) -> str | N
 
 
 def _check_outside_penetration(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """The tip does not penetrate the surface outside the contact surface."""
+    """Check that the tip does not penetrate the body outside the contact surface."""
     if state.intrusion <= MAX_OUTSIDE_PENETRATION * state.delta + _allowed_penetration(
         scene, state
     ):
         return None
     cause = (
-        "a side of the body has come to the tip, or the contact group of a mesh file ends too early"
+        "a side of the body touches the tip, or the contact surface of a mesh file ends too early"
     )
     if scene.physics.is_compressed:
         previous_depth = (
@@ -205,7 +206,7 @@ def _check_outside_penetration(scene: Scene, state: State, earlier: PreviousRows
 
 
 def _check_energy(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """0 <= Pi <= F delta, which holds for every force that grows with the depth."""
+    """Check that 0 <= Pi <= F delta, which holds if the force grows with the depth."""
     work = state.force * state.delta
     # The contact term of a multiplier adds up to this fraction of F delta to the energy on a coarse
     # mesh.
@@ -222,7 +223,7 @@ def _check_energy(scene: Scene, state: State, earlier: PreviousRows) -> str | No
 
 
 def _check_force_growth(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """The force does not fall with the depth, within the error bars of both rows."""
+    """Check that the force does not fall with the depth, within the error bars."""
     last = earlier.last
     if scene.physics.has_friction and last and (earlier.has_turned or state.delta < last.delta):
         return None  # friction makes the force smaller in unloading
@@ -256,7 +257,7 @@ def _check_force_growth(scene: Scene, state: State, earlier: PreviousRows) -> st
 
 
 def _check_against_theory(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """The force agrees with theory: within the error bar if exact, else within a factor."""
+    """Check the force against theory, to the error bar if exact, else to a factor."""
     theory = scene.plan.theory
     scales = scene.physics.scales
     solution = scene.theory_solution(state.delta / scales.depth)
@@ -328,9 +329,9 @@ def _is_first_touch(scene: Scene, state: State) -> bool:
 
 
 def _force_noise(scene: Scene, state: State, earlier: PreviousRows) -> float:
-    """Force that counts as zero [force].
+    """Return the force that counts as zero [force].
 
-    It is relative to the largest force so far, or to that of one element at the same depth.
+    It is a fraction of the largest force so far, or of the force of one element at the same depth.
     """
     scales = scene.physics.scales
     h = scene.sizes.h_contact
@@ -345,7 +346,7 @@ def _force_noise(scene: Scene, state: State, earlier: PreviousRows) -> float:
 
 
 def _allowed_penetration(scene: Scene, state: State) -> float:
-    """Penetration that the contact law allows [length]."""
+    """Return the penetration that the contact law allows [length]."""
     # A penalty lets the tip penetrate somewhat more between its quadrature points than at
     # them.
     penetration_factor = 2.0
@@ -362,7 +363,7 @@ def _may_be_unstable(scene: Scene) -> bool:
 
 
 def _force_ratio_range(scene: Scene, theory: Solution) -> tuple[float, float]:
-    """Smallest and largest admissible ratio of the force and that of theory."""
+    """Return the smallest and the largest admissible ratio of the force and that of theory."""
     mesh_factor = 1 + expected_force_error(scene.sizes, theory.a, scene.physics.largest_nu)
     force_fraction = 1 - penalty_force_loss(
         scene.physics.contact, scene.physics.material, scene.plan.theory, theory.delta, theory.a

@@ -1,7 +1,8 @@
 """Sensitivities: derivatives of the force with respect to keys of a scene, at every row.
 
-All scenes are solved on one mesh, moved with the body's sides, the interfaces of its layers and the
-edge of the contact. The discretisation error is then the same fraction of every force and cancels.
+All scenes are solved on one mesh, whose nodes move with the body's sides, the interfaces of its
+layers and the edge of the contact. The relative discretisation error is then the same in all scenes
+and cancels.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ Derivatives = dict[str, dict[str, list[float]]]
 
 
 def sensitivities(config: Config, keys: Sequence[str], step: float = 0.02) -> Derivatives:
-    """Derivatives dF/dkey at every row of a scene, in the user's units per unit of the key.
+    """Return the derivatives dF/dkey at every row of a scene, in the user's units.
 
     Differences over relative steps h and 2 h are extrapolated, D = (4 D_h - D_2h)/3. They are
     central if the scene exists on both sides, otherwise backward. The error is |D_h - D_2h|/3 plus
@@ -75,7 +76,7 @@ def sensitivities(config: Config, keys: Sequence[str], step: float = 0.02) -> De
 
 
 class _MeshedScene:
-    """A scene and its mesh, on which slightly different scenes are solved."""
+    """Scene with a mesh that is mapped to slightly different scenes."""
 
     def __init__(self, scene: Scene):
         self.scene = scene
@@ -94,7 +95,7 @@ class _MeshedScene:
         )
 
     def forces(self, config: Config) -> np.ndarray:
-        """The force of a changed scene at every row [user's units]."""
+        """Return the force of a changed scene at every row [user's units]."""
         scene = resolve(config)
         mesher = (
             Scene.grid
@@ -110,9 +111,9 @@ class _MeshedScene:
 def _derivative(
     config: Config, path: KeyPath, forces: Callable[[Config], np.ndarray], step: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The derivative at every row, its difference between steps h and 2 h, and a force near it.
+    """Return the derivative at every row, its difference between steps h and 2 h, and the force.
 
-    Both are extrapolated to third order; the arrays have one entry per row.
+    Derivative and force are extrapolated to third order; the arrays have one entry per row.
     """
     value = _key_value(config, path)
     # Steps of a key that are tried, in this order.
@@ -148,7 +149,7 @@ def _derivative(
 
 
 def _key_value(config: Config, path: KeyPath) -> float:
-    """The value of a key, in the units of the scene."""
+    """Return the value of a key, in the units of the scene."""
     value: Any = to_mapping(config)
     with suppress(KeyError, IndexError, TypeError):
         for part in path:
@@ -160,7 +161,7 @@ def _key_value(config: Config, path: KeyPath) -> float:
 
 
 def _replace_value(config: Config, path: KeyPath, value: float) -> Config:
-    """The scene with another value of the key."""
+    """Return the scene with another value of the key."""
     document: Any = to_mapping(config)
     section = document
     for part in path[:-1]:

@@ -40,14 +40,14 @@ Remedies = Callable[[int, int], str]
 
 
 class SingleRun:
-    """Solves the load path of a scene and writes every converged state before the next one.
+    """Solution of the load path of a scene, with every converged state written before the next.
 
     Parameters
     ----------
     config
         The config of the scene.
     scene
-        What is solved.
+        The scene that is solved.
     run_output
         The open result folder.
     clock
@@ -55,7 +55,7 @@ class SingleRun:
     error_bars
         Error estimate of the rows; None if none was requested.
     remedies
-        Called when a step does not converge.
+        Function that tries remedies when a step does not converge.
     """
 
     def __init__(
@@ -95,7 +95,7 @@ class SingleRun:
         self._assemble()
 
     def _assemble(self) -> None:
-        """Mesh the scene, assemble its solver, continue an earlier run and open the field file."""
+        """Mesh the scene, assemble the solver, restore an earlier run and open the field file."""
         earlier_seconds = self.states[-1].wall_s if self.states else 0.0
         if not self.scene.is_meshed:
             self._solver: Any = SemiAnalyticSolver(
@@ -173,14 +173,14 @@ class SingleRun:
             )
 
     def _use_history_solver(self, earlier_seconds: float) -> None:
-        """Replace the solver of the elastic curve by that of the history evaluated on it."""
+        """Replace the solver of the elastic curve by a solver that evaluates the history on it."""
         if self.scene.history_on_curve:
             self._solver = HereditaryIntegralSolver(
                 self.scene, self._solver, self.clock.started - earlier_seconds
             )
 
     def _field_mesh(self, grid: Any) -> tuple[Any, ...]:
-        """Mesh and tip of the field file, in the user's units; empty if the grid is None."""
+        """Return mesh and tip of the field file, in the user's units; empty without a grid."""
         if grid is None:
             return ()
         drawn = grid.separate_regions() if self.output_settings.nodal_stress else grid
@@ -188,7 +188,7 @@ class SingleRun:
         return points, drawn.cells, drawn.regions, self._drawn_tip_geometry()
 
     def _drawn_tip_geometry(self) -> TipGeometry:
-        """Surface of the tip for the field file, in the user's units."""
+        """Return the surface of the tip for the field file, in the user's units."""
         physics = self.scene.physics
         scales = self.scene.physics.scales
         tip = scales.to_user_units(physics.indenter)
@@ -199,7 +199,7 @@ class SingleRun:
         )
 
     def _resume(self) -> None:
-        """Bring the solver to the last row of the run that is continued."""
+        """Restore the solver at the last row of the run that is continued."""
         physics = self.scene.physics
         row_count = len(self.states)
         is_complete = row_count == len(physics.deltas) and not physics.searches_pull_off
@@ -245,7 +245,7 @@ class SingleRun:
 
     @property
     def _row_count(self) -> int:
-        """Number of rows of the whole run; that of a history is known once its curve is solved."""
+        """Number of rows of the whole run; for a history, known after its curve is solved."""
         return len(
             self._solver.history_result.rows
             if isinstance(self._solver, HereditaryIntegralSolver)
@@ -255,7 +255,10 @@ class SingleRun:
     def solve_path(self, progress: Progress | None) -> list[State]:
         """Solve the load path and return its states in the user's units.
 
-        Raises NotConverged or VerificationError where the path ends early.
+        Raises
+        ------
+        NotConverged, VerificationError
+            If the path ends early.
         """
         row_count = len(self.states)
         try:
@@ -313,7 +316,7 @@ class SingleRun:
     def _find_pull_off(self) -> PullOff | None:
         """Search for the largest tensile force between rows; None if there is none.
 
-        The result is audited and in the user's units.
+        The result is in the user's units, and its balance of forces has been checked.
         """
         pull_off: PullOff | None = self._solver.find_pull_off()
         if pull_off is None:
@@ -324,7 +327,7 @@ class SingleRun:
         return PullOff(state, pull_off.error * scales.force, pull_off.equilibria)
 
     def _remedies_text(self, failed: State) -> str:
-        """Report of the remedies that were tried for a step that did not converge."""
+        """Return a text on the remedies that were tried for a step that did not converge."""
         iterations = failed.newton_iterations + sum(
             state.newton_iterations for state in self.states
         )
@@ -332,7 +335,7 @@ class SingleRun:
             return self._remedies(failed.step, iterations)
 
     def _note_time_stepping(self) -> None:
-        """Add the number of time steps and cutbacks to run.json, with those of earlier calls."""
+        """Add the numbers of time steps and cutbacks, including earlier calls, to run.json."""
         if not (self.scene.plan.time and self.scene.physics.path.times):
             return
         previous_counts = (
@@ -375,7 +378,7 @@ class SingleRun:
         self.run_output.add_warnings(*history_result.warnings)
 
     def release(self) -> None:
-        """Free the memory of the solution (collective); a process may have many runs before it."""
+        """Free the memory of the solution (collective), for further runs in the same process."""
         self._solver = self._fields = self._derived_quantities = None
         if self._mesh is not None:
             backend().release(self._mesh)
@@ -400,7 +403,7 @@ class SingleRun:
     def _record_state(self, state: State) -> None:
         """Check a converged state and write it.
 
-        Rows of a history are not checked again: they follow from an elastic curve that was.
+        Rows of a history are not checked, since the elastic curve on which they are based has been.
         """
         state = (
             self._solver.add_error_estimate(state)
@@ -419,7 +422,7 @@ class SingleRun:
                 self._save_checkpoint()
 
     def _check_state(self, state: State) -> State:
-        """Add the error estimate to a state; VerificationError if a check fails."""
+        """Add the error estimate to a state; raise VerificationError if a check fails."""
         if self.scene.is_meshed:
             self._audit(state)
         state = state if self.error_bars is None else self.error_bars.add_error_estimate(state)
@@ -442,7 +445,7 @@ class SingleRun:
         )
 
     def _audit(self, state: State) -> None:
-        """Compare the contact force with the supports' reactions, and pin reactions with zero."""
+        """Check that the contact force equals the supports' reactions and pin reactions vanish."""
         physics = self.scene.physics
         a = self.scene.plan.prediction["a"]
         attraction = (
@@ -492,10 +495,10 @@ class SingleRun:
         self._audit_fluid(state)
 
     def _audit_fluid(self, state: State) -> None:
-        """Compare the fluid that left the body with the loss of its content.
+        """Check the fluid balance: fluid that left the body against the loss of fluid content.
 
-        The difference is relative to the largest volume that left or moved. Rows of an earlier call
-        contribute only what left, since the table of rows has no column for what moved inside.
+        The difference is relative to the largest volume that left the body or moved inside. Rows
+        of an earlier call contribute only the volume that left, which has a column in their table.
         """
         if state.unbalanced == 0:
             return
@@ -542,17 +545,17 @@ class SingleRun:
 
 
 def kernel_folder() -> Path:
-    """The folder of compiled kernels; loads dolfinx in the same way as a run."""
+    """Return the folder of compiled kernels; dolfinx is imported in the same way as by a run."""
     return load_dolfinx()
 
 
 def backend() -> Any:
-    """The module `fe.solver`; BackendError if a library is missing."""
+    """Return the module `fe.solver`; raise BackendError if a library is missing."""
     try:
         # A signal inside an import would look like a missing library.
         with defer_signals():
             load_dolfinx()
             from indent_sim.fe import solver
     except ImportError as missing:
-        raise BackendError(f"{missing}; `indent-sim doctor` says what is missing") from missing
+        raise BackendError(f"{missing}; `indent-sim doctor` lists what is missing") from missing
     return solver

@@ -1,4 +1,4 @@
-"""Summary of a run in run.json: comparison with theory, audit, cost."""
+"""Summary of a run in run.json: comparison with theory, audit of reactions, cost."""
 
 from __future__ import annotations
 
@@ -27,22 +27,22 @@ def summary(
     optional_output: OptionalOutput,
     pull_off: PullOff | None = None,
 ) -> dict[str, Any]:
-    """The closing entries of run.json: theory, audit, timings (wall and CPU) [s], peak memory [MB].
+    """Return the last entries of run.json: theory, audit, timings [s] and peak memory [MB].
 
     Parameters
     ----------
     scene
         The scene of the run.
     states
-        Its rows [user's units].
+        The rows of the run [user's units].
     clock
-        The timings of its stages.
+        The timings (wall and CPU) of the stages of the run.
     worst_audit
         Largest relative difference of contact force and reactions; None without a mesh.
     optional_output
-        Evaluates the entries that may be missing.
+        Evaluates entries; a failure is reported and does not stop the run.
     pull_off
-        The largest tensile force between rows; None where none was searched for.
+        The largest tensile force between rows; None if it was not searched for.
     """
     krylov = [state.krylov_iterations for state in states if state.krylov_iterations is not None]
     expected = scene.plan.adhesion
@@ -81,7 +81,7 @@ def summary(
 
 
 def _reactions_by_support(state: State) -> dict[str, Any]:
-    """Step of a row, and the force of each support on the body by support and axis [force]."""
+    """Return the step of a row, and the force [force] of each support by support and axis."""
     supports: dict[str, Any] = {}
     for name, force in (state.reactions or {}).items():
         support, axis = name.rsplit("_", 1)
@@ -90,15 +90,15 @@ def _reactions_by_support(state: State) -> dict[str, Any]:
 
 
 def rounded_timings(seconds: Mapping[str, float]) -> dict[str, float]:
-    """The seconds of the stages of a run, rounded for run.json."""
+    """Return the durations [s] of the stages of a run, rounded for run.json."""
     return {name: round(value, 4) for name, value in seconds.items()}
 
 
 def row_of_interest(states: Sequence[State], is_force_prescribed: bool) -> State:
-    """The row with the largest force; the last row if no force is positive.
+    """Return the row with the largest force, or the last row if no force is positive.
 
-    Of several rows with this force it is the first one, or where forces are prescribed the deepest
-    one, which is the end of a creep test.
+    Of several rows with this force the first one is returned, or if forces are prescribed the
+    deepest one, which is the end of a creep test.
     """
     largest_force = max(state.force for state in states)
     if not largest_force > 0:
@@ -113,7 +113,7 @@ def row_of_interest(states: Sequence[State], is_force_prescribed: bool) -> State
 
 
 def expected_pull_offs(adhesion_report: Mapping[str, Any]) -> list[tuple[str, float]]:
-    """Meaning and force of each pull-off force that the adhesion report of a run predicts."""
+    """Return meaning and value of each pull-off force predicted by the adhesion report."""
     return [
         (symbol.meaning, force)
         for symbol in PULL_OFF
@@ -124,7 +124,7 @@ def expected_pull_offs(adhesion_report: Mapping[str, Any]) -> list[tuple[str, fl
 def adhesion_entry(
     expected: ExpectedAdhesion, states: Sequence[State], pull_off: PullOff | None
 ) -> dict[str, Any]:
-    """Entry `adhesion` of run.json: predictions, the largest tensile force of a row, the pull-off.
+    """Return the entry `adhesion` of run.json: predictions, largest tensile force, pull-off.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def adhesion_entry(
     states
         The rows [user's units].
     pull_off
-        The largest tensile force between rows [user's units]; None where none was searched for.
+        The largest tensile force between rows [user's units]; None if it was not searched for.
     """
     most_tensile = min(
         (state for state in states if state.force < 0), key=lambda state: state.force, default=None
@@ -150,7 +150,7 @@ def adhesion_entry(
 
 
 def _pull_off_entry(pull_off: PullOff) -> dict[str, Any]:
-    """Entry of a pull-off in run.json."""
+    """Return the entry of a pull-off for run.json."""
     return {
         "delta": pull_off.state.delta,
         "force": pull_off.state.force,

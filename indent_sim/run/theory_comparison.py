@@ -28,10 +28,10 @@ FORMULA_POINTS = 50  # points of the stored curve of a formula
 def theory_comparison(
     scene: Scene, states: list[State], optional_output: OptionalOutput | None = None
 ) -> dict[str, Any] | None:
-    """Small-strain theory at the deepest state, and its curve; None without theory.
+    """Compare a run with small-strain theory at the largest depth; None without theory.
 
-    Theory is evaluated at the depth of the run, or at its force where forces are prescribed, with
-    the friction of the scene where its effect is known. `force_deviation` or `delta_deviation` is
+        Theory is evaluated at the depth of the run, or at its force if forces are prescribed, with
+        the friction of the scene if its effect is known. `force_deviation` or `delta_deviation` is
     run / theory - 1; `exact` is true when the body is that of the theory. With adhesion the theory
     is JKR's.
 
@@ -40,9 +40,9 @@ def theory_comparison(
     scene
         The scene of the run.
     states
-        Its rows [user's units].
+        The rows of the run [user's units].
     optional_output
-        Evaluates the entries that may be missing.
+        Evaluates entries; a failure is reported and does not stop the run.
     """
     if scene.plan.adhesion:
         return _jkr_comparison(scene, states)
@@ -94,7 +94,7 @@ def theory_comparison(
 
 
 def _mirror_notes(scene: Scene) -> list[str]:
-    """Note that theory's values are a part of the contact on the body with its mirror images."""
+    """Return a note if the theory values are a fraction of those of the mirrored contact."""
     fraction_names = {2: "half", 4: "a quarter"}
     return (
         [f"{fraction_names[scene.physics.mirror_multiplicity]} of the mirrored contact's"]
@@ -106,20 +106,20 @@ def _mirror_notes(scene: Scene) -> list[str]:
 def _contact_numbers(
     contact: Solution | AdhesiveContact, D: float, F: float, L: float
 ) -> dict[str, float]:
-    """Depth, force and radius of a contact in the units D, F and L."""
+    """Return depth, force and radius of a contact in the units D, F and L."""
     return {"delta": contact.delta * D, "force": contact.force * F, "a": contact.a * L}
 
 
 def _curve_columns(
     curve: Sequence[Solution | AdhesiveContact], D: float, F: float, L: float
 ) -> dict[str, list[float]]:
-    """Columns of depth, force and radius of a curve in the units D, F and L."""
+    """Return columns of depth, force and radius of a curve in the units D, F and L."""
     rows = [_contact_numbers(contact, D, F, L) for contact in curve]
     return {name: [row[name] for row in rows] for name in ("delta", "force", "a")}
 
 
 def _formula_comparisons(scene: Scene, theory: Theory, state: State) -> list[dict[str, Any]]:
-    """Formulas for films and thin layers at the state's depth or force, next to the run."""
+    """Compare the run with formulas for films and thin layers at a state's depth or force."""
     D = scene.physics.scales.depth
     F = scene.physics.scales.force / scene.physics.mirror_multiplicity
     is_forced = scene.physics.path.control == "force"
@@ -141,7 +141,7 @@ def _formula_comparisons(scene: Scene, theory: Theory, state: State) -> list[dic
 
 
 def _jkr_comparison(scene: Scene, states: Sequence[State]) -> dict[str, Any] | None:
-    """The JKR limit at the deepest state, and its stable branch; None if it is undefined there."""
+    """Return the JKR limit at the largest depth and its stable branch; None if undefined."""
     jkr = scene.plan.jkr
     scales = scene.physics.scales
     is_forced = scene.physics.path.control == "force"
@@ -179,7 +179,7 @@ def _jkr_comparison(scene: Scene, states: Sequence[State]) -> dict[str, Any] | N
 
 
 def _theory_differences(scene: Scene) -> tuple[str, ...]:
-    """Differences between the problem and theory with friction, where its effect is known."""
+    """Return the differences between the problem and the theory, which may include friction."""
     known_friction = FRICTION_WHY if scene.plan.friction else ""
     sphere_reason = (
         ("its friction is that of a paraboloid",)
@@ -190,7 +190,7 @@ def _theory_differences(scene: Scene) -> tuple[str, ...]:
 
 
 def _half_space_comparison(scene: Scene, state: State) -> dict[str, Any] | None:
-    """The half-space formula at the depth or force of a state, compared with the run."""
+    """Compare the run with the half-space formula at the depth or force of a state."""
     if scene.physics.scales.dim == 2:
         return None
     D = scene.physics.scales.depth

@@ -12,10 +12,10 @@ from indent_sim.model.state import State
 
 
 def energy_balance(states: list[State]) -> float | None:
-    """Relative difference of int F ddelta (trapezoid rule) and elastic energy plus dissipation.
+    """Return the relative difference of int F ddelta and elastic energy plus dissipation.
 
-    It is reported, not judged: with few rows the error of the trapezoid rule exceeds that of the
-    solution by far. None where there is no energy.
+    The integral is a trapezoid rule. The difference is reported, but not checked: with few rows the
+    error of the trapezoid rule far exceeds that of the solution. None if there is no energy.
     """
     stored_and_dissipated = (states[-1].energy if states else 0.0) + sum(
         state.dissipation or 0.0 for state in states
@@ -34,43 +34,43 @@ def energy_balance(states: list[State]) -> float | None:
 
 @dataclasses.dataclass(frozen=True)
 class HysteresisLoop:
-    """The loop of force over depth of a path with unloading.
+    """Hysteresis loop of force over depth of a path with unloading.
 
     Attributes
     ----------
     area
-        Work of loading that unloading does not return [force length].
+        Difference of the work of loading and of unloading [force length].
     error
         Estimated error of the area by linear interpolation between rows [force length].
-    way_in
+    loading_work
         Work of loading [force length].
     end_depth
-        Depth [length] at which a path ends in contact: the loop is that beyond it. None where the
-        force has vanished at the end.
+        Depth [length] at which the path ends in contact; the loop is taken beyond this depth. None
+        if the force has vanished at the end.
     """
 
     area: float
     error: float
-    way_in: float
+    loading_work: float
     end_depth: float | None
 
 
 def hysteresis_loop(states: Sequence[State]) -> HysteresisLoop | None:
-    """The hysteresis loop of a path; None without unloading.
+    """Return the hysteresis loop of a path; None without unloading.
 
-    A path that ends in contact has not returned the work up to its last depth. Its loop is that
-    between the last depth and the largest.
-
-    The area is that of straight lines through the rows. Its error is of second order in their
-    distance: a third of the change if every second row between turning points is left out.
+    If the path ends in contact, the loop is taken between the last and the largest depth. The area
+    is enclosed by straight lines through the rows. Its error is of second order in the distance of
+    the rows and is a third of the change if every second row between turning points is left out.
     """
     rows = [(state.delta, state.force) for state in states]
     if rows[0][0] > 0:  # loading begins at first touch
         rows.insert(0, (0.0, 0.0))
     steps = [end[0] - begin[0] for begin, end in pairwise(rows)]
     work = [_work(*step) for step in pairwise(rows)]
-    way_in = sum(segment_work for segment_work, step in zip(work, steps, strict=True) if step > 0)
-    if min(steps, default=0.0) >= 0 or not way_in > 0:
+    loading_work = sum(
+        segment_work for segment_work, step in zip(work, steps, strict=True) if step > 0
+    )
+    if min(steps, default=0.0) >= 0 or not loading_work > 0:
         return None
     is_closed = not (rows[-1][0] > 0 and rows[-1][1] > 0)
     if not is_closed:
@@ -83,11 +83,11 @@ def hysteresis_loop(states: Sequence[State]) -> HysteresisLoop | None:
         _work(rows[begin_row], rows[end_row]) for begin_row, end_row in pairwise(kept_rows)
     )
     end_depth = None if is_closed else rows[-1][0]
-    return HysteresisLoop(sum(work), abs(sum(work) - coarse_area) / 3, way_in, end_depth)
+    return HysteresisLoop(sum(work), abs(sum(work) - coarse_area) / 3, loading_work, end_depth)
 
 
 def _rows_beyond(rows: list[tuple[float, float]], depth: float) -> list[tuple[float, float]]:
-    """Rows from where loading first passes a depth, with a row interpolated there."""
+    """Return rows from the first crossing of a depth on, beginning with an interpolated row."""
     first = next(i for i, (row_depth, _) in enumerate(rows) if row_depth >= depth)
     (depth_before, force_before), (depth_after, force_after) = rows[first - 1 : first + 1]
     fraction = (depth - depth_before) / (depth_after - depth_before)
@@ -95,5 +95,5 @@ def _rows_beyond(rows: list[tuple[float, float]], depth: float) -> list[tuple[fl
 
 
 def _work(begin: tuple[float, float], end: tuple[float, float]) -> float:
-    """Work of a force that is linear between two pairs of depth and force."""
+    """Return the work of a force that is linear between two pairs of depth and force."""
     return (end[0] - begin[0]) * (begin[1] + end[1]) / 2

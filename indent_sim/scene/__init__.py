@@ -1,1 +1,1 @@
-"""Config -> Scene: every decision with its reason."""
+"""Decisions of the program: from a Config to a Scene, with the reason for each decision."""

@@ -1,10 +1,10 @@
-"""Boundary films at drained faces: error of the force on thicker elements, and sizes to avoid it.
+"""Boundary layers at drained faces: error of the force on thicker elements, and sizes to avoid it.
 
-At a time t after a load, the pore fluid has drained from a film of thickness (D t)^(1/2) at every
-drained face, and the rest of the body is undrained. Thicker elements drain too much: as if the body
-had drained deeper by the length E (`excess_length` of `theory.drained_layer`). Let p be the
-undrained pressure at a depth delta. By Betti's reciprocity, fluid of the volume dV that drains at
-the face lowers the force by (dp/ddelta) dV, so that the error of the force is
+At a time t after a load, the pore fluid has drained from a film (boundary layer) of thickness
+(D t)^(1/2) at every drained face, and the rest of the body is undrained. Elements thicker than
+the film overestimate the drained length by E (`excess_length` of `theory.drained_layer`). Let p
+be the undrained pressure at a depth delta. By Betti's reciprocity, fluid of the volume dV that
+drains at the face lowers the force by (dp/ddelta) dV, so that the error of the force is
 
     dF = 1/2 d/ddelta int p^2 E/M dA,      1/M = alpha^2/M_c + storage,
 
@@ -15,7 +15,7 @@ incompressible half-space it is equal to it. The relative error of the force is 
 
 where m = 9/8, and c is 1 on a half-space and up to 5/2 on a thin layer. Under a
 paraboloid on a half-space this is 6 G/(pi M_c a). For faces farther from the contact it is smaller
-by the factor (a/distance)^2 at least.
+by at least the factor (a/distance)^2.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ MIN_VALUE_FRACTION = 0.05
 
 
 def smallest_diffusivity(physics: ProblemDefinition) -> float:
-    """Return the smallest diffusivity D [length^2/time] of the regions, with the thinnest films."""
+    """Return the smallest diffusivity D [length^2/time] of the regions with pore fluid."""
     return min(region.material.diffusivity for region in physics.permeable_regions)
 
 
 def largest_inverse_modulus(physics: ProblemDefinition) -> float:
     """Return the largest 1/M = permeability/D [1/pressure] of the regions with pore fluid.
 
-    It is the volume of fluid that drains per pore pressure and volume of the body.
+    It is the volume of drained fluid per volume of the body and per pore pressure.
     """
     flows = [
         (region.material.flow, region.material.diffusivity) for region in physics.permeable_regions
@@ -74,7 +74,7 @@ def film_force_fraction(
     Returns
     -------
     float
-        Error over the largest force.
+        Error divided by the largest force.
     """
     excess = float(row.excess_length(np.array([h]), diffusivity)[0])
     if fraction_per_length is not None:
@@ -86,8 +86,9 @@ def film_force_fraction(
 def force_fraction_per_length(setup: ProblemSetup) -> float | None:
     """Return the relative error of the force per `excess_length` [1/length] at the largest depth.
 
-    It is that of a drained face under the tip, from theory, or from a half-space if the theory ends
-    before this depth. It is None for a column that is compressed by draining only.
+    It applies to a drained face under the tip. It follows from the reference theory, or from a
+    half-space beyond the range of the theory. It is None for a column that is compressed only by
+    drainage.
     """
     if is_undrained_incompressible(setup.physics):
         return None
@@ -116,10 +117,10 @@ def force_fraction_per_length(setup: ProblemSetup) -> float | None:
 def drained_faces(setup: ProblemSetup, earliest: float) -> dict[str, float]:
     """Return the faces that have a film, each with its distance [length] from the contact.
 
-    A face with a finite conductance has no film before it is as thick as permeability/conductance.
-    The free surface beside a sealed tip has none: its undrained pore pressure is almost zero, and
-    the drainage around the edge of the contact is resolved to 0.2 % of the force by 10 elements per
-    contact radius.
+    A face with a finite conductance has no film until the drained thickness exceeds
+    permeability/conductance. The free surface beside a sealed tip has no film: its undrained pore
+    pressure is almost zero, and 10 elements per contact radius resolve the drainage around the edge
+    of the contact to 0.2 % of the force.
 
     Parameters
     ----------
@@ -148,7 +149,7 @@ def drained_faces(setup: ProblemSetup, earliest: float) -> dict[str, float]:
 
 
 def _is_drained(physics: ProblemDefinition, kind: str | Conductance, earliest: float) -> bool:
-    """Return whether a surface has the pressure of the bath at its face from the first row on."""
+    """True if a surface has the pressure of the bath from the first row on."""
     if not isinstance(kind, Conductance):
         return kind == "drained"
     permeability = max(
@@ -160,9 +161,9 @@ def _is_drained(physics: ProblemDefinition, kind: str | Conductance, earliest: f
 
 
 def distance_weight(setup: ProblemSetup, distance: float) -> float:
-    """Return the film error of a face at a distance [length], relative to that under the tip.
+    """Return the film error of a face at a distance [length], relative to a face under the tip.
 
-    It is 1 if the tip covers the body, since the pressure is then the same throughout the body.
+    The weight is 1 if the tip covers the body, since the pressure is then uniform.
     """
     a = setup.a
     rim_distance = setup.physics.body.lateral_extent(setup.physics.center)
@@ -171,7 +172,7 @@ def distance_weight(setup: ProblemSetup, distance: float) -> float:
 
 @dataclass(frozen=True)
 class UnresolvedFilm:
-    """Film at a face that the elements do not resolve.
+    """Film at a drained face that the elements do not resolve.
 
     Attributes
     ----------
@@ -180,9 +181,9 @@ class UnresolvedFilm:
     h
         Element size at the face [length].
     last_row
-        Number of the last row, from 0, with an error of the force that is not negligible.
+        Index (from 0) of the last row with an error of the force that is not negligible.
     max_error, last_row_error
-        Largest error of all rows and error of the last row, over the largest force.
+        Largest error of all rows and error of the last row, divided by the largest force.
     """
 
     face: str
@@ -206,7 +207,7 @@ def unresolved_film(
     sizes : Sizes
         Element sizes.
     negligible : float
-        Error, over the largest force, up to which a film counts as resolved.
+        Error, divided by the largest force, up to which a film counts as resolved.
 
     Returns
     -------
@@ -236,7 +237,7 @@ def unresolved_film(
 def _element_size_at_face(
     setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes, face: str, distance: float
 ) -> float:
-    """Return the element size [length] at a drained face, at its point nearest to the contact."""
+    """Return the element size [length] at a drained face, at the point closest to the contact."""
     film = next((film for film in sizes.drained_faces if film.side.surface == face), None)
     nearest_point = {"top": (0.0, 0.0), "base": (0.0, physics.domain.height)}.get(
         face, (distance + setup.a, 0.0)
@@ -253,14 +254,14 @@ def film_element_size(
     largest_size: float,
     smallest_size: float,
 ) -> float:
-    """Return the largest element size at a face under the tip with a given film error.
+    """Return the largest element size at a face under the tip for a permitted film error.
 
     Parameters
     ----------
     rows : sequence of PathRow
-        Rows of the path; those that have drained least for their load decide.
+        Rows of the path.
     max_fraction : float
-        Permitted error over the largest force.
+        Permitted error divided by the largest force.
     diffusivity : float
         Diffusivity D [length^2/time].
     fraction_per_length : float or None

@@ -35,7 +35,7 @@ Choices = list[Choice]
 
 
 def model_choices(setup: ProblemSetup) -> Choices:
-    """Choices of the model: body, symmetry, kinematics, strain, load control and constraints."""
+    """Return the choices of body, symmetry, kinematics, strain, load control and constraints."""
     physics = setup.physics
     domain = physics.domain
     body = f"{physics.body.shape}, height {physics.scales.length:.4g}"
@@ -68,12 +68,12 @@ def model_choices(setup: ProblemSetup) -> Choices:
 
 
 def side_force_choices(physics: ProblemDefinition) -> Choices:
-    """Side forces of friction that have no column in the table of rows, each with the reason."""
+    """Return the side forces that have no column in the result table, with the reasons."""
     own_wall = (
         "the roller wall through the tip is a mirror plane, and the mirror image of the body "
         "pushes back as much; all other forces are those on the body itself, without its image"
     )
-    part = "it is 0: a mirror plane of body and tip is normal to it"
+    part = "zero by symmetry: a mirror plane of body and tip is normal to this axis"
     return [
         Choice(f"side_force_{axis}", "none", own_wall if is_own_wall else part)
         for axis, is_own_wall in physics.missing_side_forces.items()
@@ -81,7 +81,7 @@ def side_force_choices(physics: ProblemDefinition) -> Choices:
 
 
 def _surface_membrane_reason(physics: ProblemDefinition) -> str:
-    """Reason for the in-plane membrane that stabilizes the surface of a drop."""
+    """Return the reason for the membrane that stabilizes the surface of a drop in its plane."""
     number = f"gamma/(mu R) = {physics.drop_number:.3g}: surface tension dominates the elasticity"
     return (
         f"{number}; a membrane of stiffness 0.001 gamma keeps the surface nodes apart and adds up "
@@ -90,7 +90,7 @@ def _surface_membrane_reason(physics: ProblemDefinition) -> str:
 
 
 def quantities(config: Config) -> Choices:
-    """Quantities that were given with units, converted to the units of the scene."""
+    """Return the quantities that were given with units, converted to the units of the scene."""
     scene_units = f"{config.units.length} and {config.units.force}"
     stated_quantities = [
         (key_text(path), value, text) for path, (text, value) in config.source.quantities.items()
@@ -102,13 +102,13 @@ def quantities(config: Config) -> Choices:
 
 
 def formulations(setup: ProblemSetup) -> Choices:
-    """The formulation of the elements in each region: displacement or mixed."""
+    """Return the element formulation of each region: displacement or mixed."""
     regions = setup.physics.domain.regions
     return [_formulation(region, len(regions) == 1) for region in regions]
 
 
 def _formulation(region: Region, is_alone: bool) -> Choice:
-    """Choice of the formulation of one region; is_alone: the body has no other region."""
+    """Return the formulation of a region as a choice; is_alone: the body has no other region."""
     key = "material" if is_alone or region.name == "body" else f"body.{region.name}.material"
     key = f"body.{region.name}" if region.name.startswith("regions.") else key
     nu = region.softest_constants.nu
@@ -125,7 +125,7 @@ def _formulation(region: Region, is_alone: bool) -> Choice:
 
 
 def theory_choices(config: Config, setup: ProblemSetup) -> Choices:
-    """Choices of a scene that theory solves."""
+    """Return the choices of a scene that is solved by theory."""
     physics = setup.physics
     domain = physics.domain
     target = target_error(config.accuracy)
@@ -149,7 +149,7 @@ def theory_choices(config: Config, setup: ProblemSetup) -> Choices:
 def mesh(
     config: Config, setup: ProblemSetup, sizes: Sizes, fineness: MeshResolution | None
 ) -> Choices:
-    """The element sizes, each with its origin.
+    """Return the element sizes as choices, each with its origin.
 
     Parameters
     ----------
@@ -224,7 +224,7 @@ def mesh(
         ),
         (
             "h_film",
-            "at drained faces the pore pressure changes within a film of thickness "
+            "at drained faces the pore pressure changes within a boundary layer of thickness "
             "(D t)^(1/2) at the first rows",
         ),
     )
@@ -250,14 +250,14 @@ def mesh(
 
 
 def is_followed_on_body(config: Config, setup: ProblemSetup, solver: Choice) -> bool:
-    """True if a history is solved step by step on the mesh, as no elastic curve determines it."""
+    """True if a history is solved on the mesh, since no elastic curve determines it."""
     return setup.history is not None and (
         bool(config.contact.reason_no_elastic_curve) or solver.value == "newton"
     )
 
 
 def time_steps(setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes) -> Choices:
-    """The first time step with the diffusion and relaxation times; empty for an elastic body."""
+    """Return choices of the first time step and the relaxation times; empty for an elastic body."""
     if not physics.is_time_dependent or setup.history is None:
         return []
     reasons = []
@@ -305,14 +305,14 @@ def time_steps(setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes) ->
 
 
 def refuse_reactions(config: Config, why: str) -> None:
-    """Raise ConfigError if reactions are requested; why: the reason that there are none."""
+    """Raise ConfigError if reactions are requested; `why` explains why there are none."""
     if config.output.reactions:
         raise ConfigError(
-            "output.reactions", f"true: there are no reactions to write: {why}", "leave it out"
+            "output.reactions", f"true: no reactions can be written: {why}", "leave it out"
         )
 
 
 def refuse_nodal_stress(config: Config, has_fields: bool) -> None:
-    """Raise ConfigError if nodal stresses are requested and no fields are written."""
+    """Raise ConfigError if nodal stresses are requested but no fields are written."""
     if config.output.nodal_stress and not (has_fields and config.output.fields != "none"):
         raise ConfigError("output.nodal_stress", "true: this run writes no fields", "leave it out")

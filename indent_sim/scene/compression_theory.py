@@ -29,9 +29,8 @@ RADIUS_TOLERANCE = 1e-9  # Relative difference up to which radii count as equal.
 def covers_top(tip: Indenter, body: Body, center: tuple[float, ...]) -> bool:
     """Return whether the flat face of a tip covers the whole flat top of a body.
 
-    The tip then compresses the body like a plate, unless the body bulges beyond its edge. For a
-    mesh from a file the answer is always False. `center` is the position of the tip's axis
-    [length].
+    The tip then acts like a compression plate, unless the body bulges beyond the tip's edge. Return
+    False for a mesh from a file. `center` is the position of the tip's axis [length].
     """
     if not isinstance(body, Cylinder | BodyStrip | Box):
         return False
@@ -44,26 +43,26 @@ def compression_theory(
     center: tuple[float, ...],
     radius_ratio: float,
 ) -> Theory | None:
-    """Return the theory of a tip on the whole flat top: a bar between frictionless plates.
+    """Return the theory of a body compressed between two frictionless plates.
 
-    A roller wall through the tip's axis is a mirror plane. The theory is that of the body with its
-    mirror images.
+    It applies if the tip covers the whole flat top. If a roller wall passes through the tip's axis,
+    the theory describes the body together with its mirror image.
 
     Parameters
     ----------
     body : Cylinder, Strip or Box
         The body.
     layers : sequence of Layer
-        Its layers from the top.
+        The layers of the body from the top.
     center : tuple of float
         Position of the tip's axis [length].
     radius_ratio : float
-        Radius of the tip's flat face over that of the top.
+        Radius of the tip's flat face divided by that of the top.
 
     Returns
     -------
     Theory or None
-        None for several layers at finite strain, and for a bar that cannot be compressed.
+        None for several layers at finite strain, and for an incompressible body with fixed walls.
     """
     constrained_directions = _constrained_directions(body)
     bar_model = _bar_model(layers, constrained_directions)
@@ -75,8 +74,8 @@ def compression_theory(
     area = _area_of_top(body, center)
     contact = Compression(bar, body.height, area, dimensions, max_area_ratio)
     difference = first_reason(
-        (body.base == "fixed", "the base is bonded, and theory's slides"),
-        (len(layers) > 1, "theory's layers slide on one another"),
+        (body.base == "fixed", "the base is bonded, but slides in the theory"),
+        (len(layers) > 1, "the layers slide on one another in the theory"),
     )
     has_free_sides = constrained_directions == 2 - dimensions
     is_bonded_block = body.base == "fixed" and has_free_sides
@@ -94,7 +93,7 @@ def compression_theory(
 
 
 def _constrained_directions(body: Cylinder | BodyStrip | Box) -> int:
-    """Return the number of lateral directions, of two, in which the width of a body is constant.
+    """Return the number of lateral directions, 0 to 2, in which the body cannot expand.
 
     The direction y of plane strain is one of them.
     """
@@ -108,10 +107,10 @@ def _constrained_directions(body: Cylinder | BodyStrip | Box) -> int:
 
 
 def _bar_model(layers: Sequence[BodyLayer], constrained_directions: int) -> tuple[Bar, bool] | None:
-    """Return the body as a bar, and whether its strain is finite; None if there is no such bar.
+    """Return the body as a bar and whether its strain is finite; None if the body is not a bar.
 
-    At small strain, the compliances of layers add up. At finite strain a homogeneous body that can
-    be compressed has a bar.
+    At small strain the compliances of the layers are added. At finite strain only a homogeneous,
+    compressible body is represented by a bar.
     """
     materials = [layer.material for layer in layers if layer.material]
     if all(material.is_small_strain for material in materials):
@@ -130,7 +129,7 @@ def _bar_model(layers: Sequence[BodyLayer], constrained_directions: int) -> tupl
 
 
 def _area_of_top(body: Cylinder | BodyStrip | Box, center: tuple[float, ...]) -> float:
-    """Return the area of a flat top and its mirror images [length^2]; in plane strain its width."""
+    """Return the area of a flat top with its mirror images [length^2], or its plane width."""
     if isinstance(body, Cylinder):
         return float(np.pi) * body.radius**2
     return float(np.prod(body.mirrored_widths(center)))

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 
 SIDEWAYS_TEXT = (
-    "pushes the body sideways, and no support holds it there (roller base and free sides)"
+    "pushes the body sideways, but no support prevents sliding (roller base and free sides)"
 )
 
 
@@ -50,8 +50,8 @@ def gap(settings: Contact, setup: ProblemSetup) -> tuple[str, Choice]:
     Raises
     ------
     ConfigError
-        If the gap is evaluated at the deformed point and the body can slide away, or the tip is a
-        needle.
+        If the gap is evaluated at the deformed point although the body can slide away or the tip is
+        a needle.
     """
     physics = setup.physics
     end = max_radius(setup.physics.indenter)
@@ -100,14 +100,14 @@ def contact(
     sizes : Sizes
         The element sizes, nondimensional.
     fineness : MeshResolution or None
-        The mesh resolution that `accuracy` asks for, with the penalty stiffness that fits it.
+        The mesh resolution for the requested `accuracy`, with its penalty stiffness.
 
     Returns
     -------
     ContactLaw
         The law with its nondimensional stiffness [pressure/length].
     Choice
-        The same in the user's units.
+        The method and its stiffness in the user's units.
 
     Raises
     ------
@@ -150,7 +150,13 @@ def contact(
 
 
 def _set_tangential_stiffness(law: Any, unit: float, stiffness: float) -> Any:
-    """Return the law with its epsilon_t, where auto means epsilon_n; ConfigError if it is small."""
+    """Return the law with its epsilon_t; `auto` means epsilon_n.
+
+    Raises
+    ------
+    ConfigError
+        If the given stiffness is too small.
+    """
     law = replace(law, epsilon_t=law.stiffness) if law.epsilon_t == "auto" else law
     min_multiple = law.min_tangential_factor
     if law.epsilon_t >= min_multiple * unit * (1 - 1e-9):
@@ -168,7 +174,7 @@ def _set_tangential_stiffness(law: Any, unit: float, stiffness: float) -> Any:
 def _auto_stiffness(
     law: Any, setup: ProblemSetup, sizes: Sizes, fineness: MeshResolution | None
 ) -> float:
-    """Return the nondimensional epsilon_n or gamma for `auto` [pressure/length]."""
+    """Return the stiffness epsilon_n or gamma for `auto`, nondimensional [pressure/length]."""
     unit = setup.physics.material.E_star / sizes.typical_size
     default_stiffness = float(law.auto_stiffness_factor * unit)
     if not isinstance(law, Penalty):
@@ -195,8 +201,8 @@ def friction(
 ) -> tuple[ContactLaw, SlipReference, Choices]:
     """Choose the friction coefficient and the slip reference of new contact.
 
-    Under a sharp edge, complete stick would need tensile contact pressures at the rim; a large
-    friction coefficient takes its place there.
+    Under a sharp edge, complete stick would need tensile contact pressures at the rim; it is
+    replaced by a large friction coefficient.
 
     Parameters
     ----------
@@ -345,10 +351,10 @@ def _expected_adhesion(
 
 
 def tip(config: Config, setup: ProblemSetup, gap: str) -> tuple[Indenter, Choices]:
-    """Choose the shape of the tip: rounded, or a plate, where the contact needs it.
+    """Choose the shape of the tip: rounded, or a plate, if the contact requires it.
 
-    The gap at the deformed point needs a normal everywhere, so that a sharp apex or edge gets a
-    small radius. A punch as wide as the body becomes a plate.
+    A gap at the deformed point needs a normal everywhere, so that a sharp apex or edge is rounded
+    with a small radius. A punch as wide as the body becomes a plate.
     """
     if isinstance(setup.physics.indenter, Plate) and isinstance(config.indenter, FlatPunch):
         plate_reason = (

@@ -24,13 +24,13 @@ if TYPE_CHECKING:
 def frictional_edge_width(
     config: Config, setup: ProblemSetup, edge: float | None, gap: str
 ) -> float:
-    """Return the width [length] of a punch's rounded edge that friction needs in small elements.
+    """Return the width [length] of the region at a rounded punch edge that needs small elements.
 
-    It is 0 at small strain, in three dimensions, where it would cost too much, and without
-    friction. Where the body slides around the edge or sticks to it at finite strain, it is sheared
-    by about its own thickness within a fifth of the edge's radius. Elements of a tenth of that
-    radius leave a roughness of the pressure of 9 % of p_max (`fe.postprocessing.roughness`) and a
-    p_max that is 4 % too large.
+    It is 0 without friction, at small strain, and in three dimensions, where small elements would
+    cost too much. At finite strain a body that slides around the edge or sticks to it is sheared by
+    about its own thickness within a fifth of the edge's radius. With elements of a tenth of that
+    radius the roughness of the pressure (`fe.postprocessing.roughness`) is 9 % of p_max, and p_max
+    is 4 % too large.
 
     Parameters
     ----------
@@ -54,11 +54,11 @@ def frictional_edge_width(
 def refine_below_deep_tip(
     config: Config, setup: ProblemSetup, fixed_sizes: FixedSizes, edge: float | None, gap: str
 ) -> FixedSizes:
-    """Return sizes with smaller elements below a tip that is deeper than the radius of its end.
+    """Return sizes with smaller elements below a tip whose depth exceeds the radius of its end.
 
-    Without friction the surface slides outwards along the tip and up its side. The surface below a
-    rod at a depth of five radii was a disc of a tenth of its radius, and one element of the usual
-    size there would cover all of its end.
+    Without friction the surface slides outwards along the tip and up its side. Below a rod at a
+    depth of five radii, the contact surface was originally a disc of a tenth of the rod's radius;
+    one element of the usual size would cover all of it.
 
     Parameters
     ----------

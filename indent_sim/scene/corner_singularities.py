@@ -21,14 +21,15 @@ SINGULARITY_RATE = 1.2
 
 @dataclass(frozen=True)
 class Corner:
-    """Corner of the body whose stresses the contact influences.
+    """Corner of the body whose stresses are influenced by the contact.
 
     Attributes
     ----------
     r, depth
         Distance from the tip's axis, and depth below the top [length].
     distance
-        Distance over which its stresses vary: to the contact, or the height of the body [length].
+        Length scale of the stresses at the corner: distance to the contact, or height of the body
+        [length].
     error_constant
         Relative error of the force with elements as large as `distance`; 0 without a singularity.
     is_narrow_gap
@@ -42,11 +43,11 @@ class Corner:
     is_narrow_gap: bool = False
 
     def error(self, h: float) -> float:
-        """Bound of the relative error of the force with elements of size h [length]."""
+        """Return a bound of the relative error of the force with elements of size h [length]."""
         return self.error_constant * (h / self.distance) ** SINGULARITY_RATE
 
     def size(self, error: float, n: float) -> float:
-        """Element size [length] for a relative error of the force; n elements in a narrow gap."""
+        """Return the element size [length] for an error of the force; a gap has n elements."""
         if self.error_constant:
             size = self.distance * (error / self.error_constant) ** (1 / SINGULARITY_RATE)
         else:
@@ -70,8 +71,7 @@ def corners(
     nu : float
         Largest Poisson's ratio of the body.
     edge : float or None
-        Radius of the punch's edge at which the contact ends, which has an element size of its own
-        [length].
+        Radius of the punch's edge at which the contact ends [length]; it has its own element size.
 
     Returns
     -------
@@ -94,7 +94,7 @@ def corners(
 
 
 def _base_edge_corners(domain: ModelDomain, radius: float, a: float, nu: float) -> list[Corner]:
-    """Return the edge between base and curved surface, an acute one as if it were a right angle."""
+    """Return the edge between base and curved surface as a corner with a right angle."""
     r, z = next(side.end for side in domain.outline if side.surface == "base")
     distance = min(r, -z)
     is_bonded = domain.supports["base"] == "fixed"
@@ -112,10 +112,10 @@ def _base_edge_corners(domain: ModelDomain, radius: float, a: float, nu: float) 
 def _side_corners(
     side: str, r: float, domain: ModelDomain, a: float, nu: float, edge: float | None
 ) -> list[Corner]:
-    """Return the corners at the ends of a side at the distance r from the tip's axis.
+    """Return the corners at both ends of a side at the distance r from the tip's axis.
 
-    The lower one is singular if the base is bonded and the side free, the upper one if the side is
-    fixed.
+    The lower corner is singular if the base is bonded and the side free, the upper corner if the
+    side is fixed.
     """
     height = domain.height
     # Least gap to a side in distances of the side from the axis; the contact is expected to

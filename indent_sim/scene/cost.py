@@ -1,8 +1,9 @@
-"""Predicted cost of a run: cells, unknowns, memory and processor time, before anything is meshed.
+"""Predicted cost of a run before meshing: cells, unknowns, memory and processor time.
 
-The constants were fitted to runs of this program on one core of about 2020, on which numpy, scipy,
-matplotlib, gmsh, dolfinx and petsc4py load in 0.8 s, with OpenBLAS and compiled forms.
-docs/accuracy.md compares prediction and measurement for every scene of configs/.
+The constants were fitted to runs of this program on one core of a computer of about 2020, with
+OpenBLAS and compiled forms. The import of numpy, scipy, matplotlib, gmsh, dolfinx and petsc4py
+takes 0.8 s on it. docs/accuracy.md compares prediction and measurement for every scene of
+configs/.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ DENSE_BYTES = 64.0
 
 @dataclass(frozen=True)
 class SolverWork:
-    """Work of the solver, as far as the cost depends on it.
+    """Properties of the solution on which the cost of the solver depends.
 
     Attributes
     ----------
@@ -39,17 +40,17 @@ class SolverWork:
     linear : str
         "direct" or "iterative".
     is_mixed : bool
-        Whether the pressure is an unknown of its own.
+        True if the pressure is an independent unknown.
     steps : int
         Number of load increments.
     is_nonlinear : bool
-        Whether more than the contact edge is nonlinear.
+        True if there is a nonlinearity other than the contact condition.
     has_friction : bool
-        Whether the contact has friction, which acts in as many directions as the mesh has.
+        True with friction, which acts in as many directions as the mesh has.
     snaps : int
         Number of jumps into and out of adhesive contact.
     is_time_dependent : bool
-        Whether the body is time-dependent at finite strain.
+        True if the body is time-dependent at finite strain.
     holding_steps : int
         Number of further steps of a linear body in which the tip stands still.
     """
@@ -66,14 +67,17 @@ class SolverWork:
 
     @property
     def linear_solves(self) -> float:
-        """Linear solves of the whole path: few per step on a fine path, more at its beginning."""
+        """Expected number of linear solves for the whole path.
+
+        A fine path needs few solves per step, but more at its beginning.
+        """
         # Linear solves of a jump into or out of adhesive contact: 25 to 150, most at
         # large Maugis numbers.
         snap_solves = 100.0
         return (4.0 if self.is_nonlinear else 1.5) * self.steps + 10.0 + snap_solves * self.snaps
 
     def step_time_factor(self, dim: int) -> float:
-        """Time of a linear solve relative to one without friction and time-dependent material."""
+        """Return the factor of the time per linear solve for friction and time dependence."""
         friction_factor = FRICTION_STEP_FACTOR[dim] if self.has_friction else 1.0
         return friction_factor * (TIME_DEPENDENT_STEP_FACTOR if self.is_time_dependent else 1.0)
 
@@ -140,9 +144,9 @@ def _newton_cost(dim: int, work: SolverWork, dofs: float) -> tuple[float, float]
 def _condensed_cost(
     sizes: Sizes, domain: ModelDomain, work: SolverWork, dofs: float
 ) -> tuple[float, float]:
-    """Return the cost of one factorisation, n solves of the body and small dense systems.
+    """Return memory and time for one factorisation, n solves of the body and small dense systems.
 
-    n is the number of candidate nodes times their unknown directions.
+    n is the number of candidate nodes multiplied by their unknown components.
     """
     dim = domain.dim
     n = candidate_count(sizes, domain) * (dim if work.has_friction else 1)

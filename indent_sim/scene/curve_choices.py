@@ -94,33 +94,36 @@ def _refuse_curve(config: Config, setup: ProblemSetup, solver: Choice, key: str)
     physics = setup.physics
     if setup.history and config.output.fields in ("last", "all"):
         problem = (
-            f"{config.output.fields}: a history is evaluated on the elastic curve, which has "
-            "no fields"
+            f"{config.output.fields}: no fields are available, because a history is evaluated on "
+            "the elastic curve"
         )
         raise ConfigError("output.fields", problem, "leave it out")
     if config.contact.reason_no_elastic_curve:
         problem = (
-            "needs the elastic curve of a tip without friction and adhesion, and the contact of "
+            "needs the elastic curve of a tip without friction and adhesion, but the contact of "
             "this scene has friction or adhesion"
         )
         raise ConfigError(key, problem, "leave one of the two out")
     if solver.value == "newton":
         problem = (
-            "needs a linear body with a known surface compliance, and this scene is solved on the "
-            f"whole body: {solver.why}"
+            "needs a linear body with a known surface compliance, but this scene is solved with "
+            f"the finite-element model of the whole body (newton): {solver.why}"
         )
         raise ConfigError(
-            key, problem, "try solver.method: condensed or theory, which reports the obstacle"
+            key,
+            problem,
+            "set solver.method to condensed or theory; the message then names the obstacle",
         )
     if setup.jkr_limit and physics.domain.kinematics.name != "axisymmetric":
         problem = (
-            "the JKR limit needs a circular contact, and this scene is "
+            "the JKR limit needs a circular contact, but this scene is "
             f"{physics.domain.kinematics.name.replace('_', ' ')}"
         )
         raise ConfigError("experiment.adhesion", problem, "put the tip on the axis of a round body")
     if setup.jkr_limit and not setup.adhesive_radii:
         problem = (
-            "the adhesive contact is wider than the theory covers, or does not exist at this depth"
+            "the adhesive contact is beyond the range of the theory, or does not exist at this "
+            "depth"
         )
         raise ConfigError("experiment.adhesion", problem, UNITS_REMEDY)
     if setup.jkr_limit and solver.value == "condensed" and setup.adhesive_radii:

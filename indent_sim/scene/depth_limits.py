@@ -1,4 +1,4 @@
-"""Depths to expect, and the limits that the body and the tip set to them."""
+"""Expected depths of a scene, and the largest depths that the body and the tip allow."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ def expected_depths(
     scales: Scales,
     mirror_multiplicity: int = 1,
 ) -> tuple[float, ...]:
-    """Return the prescribed depths, or those to expect at the prescribed forces.
+    """Return the prescribed depths, or the depths expected at the prescribed forces.
 
-    Depths at forces follow from theory, or from the cross-section of the tip if theory has none;
+    Depths at forces follow from theory, or from the cross-section of the tip if there is no theory;
     between three forces they are interpolated by power laws.
 
     Parameters
@@ -120,14 +120,14 @@ def check_scene(
     contacts: int,
     key: str,
 ) -> None:
-    """Check that the tip stands above the body, and that it can reach the depths of the path.
+    """Check that the tip is above the body and can reach the depths of the path.
 
     Parameters
     ----------
     body : Body
         The body, in the user's units.
     layers : tuple of Layer
-        Its layers from the top.
+        The layers of the body from the top.
     tip : Indenter
         The tip, in the user's units.
     center : tuple of float
@@ -160,7 +160,7 @@ def check_scene(
         raise ConfigError(key, problem, f"stay below {thickness:g}")
     if delta >= (coverage_depth := top_coverage_depth(body, layers, tip, center)):
         problem = (
-            f"depth {delta:g} leaves no room to an incompressible body held on all sides: at "
+            f"depth {delta:g} is impossible for an incompressible body held on all sides: at "
             f"{coverage_depth:g} the tip would cover its whole top"
         )
         raise ConfigError(key, problem, "stay well below, free a side, or use nu < 0.5")
@@ -185,7 +185,7 @@ def _check_punch_width(body: Body, tip: Indenter, center: Center) -> None:
         return
     widest = body.lateral_extent(body.center)
     if tip.radius > widest:
-        problem = f"the edge of a flat punch of radius {tip.radius:g} crosses that of the body"
+        problem = f"the edge of a flat punch of radius {tip.radius:g} crosses the edge of the body"
         remedy = f"at most {widest:g}"
         if not isinstance(body, ImportedBody):
             remedy += f", at least {body.max_lateral_extent(center):g}, or shape: plate"
@@ -232,9 +232,9 @@ def expected_radius(
 
 
 def _overlap_radius(tip: Indenter, body: ImportedBody, center: Center, delta: float) -> float:
-    """Radius [length] within which a tip at a depth would overlap the undeformed surface.
+    """Return the radius [length] within which a tip at a depth overlaps the undeformed surface.
 
-    It is interpolated between the corners of the facets.
+    The gap is interpolated between the corners of the facets.
     """
     distances = body.corner_distances(center).ravel()
     gap = (_tip_heights(tip, body.top_points(), center) - body.facets[..., -1]).ravel()
@@ -245,11 +245,12 @@ def _overlap_radius(tip: Indenter, body: ImportedBody, center: Center, delta: fl
 
 
 def top_coverage_depth(body: Body, layers: Sequence[Layer], tip: Indenter, center: Center) -> float:
-    """Depth [length] at which the tip would cover the whole top of a confined incompressible body.
+    """Return the depth [length] at which the tip covers the top of a confined incompressible body.
 
-    The volume of the body is constant, so that the mean height of its surface remains 0. Below a
-    tip in contact everywhere, this mean height is the mean height of the tip minus the depth. The
-    force grows without bound at a smaller depth. Other bodies have no limit: infinity.
+    The volume of the body is constant, so that the mean height of its surface remains 0. If the tip
+    is in contact everywhere, this mean height equals the mean height of the tip minus the depth.
+    The force becomes infinite at this depth. Other bodies have no limit; the depth is then
+    infinite.
     """
     materials = [layer_material(layer) for layer in layers]
     materials += [inclusion.material.canonical() for inclusion in body.inclusions or ()]
@@ -259,18 +260,18 @@ def top_coverage_depth(body: Body, layers: Sequence[Layer], tip: Indenter, cente
 
 
 def side_contact_depth(body: Body, tip: Indenter, center: Center) -> float:
-    """Depth [length] at which the tip reaches the top of a fixed side; infinity without one.
+    """Return the depth [length] at which the tip reaches the top of a fixed side, or infinity.
 
     At larger depths the surface displacement would have to jump from u_z = 0 at the side to that of
-    the tip. No displacement field of finite energy does, and the force on a mesh grows
-    logarithmically as its elements shrink.
+    the tip, which requires infinite energy. The force on a mesh then grows logarithmically as the
+    elements shrink.
     """
     z = body.fixed_points[:, -1] if isinstance(body, ImportedBody) else 0.0
     return float(np.min(_tip_heights(tip, body.fixed_edge_points(), center) - z, initial=np.inf))
 
 
 def _tip_heights(tip: Indenter, points: Points, center: Center) -> Any:
-    """Height of the tip's surface above its apex [length] at horizontal positions."""
+    """Return the height of the tip's surface above its apex [length] at horizontal positions."""
     along_x, along_y = (*center, 0.0)[:2]
     return tip.height(points[0] - along_x, points[1] - along_y)
 
@@ -282,18 +283,18 @@ def path_to_max_depth(
     tip: Indenter,
     layers: Sequence[Layer],
 ) -> LoadPath:
-    """Return a path of equal steps to an upper bound of the depth, or force, of a history.
+    """Return a path in equal steps to an upper bound of the depth or force of a history.
 
     Parameters
     ----------
     history : History
         The prescribed history.
     least_modulus_fraction : float
-        Smallest part of the instantaneous modulus that remains during the history. A prescribed
-        force reaches the depth of a body with this modulus.
+        Smallest fraction of the instantaneous modulus during the history. The depth at a prescribed
+        force is that of a body with this modulus.
     compliance : float
-        Compliance of the spring that carries the tip [length/force]. The force on it is at least
-        that of a half-space of the softest layer.
+        Compliance of the spring that carries the tip [length/force]. The force of the spring is at
+        least that on a half-space of the softest layer.
     tip : Indenter
         The tip that has the same gap over a flat body.
     layers : sequence of Layer
@@ -315,7 +316,7 @@ def path_to_max_depth(
     E_star = least_modulus_fraction * min(layer_material(layer).E_star for layer in layers)
 
     def excess(depth: float) -> float:
-        """Return the base displacement at a depth over the largest one of the history."""
+        """Return the base displacement at a depth minus the largest one of the history."""
         half_space_formula = half_space_force(tip, depth, E_star)
         radius = tip.radius_at(depth)
         if not half_space_formula and not isfinite(radius):

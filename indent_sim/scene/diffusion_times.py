@@ -1,4 +1,4 @@
-"""Diffusion times of the pore fluid through contact, element and body."""
+"""Diffusion times of the pore fluid over the contact radius, an element and the body."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class DiffusionTimes:
     def compute(
         setup: ProblemSetup, physics: ProblemDefinition, h_contact: float
     ) -> DiffusionTimes:
-        """Diffusion times in the region of largest diffusivity; h_contact is an element size."""
+        """Return the diffusion times for the largest diffusivity; h_contact is an element size."""
         D = largest_diffusivity(physics)
         lengths = (
             setup.a,
@@ -46,7 +46,10 @@ class DiffusionTimes:
         return DiffusionTimes(*(length**2 / D for length in lengths))
 
     def first_step(self, shortest: float) -> float:
-        """First time step of a segment, at most `shortest` unless an element needs longer."""
+        """Return the first time step [time] of a segment.
+
+        It is at most `shortest`, unless diffusion over an element takes longer.
+        """
         # First time step of a segment, relative to the diffusion time of the contact.
         first_step_fraction = 1e-3
         return max(
@@ -56,10 +59,10 @@ class DiffusionTimes:
 
 
 def drained_face_size(physics: ProblemDefinition, sizes: Sizes) -> float:
-    """Element size at the drained faces [length], from which the first time step follows.
+    """Return the element size at the drained faces [length] that determines the first time step.
 
-    It is that at the contact. A confined column may drain through its base instead; its size is
-    that of the boundary layer of pore pressure there if it is smaller.
+    It is the element size at the contact. For a confined column that drains through its base it is
+    the element size at the base if that is smaller.
     """
     if physics.is_porous_column and sizes.h_film is not None:
         return min(sizes.h_contact, sizes.h_film)

@@ -37,9 +37,9 @@ MAX_STIFFNESS_MULTIPLE = 1e3
 def scene_warnings(
     setup: ProblemSetup, row_depths: Sequence[float], law: ContactLaw, gap: str, sizes: Sizes
 ) -> tuple[ModelWarning, ...]:
-    """Warnings about the model, the contact law and the mesh of a scene at its deepest contact.
+    """Return warnings about model, contact law and mesh of a scene at the largest depth.
 
-    The elements are also compared with the shallowest contact of a row.
+    Coarse elements are also reported for the smallest contact of an output row.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def scene_warnings(
     Returns
     -------
     tuple of ModelWarning
-        The warnings, some of which have an error and no message.
+        The warnings; a warning that only contributes an error estimate has an empty message.
     """
     if setup.max_depth <= 0:
         return () if setup.attraction else (NO_CONTACT,)
@@ -80,13 +80,14 @@ def scene_warnings(
 def _contact_law_warnings(
     setup: ProblemSetup, law: ContactLaw, gap: str, sizes: Sizes
 ) -> Iterator[ModelWarning]:
-    """Warnings about the errors of the contact law and of a stiffness given in the config."""
+    """Yield warnings about errors of the contact law and about a stiffness given in the config."""
     material = setup.physics.material
     theory = setup.theory
     # Nodal pressures on a deformed surface have several equilibria.
     if gap == "current" and law.multiplier == "nodal":
         several_text = (
-            "several sets of contact nodes may be in equilibrium, the steps decide which is found"
+            "several equilibria with different contact nodes exist, and the steps select one of "
+            "them"
         )
         message = (
             f"{law.method} with gap: current: {several_text}, and their forces differ by "
@@ -115,10 +116,10 @@ def _contact_law_warnings(
 def _friction_warnings(
     setup: ProblemSetup, law: ContactLaw, sizes: Sizes
 ) -> Iterator[ModelWarning]:
-    """A warning about the effect of epsilon_t on what friction adds to the force.
+    """Yield a warning if epsilon_t changes the effect of friction on the force.
 
-    The friction force itself is unknown before the scene is solved; a share of it of 5 % is worth a
-    warning.
+    The friction force itself is unknown before the scene is solved; a change of 5 % of its effect
+    is reported.
     """
     if law.is_conservative:
         return
@@ -153,7 +154,7 @@ def _friction_warnings(
 def _mesh_warnings(
     setup: ProblemSetup, row_depths: Sequence[float], sizes: Sizes
 ) -> Iterator[ModelWarning]:
-    """Warnings about surface tension, moduli, corners and the elements in the contact."""
+    """Yield warnings about surface tension, moduli, corners and the elements in the contact."""
     if (tension_ratio := setup.elastocapillary_length / setup.a) > TENSION_PRESSURE_LIMIT:
         step_text = f"gamma/E* is {tension_ratio:.2g} contact radii: the pressure ends with a step"
         yield ModelWarning(
@@ -185,7 +186,7 @@ def _mesh_warnings(
 def _element_warnings(
     setup: ProblemSetup, row_depths: Sequence[float], sizes: Sizes
 ) -> Iterator[ModelWarning]:
-    """A warning about coarse elements in the contact or at the edge of a punch."""
+    """Yield a warning about coarse elements in the contact or at the edge of a punch."""
     nu = setup.physics.largest_nu
     a = setup.a
     force_error, last_row_error = _deepest_and_last_error(
@@ -231,14 +232,14 @@ def _element_warnings(
 
 
 def refinement_advice(sizes: Sizes, advice: str) -> str:
-    """Advice on smaller elements: `advice`, or refinement of a mesh that comes from a file."""
+    """Return `advice` on smaller elements, or advice to refine a mesh that comes from a file."""
     return advice if sizes.refinements is None else "increase mesh.refinements"
 
 
 def _facet_warnings(setup: ProblemSetup, sizes: Sizes) -> Iterator[ModelWarning]:
-    """A warning about flat facets of an imported mesh that may approximate a curved surface.
+    """Yield a warning about flat facets of an imported mesh that may approximate a curved surface.
 
-    They lie inside that surface, so that the depth is too small.
+    The facets lie inside the curved surface, so that the effective depth is too small.
     """
     physics = setup.physics
     if not isinstance(physics.domain, ImportedDomain):
@@ -258,9 +259,9 @@ def _facet_warnings(setup: ProblemSetup, sizes: Sizes) -> Iterator[ModelWarning]
 def _deepest_and_last_error(
     setup: ProblemSetup, error: Callable[[float, float], float]
 ) -> tuple[float, float]:
-    """Return error(depth, contact radius) at the deepest contact and at the last row.
+    """Return error(depth, contact radius) at the largest depth and at the last row.
 
-    It is 0 at the last row if there is no contact.
+    The error at the last row is 0 if there is no contact.
     """
     last_depth = setup.physics.deltas[-1]
     errors = {
@@ -274,7 +275,7 @@ def _deepest_and_last_error(
 def _expected_radius(setup: ProblemSetup, delta: float) -> float:
     """Return the expected contact radius at a depth [length].
 
-    For an adhesive tip it is that of the JKR limit, and infinite without a theory for it.
+    For an adhesive tip it is the radius in the JKR limit, or infinity if there is no theory.
     """
     if setup.attraction is None:
         return setup.expected_radius(delta)

@@ -48,9 +48,10 @@ class Truncation:
     represents : str
         Name of the unbounded body.
     ratio : float
-        Half of its width in contact radii.
+        Half-width divided by the contact radius.
     error : float
-        Bound of the relative error of the force, > 0: the finite body is too stiff.
+        Bound of the relative error of the force; it is positive, since the finite body is too
+        stiff.
     """
 
     body: Cylinder | Box
@@ -61,7 +62,7 @@ class Truncation:
 
     @property
     def why(self) -> str:
-        """The reason for the finite body, as it stands in a plan."""
+        """Return the reason for the finite body, as the plan shows it."""
         size = "wide and high" if self.represents == "half-space" else "wide"
         basis = f"{TRUNCATION_SAFETY:g} times the error by layer theory"
         error_text = f"too stiff by at most {100 * self.error:.2g} % of the force ({basis})"
@@ -79,7 +80,7 @@ def truncate(
 ) -> Truncation:
     """Return the smallest finite body that can replace a half-space or an infinitely wide layer.
 
-    Its force at the depth differs by at most TRUNCATION_ERROR.
+    The relative difference of the forces at the depth `delta` is at most TRUNCATION_ERROR.
 
     Parameters
     ----------
@@ -88,13 +89,14 @@ def truncate(
     tip : Indenter
         The tip.
     states : sequence of sequence of Layer
-        The layers of the body from the top, in each of the elastic states between which it changes
-        with time. The finite body has the layers of the first state, and is large enough for all.
+        The layers of the body from the top in each elastic state between which the body changes
+        with time. The finite body has the layers of the first state and is large enough for all
+        states.
     delta : float
         The depth [length].
     width_factor : float
-        Factor of the width, and of the height of a half-space, for effects that theory does not
-        include, as surface tension.
+        Factor by which the width (for a half-space also the height) is increased for effects that
+        theory does not include, such as surface tension.
 
     Returns
     -------
@@ -129,7 +131,7 @@ def _width(body: Cylinder | Box) -> float:
 
 
 def _scale_width(truncation: Truncation, layers: Sequence[Layer], factor: float) -> Truncation:
-    """Return a truncation with a wider body, which is also higher in place of a half-space."""
+    """Return a truncation whose width (for a half-space also height) is scaled by a factor."""
     body = truncation.body
     ratio = factor * truncation.ratio
     if factor == 1.0:
@@ -149,7 +151,7 @@ def _scale_width(truncation: Truncation, layers: Sequence[Layer], factor: float)
 
 
 def _inclusion_extent(body: UnboundedBody) -> float:
-    """Return the largest distance of inclusions from the point of first contact [length]."""
+    """Return the largest distance of an inclusion from the point of first contact [length]."""
     return max(
         (inclusion.farthest_distance((0.0, 0.0, 0.0)) for inclusion in body.inclusions or ()),
         default=0.0,
@@ -159,9 +161,9 @@ def _inclusion_extent(body: UnboundedBody) -> float:
 def _truncate_layer(
     body: InfiniteLayer, tip: Indenter, layers: Sequence[Layer], delta: float
 ) -> Truncation:
-    """Return the truncation of a layer, whose wall changes the force by no more than is allowed.
+    """Return the truncation of a layer whose side wall causes the allowed error of the force.
 
-    Where theory cannot reach the depth, a flat punch as wide as the contact replaces the tip.
+    Where the theory does not reach the depth, a flat punch as wide as the contact replaces the tip.
     """
     tip_shape = theory_tip_shape(tip)
     depth = abs(delta) or body.height
@@ -207,7 +209,7 @@ def _truncate_layer(
 def _truncate_half_space(
     body: HalfSpace, tip: Indenter, layers: Sequence[Layer], delta: float
 ) -> Truncation:
-    """Return the truncation of a half-space with the error that is allowed."""
+    """Return the truncation of a half-space that has the allowed error of the force."""
     tip_shape = theory_tip_shape(tip)
     depth = abs(delta) or 1.0
     theory_layers = [
@@ -235,7 +237,7 @@ def _truncate_half_space(
     )
 
     def error_of(size: float) -> float:
-        """Return F(cylinder)/F(half-space) - 1 for a cylinder of this radius and height."""
+        """Return F(cylinder)/F(half-space) - 1 for a cylinder of radius and height `size`."""
         stack = stack_of(_finite_layers(theory_layers, size), "fixed")
         assert stack is not None
         contact = LayerContact.from_stack(shape, stack, size)
@@ -258,7 +260,7 @@ def _truncate_half_space(
 
 
 def expected_depth(tip: Indenter, layers: Sequence[Layer], force: float) -> float:
-    """Return the depth at which a half-space bears a force.
+    """Return the depth at which a half-space carries a force.
 
     Parameters
     ----------
@@ -284,9 +286,9 @@ def expected_depth(tip: Indenter, layers: Sequence[Layer], force: float) -> floa
 
 
 def _nonnegative_nu_law(material: Material | None) -> Material:
-    """Return a linear elastic law with nu = 0.3 in place of nu < 0.
+    """Return a linear elastic law with nu = 0.3 if nu of the material is negative.
 
-    The error of a wall with nu < 0 is between 0.9 and 1.01 times as large as with nu = 0.3.
+    For nu < 0 the error caused by a side wall is 0.9 to 1.01 times as large as for nu = 0.3.
     """
     assert material is not None
     E, nu = material.constants
@@ -294,13 +296,13 @@ def _nonnegative_nu_law(material: Material | None) -> Material:
 
 
 def _finite_layers(layers: Sequence[Layer], size: float) -> tuple[Layer, ...]:
-    """Return the layers of a half-space with a substrate that ends at the depth `size` [length]."""
+    """Return the layers of a half-space whose substrate ends at the depth `size` [length]."""
     upper_thickness = sum(layer.thickness or 0.0 for layer in layers[:-1])
     return (*layers[:-1], replace(layers[-1], thickness=size - upper_thickness))
 
 
 def _contact_at_depth(contact: LayerContact, delta: float) -> Solution | None:
-    """Return the contact at a depth [length]; None beyond the range of the theory."""
+    """Return the contact solution at a depth [length]; None beyond the range of the theory."""
     with contextlib.suppress(ValueError):
         return contact.solutions_at_depths([delta])[0]
     return None

@@ -47,12 +47,13 @@ def undrained_law(material: Material) -> Material:
 def _undrained_anisotropic_law(law: TransverselyIsotropic) -> Material:
     """Return the undrained law of a transversely isotropic material.
 
-    With the drained compliance S, the vector a = S alpha of the strains per pore pressure and the
-    storage, the undrained compliance is
+    The undrained compliance follows from the drained compliance S, the storage and the vector a = S
+    alpha of strains per pore pressure:
 
         S_u = S - a a^T/(alpha^T S alpha + storage)
 
-    (Woodbury identity). Components of a are `across` and `along` the axis of symmetry.
+    (Woodbury identity). The components `across` and `along` are those of a normal to and along the
+    axis of symmetry.
     """
     assert law.flow is not None
     E = law.E
@@ -75,15 +76,15 @@ def _undrained_anisotropic_law(law: TransverselyIsotropic) -> Material:
 
 
 def relaxed_law(material: Material, fraction_remaining: float) -> Material:
-    """Return the elastic law of a material that has relaxed.
+    """Return the elastic law of a material after stress relaxation.
 
     Parameters
     ----------
     material : Material
         A canonical material; one that does not relax is returned unchanged.
     fraction_remaining : float
-        Part of the instantaneous shear modulus that remains. The bulk modulus does not relax, or by
-        the same fraction if the whole stress relaxes.
+        Remaining fraction of the instantaneous shear modulus. The bulk modulus has the same
+        remaining fraction if the whole stress relaxes; otherwise it does not relax.
 
     Returns
     -------

@@ -1,6 +1,6 @@
-"""Expected error of the force by the element sizes, the penalty and the regularized friction.
+"""Expected error of the force due to element sizes, penalty and regularized friction.
 
-Every function returns a relative error of the force, known before the scene is solved.
+Every function returns a relative error of the force that is known before the scene is solved.
 """
 
 from __future__ import annotations
@@ -24,10 +24,11 @@ NEARLY_INCOMPRESSIBLE_NU = 0.45
 
 
 def edge_error(sizes: Sizes) -> float:
-    """Bound of the relative error of the force by the elements at a punch's sharp edge; 0 without.
+    """Bound of the relative error of the force due to the elements at a punch's sharp edge.
 
-    It is EDGE_ERROR h_edge/radius times the sensitivity of the force to the radius. The force is
-    always too low, since elements that end at the edge represent a narrower punch.
+    It is EDGE_ERROR h_edge/radius multiplied by the sensitivity of the force to the radius; 0
+    without a sharp edge. The force is always too low, since elements that end at the edge represent
+    a narrower punch.
     """
     if sizes.punch_edge is None or sizes.h_edge is None:
         return 0.0
@@ -35,7 +36,7 @@ def edge_error(sizes: Sizes) -> float:
 
 
 def expected_force_error(sizes: Sizes, a: float, nu: float) -> float:
-    """Expected relative error of the force by the elements in the contact radius or at an edge.
+    """Expected relative error of the force due to the elements in the contact radius or at an edge.
 
     On a layer (axisymmetric, all contact methods) errors were measured of at most 0.3, 0.9, 2.3,
     2.4, 5.5, 15, 20 and 117 % with n = 3, 2, 1.5, 1, 0.7, 0.5, 0.3 and 0.1 elements in the contact
@@ -63,10 +64,10 @@ def expected_force_error(sizes: Sizes, a: float, nu: float) -> float:
 
 
 def swelling_force_error(sizes: Sizes, a: float) -> float:
-    """Expected relative error of the force of a contact that a gel closes as it swells.
+    """Expected relative error of the force on a tip that a swelling gel comes to touch.
 
-    The force is that of the last elements that the gel has closed; `a` is the contact radius
-    [length]. Measured on a gel of chi = 0.6 under a ball as large as its thickness, on three
+    `a` is the contact radius [length]. The error is caused by the elements at the contact edge. It
+    was measured on a gel of chi = 0.6 under a ball with a radius equal to the thickness, on three
     meshes at six times, against elements a sixth as long at the axis: at most 51, 36, 8, 5 and 1 %
     with n = 2.3, 2.9, 3.7, 4.5 and 6.5 elements in the contact radius, which is 2.7/n^3 to 8.6/n^3.
     `tests/physics/test_gel_scenes.py` measures one of the meshes again.
@@ -77,13 +78,13 @@ def swelling_force_error(sizes: Sizes, a: float) -> float:
 def penalty_force_loss(
     contact: ContactLaw, material: Material, theory: Theory | None, delta: float, a: float
 ) -> float:
-    """Share of the force, at most, that is lost at a depth by the penetration of a penalty method.
+    """Largest share of the force that the penetration of a penalty method can cost at a depth.
 
-    The body is indented by s < delta only, with s + c p(s)/epsilon_n = delta and the mean pressure
-    p, and 1 - F(s)/F(delta) is lost. F and p are those of the reference theory, or of a paraboloid
-    on a half-space without one. The factor c, the integral of p dp/dF over p, is 0.69 for a cone
-    and 0.75 for a paraboloid on a half-space; for a paraboloid on a thin layer it is 1 if the layer
-    is compressible and 1.5 if not.
+    The penetration reduces the depth to s, with s + c p(s)/epsilon_n = delta and the mean pressure
+    p; the lost share is 1 - F(s)/F(delta). F and p are those of the reference theory, or of a
+    paraboloid on a half-space if there is none. The factor c, the integral of p dp/dF over p, is
+    0.69 for a cone and 0.75 for a paraboloid on a half-space; for a paraboloid on a thin layer it
+    is 1 if the layer is compressible and 1.5 if not.
 
     Parameters
     ----------
@@ -101,7 +102,7 @@ def penalty_force_loss(
     Returns
     -------
     float
-        The share; 0 for the other contact laws, and without contact.
+        The share; 0 for other contact laws and without contact.
     """
     if not isinstance(contact, Penalty) or delta <= 0:
         return 0.0
@@ -133,7 +134,7 @@ def penalty_force_loss(
 def _forces_and_pressures(
     theory: Theory | None, material: Material, delta: float, a: float, depth_fractions: np.ndarray
 ) -> np.ndarray:
-    """Return force (in any unit) and mean pressure at fractions of a depth, by theory or Hertz."""
+    """Return forces (any unit) and mean pressures at fractions of a depth, by theory or Hertz."""
     curve = (
         theory.solutions_at_depths([float(depth) for depth in depth_fractions * delta])
         if theory
@@ -150,27 +151,27 @@ def _forces_and_pressures(
 
 
 def penalty_friction_loss(stiffness: float) -> float:
-    """Share of the friction's effect on the force that a penalty loses.
+    """Share of the effect of friction on the force that is lost by a tangential penalty.
 
-    The argument is epsilon_t a/E*. Measured on a layer with nu = 0 and 0.3, with 5 and 10 elements
-    in the contact radius a and in 1, 4 and 16 steps: 0.79-0.88, 0.30-0.49 and 0.06-0.14 at 0.5, 5
-    and 50.
+    `stiffness` is epsilon_t a/E*. The share was measured on a layer with nu = 0 and 0.3, with 5 and
+    10 elements in the contact radius a and in 1, 4 and 16 steps: 0.79-0.88, 0.30-0.49 and 0.06-0.14
+    at stiffnesses of 0.5, 5 and 50.
     """
     return float(1 / (1 + (stiffness / 4) ** 0.8))
 
 
 def stick_force_change(multiple: float, elements: float) -> float:
-    """Relative change of the effect of stick on the force by epsilon_t = `multiple` E*/h_contact.
+    """Relative change of the effect of stick on the force if epsilon_t = `multiple` E*/h_contact.
 
-    It is relative to the effect with a multiple of 1. Measured for multiples from 0.01 to 1000 on
-    thick bodies with nu = 0 and 0.3 and on thin layers with nu = 0.49 and 0.5: 0.05-0.06 per decade
-    with 4 to 5 elements in the contact radius, 0.02-0.045 with 8 to 10.
+    The reference is the effect with a multiple of 1. The change was measured for multiples from
+    0.01 to 1000 on thick bodies with nu = 0 and 0.3 and on thin layers with nu = 0.49 and 0.5:
+    0.05-0.06 per decade with 4 to 5 elements in the contact radius, 0.02-0.045 with 8 to 10.
     """
     return float(0.35 / elements * np.log10(multiple))
 
 
 def error_text(error: float) -> str:
-    """Return a relative error of the force in words."""
+    """Return a relative error of the force as text."""
     if error >= 1:
         return "more than its own size"
     return "tens of per cent" if error >= 0.2 else f"about {100 * error:.1g} %"

@@ -23,7 +23,7 @@ from indent_sim.scene.problem_setup import ProblemSetup
 def fluid_warnings(
     setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes
 ) -> Iterator[ModelWarning]:
-    """Warnings about the drainage of the fluid and its resolution in space and time."""
+    """Yield warnings about the drainage of the fluid and its resolution in space and time."""
     if not physics.permeable_regions or setup.history is None:
         return
     yield from _seal_warnings(setup, physics, sizes)
@@ -47,7 +47,7 @@ def fluid_warnings(
 def _seal_warnings(
     setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes
 ) -> Iterator[ModelWarning]:
-    """Warnings about a body that is sealed everywhere, and about a tip that seals few elements."""
+    """Yield warnings about a body without drainage, or a coarse mesh below a sealed tip."""
     drainage = physics.drainage
     if {drainage.surface, drainage.tip, drainage.base} == {"sealed"} and not physics.drained_walls:
         yield ModelWarning(
@@ -71,7 +71,7 @@ def _seal_warnings(
 
 
 def _locking_warnings(physics: ProblemDefinition) -> Iterator[ModelWarning]:
-    """A warning about displacement elements that lock once the body has drained."""
+    """Yield a warning about displacement elements that lock after the body has drained."""
     largest_nu = max(
         (
             region.material.constants.nu
@@ -91,7 +91,7 @@ def _locking_warnings(physics: ProblemDefinition) -> Iterator[ModelWarning]:
 def _early_row_warnings(
     setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes
 ) -> Iterator[ModelWarning]:
-    """A warning about early rows, whose drained boundary layer is thinner than an element."""
+    """Yield a warning about early rows whose drained boundary layer is thinner than an element."""
     if setup.max_depth <= 0 or physics.is_swelling:
         return
     film = unresolved_film(setup, physics, sizes, NEGLIGIBLE_ERROR)
@@ -110,7 +110,7 @@ def _early_row_warnings(
 
 
 def _bath_warnings(physics: ProblemDefinition, start_time: float) -> Iterator[ModelWarning]:
-    """Warnings about the ramp of a gel's bath: one without effect, or one that delays swelling."""
+    """Yield warnings about the ramp of a gel's bath if it has no effect or delays swelling."""
     if physics.drainage.bath_ramp != "auto" and not physics.is_swelling:
         yield ModelWarning(
             "bath_ramp",
@@ -136,9 +136,10 @@ def _bath_warnings(physics: ProblemDefinition, start_time: float) -> Iterator[Mo
 
 
 def _swelling_deficit(ramp: float, t: float) -> float:
-    """Return by how much less a gel has risen at time t than after a sudden change of its bath.
+    """Return the relative delay of the swelling of a gel at time t due to the ramp of its bath.
 
-    The deficit is relative. The rise grows as t^(1/2) after a sudden change, and is
+    The delay is 1 minus the rise of the surface divided by the rise after a sudden change. After a
+    sudden change the rise is proportional to t^(1/2). It is proportional to
     2/3 (t^(3/2) - (t - ramp)^(3/2))/ramp if the bath changes linearly over the time `ramp`.
     """
     return 1.0 - 2.0 / 3.0 * (t**1.5 - max(t - ramp, 0.0) ** 1.5) / (ramp * t**0.5)

@@ -57,8 +57,8 @@ def half_space_force(tip: Indenter, delta: float, E_star: float) -> tuple[str, f
     Returns
     -------
     tuple of str and float, or None
-        Name and force [pressure length^2]; None if there is no formula for the tip, or it has no
-        value.
+        Name and force [pressure length^2]; None if there is no formula for the tip, or if the
+        formula has no value at this depth.
     """
     name, force_at = _half_space_formula(tip, delta, E_star)
     try:
@@ -70,9 +70,10 @@ def half_space_force(tip: Indenter, delta: float, E_star: float) -> tuple[str, f
 def _half_space_formula(
     tip: Indenter, delta: float, E_star: float
 ) -> tuple[str, ForceCurve | None]:
-    """Return name and force curve of a tip on a half-space, by quadrature without a closed form.
+    """Return the name of the formula and the force curve of a tip on a half-space.
 
-    The quadrature uses a length unit of about the contact radius at `delta`.
+    Without a closed form the force is a quadrature, with a length unit of about the contact radius
+    at `delta`.
     """
     if not delta > 0:
         return "", None
@@ -87,7 +88,7 @@ def _half_space_formula(
 
 @lru_cache(maxsize=16)  # It is called for every row and every point of a curve.
 def _closed_form_formula(tip: Indenter, E_star: float) -> tuple[str, ForceCurve | None]:
-    """Return name and closed-form force curve of a tip on a half-space.
+    """Return the name of the formula and the closed-form force curve of a tip on a half-space.
 
     The force curve is None if it needs a quadrature. The name is empty if there is no formula.
     """

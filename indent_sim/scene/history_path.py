@@ -1,4 +1,4 @@
-"""The problem whose load path is a prescribed history, with its steps in time."""
+"""The problem with the prescribed history as its load path, and its time steps."""
 
 from __future__ import annotations
 
@@ -31,7 +31,9 @@ MIN_STEP_FRACTION = 1e-3
 def problem_along_history(
     setup: ProblemSetup, physics: ProblemDefinition, h_contact: float
 ) -> ProblemDefinition:
-    """Return the problem whose load path is the history instead of the path to its largest depth.
+    """Return the problem whose load path is the history.
+
+    The path of `physics` is replaced, since it only leads to the largest depth of the history.
 
     Parameters
     ----------
@@ -78,18 +80,19 @@ def problem_along_history(
 
 
 def row_depths(setup: ProblemSetup, is_time_stepped: bool) -> tuple[float, ...]:
-    """Return the expected depths of the output rows that a scene asks for [length].
+    """Return the expected depths [length] of the output rows that a scene requests.
 
-    They are empty if every time step is a row, because a history without `times` asks for no depth:
-    `row_warnings` assesses such rows after the solution. The rows of such a history on the elastic
-    curve are interpolated between the points of the curve, whose depths are returned.
+    A history without `times` requests no rows. If it is solved by time stepping, every time step is
+    an output row; the result is then empty, and `row_warnings` assesses the rows after the
+    solution. If it is evaluated on the elastic curve, the depths of the points of the curve are
+    returned.
 
     Parameters
     ----------
     setup : ProblemSetup
         The problem setup.
     is_time_stepped : bool
-        Whether the history is solved step by step.
+        True if the history is solved step by step.
     """
     if setup.history and setup.history.times:
         return tuple(
@@ -113,12 +116,12 @@ def _depths_along(setup: ProblemSetup, path: LoadPath) -> tuple[float, ...]:
 
 
 def bath_ramp_time(setup: ProblemSetup, physics: ProblemDefinition) -> float:
-    """Return the time [time] over which the chemical potential of a gel's bath ramps up linearly.
+    """Return the time over which a change of a gel's bath is applied linearly [time].
 
-    It is 0 for a body that no bath swells or shrinks, and for an instantaneous change of the bath.
-    The key `drainage.bath_ramp` gives it; for `auto` at finite strain it is
-    L^2/(75 D), where D is the largest diffusivity and L the smaller of the expected
-    contact radius and the body's height. The ramp does not depend on the mesh.
+    The key `drainage.bath_ramp` gives it. For `auto` at finite strain it is L^2/(75 D), where D is
+    the largest diffusivity and L the smaller of the expected contact radius and the body's height;
+    it does not depend on the mesh. It is 0 if the bath does not swell or shrink the body, and for
+    an instantaneous change.
     """
     if not physics.is_swelling:
         return 0.0
@@ -138,7 +141,7 @@ def _remove_jumps(path: LoadPath, key: str) -> LoadPath:
     Raises
     ------
     ConfigError
-        If such an increment ends at a requested time, or if there are no other rows.
+        If an instantaneous increment ends at a requested time, or if there are no other rows.
     """
     requested_jumps = path.sudden_rows if path.turns else ()
     if requested_jumps or len(path.sudden_rows) == len(path.values):
@@ -154,8 +157,8 @@ def _remove_jumps(path: LoadPath, key: str) -> LoadPath:
 def first_step(setup: ProblemSetup, physics: ProblemDefinition, h_contact: float) -> float:
     """Return the first time step of a segment of the history [time].
 
-    It resolves diffusion, relaxation and the ramp of a bath; h_contact is the element size at the
-    contact [length].
+    The time step resolves diffusion, relaxation and the ramp of a bath. h_contact is the element
+    size at the contact [length].
     """
     assert setup.history is not None
     times = [
@@ -178,7 +181,7 @@ def first_step(setup: ProblemSetup, physics: ProblemDefinition, h_contact: float
 
 
 def _expand_relaxation(physics: ProblemDefinition, history: History) -> ModelDomain:
-    """Return the model domain with the relaxation of its regions as Prony series."""
+    """Return the model domain with the relaxation laws of its regions as Prony series."""
 
     def with_prony_series(region: Region) -> Region:
         law = region.material.relaxation

@@ -44,12 +44,12 @@ def position_imported_mesh(
     Raises
     ------
     ConfigError
-        If the mesh has another hash than the scene file says, the tip's axis does not meet it, or
-        it ends in a plane through the tip's axis and the scene file does not say how it is held.
+        If the hash of the mesh differs from the one in the scene file, the tip's axis does not meet
+        it, or it ends in a plane through the tip's axis for which the scene file gives no support.
     """
     center = config.center or source.center
     if source.hash not in (None, imported_mesh.hash):
-        problem = f"'{source.file}' holds another mesh, whose hash is {imported_mesh.hash}"
+        problem = f"'{source.file}' is not the mesh of this scene: its hash is {imported_mesh.hash}"
         remedy = "use the mesh file of this scene, or leave the hash out"
         raise ConfigError("body.hash", problem, remedy)
     imported_mesh = imported_mesh.with_leading_region(
@@ -87,7 +87,7 @@ def read_mesh_file(config: Config, source: MeshFromFile) -> ImportedMesh:
 
 
 def _region_materials(imported_mesh: ImportedMesh, config: Config) -> list[tuple[str, Material]]:
-    """Return key and material of every region of a mesh, in the order of the regions."""
+    """Return scene key and material of every region of a mesh, in the order of the regions."""
     regions = getattr(config.body, "regions", None) or {}
     region_laws = {name: (f"body.regions.{name}", material) for name, material in regions.items()}
     laws = [

@@ -40,11 +40,12 @@ def refine_corners(
     fixed_sizes: FixedSizes,
     resolution: MeshResolution | None,
 ) -> Sizes:
-    """Return sizes that shrink towards all corners where the contact is influenced by one.
+    """Return sizes that decrease towards the corners that influence the contact, in two dimensions.
 
-    In three dimensions that would cost too much. The error of the force by the elements at corners
-    is the result's `corner_error`, with and without refinement: the difference to a coarser mesh
-    does not show it, since elements at a corner are never larger than those in the contact.
+    In three dimensions this refinement would cost too much. The field `corner_error` of the result
+    estimates the error of the force due to the elements at corners, with and without refinement. A
+    coarser mesh does not show this error, since the elements at a corner are never larger than
+    those in the contact.
     """
     physics = setup.physics
     nu = physics.largest_nu
@@ -100,9 +101,9 @@ def refine_corners(
 def refine_inclusions(
     default_sizes: Sizes, config: Config, setup: ProblemSetup, resolution: MeshResolution | None
 ) -> Sizes:
-    """Return sizes that are smaller in inclusions.
+    """Return sizes with smaller elements in inclusions.
 
-    Flat facets of size h inside a round inclusion of radius R leave out (h/R)^2/4 of it.
+    Flat facets of size h inscribed in a round inclusion of radius R omit (h/R)^2/4 of its volume.
     """
     inclusions = [region.inclusion for region in setup.physics.domain.regions if region.inclusion]
     error = INCLUSION_ERROR_SHARE * (resolution.error if resolution else AUTO_ERROR)
@@ -122,9 +123,10 @@ def refine_inclusions(
 def refine_coatings(
     default_sizes: Sizes, config: Config, setup: ProblemSetup, resolution: MeshResolution | None
 ) -> Sizes:
-    """Return sizes that are smaller in the coatings of a cap or ball.
+    """Return sizes with smaller elements in the coatings of a cap or ball.
 
-    With a requested accuracy the elements across a coating increase as those in the contact radius.
+    If an accuracy is requested, the number of elements across a coating increases in proportion to
+    the number of elements in the contact radius.
     """
     coatings = setup.physics.domain.coatings
     given_sizes = config.mesh.h_layers
@@ -147,9 +149,10 @@ def refine_films(
     fixed_sizes: FixedSizes,
     resolution: MeshResolution | None,
 ) -> Sizes:
-    """Return sizes that are smaller at drained faces, where the first rows need it.
+    """Return sizes with smaller elements at drained faces if the first increments need them.
 
-    Until then only a thin boundary layer has drained. In three dimensions it would cost too much.
+    After a short time only a thin boundary layer has drained. In three dimensions this refinement
+    would cost too much.
     """
     physics = setup.physics
     is_size_free = (
@@ -173,7 +176,7 @@ def refine_films(
 def _film_sizes(
     setup: ProblemSetup, default_sizes: Sizes, given_size: float | None, max_fraction: float
 ) -> tuple[tuple[DrainedFace, ...], float]:
-    """Return drained faces that need smaller elements, and the size at the contact.
+    """Return the drained faces that need smaller elements, and the element size at the contact.
 
     Parameters
     ----------
@@ -182,9 +185,10 @@ def _film_sizes(
     default_sizes : Sizes
         The element sizes without this refinement.
     given_size : float or None
-        The size at the contact from the config [length].
+        The element size at drained faces from the config [length]; None: chosen from
+        `max_fraction`.
     max_fraction : float
-        Otherwise the relative error of the force that the boundary layers may cost.
+        Allowed relative error of the force due to the boundary layers.
     """
     assert setup.history is not None
     physics = setup.physics
@@ -220,10 +224,10 @@ def _film_sizes(
 
 
 def _elements_in_inclusion(inclusion: Inclusion, setup: ProblemSetup, error: float) -> float:
-    """Return the elements in half the thickness of an inclusion for an error of the force.
+    """Return the elements needed in half the thickness of an inclusion for an error of the force.
 
-    The error is the missing part of the inclusion times its weight, which is its share in the
-    strain energy below a point force.
+    The error is the fraction of the inclusion that flat facets omit, multiplied by the share of the
+    inclusion in the strain energy below a point force.
     """
     physics = setup.physics
     dim = physics.domain.dim

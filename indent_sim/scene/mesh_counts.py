@@ -67,9 +67,9 @@ def _inverse_square_integral(sizes: Sizes, domain: ModelDomain) -> float:
 
 
 def _inverse_size_integrals(sizes: Sizes, domain: ModelDomain) -> tuple[float, float]:
-    """Return the integrals of 1/size^3 over a body, and of 1/size^2 over its surfaces.
+    """Return the integral of 1/size^3 over the body and that of 1/size^2 over its surfaces.
 
-    The surfaces are those of the body and the interfaces of its layers.
+    The interfaces between layers count as surfaces.
     """
     (x, wx), (y, wy) = (
         _two_sided_grid(*ends, c, sizes)
@@ -99,7 +99,7 @@ def _inverse_size_integrals(sizes: Sizes, domain: ModelDomain) -> tuple[float, f
 def _two_sided_grid(
     low: float, high: float, c: float, sizes: Sizes
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return points and weights on both sides of the tip's axis as far as the ends."""
+    """Return quadrature points and weights from the tip's axis to the ends at low and high."""
     directions = [
         (sign, abs(end - c))
         for sign, end in ((-1, low), (1, high))
@@ -115,9 +115,9 @@ def _two_sided_grid(
 def _inclusion_elements(
     inclusion: Inclusion, h_inside: float, sizes: Sizes, domain: ModelDomain
 ) -> float:
-    """Return the elements that an inclusion adds inside and around it.
+    """Return the number of elements that refinement inside and around an inclusion adds.
 
-    A mirror image is counted with its own model domain.
+    Mirror images are not counted, since they lie outside the model domain.
     """
     dim = domain.dim
     distances = np.concatenate([[0.0], np.geomspace(h_inside / 4, domain.max_extent, 200)])
@@ -141,7 +141,7 @@ def _inclusion_elements(
 def _coating_elements(
     coating: Coating, h_inside: float, sizes: Sizes, domain: ModelDomain
 ) -> float:
-    """Return the elements that a coating adds to the section of a cap or ball."""
+    """Return the number of elements that a coating adds to the section of a cap or ball."""
     distances = np.concatenate([[0.0], np.geomspace(h_inside / 4, coating.outer_radius, 200)])
     h_around = np.minimum(
         h_inside + sizes.grading * (distances[1:] + distances[:-1]) / 2, sizes.h_far
@@ -158,10 +158,11 @@ def _coating_elements(
 
 
 def _film_elements(film: DrainedFace, sizes: Sizes, domain: ModelDomain) -> float:
-    """Return the elements that the boundary layer at a drained face adds to a section.
+    """Return the number of elements that refinement at a drained face adds to a section.
 
-    It is the integral of 1/(h + grading d)^2 - 1/h_without^2 over the distance d from the face, as
-    far as it is positive, and over the length s along the face from the point closest to the tip.
+    It is the integral of max(0, 1/(h + grading d)^2 - 1/h_0^2) over the distance d from the face
+    and the length s along the face from the point closest to the tip. h: element size at the face,
+    h_0: element size without this refinement.
     """
     (x0, z0) = film.side.start
     (x1, z1) = film.side.end
@@ -184,7 +185,7 @@ def _film_elements(film: DrainedFace, sizes: Sizes, domain: ModelDomain) -> floa
 def candidate_count(sizes: Sizes, domain: ModelDomain) -> float:
     """Return the number of surface nodes that may come into contact.
 
-    It is the order of the dense matrices of a condensed body without friction.
+    Without friction, the dense matrices of the condensed solver have this number of rows.
     """
     dim = domain.dim
     # Elements between the fine patch and the end of the candidate nodes of a condensed body.
@@ -196,14 +197,18 @@ def candidate_count(sizes: Sizes, domain: ModelDomain) -> float:
 
 
 def _ring_weight(r: np.ndarray, dim: int, sectors: float) -> np.ndarray:
-    """Return the weight of a distance r from the tip's axis: an arc, or a number of sides."""
+    """Return the measure of the set of points at the distance r from the tip's axis.
+
+    In three dimensions it is the length of the arc [length], in two dimensions the number of
+    points.
+    """
     return pi / 2 * sectors * r if dim == 3 else np.full_like(r, sectors)
 
 
 def _sector_count(sizes: Sizes, domain: ModelDomain) -> float:
-    """Return the number of quarter turns about the tip's axis inside the model domain.
+    """Return the number of quadrants around the tip's axis in the model domain.
 
-    In two dimensions it is the number of sides.
+    In two dimensions it is the number of halves, 1 or 2.
     """
     on_axes = zip(domain.extent[:-1], sizes.axis, strict=False)
     at_end = [min(abs(c - low), abs(high - c)) <= 1e-9 * (high - low) for (low, high), c in on_axes]
@@ -211,6 +216,6 @@ def _sector_count(sizes: Sizes, domain: ModelDomain) -> float:
 
 
 def _log_grid(length: float, smallest: float, points: int = 200) -> tuple[np.ndarray, np.ndarray]:
-    """Return midpoints and widths of intervals from 0 to a length that grow in proportion."""
+    """Return midpoints and widths of intervals from 0 to `length` in a geometric progression."""
     edges = np.concatenate([[0.0], np.geomspace(min(smallest, length) / 4, length, points)])
     return (edges[1:] + edges[:-1]) / 2, np.diff(edges)

@@ -1,8 +1,8 @@
-"""Model warnings: reasons to distrust the model of a scene, before it is solved.
+"""Model warnings: reasons to doubt the model of a scene, known before it is solved.
 
-Each warning has the relative error of the force that it stands for, as far as that is known.
-`discretization_warnings` and `fluid_warnings` add those about the contact law, the mesh and the
-drainage.
+Each warning has the relative error of the force that is expected from its cause, if it is known.
+`discretization_warnings` and `fluid_warnings` add warnings about the contact law, the mesh and
+the drainage.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ModelWarning:
-    """A reason to distrust the force of a scene.
+    """Reason to doubt the force of a scene.
 
     Attributes
     ----------
     key : str
         Short name of the cause.
     message : str
-        The warning; empty where the error is too small to mention.
+        The warning; empty if the error is too small to be reported.
     force_error : float
-        Relative error of the last row's force that the warning stands for; 0 where it is unknown.
+        Expected relative error of the force of the last row; 0 if it is unknown.
     """
 
     key: str
@@ -51,7 +51,7 @@ NO_CONTACT = ModelWarning("no_contact", "the tip never reaches the body: every d
 
 
 def theory_warnings(setup: ProblemSetup, gap: str = "reference") -> tuple[ModelWarning, ...]:
-    """Warnings about the model itself, whichever solver is used."""
+    """Return the warnings about the model itself, which apply to every solver."""
     if setup.max_depth <= 0:
         return tuple(_attraction_warnings(setup)) if setup.attraction else (NO_CONTACT,)
     return (
@@ -63,24 +63,27 @@ def theory_warnings(setup: ProblemSetup, gap: str = "reference") -> tuple[ModelW
 
 
 def material_warnings(config: Config, setup: ProblemSetup) -> tuple[ModelWarning, ...]:
-    """A warning if the section `material` has no effect."""
+    """Return a warning if the section `material` has no effect."""
     message = unused_material_message(config, setup.physics.domain)
     return (ModelWarning("material", message),) if message else ()
 
 
 def pull_warnings(setup: ProblemSetup) -> tuple[ModelWarning, ...]:
-    """A warning if the contact of the reference theory has tension, which no mesh allows."""
+    """Return a warning if the contact pressure of the reference theory is tensile somewhere.
+
+    A contact on a mesh cannot transmit tension without adhesion.
+    """
     if not (setup.theory and setup.theory.tension_fraction):
         return ()
     message = (
-        f"{setup.theory.reason}; a contact without tension is smaller, and so is its force: only a "
-        "finite-element solution tells by how much"
+        f"{setup.theory.reason}; a contact without tension is smaller, and so is its force: the "
+        "difference is known only from a finite-element solution"
     )
     return (ModelWarning("pull", message, setup.theory.tension_fraction),)
 
 
 def _model_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
-    """Warnings about kinematics, tip, material and body that do not suit the depth."""
+    """Yield warnings if kinematics, tip, material or body are outside the range of the model."""
     physics = setup.physics
     body = physics.body
     material = physics.material
@@ -135,7 +138,7 @@ def _model_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
 
 
 def _tip_end_warnings(setup: ProblemSetup, gap: str) -> Iterator[ModelWarning]:
-    """A warning if the tip's profile ends inside the contact, with what the model makes of it."""
+    """Yield a warning if the tip's profile ends inside the contact, and how the model treats it."""
     tip = setup.physics.indenter
     delta = setup.max_depth
     end_radius = max_radius(setup.physics.indenter)
@@ -164,7 +167,7 @@ def _tip_end_warnings(setup: ProblemSetup, gap: str) -> Iterator[ModelWarning]:
 
 
 def _attraction_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
-    """A warning if the attraction reaches beyond the edge of the body."""
+    """Yield a warning if the attraction reaches beyond the edge of the body."""
     lateral_extent = setup.physics.body.lateral_extent(setup.physics.center)
     if (
         setup.attraction is None
@@ -184,10 +187,10 @@ def _attraction_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
 
 
 def _adhesion_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
-    """A warning if the range of the attraction is too long for the JKR limit.
+    """Yield a warning if the range of the attraction is too long for the JKR limit.
 
-    The measure is the pull-off force by Maugis-Dugdale on a half-space, which may differ from the
-    JKR limit by 1 %.
+    The criterion is a pull-off force by Maugis-Dugdale on a half-space that differs from the JKR
+    limit by more than 1 %.
     """
     limit = setup.jkr_limit
     if limit is None or limit.range is None:

@@ -1,4 +1,4 @@
-"""Effect of no slip and of friction on the force, as known before the scene is solved."""
+"""Effect of no slip and of friction on the force, estimated before the scene is solved."""
 
 from __future__ import annotations
 
@@ -20,16 +20,18 @@ from indent_sim.theory.no_slip import FrictionCorrection
 
 @dataclass(frozen=True)
 class NoSlipEffect:
-    """Change of the force at the largest depth by no slip instead of no friction.
+    """Relative change of the force at the largest depth if the contact has no slip.
+
+    The reference is a contact without friction.
 
     Attributes
     ----------
     percent : float or None
-        The change [%], where it is known exactly.
+        The change [%] if it is known exactly.
     low, high : float or None
-        Range of the change [%]; None if only its counterpart at small strain is known.
+        Range of the change [%]; None if it is known only at small strain, but strains are finite.
     source : str
-        Origin of these numbers, in words.
+        Text on the origin of these numbers.
     """
 
     percent: float | None
@@ -39,8 +41,7 @@ class NoSlipEffect:
 
     @property
     def is_noticeable(self) -> bool:
-        """True if the change may be worth a sentence."""
-        # Change of the force by no slip below which it is not mentioned [%].
+        """True if the change may be 1 % or more, so that it is reported."""
         negligible_percent = 1.0
         return (
             self.low is None
@@ -50,12 +51,12 @@ class NoSlipEffect:
 
     @property
     def remark(self) -> str:
-        """The sentence if the change is noticeable, otherwise an empty text."""
+        """Return the sentence on the change if it is noticeable, otherwise an empty string."""
         return self.sentence if self.is_noticeable else ""
 
     @property
     def sentence(self) -> str:
-        """The change in words."""
+        """Return a sentence that states the change."""
         if self.low is None or self.high is None:
             return f"no slip instead of no friction may change this force noticeably: {self.source}"
         low = f"{self.low:+z.1f}"
@@ -71,11 +72,11 @@ class NoSlipEffect:
 def no_slip_effect(
     setup: ProblemSetup, physics: ProblemDefinition, linear: str = "direct"
 ) -> NoSlipEffect | None:
-    """Return the effect of no slip at the largest depth; None if it is unknown or if nothing slips.
+    """Return the effect of no slip at the largest depth; None if unknown or if nothing slips.
 
-    It is exact on a half-space, and a range from the map of bonded layers (`theory.no_slip`) on
-    other bodies. At finite strain, or with the gap at the deformed point, there is no number, and
-    an effect only if its counterpart at small strain is noticeable.
+    The effect is exact on a half-space. For other bodies it is a range interpolated from computed
+    bonded layers (`theory.no_slip`). At finite strain, or with the gap evaluated at the deformed
+    point, no number is known; an effect is returned only if that at small strain is noticeable.
 
     Parameters
     ----------
@@ -84,7 +85,7 @@ def no_slip_effect(
     physics : ProblemDefinition
         The problem with all its choices.
     linear : str
-        Linear solver of the runs for error bars, "direct" or "iterative".
+        Linear solver of the runs for error estimates, "direct" or "iterative".
     """
     effect = (
         None if physics.is_path_dependent or setup.max_depth <= 0 else _small_strain_effect(setup)
@@ -92,14 +93,14 @@ def no_slip_effect(
     if effect is None or physics.is_linear:
         return effect
     is_solvable = not physics.domain.pins and linear != "iterative"
-    source = "it would at small strain, and the change may be larger here"
+    source = "at small strain the change is noticeable, and it may be larger here"
     if is_solvable:
         source += "; --error-bars computes it"
     return NoSlipEffect(None, None, None, source) if effect.is_noticeable else None
 
 
 def _small_strain_effect(setup: ProblemSetup) -> NoSlipEffect | None:
-    """Return the effect of no slip at small strain; None if theory does not know it."""
+    """Return the effect of no slip at small strain; None if it is not known from theory."""
     physics = setup.physics
     a = setup.a
     domain = physics.domain
@@ -140,9 +141,9 @@ def _is_homogeneous_isotropic(domain: ModelDomain) -> bool:
 
 
 def profile_exponent(tip: Indenter) -> float | None:
-    """Return the exponent n of the tip's profile f = B r^n, infinite for a punch.
+    """Return the exponent n of the tip's profile f = B r^n; infinity for a punch.
 
-    It is None for any other profile, and for a rounded apex or edge.
+    The exponent is None for any other profile, and for a rounded apex or edge.
     """
     is_sharp = not any(getattr(tip, name, 0.0) > 0 for name in ("tip_radius", "edge_radius"))
     # Exponent n of the profile f = B r^n of a tip; infinite for a flat punch.
@@ -158,10 +159,10 @@ def profile_exponent(tip: Indenter) -> float | None:
 def friction_correction(
     setup: ProblemSetup, physics: ProblemDefinition, friction: Friction
 ) -> FrictionCorrection | None:
-    """Return the factors of Coulomb friction on the deepest contact with a half-space.
+    """Return the effect of Coulomb friction on the contact with a half-space at the largest depth.
 
-    They are unknown (None) for other tips, other bodies, a path that unloads before its largest
-    depth, or a coefficient of friction beyond the range of the theory.
+    The result is None for other tips and bodies, for a path that unloads before its largest depth,
+    and for a coefficient of friction beyond the range of the theory.
 
     Parameters
     ----------
@@ -192,7 +193,7 @@ def friction_correction(
 
 
 def friction_sentence(physics: ProblemDefinition, correction: FrictionCorrection) -> str:
-    """Return the friction correction in words."""
+    """Return a sentence on the change of the force by friction."""
     cause = "no slip"
     stick_text = ""
     if correction.sticks < 1.0:
@@ -205,12 +206,12 @@ def friction_sentence(physics: ProblemDefinition, correction: FrictionCorrection
 
 
 def tensile_rim_width(tip: Indenter, nu: float, sizes: Sizes, dim: int) -> float:
-    """Return the width of the rim under a sharp edge in which a sticking surface would pull.
+    """Return the width of the rim under a sharp edge where a sticking contact would be tensile.
 
-    The oscillating singularity of the bonded punch of radius a makes it tensile within
-    d = 2 a exp(-pi^2/ln(3 - 4 nu)) [length] of the edge: 2e-4 a at nu = 0, 1e-7 a at nu = 0.3. A
-    contact that can only push has no equilibrium with stick on elements that resolve the rim. The
-    width is 0 if they do not.
+    The oscillating singularity of the bonded punch of radius a makes the contact pressure tensile
+    within d = 2 a exp(-pi^2/ln(3 - 4 nu)) [length] of the edge: 2e-4 a at nu = 0, 1e-7 a at
+    nu = 0.3. On elements that resolve this rim, a contact with stick and without tension has no
+    equilibrium. The result is 0 if the elements do not resolve the rim.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Rows of a path in time, each with the changes of the load that drain the body before it."""
+"""Rows of a load path in time, with the preceding load changes that cause drainage."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ class PathSegment:
     Attributes
     ----------
     begin, end
-        Times of its begin and its end [time]; they are equal for a jump.
+        Times at the beginning and the end of the segment [time]; they are equal for a jump.
     change
-        Change of the depth or force over the largest one.
+        Change of the depth or force, divided by the largest value of the path.
     """
 
     begin: float
@@ -31,13 +31,13 @@ class PathSegment:
 
     @property
     def rate(self) -> float:
-        """Change per time; infinite for a jump."""
+        """Return the change per time [1/time]; infinity for a jump."""
         return self.change / (self.end - self.begin) if self.end > self.begin else inf
 
 
 @dataclass(frozen=True)
 class PathRow:
-    """Row of a path in time, with the changes of the load before it.
+    """Row of a path in time, with the preceding changes of the load.
 
     Attributes
     ----------
@@ -57,26 +57,27 @@ class PathRow:
     value: float
 
     def drained_length(self, diffusivity: float) -> float:
-        """Return the depth [length] of body at the pressure of the largest value that has drained.
+        """Return the drained thickness of the body [length], weighted with the load changes.
 
-        It is the sum of `drained_length` over all changes.
+        It is the sum of `drained_length` of the theory over all changes. A change counts in
+        proportion to its pressure, relative to that at the largest value of the path.
         """
         return float(self.changes @ drained_length(diffusivity, self.elapsed, self.durations))
 
     def excess_length(self, h: np.ndarray, diffusivity: float) -> np.ndarray:
-        """Return the overestimate (m,) [length] of `drained_length` by elements of sizes h (m,).
+        """Return the overestimate (m,) [length] of the drained length by elements of sizes h (m,).
 
-        It is the sum of `excess_length` over all changes.
+        It is the sum of `excess_length` of the theory over all changes.
         """
         lengths = drained_length(diffusivity, self.elapsed, self.durations)
         return excess_length(h[:, None], lengths) @ self.changes
 
 
 def path_rows(path: LoadPath) -> list[PathRow]:
-    """Return the rows of a path in time, each with the last 30 changes that began before.
+    """Return the rows of a path in time, each with the last 30 changes before it.
 
-    A jump at the time of a row is not among its changes, because nothing has drained since. Without
-    positive values there are no rows, because no pore pressure arises.
+    A jump at the time of a row is not among its changes, because no fluid has drained since.
+    Without positive values there are no rows, because no pore pressure arises.
     """
     largest = max(path.values)
     if largest <= 0:
@@ -109,7 +110,7 @@ def path_rows(path: LoadPath) -> list[PathRow]:
 
 
 def _merge_segments(points: Sequence[tuple[float, float]]) -> list[PathSegment]:
-    """Return the segments between points (value, time); those of one constant rate are merged."""
+    """Return the segments between points (value, time); segments of equal rate are merged."""
     segments: list[PathSegment] = []
     # Relative difference of the rates of two segments up to which they are one.
     rate_tolerance = 1e-6

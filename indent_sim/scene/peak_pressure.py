@@ -1,4 +1,4 @@
-"""Peak pressure: reasons why a contact has none, or why no mesh can resolve it."""
+"""Reasons why the peak pressure of a contact is infinite, or cannot be resolved by a mesh."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from indent_sim.scene.problem_definition import ProblemDefinition
 
 
 def infinite_pressure_reason(tip: Indenter, a: float) -> str:
-    """Return why the pressure of a contact of radius a [length] is unbounded; empty if it is not.
+    """Return why the pressure of a contact of radius a [length] is unbounded; empty if bounded.
 
-    It is unbounded at a slope discontinuity of the tip that is not rounded.
+    The pressure is unbounded at a slope discontinuity of the tip that is not rounded.
     """
     r_sharp = next((r for r, width in tip.slope_discontinuities() if width == 0 and r <= a), None)
     if r_sharp is None:
@@ -25,8 +25,8 @@ def missing_peak_reason(physics: ProblemDefinition, sizes: Sizes, a: float) -> s
     """Return why a mesh cannot resolve the largest pressure of a contact; empty if it can.
 
     Under a sharp apex, corner or edge the pressure is infinite, and its largest value on a mesh
-    grows as the elements shrink. The same holds for a rounded one while the elements are larger
-    than the arc.
+    grows as the elements shrink. The same holds for a rounded corner or edge if the elements are
+    larger than the arc.
 
     Parameters
     ----------

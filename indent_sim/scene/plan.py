@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Plan:
-    """All that is reported about a simulation before it runs.
+    """Information about a simulation before it runs.
 
     Attributes
     ----------
@@ -56,11 +56,11 @@ class Plan:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """The messages of all model warnings that have one."""
+        """Return the messages of all model warnings that have a message."""
         return tuple(warning.message for warning in self.model_warnings if warning.message)
 
     def as_json(self) -> dict[str, Any]:
-        """The plan as one JSON object."""
+        """Return the plan as an object for JSON."""
         parts = (
             "title",
             "units",

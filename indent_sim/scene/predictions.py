@@ -16,9 +16,10 @@ def prediction_of(setup: ProblemSetup) -> dict[str, float]:
     """Return the predictions of the reference theory and of closed formulas in the user's units.
 
     The keys are the contact radius `a`, the elastocapillary length of a body with surface tension,
-    and the force at the largest depth (`delta` at the largest force, if forces are prescribed) by
-    theory and, with a suffix, by the formulas for half-spaces and films; for an adhesive tip it is
-    that of the JKR limit alone. What no theory knows is left out.
+    and the force at the largest depth, or `delta` at the largest force if forces are prescribed.
+    The value by theory has the plain key; values by formulas for half-spaces and thin layers have
+    keys with a suffix. For an adhesive tip only the JKR limit is given. Unknown quantities are left
+    out.
     """
     physics = setup.physics
     delta = setup.max_depth
@@ -83,7 +84,7 @@ class ExpectedAdhesion:
     cohesive_zone : float
         Width of the cohesive zone outside the contact [length].
     elements : float
-        Elements in that width.
+        Number of elements in the width of the cohesive zone.
     tabor : float or None
         Tabor number of a round tip.
     maugis_lambda : float or None
@@ -103,7 +104,7 @@ class ExpectedAdhesion:
 
     @property
     def description(self) -> str:
-        """The quantities with their meanings, as the reason of a choice."""
+        """Return the quantities with their meanings as text, for the reason of a choice."""
         numbers = ((symbol.meaning, getattr(self, symbol.name)) for symbol in ADHESION_SYMBOLS)
         return "; ".join(
             f"{meaning} {number:.4g}" for meaning, number in numbers if number is not None

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def needs_time_stepping(history: History | None, law: Relaxation | None, compliance: float) -> bool:
     """True if a relaxing body needs viscoelastic time stepping instead of a quadrature.
 
-    This is so for prescribed forces, for a tip on a spring, and for repeated loading.
+    Time stepping is needed for prescribed forces, for a tip on a spring, and for repeated loading.
     """
     is_general = history is not None and (
         history.control == "force" or compliance > 0 or history.has_reloading
@@ -26,14 +26,14 @@ def needs_time_stepping(history: History | None, law: Relaxation | None, complia
 
 
 def prony_series(law: Relaxation, shortest: float, longest: float) -> PronySeries:
-    """Return a relaxation as a Prony series.
+    """Return the relaxation as a Prony series.
 
     Parameters
     ----------
     law : Relaxation
         A Prony series or a power law.
     shortest, longest : float
-        Range of times [time] in which the series matches a power law to 1e-5.
+        Range of times [time] in which the series approximates a power law to 1e-5.
     """
     if law.power_law is None:
         fractions, times = zip(*(law.prony or ()), strict=True)
@@ -46,9 +46,9 @@ def prony_series(law: Relaxation, shortest: float, longest: float) -> PronySerie
 
 
 def remaining_modulus_fraction(law: Relaxation | None, history: History | None) -> float:
-    """Return the smallest part of the instantaneous modulus that remains during a history.
+    """Return the smallest fraction of the instantaneous modulus during a history.
 
-    It can exceed 1 for a power law, whose modulus is that at its reference time.
+    It can exceed 1 for a power law, which is relative to the modulus at its reference time.
     """
     if law is None:
         return 1.0
@@ -64,7 +64,7 @@ def remaining_modulus_fraction(law: Relaxation | None, history: History | None) 
 def time_steps_per_doubling(config: Config) -> int:
     """Return the number of time steps before the step size doubles, as given or from `accuracy`.
 
-    The error falls with its square.
+    The error of the time integration falls with the square of this number.
     """
     # Relative error of the force by time stepping with STEPS_PER_DOUBLING steps of each length. It
     # is of second order in the step size. With friction it is known less accurately: the error bar

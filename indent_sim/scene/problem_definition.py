@@ -1,4 +1,4 @@
-"""The nondimensional problem: body, tip, contact law, load path and what follows from them."""
+"""Nondimensional problem: body, tip, contact law, load path and derived properties."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ CREASING_STRETCH = 2.4
 
 @dataclass(frozen=True)
 class ProblemDefinition:
-    """The nondimensional problem: every number is divided by the `scales`.
+    """Nondimensional problem; every quantity is divided by the `scales`.
 
-    It is made from the config, with the contact conditions of the reference theory; the choices for
-    a mesh then replace contact law, gap, tip and stiffnesses.
+    The problem is made from the config with the contact conditions of the reference theory. The
+    choices for a mesh then replace contact law, gap, tip and stiffnesses.
 
     Attributes
     ----------
@@ -43,9 +43,9 @@ class ProblemDefinition:
     path : LoadPath
         The prescribed depths or forces.
     deltas : tuple of float
-        The prescribed depths, or those to expect at the prescribed forces [length].
+        The prescribed depths, or the depths expected at the prescribed forces [length].
     gap : str
-        Where the gap is evaluated: reference (undeformed point) | current (deformed point).
+        Where the gap is evaluated: "reference" (undeformed point) or "current" (deformed point).
     wall_stiffness : float
         Stiffness of the weak condition u . n = 0 on the curved wall of a three-dimensional cylinder
         [pressure/length]; 0 without such a wall.
@@ -81,12 +81,12 @@ class ProblemDefinition:
 
     @cached_property
     def max_depth(self) -> float:
-        """The largest depth of the path [length]."""
+        """Largest depth of the path [length]."""
         return max(self.deltas)
 
     @cached_property
     def side_contact_depth(self) -> float:
-        """The depth at which the tip reaches the upper edge of a fixed side [length]."""
+        """Depth at which the tip reaches the upper edge of a fixed side [length]."""
         return side_contact_depth(self.body, self.indenter, self.center)
 
     @property
@@ -96,14 +96,14 @@ class ProblemDefinition:
 
     @property
     def largest_force(self) -> float | None:
-        """The largest prescribed force [pressure length^2]; None where depths are prescribed."""
+        """Largest prescribed force [pressure length^2]; None if depths are prescribed."""
         return max(self.path.values) if self.path.control == "force" else None
 
     @property
     def side_force_axes(self) -> dict[str, int]:
-        """Horizontal axes, by name, along which friction can produce a net side force.
+        """Return the horizontal axes, by name, along which friction can produce a net side force.
 
-        Symmetry excludes an axis that is normal to a mirror plane through the tip.
+        By symmetry, there is no side force normal to a mirror plane through the tip.
         """
         return {
             name: axis
@@ -113,10 +113,10 @@ class ProblemDefinition:
 
     @property
     def missing_side_forces(self) -> dict[str, bool]:
-        """Horizontal axes along which symmetry excludes a side force.
+        """Return the horizontal axes along which symmetry excludes a side force.
 
-        The value is True if the mirror plane is a wall of the body itself, whose image pushes back,
-        and False if only a part of the body is modelled.
+        The value is True if the mirror plane is a wall of the body itself; the mirror image then
+        exerts an opposite force. It is False if the mirror plane only reduces the model domain.
         """
         return {
             name: name not in self.domain.mirror_axes
@@ -126,28 +126,28 @@ class ProblemDefinition:
 
     @property
     def _lateral_axes(self) -> dict[str, int]:
-        """Horizontal axes along which friction may push the tip; none in axisymmetry."""
+        """Return the horizontal axes along which friction may push the tip; none in axisymmetry."""
         if not self.has_friction or self.domain.kinematics.name == "axisymmetric":
             return {}
         return {name: axis for axis, name in enumerate("xy"[: self.domain.dim - 1])}
 
     def _mirror_walls_across(self, axis_name: str) -> set[str]:
-        """Walls normal to an axis that are mirror planes through the tip."""
+        """Return the walls normal to an axis that are mirror planes through the tip."""
         return self.domain.mirror_walls(self.center) & {f"{axis_name}_min", f"{axis_name}_max"}
 
     @property
     def mirror_multiplicity(self) -> int:
-        """Number of bodies that the tip indents, counting those behind mirror planes at the tip."""
+        """Number of bodies that the tip indents, including the images behind mirror planes."""
         return self.domain.mirrored_body_count(self.center)
 
     def full_contact_radius(self, a: float) -> float:
-        """Radius [length] of the contact including its mirror images.
+        """Return the radius [length] of the contact including its mirror images.
 
         Parameters
         ----------
         a : float
-            The contact radius of a row: that of a circle with the contact area on the body itself,
-            in plane strain half the width [length].
+            Contact radius of a row [length]: radius of a circle with the area of the contact on the
+            body itself, in plane strain its half-width.
         """
         kinematics = self.domain.kinematics
         if self.mirror_multiplicity == 1:
@@ -155,7 +155,7 @@ class ProblemDefinition:
         return kinematics.contact_radius(self.mirror_multiplicity * kinematics.contact_area(a))
 
     def row_contact_radius(self, a: float) -> float:
-        """Contact radius of a row [length] for a radius a that includes the mirror images."""
+        """Return the contact radius of a row [length] from one that includes mirror images."""
         kinematics = self.domain.kinematics
         if self.mirror_multiplicity == 1:
             return a
@@ -163,7 +163,7 @@ class ProblemDefinition:
 
     @property
     def drained_walls(self) -> tuple[str, ...]:
-        """The side walls through which pore fluid drains."""
+        """Return the side walls through which pore fluid drains."""
         mirror_surfaces = self.domain.mirror_walls(self.center)
         walls = [
             wall for wall in self.domain.wall_distances(self.center) if wall not in mirror_surfaces
@@ -185,7 +185,7 @@ class ProblemDefinition:
         return self.is_compressed and bool(self.permeable_regions)
 
     def bath_pressure(self, region: Region, t: float) -> float:
-        """Pressure p_b [pressure] of the bath of a permeable region.
+        """Return the pressure p_b [pressure] of the bath of a permeable region.
 
         Parameters
         ----------
@@ -212,7 +212,7 @@ class ProblemDefinition:
     def surface_layer_stretch(self) -> float:
         """Stretch normal to the surface of a gel whose surface layer has swollen; 1 without a gel.
 
-        The gel below the surface layer prevents its lateral swelling: transiently in a free body,
+        The gel below the surface layer prevents its lateral swelling: temporarily in a free body,
         permanently in a body between walls.
         """
         law = self.domain.regions[0].material
@@ -225,7 +225,7 @@ class ProblemDefinition:
 
     @property
     def creasing_message(self) -> str:
-        """Message that swelling makes the surface of a gel crease; empty if it stays smooth."""
+        """Return a message if swelling makes the surface of a gel crease, otherwise ""."""
         if self.surface_layer_stretch <= CREASING_STRETCH:
             return ""
         swelling_text = (
@@ -238,7 +238,7 @@ class ProblemDefinition:
         )
 
     def is_closed_by_swelling(self, depth: float, a: float) -> bool:
-        """True if swelling has widened a contact of radius a beyond the tip's radius at its depth.
+        """True if swelling has widened a contact beyond the radius of the tip at its depth.
 
         Parameters
         ----------
@@ -285,7 +285,7 @@ class ProblemDefinition:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns of the force table that friction and pore fluid add, in order."""
+        """Columns of the force table for friction and pore fluid, in order."""
         fluid = FLUID_COLUMNS if self.permeable_regions else ()
         if not self.has_friction:
             return fluid
@@ -311,9 +311,10 @@ class ProblemDefinition:
 
     @property
     def largest_locking_nu(self) -> float:
-        """The largest Poisson's ratio, during the history, of displacement elements without fluid.
+        """Largest Poisson's ratio, over time, in regions with displacement elements and no fluid.
 
-        Such elements lock if it is close to 0.5; with pore fluid, its pressure prevents locking.
+        These elements lock if it is close to 0.5. In regions with pore fluid, the pore pressure
+        prevents locking.
         """
         locking_regions = [
             candidate
@@ -356,14 +357,14 @@ class ProblemDefinition:
         return self.small_strain and self.gap == "reference"
 
     def solver_work(self, method: str, linear: str) -> SolverWork:
-        """Work of a solver for this problem, for the prediction of its cost.
+        """Return the properties of the solution by a solver that determine its cost.
 
         Parameters
         ----------
         method : str
-            condensed | newton.
+            "condensed" or "newton".
         linear : str
-            direct | iterative.
+            "direct" or "iterative".
         """
         # Linear solves of load control per linear solve of depth control.
         force_search_factor = 2
@@ -407,12 +408,12 @@ class ProblemDefinition:
 
 
 def largest_diffusivity(physics: ProblemDefinition) -> float:
-    """The largest diffusivity D [length^2/time] of the regions in which fluid flows."""
+    """Return the largest diffusivity D [length^2/time] of the regions with pore fluid."""
     return max(region.material.diffusivity for region in physics.permeable_regions)
 
 
 def is_undrained_incompressible(physics: ProblemDefinition) -> bool:
-    """True if a body below a tip that covers its top cannot be compressed before fluid drains."""
+    """True if a body whose top the tip covers cannot be compressed before fluid drains."""
     is_closed = all(
         physics.domain.supports.get(wall, "free") != "free"
         for wall in physics.domain.wall_distances(physics.center)

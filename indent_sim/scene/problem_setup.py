@@ -1,4 +1,4 @@
-"""Problem setup: a scene before any choice, with its model domain, theory and expected depths."""
+"""Problem setup: a scene before any choice, with model domain, theory and expected depths."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ ATTRACTION_CUTOFF = 7.0
 
 @dataclass(frozen=True)
 class ProblemSetup:
-    """A scene before any choice: the nondimensional problem and what theory predicts for it.
+    """Nondimensional problem before any choice, with the predictions of theory.
 
     Attributes
     ----------
@@ -95,7 +95,7 @@ class ProblemSetup:
     uses_time_stepping : bool
         True if a relaxing body needs viscoelastic time stepping.
     steps_per_doubling : int
-        Time steps before the step size doubles.
+        Number of time steps before the step size doubles.
     attraction : Adhesion or None
         Adhesion of the contact law.
     theory_without_tension : Theory or None
@@ -140,7 +140,7 @@ class ProblemSetup:
 
     @property
     def a(self) -> float:
-        """The expected contact radius at the largest depth, including adhesion [length]."""
+        """Expected contact radius at the largest depth, including adhesion [length]."""
         if self.adhesive_radii and self.max_depth <= 0:
             # Without adhesion there is no contact at this depth.
             return max(self.adhesive_radii)
@@ -150,13 +150,13 @@ class ProblemSetup:
     def elastocapillary_length(self) -> float:
         """Elastocapillary length gamma/E* [length].
 
-        Surface tension dominates the elasticity at smaller lengths.
+        At smaller lengths, surface tension dominates the elasticity.
         """
         return self.physics.surface_tension / self.physics.material.E_star
 
     @property
     def jkr_limit(self) -> JKRAdhesion | None:
-        """Adhesion of the experiment, which is evaluated in the JKR limit."""
+        """Adhesion of the experiment, evaluated in the JKR limit; None without adhesion."""
         return self.experiment.adhesion if self.experiment else None
 
     @cached_property
@@ -177,11 +177,11 @@ class ProblemSetup:
 
     @cached_property
     def jkr(self) -> Jkr | None:
-        """The contact of an adhesive tip in the JKR limit; None without a theory for it."""
+        """Contact of an adhesive tip in the JKR limit; None if there is no theory."""
         return self.theory.jkr(self.attraction.work) if self.attraction and self.theory else None
 
     def solution(self, delta: float) -> Solution | None:
-        """Contact of the reference theory at a depth [length]; None without a theory."""
+        """Return the contact of the reference theory at a depth [length]; None without theory."""
         return self.theory.solution_at_depth(delta) if self.theory else None
 
 
@@ -224,7 +224,7 @@ def set_up_problem(config: Config, imported_mesh: ImportedMesh | None = None) ->
 
 
 def truncate_body(config: Config, setup: ProblemSetup) -> ProblemSetup:
-    """Replace an unbounded body by a finite one that can be meshed; leave others as they are."""
+    """Replace an unbounded body by a finite one; return other setups unchanged."""
     if not isinstance(config.body, UnboundedBody):
         return setup
     deepest = setup.max_depth
@@ -243,9 +243,9 @@ def truncate_body(config: Config, setup: ProblemSetup) -> ProblemSetup:
 def _layers_in_extreme_states(config: Config) -> list[Layers]:
     """Return the layers in the elastic states between which their materials change with time.
 
-    The drained and unrelaxed state is the first. The undrained state, and that of the shear modulus
-    which has relaxed most, are less compressible: on a frictionless base a wall then affects the
-    force from much farther away.
+    The first state is drained and unrelaxed. The undrained state and the state with the most
+    relaxed shear modulus are less compressible: on a frictionless base, a side wall then affects
+    the force from a much larger distance.
     """
     layers = elastic_layers(config)
     states = [layers]
@@ -269,9 +269,10 @@ def _layers_in_extreme_states(config: Config) -> list[Layers]:
 
 
 def tension_width_factor(setup: ProblemSetup) -> float:
-    """Factor by which a finite body must be wider because of its surface tension.
+    """Return the factor by which a finite body must be wider because of its surface tension.
 
-    The tension increases the force, and the surface beside the contact is deformed over gamma/E*.
+    The tension increases the force and deforms the surface around the contact over the length
+    gamma/E*.
     """
     elastocapillary_length = setup.elastocapillary_length
     theory_without_tension = setup.theory_without_tension
@@ -290,7 +291,7 @@ def _set_up(
     truncation: Truncation | None,
     imported_mesh: ImportedMesh | None,
 ) -> ProblemSetup:
-    """Set up the problem on a finite body, a truncated one, or an imported mesh."""
+    """Set up the problem for a finite body, a truncated body or an imported mesh."""
     material = layer_material(layers[0])
     center = whole_body.center if truncation else config.center or whole_body.center
     contacts = whole_body.contacts_per_body if isinstance(whole_body, SphericalBody) else 1
@@ -374,7 +375,7 @@ def _set_up(
 def _plate_if_covering(tip: Indenter, body: Body, center: Center) -> Indenter:
     """Replace a sharp punch that is exactly as wide as a flat top by a plate.
 
-    Its edge would cut into the rim of the body, which bulges at finite strain.
+    The edge of the punch would cut into the rim of the body, which bulges at finite strain.
     """
     if not isinstance(tip, FlatPunch) or tip.edge_radius or not covers_top(tip, body, center):
         return tip
@@ -401,9 +402,9 @@ def _model_domain(
 
 
 def _length_unit(body: Body, layers: Sequence[Layer], tip: Indenter, path: LoadPath) -> float:
-    """Unit of length: the height of the body, or for a half-space about the contact radius.
+    """Return the unit of length: height of the body, or about the contact radius.
 
-    The latter is rounded to a power of two, so that dividing by it has no rounding error.
+    The contact radius is rounded to a power of two, so that division by it has no rounding error.
     """
     if isfinite(body.height):
         return body.height

@@ -1,8 +1,8 @@
-"""Reasons for a choice of the program, of which the first that applies is reported."""
+"""Selection of the reason that is reported for a choice of the program."""
 
 from __future__ import annotations
 
 
 def first_reason(*reasons: tuple[bool, str]) -> str:
-    """The first of the reasons that apply; empty where none does."""
+    """Return the first reason whose condition is true; empty if there is none."""
     return next((why for applies, why in reasons if applies), "")

@@ -1,4 +1,4 @@
-"""Reference theory of a scene, with the differences between its body and that of the theory."""
+"""Reference theory of a scene, and the differences between the scene and the theory."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from indent_sim.theory.stack import Stack, StackLayer
 from indent_sim.theory.strip import Strip
 from indent_sim.theory.theory import Theory
 
-NO_INCLUSIONS = "theory's body has no inclusions"
+NO_INCLUSIONS = "the theory does not include inclusions"
 
 
 def theory_of(
@@ -56,7 +56,7 @@ def theory_of(
     body : Body
         The body.
     layers : sequence of Layer
-        Its layers from the top.
+        The layers of the body from the top.
     tip : Indenter
         The tip.
     center : tuple of float
@@ -88,7 +88,7 @@ def theory_of(
 def _add_surface_tension(theory: Theory, surface_tension: float) -> Theory | None:
     """Return the theory of a layer with surface tension; None in plane strain.
 
-    This theory has no side walls, so that it is not exact for a body with a wall.
+    The theory is for a layer without side walls, so that it is not exact for a body with a wall.
     """
     if not isinstance(theory.contact, Layer):
         return None
@@ -97,7 +97,7 @@ def _add_surface_tension(theory: Theory, surface_tension: float) -> Theory | Non
     contact = LayerWithSurfaceTension.from_layer(theory.contact, surface_tension)
     has_wall = theory.contact.wall < inf
     difference = first_reason(
-        (has_wall, "theory's layer is infinitely wide"),
+        (has_wall, "the layer of the theory is infinitely wide"),
         (
             contact.has_slope_discontinuities,
             "with surface tension, theory's pressure oscillates under a tip with slope "
@@ -119,8 +119,8 @@ def layer_theory(
 ) -> Theory | None:
     """Return the layer theory of a bounded body; None if there is none.
 
-    There is none for a body from a mesh file, for layers with nu < 0, and for tips that the theory
-    does not know. The parameters are those of `theory_of`.
+    No theory exists for a body from a mesh file, for layers with nu < 0, and for tips without a
+    theoretical shape. The parameters are those of `theory_of`.
     """
     if isinstance(body, ImportedBody):
         return None
@@ -148,7 +148,7 @@ def _spherical_body_theory(
 ) -> Theory | None:
     """Return the theory of a flat body and a tip with the sum of both curvatures.
 
-    The flat body is a layer of the height of a cap, or a half-space for a ball.
+    The flat body is a layer with the height of a cap, or a half-space for a ball.
     """
     is_cap = body.shape == "cap"
     shape = theory_tip_shape(tip)
@@ -156,7 +156,7 @@ def _spherical_body_theory(
     if shape is None or stack is None:
         return None
     contact = Layer.from_stack(profiles.tip_over_spherical_body(shape, body.radius), stack)
-    why = "theory's body is flat, and its tip has the sum of the curvatures of tip and body"
+    why = "the theory uses a flat body and a tip with the sum of both curvatures"
     return Theory("layer theory" if is_cap else "half-space theory", False, why, contact)
 
 
@@ -173,8 +173,7 @@ def adhesive_radii(
     Parameters
     ----------
     theory : Theory or None
-        The reference theory; without a JKR contact of it, that of a half-space of the first layer
-        is used.
+        The reference theory; if it has no JKR contact, a half-space of the first layer is used.
     tip : Indenter
         The tip.
     layers : sequence of Layer
@@ -207,10 +206,10 @@ def adhesive_radii(
 
 
 def relative_tip(tip: Indenter, body: Body) -> Indenter:
-    """Return the tip that leaves the same gap over a flat body as this tip over the body.
+    """Return the tip that has the same gap over a flat body as this tip over the curved body.
 
-    To second order this is a paraboloid with the sum of both curvatures, 1/R + 1/radius. A sharp
-    tip is returned unchanged: near its apex, the body is flat.
+    To second order it is a paraboloid with the curvature 1/R + 1/radius. A sharp tip is returned
+    unchanged, since the body is flat near its apex.
     """
     if not isinstance(body, SphericalBody):
         return tip
@@ -225,9 +224,10 @@ def relative_tip(tip: Indenter, body: Body) -> Indenter:
 def half_space_theory(
     tip: Indenter, layers: Sequence[BodyLayer], size: float = 1.0
 ) -> Theory | None:
-    """Return the theory of a tip on layers, the last of which is a half-space; None without one.
+    """Return the theory of a tip on layers on a half-space; None if there is none.
 
-    `size` is a length of about the contact radius [length], the unit of a homogeneous half-space.
+    The last layer is the half-space. `size` is a length of about the contact radius [length], the
+    length unit for a homogeneous half-space.
     """
     shape = theory_tip_shape(tip)
     stack = stack_of(layers, None, size)
@@ -252,7 +252,7 @@ def stack_of(layers: Sequence[BodyLayer], base: str | None, size: float = 1.0) -
     layers : sequence of Layer
         Layers from the top.
     base : str or None
-        fixed | roller for a rigid base; None if the last layer is a half-space.
+        "fixed" or "roller" for a rigid base; None if the last layer is a half-space.
     size : float, optional
         Length unit of a homogeneous half-space [length].
 
@@ -272,19 +272,19 @@ def stack_of(layers: Sequence[BodyLayer], base: str | None, size: float = 1.0) -
 
 
 def _assess_exactness(theory: Theory, layers: Sequence[BodyLayer], tip: Indenter) -> Theory:
-    """Return the theory with its error, as inexact if materials or tip differ from its own."""
+    """Return the theory with its error; it is inexact if it simplifies the materials or the tip."""
     assert isinstance(theory.contact, ContactCurve)
     materials = [layer.material for layer in layers if layer.material]
     # A transversely isotropic half-space indents as the isotropic one of its indentation modulus.
     is_one_half_space = len(layers) == 1 and theory.contact.scaled_stack.is_bottomless
     is_isotropic = is_one_half_space or all(material.is_isotropic for material in materials)
     why = first_reason(
-        (not is_isotropic, "theory's layers are isotropic"),
+        (not is_isotropic, "the layers of the theory are isotropic"),
         (
             not all(material.is_small_strain for material in materials),
-            "theory assumes small strain",
+            "the theory assumes small strain",
         ),
-        (not tip.is_axisymmetric, "theory's tip is the cone of equal cross-sections"),
+        (not tip.is_axisymmetric, "the tip of the theory is the cone with equal cross-sections"),
     )
     moduli = [material.constants.E for material in materials]
     error = (
@@ -329,8 +329,8 @@ def _theory_layer(layer: BodyLayer) -> StackLayer:
 def _roller_wall(body: Body, center: tuple[float, ...]) -> tuple[float | None, bool, str]:
     """Return the radius [length] of a roller wall, whether the theory is exact, and the reason.
 
-    The theory has a frictionless wall around the tip's axis, or none. The radius is None for a body
-    without such a wall.
+    The theory either has a frictionless wall around the tip's axis or no wall; the radius is None
+    without a wall.
     """
     if isinstance(body, UnboundedBody):
         return None, True, "theory describes this infinitely wide layer exactly"
@@ -343,4 +343,4 @@ def _roller_wall(body: Body, center: tuple[float, ...]) -> tuple[float | None, b
         case "strip" if is_on_axis and body.sides.x_min == body.sides.x_max == "roller":
             why = "theory describes this strip between frictionless walls exactly"
             return body.width / 2, True, why
-    return None, False, "theory's layer is infinitely wide"
+    return None, False, "the layer of the theory is infinitely wide"

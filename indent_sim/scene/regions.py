@@ -31,7 +31,7 @@ Layers = tuple[Layer, ...]
 
 
 def elastic_layers(config: Config) -> Layers:
-    """Return the layers with their instantaneous laws; a half-space has infinite thickness."""
+    """Return the layers with their instantaneous laws; the substrate has infinite thickness."""
     laws = [instantaneous_law(config, layer_material(layer)) for layer in config.layers]
     layers = zip(config.layers, laws, strict=True)
     return tuple(
@@ -41,10 +41,10 @@ def elastic_layers(config: Config) -> Layers:
 
 
 def instantaneous_law(config: Config, material: Material) -> Material:
-    """Return a material with its instantaneous elastic constants.
+    """Return the elastic law of a material with its instantaneous constants.
 
-    Relaxation of the whole body is applied to the elastic curve instead. A gel without a given
-    stretch swells freely in the first bath.
+    Relaxation that all materials share is left out here; it is applied to the elastic curve. A gel
+    without a given stretch is in its state of free swelling in the first bath.
     """
     if isinstance(material, Gel):
         return material.with_free_swelling(config.initial_bath).canonical()
@@ -55,7 +55,7 @@ def instantaneous_law(config: Config, material: Material) -> Material:
 
 
 def layer_material(layer: Layer) -> Material:
-    """Return the material of a layer, which every resolved layer has."""
+    """Return the material of a layer, which is set in every resolved config."""
     assert layer.material is not None
     return layer.material
 
@@ -103,7 +103,7 @@ def inclusion_regions(
 
 
 def least_shear_fraction(config: Config, material: Material) -> float:
-    """Return the smallest part of the shear modulus that remains during the history, at most 1."""
+    """Return the smallest fraction of the instantaneous shear modulus during the history."""
     if not material.has_shear_relaxation:
         return 1.0
     return min(
@@ -119,14 +119,14 @@ def choose_formulation(key: str, material: Material, min_shear_fraction: float) 
     key : str
         The key of the material in the scene file.
     material : Material
-        Its instantaneous law.
+        The material with its instantaneous constants.
     min_shear_fraction : float
-        Smallest part of its shear modulus that remains during the history.
+        Smallest fraction of its instantaneous shear modulus during the history.
 
     Returns
     -------
     str
-        displacement | mixed (displacement and pressure).
+        "displacement", or "mixed" for displacement and pressure.
 
     Raises
     ------
@@ -161,7 +161,7 @@ def choose_formulation(key: str, material: Material, min_shear_fraction: float) 
 
 
 def round_lengths(body: D) -> D:
-    """Return a body or an inclusion with rounded lengths."""
+    """Return a body or an inclusion with rounded lengths, so that equal lengths compare equal."""
 
     def rounded(value: Any) -> Any:
         if isinstance(value, tuple):
@@ -174,7 +174,7 @@ def round_lengths(body: D) -> D:
 
 
 def unused_material_message(config: Config, domain: ModelDomain) -> str:
-    """Message that no part of the body uses the section `material`; empty if one does."""
+    """Return a message if no region of the body uses the section `material`, otherwise ""."""
     if config.material is None:
         return ""
     if isinstance(config.body, MeshFromFile):
@@ -189,7 +189,7 @@ def unused_material_message(config: Config, domain: ModelDomain) -> str:
 
 
 def remove_unused_material(config: Config, domain: ModelDomain) -> Config:
-    """Return the config without the section `material` if no part of the body uses it."""
+    """Return the config without the section `material` if no region of the body uses it."""
     return (
         config.model_copy(update={"material": None})
         if unused_material_message(config, domain)

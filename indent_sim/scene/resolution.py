@@ -1,10 +1,10 @@
 """Mesh resolution for a requested accuracy, its scaling, and the error to expect.
 
-One number determines the discretisation: the elements n in the contact radius of every step. All
-element sizes follow from it so that no part of the mesh dominates the error. Inside the largest
-contact they are proportional to the distance from the axis, since the contact edge passes there.
-The far size falls as 1/n, the grading outside the contact as n^-GRADING_EXPONENT, and the size at a
-punch's edge as n^-ORDER_OF_CONVERGENCE. The error of the force then falls as
+One number determines the discretisation: the number n of elements in the contact radius of every
+step. All element sizes follow from it so that no part of the mesh dominates the error. Inside the
+largest contact they are proportional to the distance from the axis, since the contact edge passes
+there. The far size falls as 1/n, the grading outside the contact as n^-GRADING_EXPONENT, and the
+size at a punch's edge as n^-ORDER_OF_CONVERGENCE. The error of the force then falls as
 n^-ORDER_OF_CONVERGENCE.
 """
 
@@ -33,7 +33,10 @@ MAX_GRADING = 0.5
 
 @dataclass(frozen=True)
 class FixedSizes:
-    """Element sizes [length] and grading that the config or an accuracy gives; None: left open."""
+    """Element sizes [length] and grading that are given by the config or an accuracy.
+
+    A size that is None is chosen by the program.
+    """
 
     h_contact: float | None = None
     h_axis: float | None = None
@@ -46,27 +49,28 @@ class FixedSizes:
 
 @dataclass(frozen=True)
 class MeshResolution:
-    """Elements in the contact radius that a relative error of the force asks for.
+    """Number of elements in the contact radius for a requested relative error of the force.
 
     Attributes
     ----------
     target : float
-        The relative error.
+        The requested relative error.
     n : float
-        Elements in every contact radius from `smallest_radius` to `largest_radius`.
+        Number of elements in every contact radius from `smallest_radius` to `largest_radius`.
     smallest_radius, largest_radius : float
         Contact radii of the steps [length].
     penalty_error_coefficient : float
-        Relative error of the force by a penalty at the worst step, times its epsilon_n
-        [pressure/length].
+        Relative error of the force caused by a penalty at the worst step, multiplied by the penalty
+        stiffness epsilon_n [pressure/length].
     dim : int
         Dimension of the mesh.
     stiffness_given : bool
-        Whether the config gives the penalty stiffness, whose error no mesh can reduce.
+        True if the config gives the penalty stiffness; the mesh cannot reduce the error of a given
+        stiffness.
     refinements : int
-        Uniform refinements of an imported mesh, which has no other sizes.
+        Number of uniform refinements of an imported mesh.
     is_draining_column : bool
-        Whether fluid flows in a body whose top the tip covers.
+        True if fluid flows in a body whose top is covered by the tip.
     """
 
     target: float
@@ -81,12 +85,12 @@ class MeshResolution:
 
     @property
     def error(self) -> float:
-        """Expected relative error estimate of the mesh."""
+        """Expected relative error of the force due to the mesh."""
         return float(ERROR_CONSTANT[self.dim] * self.n**-ORDER_OF_CONVERGENCE)
 
     @property
     def penalty_stiffness(self) -> float:
-        """Stiffness epsilon_n [pressure/length] of a penalty that takes its share of the error."""
+        """Penalty stiffness epsilon_n [pressure/length] with the permitted error of the penalty."""
         # Share of the error that a penalty may take where its stiffness is left to the
         # program.
         enforcement_error_share = 0.2
@@ -95,7 +99,7 @@ class MeshResolution:
         )
 
     def why(self, length: float) -> str:
-        """Return the reason in words; `length` is the unit of length in the user's units."""
+        """Return the reason for the resolution as text; `length` is the user's unit of length."""
         radii = " to ".join(
             f"{radius * length:.3g}"
             for radius in sorted({self.smallest_radius, self.largest_radius})
@@ -125,12 +129,12 @@ class MeshResolution:
         curvature_radius : float or None
             Radius of a curved wall or top [length].
         edge_refinement : float
-            Sensitivity of the force to the radius of the punch (`Sizes.edge_refinement_factor`).
+            Sensitivity of the force to the radius of the punch, see `Sizes.edge_refinement_factor`.
 
         Returns
         -------
         FixedSizes
-            The sizes; those of corners and boundary layers are left open.
+            The element sizes; the sizes at corners and in boundary layers are None.
         """
         n = self.n
         # Largest element size at the contact in thicknesses of the layer divided by n.
@@ -166,13 +170,13 @@ class MeshResolution:
 
 
 def target_error(accuracy: float | str | None) -> float | None:
-    """Return the relative error of an accuracy, which may be the name of a preset."""
+    """Return the relative error of a requested accuracy, which can also be the name of a preset."""
     return PRESETS[accuracy] if isinstance(accuracy, str) else accuracy
 
 
 def error_decay(n: float) -> float:
-    """Return the decay of the error with n elements in the contact radius, up to a constant."""
-    # The error no longer follows the power with fewer elements in the contact radius.
+    """Return the error with n elements in the contact radius, up to a constant factor."""
+    # With fewer elements in the contact radius the error no longer follows that power.
     saturation_elements = 2.0
     return float((n**4 + saturation_elements**4) ** (-ORDER_OF_CONVERGENCE / 4))
 
@@ -180,7 +184,7 @@ def error_decay(n: float) -> float:
 def required_elements(
     target: float, dim: int, is_confined: bool = False, anisotropy: float = 1.0
 ) -> float:
-    """Return the elements in the contact radius of every step for an expected error.
+    """Return the number of elements in the contact radius of every step for a requested error.
 
     Parameters
     ----------
@@ -189,7 +193,7 @@ def required_elements(
     dim : int
         Dimension of the mesh.
     is_confined : bool
-        Whether the contact is at least as wide as the thickness of a nearly incompressible layer.
+        True if the contact is at least as wide as the thickness of a nearly incompressible layer.
     anisotropy : float
         Factor of an anisotropic body (`anisotropy_factor`).
     """
@@ -204,11 +208,11 @@ def required_elements(
 
 
 def anisotropy_factor(decay: tuple[float, float]) -> float:
-    """Return the factor of the elements in the contact radius for an anisotropic body.
+    """Return the factor by which an anisotropic body needs more elements in the contact radius.
 
-    `decay` holds the slowest and the fastest rate at which the displacement below a surface
-    pressure of one wavenumber decays with the depth, relative to an isotropic body. The error is
-    about proportional to the larger deviation.
+    A surface pressure of one wavenumber causes a displacement that decays with the depth. `decay`
+    holds the slowest and the fastest rate of this decay, relative to an isotropic body. The error
+    is about proportional to the larger deviation.
     """
     slow, fast = decay
     return float(max(1 / slow, fast, 1.0) ** (1 / ORDER_OF_CONVERGENCE))
@@ -243,7 +247,7 @@ def resolution_from_contacts(
 
 
 def coarsened_sizes(sizes: Sizes, ratio: float, height: float, *, is_column: bool = False) -> Sizes:
-    """Return the element sizes of a mesh that is coarser by a ratio, or finer below 1.
+    """Return the element sizes of a mesh that is coarser by a ratio > 1, or finer by a ratio < 1.
 
     Each size changes by a power of the ratio, so that all parts of the error change by the same
     factor.
@@ -253,11 +257,11 @@ def coarsened_sizes(sizes: Sizes, ratio: float, height: float, *, is_column: boo
     sizes : Sizes
         The element sizes of a mesh.
     ratio : float
-        Size at the contact divided by that of `sizes`.
+        New element size at the contact divided by the present one.
     height : float
         Height of the body [length]; no element is larger.
     is_column : bool
-        Whether fluid flows in a body whose top the tip covers.
+        True if fluid flows in a body whose top is covered by the tip.
     """
     # The error of a draining column is proportional to grading^2.
     column_grading_exponent = ORDER_OF_CONVERGENCE / 2

@@ -1,4 +1,4 @@
-"""Scene: a completely decided simulation, which `resolve` makes from a Config."""
+"""Scene: a simulation with all decisions made. `resolve` makes it from a Config."""
 
 from __future__ import annotations
 
@@ -60,12 +60,12 @@ FRICTION_WHY = "the surface has friction, the theory has none"
 
 @dataclass(frozen=True)
 class Scene:
-    """A completely decided simulation: physics, element sizes, solver and plan.
+    """Simulation with all decisions made: physics, element sizes, solver and plan.
 
     Attributes
     ----------
     experiment : Experiment or None
-        Properties of the experiment that are added to the solved curve, nondimensional.
+        Properties of the experiment, nondimensional, that are applied to the solved curve.
     history_on_curve : History or None
         The nondimensional history that is evaluated on the elastic curve; `physics.path` is then
         the path of that curve. None if the path itself holds the rows.
@@ -88,7 +88,7 @@ class Scene:
         return self._repr_table().html
 
     def _repr_table(self) -> ReprTable:
-        """The table that a notebook shows: every choice with its reason, and the predictions."""
+        """Return the table for a notebook: every choice with its reason, and the predictions."""
         rows = [(choice.key, choice.value, choice.why) for choice in self.plan.choices]
         expected = ", ".join(
             f"{name.replace('_', ' ')} {cell_text(value)}"
@@ -104,7 +104,8 @@ class Scene:
     def is_meshed(self) -> bool:
         """True if the scene is solved on a mesh.
 
-        If theory solves it, `sizes` are the distances between the surface points that are written.
+        If it is solved by theory, `sizes` are the distances between the surface points of the
+        output.
         """
         return self.solver.method != "theory"
 
@@ -115,7 +116,7 @@ class Scene:
 
     @property
     def is_time_dependent(self) -> bool:
-        """True if every row has a time."""
+        """True if every row of the result has a time."""
         return self.history_on_curve is not None or bool(self.physics.path.times)
 
     @property
@@ -134,28 +135,28 @@ class Scene:
 
     @property
     def reaction_columns(self) -> tuple[str, ...]:
-        """Columns with the reactions of the supports, for a run that writes them."""
+        """Return the columns with the reactions of the supports; empty if not written."""
         return reaction_columns(self.physics.domain)
 
     @property
     def method(self) -> str:
-        """The contact method, or "theory" if no mesh is solved."""
+        """Contact method, or "theory" if the scene is solved without a mesh."""
         return self.physics.contact.method if self.is_meshed else "theory"
 
     @property
     def cost(self) -> Cost:
-        """Predicted cost of this scene on its mesh, without error bars."""
+        """Predicted cost of this scene on its mesh, without runs for error estimates."""
         work = self.physics.solver_work(self.solver.method, self.solver.linear)
         return cost_of(self.sizes, self.physics.domain, work)
 
     def grid(self) -> Grid:
-        """Mesh the model domain with the element sizes; MeshError if gmsh fails."""
+        """Return the mesh of the model domain; raise MeshError if gmsh fails."""
         from indent_sim.mesh import gmsh  # A plan needs no process that meshes.
 
         return gmsh.build_mesh(self.physics.domain, self.sizes)
 
     def adapt_grid(self, similar_scene: Scene, grid: Grid) -> Grid:
-        """Map the mesh of a similar scene to the body and the contact of this one.
+        """Return the mesh of a similar scene, mapped to the body and the contact of this one.
 
         Parameters
         ----------
@@ -188,7 +189,7 @@ class Scene:
 
     @cached_property
     def theory_differences(self) -> tuple[str, ...]:
-        """Differences between this problem and that of the reference theory, in words.
+        """Return texts on the differences between this problem and that of the reference theory.
 
         The tuple is empty if there are none.
         """
@@ -230,7 +231,7 @@ class Scene:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Remarks on the plan: its behaviour in time, the effect of no slip and of friction."""
+        """Remarks on the plan: behaviour in time, effects of no slip and of friction."""
         time = self.plan.time
         no_slip = self.plan.stick
         friction = self.plan.friction
@@ -242,12 +243,12 @@ class Scene:
         return tuple(sentence for sentence in sentences if sentence)
 
     def theory_solution(self, delta: float) -> Solution | None:
-        """Contact of the reference theory at a depth [length]; None where it has none.
+        """Return the contact of the reference theory at a depth [length]; None if it has none.
 
         Parameters
         ----------
         delta : float
-            A depth, as a rule one that is prescribed: all of these are solved at once.
+            A depth. All prescribed depths are solved together at the first call.
         """
         theory = self.plan.theory
         if theory is None:
@@ -256,7 +257,7 @@ class Scene:
 
     @cached_property
     def _prescribed_solutions(self) -> dict[float, Solution]:
-        """Contacts of the reference theory at all prescribed depths; empty if it ends earlier."""
+        """Contacts of the reference theory at all prescribed depths; empty if one has none."""
         if self.plan.theory is None or self.physics.path.control != "depth":
             return {}
         # Rows have depths in the user's units: the conversion and back repeats their round-off.
@@ -273,8 +274,8 @@ class Scene:
     def has_peak_pressure(self, a: float) -> bool:
         """True if a mesh can resolve the peak pressure of a contact of radius a [length].
 
-        It cannot where the contact ends at the edge of the tip, as under a punch: the pressure is
-        singular there.
+        It cannot if the contact ends at the edge of the tip, as under a punch, since the pressure
+        is singular there.
         """
         tip = self.physics.indenter
         if (
@@ -290,7 +291,7 @@ Mesher = Callable[[Scene], Grid]
 
 
 def start_mesher() -> None:
-    """Start the process that meshes, so that it loads gmsh while this one goes on."""
+    """Start the meshing process, so that it imports gmsh while this process continues."""
     from indent_sim.mesh import mesher_process
 
     mesher_process.start_mesher()
@@ -299,22 +300,22 @@ def start_mesher() -> None:
 def resolve(
     config: Config, per_radius: float | None = None, piece: ImportedMesh | None = None
 ) -> Scene:
-    """Decide everything that the config leaves open.
+    """Return the scene of a config, with all decisions that the config leaves open.
 
     Parameters
     ----------
     config : Config
         The validated scene file.
     per_radius : float, optional
-        Elements in every contact radius, for a config with `accuracy`; by default the number that
-        this accuracy is expected to need.
+        Number of elements in every contact radius, for a config with `accuracy`; by default the
+        number that is expected to reach this accuracy.
     piece : ImportedMesh, optional
         The mesh from the config's mesh file, if it has been read already.
 
     Returns
     -------
     Scene
-        The decided simulation.
+        The scene with all decisions made.
 
     Raises
     ------
@@ -328,7 +329,7 @@ def resolve(
 
 
 def _theory_scene(config: Config, setup: ProblemSetup, solver: Choice) -> Scene:
-    """Return the scene that theory solves; its sizes are distances between surface points."""
+    """Return a scene that is solved by theory; its sizes are distances between surface points."""
     physics = setup.physics
     decisions_on_curve = curve_choices.curve(config, setup, solver)
     choices.refuse_reactions(config, "theory solves this scene, without a mesh")
@@ -425,7 +426,7 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
     choices.refuse_nodal_stress(config, has_fields=not setup.history or is_in_time)
     if setup.history and not is_in_time:
         choices.refuse_reactions(
-            config, "a history is evaluated on the elastic curve, which holds forces only"
+            config, "a history is evaluated on the elastic curve, which contains only forces"
         )
     elif isinstance(config.body, UnboundedBody):
         choices.refuse_reactions(
@@ -470,7 +471,7 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
 
 
 def _history_reason(all_choices: Iterable[Choice]) -> str:
-    """Why a history is solved by the chosen method; empty without a history."""
+    """Return the reason for the method by which a history is solved; empty without a history."""
     return next((choice.why for choice in all_choices if choice.key == "time"), "")
 
 
@@ -518,7 +519,7 @@ def _memory_error(
     work: SolverWork,
     fineness: MeshResolution | None,
 ) -> ConfigError:
-    """Return the error for a scene that needs more memory than there is, with a remedy."""
+    """Return the ConfigError for a scene that needs more memory than available, with a remedy."""
     cost = cost_of(sizes, physics.domain, work)
     available_memory = machine_memory()
     # The remedy names the key that determined the element sizes.

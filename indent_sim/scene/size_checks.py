@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def configured_sizes(
     mesh: MeshSettings, scales: Scales, height: float, edge: float | None
 ) -> FixedSizes:
-    """Return the element sizes of the config.
+    """Return the element sizes that the config gives.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def configured_sizes(
     Raises
     ------
     ConfigError
-        If the sizes contradict each other or the scene.
+        If the sizes are inconsistent with each other or with the scene.
     """
     names = ("h_contact", "h_axis", "h_edge", "h_corner", "h_film", "h_far")
     lengths = {
@@ -58,7 +58,7 @@ def configured_sizes(
         if lengths.get(name, 0.0) > h:
             raise ConfigError(f"mesh.{name}", "is larger than h_contact", f"at most {h:g}")
     if edge is None and "h_edge" in lengths:
-        problem = "is for the sharp edge of a flat punch, or of a tip that ends inside the contact"
+        problem = "applies only to the sharp edge of a punch, or of a tip that ends in the contact"
         raise ConfigError("mesh.h_edge", problem, "leave it out")
     grading = None if mesh.grading == "auto" else mesh.grading
     return FixedSizes(

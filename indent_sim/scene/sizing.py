@@ -53,9 +53,9 @@ END_FRACTION = 0.999
 
 
 def surface_point_sizes(setup: ProblemSetup) -> Sizes:
-    """Return the distances of the points at which the surface by theory is written.
+    """Return the distances between the surface points of the output of a theory.
 
-    Every contact radius has as many points.
+    Every contact radius has the same number of points.
     """
     depths = [delta for delta in setup.physics.deltas if delta > 0]
     # The contact radius grows with the depth.
@@ -79,7 +79,7 @@ def mesh_resolution(
 ) -> MeshResolution | None:
     """Return the mesh resolution for the key `accuracy`; None without a requested accuracy.
 
-    It follows from the shallowest and the deepest contact.
+    It is determined by the contacts at the smallest and the largest depth.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def mesh_resolution(
     setup : ProblemSetup
         The problem setup.
     per_radius : float or None
-        Elements in the contact radius, where a previous mesh gives them.
+        Number of elements in the contact radius, if it follows from a previous mesh.
     """
     physics = setup.physics
     target = target_error(config.accuracy)
@@ -131,7 +131,7 @@ def mesh_resolution(
 
 
 def _is_sharp(tip: Indenter) -> bool:
-    """True if the contact ends at a punch's edge, with a peak of the pressure there."""
+    """True if the contact ends at the edge of a punch, where the pressure has a peak."""
     # Radius of a punch's edge, in radii of the punch, below which the pressure has a peak
     # where the contact ends.
     nearly_sharp = 0.5
@@ -139,7 +139,7 @@ def _is_sharp(tip: Indenter) -> bool:
 
 
 def _contact_state(setup: ProblemSetup, delta: float) -> tuple[float, float, float]:
-    """Return depth, expected contact radius and mean pressure, by theory or of a flat punch."""
+    """Return depth, expected contact radius and mean pressure, by theory or for a flat punch."""
     a = setup.expected_radius(delta)
     solution = setup.solution(delta)
     area = setup.physics.domain.kinematics.contact_area(a)
@@ -149,11 +149,11 @@ def _contact_state(setup: ProblemSetup, delta: float) -> tuple[float, float, flo
 
 
 def _edge_radius(setup: ProblemSetup, gap: str, has_edge_size: bool) -> float | None:
-    """Return the radius of an edge at which the pressure is (nearly) singular; None without.
+    """Return the radius of an edge at which the pressure is (nearly) singular, or None.
 
-    It is the edge of a punch, or of the end of a tip that the contact reaches. A plate has none,
-    and the edge of a punch wider than the body touches nothing; if the config gives `h_edge`
-    (`has_edge_size`), that is the size at the edge of the body.
+    It is the edge of a punch, or the end of a tip that the contact reaches. A plate has no edge.
+    The edge of a punch wider than the body touches nothing; if the config gives `h_edge`
+    (`has_edge_size`), this size applies to the edge of the body.
     """
     tip = setup.physics.indenter
     a = setup.a
@@ -175,7 +175,8 @@ def sizes(
 ) -> Sizes:
     """Return the element sizes of a scene.
 
-    They are those of the config, those of the mesh resolution, or the default ones, in this order.
+    Sizes from the config take precedence over sizes from the mesh resolution and over default
+    sizes.
 
     Parameters
     ----------
@@ -191,7 +192,7 @@ def sizes(
     Raises
     ------
     ConfigError
-        If sizes of the config contradict each other or the scene, or if a size cannot be meshed.
+        If sizes of the config are inconsistent, or if a size cannot be meshed.
     """
     physics = setup.physics
     mesh = config.mesh
@@ -300,7 +301,7 @@ def _imported_mesh_sizes(
 ) -> Sizes:
     """Return the element sizes of an imported mesh after a number of uniform refinements.
 
-    They are those of its facets in the contact and at the edge, and its longest edge.
+    They are the sizes of its facets in the contact and at the edge, and its longest edge.
     """
     size_factor = 0.5**refinements
     a = setup.a
@@ -320,7 +321,7 @@ def _imported_mesh_sizes(
 def _edge_refinement_factor(setup: ProblemSetup, edge: float | None) -> float:
     """Return the sensitivity of the force to the radius of a sharp punch near a wall.
 
-    It is relative to a far larger body.
+    It is divided by the sensitivity for a body without a wall.
     """
     physics = setup.physics
     if edge is None:

@@ -1,4 +1,4 @@
-"""Choices of the solver: theory or a mesh, condensed or whole body, direct or iterative."""
+"""Choices of the solver: theory or mesh, condensed or full model, direct or iterative."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ def solver(config: Config, setup: ProblemSetup, physics: ProblemDefinition, node
     physics : ProblemDefinition
         The problem with its contact law and gap.
     nodes : float
-        Predicted number of candidate nodes of the contact, times their components.
+        Predicted number of candidate nodes of the contact, multiplied by their components.
 
     Returns
     -------
     Choice
-        condensed | newton.
+        "condensed" or "newton".
 
     Raises
     ------
@@ -88,7 +88,7 @@ def solver(config: Config, setup: ProblemSetup, physics: ProblemDefinition, node
 
 
 def iterative_obstacle(config: Config, physics: ProblemDefinition, sizes: Sizes) -> str:
-    """Return the reason against an iterative solver of linear systems; empty if it can be used."""
+    """Return the reason why linear systems cannot be solved iteratively; empty if they can."""
     law = physics.contact
     locking_nu = physics.largest_locking_nu
     stiffness_multiple = getattr(law, "stiffness", 0.0) * sizes.h_contact / physics.material.E_star
@@ -155,7 +155,7 @@ def linear_solver(
     Returns
     -------
     Choice
-        direct | iterative.
+        "direct" or "iterative".
 
     Raises
     ------
@@ -230,7 +230,7 @@ def theory_obstacle(config: Config, setup: ProblemSetup) -> str:
     if reference_theory is None:
         has_shape = theory_tip_shape(setup.physics.indenter) is not None
         return (
-            "theory needs nu >= 0 in all layers" if has_shape else "theory does not know this tip"
+            "theory needs nu >= 0 in all layers" if has_shape else "there is no theory for this tip"
         )
     if not reference_theory.is_exact and not (
         reference_theory.tension_fraction and config.solver.method == "theory"
@@ -238,7 +238,7 @@ def theory_obstacle(config: Config, setup: ProblemSetup) -> str:
         return reference_theory.reason
     if target is not None and target < reference_theory.error:
         return (
-            f"the relative error of the theory is {reference_theory.error:.0e}, and accuracy asks "
+            f"the relative error of the theory is {reference_theory.error:.0e}, but accuracy asks "
             f"for {target:g}"
         )
     if not reference_theory.covers_path(setup.max_depth, setup.physics.largest_force):
@@ -250,12 +250,12 @@ def theory_obstacle(config: Config, setup: ProblemSetup) -> str:
 
 
 def config_obstacle(config: Config) -> str:
-    """Return the reason in the config alone why theory cannot solve a scene; empty without one."""
+    """Return why the config alone prevents a solution by theory; empty if it does not."""
     materials = [layer.material for layer in config.layers if layer.material]
     law = config.contact
     other_settings = replace(config.solver, method="auto")
     return first_reason(
-        (isinstance(config.body, MeshFromFile), "theory does not know a body from a mesh file"),
+        (isinstance(config.body, MeshFromFile), "there is no theory for a body from a mesh file"),
         (not all(material.is_small_strain for material in materials), "the material is not linear"),
         (
             any(material.flow for _, material in config.materials()),
@@ -268,7 +268,7 @@ def config_obstacle(config: Config) -> str:
         (bool(config.body.inclusions), NO_INCLUSIONS),
         (
             not config.indenter.is_axisymmetric,
-            f"theory needs an axisymmetric tip, and a {config.indenter.shape} is none",
+            f"theory needs an axisymmetric tip, but a {config.indenter.shape} is not axisymmetric",
         ),
         (law.gap == "current", "theory evaluates the gap at the undeformed point"),
         (not isinstance(law, AutoContact), f"contact.method: {law.method} needs a mesh"),
@@ -277,7 +277,10 @@ def config_obstacle(config: Config) -> str:
             other_settings != type(other_settings)(),
             "solver.linear, solver.rtol and solver.max_iterations need a mesh",
         ),
-        (config.mesh != type(config.mesh)(), "the keys of the section 'mesh' need a mesh"),
+        (
+            config.mesh != type(config.mesh)(),
+            "keys of the section 'mesh' are given, but the theory uses no mesh",
+        ),
         (
             any(material.formulation != "auto" for material in materials),
             "material.formulation needs a mesh",
@@ -290,7 +293,7 @@ def config_obstacle(config: Config) -> str:
 
 
 def needs_mesh(config: Config) -> bool:
-    """Return whether the config alone shows that the scene needs a mesh."""
+    """True if the config alone shows that the scene needs a mesh."""
     is_for_theory = isinstance(config.body, UnboundedBody) or config.solver.method == "theory"
     return (
         config.solver.method in ("condensed", "newton")

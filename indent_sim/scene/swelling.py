@@ -38,7 +38,7 @@ def nondimensional_drainage(config: Config, history: History | None, scales: Sca
 
 
 def max_surface_rise(drainage: Drainage, layers: Layers) -> float:
-    """Return the largest rise of the surface by laterally confined swelling in any bath [length].
+    """Return the largest rise of the surface [length] by laterally confined swelling in any bath.
 
     Raises
     ------
@@ -68,8 +68,16 @@ def max_surface_rise(drainage: Drainage, layers: Layers) -> float:
 
 
 def _confined_swelling_stretch(law: Gel, bath: float) -> float:
-    """Vertical stretch of a laterally confined gel; ConfigError if it has no equilibrium."""
+    """Return the vertical stretch of a laterally confined gel.
+
+    Raises
+    ------
+    ConfigError
+        If there is no equilibrium.
+    """
     try:
         return law.confined_swelling(law.bath_pressure(bath)).stretch
     except ValueError as error:
-        raise ConfigError("drainage.bath", str(error), "nearer to that of free swelling") from None
+        raise ConfigError(
+            "drainage.bath", str(error), "closer to the potential of free swelling"
+        ) from None

@@ -74,7 +74,7 @@ def reduce(
 
 
 def _symmetry_error(requested_symmetry: str, why: str, remedy: str) -> ConfigError:
-    """Return the error for a requested symmetry that the scene does not have."""
+    """Return the ConfigError for a requested symmetry that the scene does not have."""
     return ConfigError(
         "mesh.symmetry", f"'{requested_symmetry}' does not fit this scene: {why}", remedy
     )
@@ -106,9 +106,9 @@ def _round_center(inclusion: Inclusion) -> Inclusion:
 def _cylinder_domain(
     body: Cylinder, center: Point, requested_symmetry: str, tip: Indenter, regions: Regions
 ) -> tuple[ModelDomain, str]:
-    """Return the model domain of a cylinder: a section, or the whole, half or quarter of it."""
+    """Return the model domain of a cylinder (section, whole, half or quarter) and the reason."""
     on_axis = {axis: abs(c) <= 1e-12 * body.radius for axis, c in zip("xy", center, strict=True)}
-    obstacle = "" if all(on_axis.values()) else "the tip stands off the cylinder's axis"
+    obstacle = "" if all(on_axis.values()) else "the tip's axis is not the cylinder's axis"
     obstacle = obstacle if tip.is_axisymmetric else f"a {tip.shape} is not axisymmetric"
     if any(
         region.inclusion and not region.inclusion.is_axisymmetric_about(body.center)
@@ -157,7 +157,7 @@ def _axisymmetric_domain(
 
 
 def _sector_outline(radius: float, mirror_axes: list[str]) -> Sides:
-    """Return the outline of a circle, or of its half or quarter, with arcs of 90 degrees."""
+    """Return the outline of a circle, half circle or quarter circle, with arcs of 90 degrees."""
     first = -1 if mirror_axes == ["x"] else 0
     # Ends of the quarters of a unit circle, anticlockwise.
     quarter_ends = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
@@ -173,7 +173,7 @@ def _sector_outline(radius: float, mirror_axes: list[str]) -> Sides:
 def _strip_domain(
     body: Strip, center: Point, requested_symmetry: str, regions: Regions
 ) -> tuple[ModelDomain, str]:
-    """Return the model domain of a strip in plane strain: the whole section or half of it."""
+    """Return the model domain of a strip (section or half section) and the reason."""
     if requested_symmetry not in ("auto", "plane_strain", "half", "full"):
         raise _symmetry_error(
             requested_symmetry,
@@ -204,7 +204,7 @@ def _strip_domain(
 def _box_domain(
     body: Box, center: Point, requested_symmetry: str, tip: Indenter, regions: Regions
 ) -> tuple[ModelDomain, str]:
-    """Return the model domain of a box: all of it, half of it or a quarter of it."""
+    """Return the model domain of a box (all, half or a quarter of it) and the reason."""
     if requested_symmetry not in ("auto", "quarter", "half", "full"):
         raise _symmetry_error(
             requested_symmetry,
@@ -271,7 +271,7 @@ def _cut_domain(
 def _spherical_domain(
     body: SphericalBody, requested_symmetry: str, regions: Regions
 ) -> tuple[ModelDomain, str]:
-    """Return the axisymmetric section of a ball or a cap."""
+    """Return the axisymmetric section of a ball or a cap, and the reason."""
     if requested_symmetry not in ("auto", "axisymmetric"):
         raise _symmetry_error(
             requested_symmetry, f"a {body.shape} is modelled as axisymmetric", "use 'auto'"
@@ -299,7 +299,7 @@ def _spherical_domain(
 
 
 def _spherical_outline(body: SphericalBody) -> Sides:
-    """Return base, curved surface (in arcs of at most 90 degrees) and axis of a spherical body."""
+    """Return the outline of a spherical body: base, arcs of the curved surface, and axis."""
     R = body.radius
     base_edge = body.base_edge
     apex = (0.0, 0.0)
@@ -346,8 +346,8 @@ def _pins(domain: ModelDomain) -> Pins:
 def _cylinder_pins(domain: ModelDomain, radius: float) -> Pins:
     """Return the pins of a cylinder.
 
-    Without a mirror plane the rotation about z is free, even with roller sides. One mirror plane
-    leaves the translation along it.
+    Without a mirror plane the rotation about z is free, even with roller sides. With one mirror
+    plane the translation along that plane is free.
     """
     at_x = (radius, 0.0, -domain.height)
     at_y = (0.0, radius, -domain.height)
@@ -360,14 +360,20 @@ def _cylinder_pins(domain: ModelDomain, radius: float) -> Pins:
 
 
 def _mirror_plane_text(mirror_axes: list[str]) -> str:
-    """Return the mirror planes in words, each by the axis normal to it."""
+    """Return the mirror planes as text, each named by the axis normal to it."""
     if not mirror_axes:
         return "no mirror plane is used"
     return f"symmetric about the mid-planes normal to {' and '.join(mirror_axes)}"
 
 
 def _mirror_axes(requested_symmetry: str, symmetric_axes: list[str]) -> list[str]:
-    """Return the axes normal to the used mirror planes; ConfigError if there are too few."""
+    """Return the axes normal to the mirror planes that are used.
+
+    Raises
+    ------
+    ConfigError
+        If the scene has too few mirror planes for the requested symmetry.
+    """
     plane_count = {"auto": len(symmetric_axes), "full": 0, "half": 1, "quarter": 2}[
         requested_symmetry
     ]

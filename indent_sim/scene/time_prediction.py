@@ -27,11 +27,12 @@ class TimePrediction:
     Attributes
     ----------
     way : str
-        "steps" for time steps, or "curve" for an evaluation on the elastic load curve.
+        Solution procedure: "steps" for time steps, "curve" for an evaluation on the elastic load
+        curve.
     method : str
         Method of the time integration.
     why : str
-        Reason for `way`.
+        Reason for the solution procedure.
     D : float or None
         Largest diffusivity [length^2/time]; None without a fluid.
     times : dict of str to float
@@ -42,12 +43,13 @@ class TimePrediction:
     stages : int or None
         Number of equilibria of a run without cutbacks; None on the elastic load curve.
     limits : dict of str to float or None
-        Largest force, or depth of the largest prescribed force, of the elastic limits: `undrained`
-        and `drained`, `unrelaxed` and `relaxed`; None without a theory.
-    about : float or None
-        Expected value between these limits.
+        Largest force, or depth at the largest prescribed force, in the elastic limits `undrained`
+        and `drained`, or `unrelaxed` and `relaxed`; None without a theory.
+    expected : float or None
+        Expected value of the same quantity, between the two limits.
     words : str
-        The nearest elastic limits in words; empty if there are none.
+        Sentence that names the nearest elastic limit at the end of loading and of the history;
+        empty without limits.
     """
 
     way: str
@@ -57,20 +59,20 @@ class TimePrediction:
     times: dict[str, float]
     stages: int | None
     limits: dict[str, float | None]
-    about: float | None
+    expected: float | None
     words: str
 
     @property
     def report(self) -> dict[str, Any]:
-        """The entries for run.json."""
-        return {name: value for name, value in vars(self).items() if name != "about"}
+        """Return the entries for run.json."""
+        return {name: value for name, value in vars(self).items() if name != "expected"}
 
     def prediction(self, quantity: str) -> dict[str, float]:
-        """Expected value and elastic limits as predictions of a quantity, "force" or "delta"."""
+        """Return the expected value and the elastic limits of a quantity, "force" or "delta"."""
         limit_values = {
             f"{quantity}_{name}": value for name, value in self.limits.items() if value is not None
         }
-        return ({} if self.about is None else {quantity: self.about}) | limit_values
+        return ({} if self.expected is None else {quantity: self.expected}) | limit_values
 
 
 def time_prediction(
@@ -134,9 +136,9 @@ def time_prediction(
 
 
 def _equilibrium_count(physics: ProblemDefinition) -> int:
-    """Return the number of equilibria on a path in time.
+    """Return the number of equilibria that the time steps of a history need.
 
-    A step in which fluid flows has two stages, an instantaneous increment one.
+    A time step with fluid flow has two stages, an instantaneous increment has one.
     """
     t = 0.0
     count = 0
@@ -148,7 +150,7 @@ def _equilibrium_count(physics: ProblemDefinition) -> int:
 
 
 def _time_method(setup: ProblemSetup, physics: ProblemDefinition) -> str:
-    """Return the name of the method that leads from one row of the history to the next."""
+    """Return the name of the time integration method for the increments of a history."""
     if not physics.path.times:
         if setup.uses_time_stepping:
             return "time steps"
@@ -171,14 +173,15 @@ class _LimitTransition:
     Attributes
     ----------
     first_limit, last_limit
-        Name of the limit, and the elastic law in it as a function of the material.
+        Pair of the name of the limit and a function that maps a material to its elastic law in this
+        limit.
     slowest_time
-        Key of the slowest time in `TimePrediction.times`, and its name in words.
+        Pair of the key of the slowest process in `TimePrediction.times` and its name in words.
     remaining_fraction, final_fraction
-        Remaining fraction of the difference of the two limits at the end of loading, and at the end
-        of the history; None if unknown.
+        Fraction (F - F_last)/(F_first - F_last) at the end of loading, and at the end of the
+        history; None if unknown.
     force_ratio
-        First force divided by the last one, at the same depth.
+        Force in the first limit divided by that in the last limit, at the same depth.
     """
 
     first_limit: tuple[str, Callable[[Material], Material]]
@@ -189,7 +192,7 @@ class _LimitTransition:
     force_ratio: float
 
     def limits(self, setup: ProblemSetup) -> dict[str, float | None]:
-        """Largest force, or depth of the largest prescribed force [user's units], by limit."""
+        """Return force, or depth at the largest prescribed force, in both limits [user's units]."""
         return {name: _limit_value(setup, law) for name, law in (self.first_limit, self.last_limit)}
 
     def expected_force(self, setup: ProblemSetup) -> float | None:
@@ -200,7 +203,7 @@ class _LimitTransition:
         return last + self.remaining_fraction * (first - last)  # type: ignore[operator]
 
     def description(self, times: Mapping[str, float]) -> str:
-        """Return the nearest elastic limit at the end of loading and of the history in words."""
+        """Return text on the nearest elastic limit at the end of loading and of the history."""
         (name, time_text) = self.slowest_time
         t = times["way_in"]
         time_ratio_text = f", {t / times[name]:.2g} of {time_text}" if times.get(name) else ""
@@ -211,7 +214,7 @@ class _LimitTransition:
         return text
 
     def _nearest_limit_text(self, remaining_fraction: float | None) -> str:
-        """Return the elastic limit that is near in words, or how far both are."""
+        """Return the nearest elastic limit as text, or the differences to both limits."""
         if remaining_fraction is None:
             return "`require` computes which elastic limit is near"
         percent_below = 100 * (1 - 1 / self.force_ratio) * (1 - remaining_fraction)
@@ -233,7 +236,7 @@ class _LimitTransition:
 
 
 def _percent_text(change: float) -> str:
-    """Return a change in per cent with two digits, or without decimals above 99."""
+    """Return a relative change in per cent: two significant digits, or an integer above 99."""
     return f"{change:.2g} %" if change < 99.5 else f"{change:.0f} %"
 
 
@@ -242,8 +245,9 @@ def _drainage_transition(
 ) -> _LimitTransition | None:
     """Return the transition from undrained to drained; None without a fluid that drains.
 
-    The decay of the difference is that of a paraboloid on a half-space with a drained surface
-    (`paraboloid_fraction_remaining`), and unknown for other tips, bodies and drainage.
+    The force decays from the undrained to the drained limit like that of a paraboloid on a
+    half-space with a drained surface (`paraboloid_fraction_remaining`). For other tips, bodies and
+    drainage the decay is unknown.
     """
     if not physics.permeable_regions or setup.surface_rise:
         return None
@@ -292,8 +296,8 @@ def _relaxation_transition(
 ) -> _LimitTransition | None:
     """Return the transition from unrelaxed to relaxed; None without relaxation.
 
-    The force grows as depth^1.5, as that of a paraboloid on an incompressible half-space, while the
-    depth grows linearly to its largest value.
+    The depth is assumed to grow linearly to its largest value, and the instantaneous force as
+    depth^1.5 (paraboloid on an incompressible half-space).
     """
     law = setup.relaxation or next(
         (region.material.relaxation for region in physics.relaxing_regions), None
@@ -343,9 +347,10 @@ def _ramp_fraction(x: float) -> float:
 
 
 def _limit_value(setup: ProblemSetup, law: Callable[[Material], Material]) -> float | None:
-    """Return the largest force, or the depth of the largest prescribed force, in an elastic limit.
+    """Return the largest force, or the depth at the largest prescribed force, in an elastic limit.
 
-    It is in the user's units, and None without a theory; `law` gives the elastic law of a material.
+    The value is in the user's units; it is None if no theory exists. The function `law` maps a
+    material to its elastic law in this limit.
     """
     assert setup.history is not None
     theory = setup.theory_for_materials(law)

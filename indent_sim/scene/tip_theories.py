@@ -1,4 +1,4 @@
-"""Tips in theory: their axisymmetric shape and their closed-form force on a half-space."""
+"""Axisymmetric shapes of tips for the layer theory, and closed-form forces on a half-space."""
 
 from __future__ import annotations
 
@@ -27,11 +27,12 @@ class TipTheory:
     shape
         Function that returns the axisymmetric shape from the attributes of a tip.
     tip_attributes
-        Names of these attributes; the first one is the size of the tip.
+        Names of the attributes that `shape` takes; the first one is the size of the tip.
     formula_name
         Name of the force formula.
     force
-        Closed-form force(delta, size, E_star) of a sharp tip on a half-space; None without one.
+        Function force(delta, size, E_star) of a sharp tip on a half-space; None without a closed
+        form.
     """
 
     shape: Callable[..., profiles.Tip]
@@ -92,7 +93,7 @@ TIP_THEORIES: dict[type, TipTheory] = {
 
 
 def theory_tip_shape(tip: Indenter) -> profiles.Tip | None:
-    """Return the axisymmetric shape of a tip for layer theory; None if the theory has none."""
+    """Return the axisymmetric shape of a tip for layer theory; None if there is no shape."""
     tip_theory = TIP_THEORIES.get(type(tip))
     if tip_theory is None:
         return None

@@ -2,7 +2,7 @@
 
     StudyFile --resolve_cases--> Case, ... --run_study--> result folders --study_table--> study.csv
 
-`execute_study` does all of this. A run that fails is a row of the table.
+`execute_study` performs all of these steps. A failed run is a row of the table.
 """
 
 from indent_sim.studies.run_study import Study, as_json, execute_study

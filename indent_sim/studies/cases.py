@@ -1,4 +1,4 @@
-"""Cases of a study: the config of every point is checked and resolved before the first run."""
+"""Cases of a study, whose configs are checked and resolved before the first run."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Case:
     Attributes
     ----------
     index
-        Place in the study, from 0.
+        Index in the study, from 0.
     values
         The varied keys and their values.
     planned_run
@@ -45,12 +45,12 @@ class Case:
 
     @property
     def label(self) -> str:
-        """The varied keys and their values as text."""
+        """Varied keys and their values as text."""
         return ", ".join(f"{key}={short_yaml(value)}" for key, value in self.values.items())
 
     @cached_property
     def table_values(self) -> dict[str, Any]:
-        """The varied keys as written to the table: quantities as numbers in the scene's units."""
+        """Varied keys for the table, with quantities as numbers in the scene's units."""
         quantities = self.planned_run.config.source.quantities
         return {
             key: _convert_to_scene_units(value, key_path(key), quantities)
@@ -59,7 +59,7 @@ class Case:
 
     @cached_property
     def name(self) -> str:
-        """Name of the run's folder, such as E=2_method=penalty-3f2a...: varied keys and id."""
+        """Name of the run's folder with varied keys and id, such as E=2_method=penalty-3f2a..."""
         value_texts = {
             key: re.sub(r"[^A-Za-z0-9=.+-]+", "_", short_yaml(value))
             for key, value in self.values.items()
@@ -72,7 +72,7 @@ class Case:
 
     @property
     def problem_key(self) -> str:
-        """Text that identifies the mechanical problem, whatever method and mesh solve it.
+        """Text that identifies the mechanical problem, independent of method and mesh.
 
         Cases with the same problem have the same exact solution and may be compared.
         """
@@ -123,16 +123,16 @@ def _convert_to_scene_units(value: Any, path: KeyPath, quantities: Quantities) -
 
 @dataclass(frozen=True)
 class RejectedCase:
-    """Point of a study that is not a valid scene; with a tolerance it is a row of the table.
+    """Point of a study that is not a valid scene; a row of the table in studies with tolerance.
 
     Attributes
     ----------
     index
-        Place in the study, from 0.
+        Index in the study, from 0.
     point
         The settings of the varied keys.
     labels
-        Texts that identify the run in place of its settings; None if there are none.
+        Texts that identify the run instead of its settings, or None.
     error
         The error of the scene.
     quantities
@@ -147,7 +147,7 @@ class RejectedCase:
 
     @property
     def table_values(self) -> dict[str, Any]:
-        """The varied keys as written to the table: quantities as numbers in the scene's units."""
+        """Varied keys for the table, with quantities as numbers in the scene's units."""
         return {
             key: _convert_to_scene_units(value, key_path(key), self.quantities)
             for key, value in self.values.items()
@@ -155,12 +155,12 @@ class RejectedCase:
 
     @property
     def values(self) -> dict[str, Any]:
-        """The varied keys and their values."""
+        """Varied keys and their values."""
         return {key: value for key, value, _ in self.point}
 
     @property
     def located_error(self) -> ConfigError:
-        """The error; it names the run if its file and line do not identify the run."""
+        """Error of the scene, with the name of the run if file and line do not identify it."""
         labels_text = ", ".join(
             f"{key} {short_yaml(value)}" for key, value in (self.labels or self.values).items()
         )
@@ -180,7 +180,7 @@ def resolve_cases(study: StudyFile) -> tuple[list[Case], list[RejectedCase]]:
     Raises
     ------
     ConfigError
-        A scene is invalid and the study has no tolerance.
+        If a scene is invalid and the study has no tolerance.
     """
     cases, rejected_cases = validate_cases(study)
     if rejected_cases and study.tolerance is None:
@@ -205,7 +205,7 @@ def resolve_cases(study: StudyFile) -> tuple[list[Case], list[RejectedCase]]:
 
 
 def _add_tolerance_hint(error: ConfigError, rejected_count: int, case_count: int) -> ConfigError:
-    """Add to the last error that a tolerance lets a study run without its invalid scenes."""
+    """Add a hint to the last error: with a tolerance, invalid scenes are failed rows."""
     *other_errors, last_error = error.errors
     hint = (
         f"{rejected_count} of {case_count} runs are invalid: with `tolerance` in the study they "
@@ -216,7 +216,7 @@ def _add_tolerance_hint(error: ConfigError, rejected_count: int, case_count: int
 
 
 def validate_cases(study: StudyFile) -> tuple[list[Case], list[RejectedCase]]:
-    """Return the cases of a study that can be run, and those that cannot."""
+    """Return the valid cases of a study, and its rejected cases."""
     build_case = _CaseBuilder(study.common_settings)
     cases: list[Case] = []
     rejected_cases: list[RejectedCase] = []
@@ -240,7 +240,7 @@ class _CaseBuilder:
         self._stiffness_units: dict[str, float] = {}
 
     def __call__(self, index: int, request: RunRequest) -> Case:
-        """Return the case of a requested run; ConfigError if its scene is invalid."""
+        """Return the case of a requested run; raise ConfigError if its scene is invalid."""
         point = tuple(
             (key, self._resolve_multiple(value, request), location)
             for key, value, location in request.point
@@ -258,7 +258,7 @@ class _CaseBuilder:
             return {}
 
     def _resolve_multiple(self, value: object, request: RunRequest) -> object:
-        """Return a value; a multiple of E*/h_contact becomes a number in the user's units."""
+        """Return a value, with a multiple of E*/h_contact converted to the user's units."""
         if isinstance(value, StiffnessMultiple):
             return float(f"{value.factor * self._stiffness_unit(request):.15g}")
         return value

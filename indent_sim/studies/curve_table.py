@@ -1,4 +1,4 @@
-"""Curves of a study: curves.csv with a row per run and step, and groups of curves to draw."""
+"""Curves of a study: the table curves.csv, and groups of curves for pictures."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class CurveGroups:
         return self.value_names(self.keys)
 
     def value_names(self, keys: Sequence[str]) -> list[str]:
-        """Return the values of some keys as text for each curve; of sections the differences."""
+        """Return the values of some keys as text for each curve (differences of sections)."""
         common_entries = {
             key: _common_entries([curve.values.get(key) for curve in self.curves]) for key in keys
         }
@@ -87,13 +87,13 @@ class CurveGroups:
 
 
 def distinguishing_labels(values: Sequence[object]) -> list[str]:
-    """Return values of a varied key as text; of sections only the differences."""
+    """Return the values of a varied key as text, for sections only the differences."""
     shared_entries = _common_entries(values)
     return [_value_label("", value, shared_entries).strip() for value in values]
 
 
 def _value_label(name: str, value: object, common_entries: Collection[str]) -> str:
-    """Return a key and its value as text; of a section the entries that are not common to all."""
+    """Return a key and its value as text, for a section without the common entries."""
     section = _parse_section(value)
     if section is None:
         return f"{name} {value if isinstance(value, str) else short_yaml(value)}"
@@ -107,7 +107,7 @@ def _value_label(name: str, value: object, common_entries: Collection[str]) -> s
 
 
 def _common_entries(values: Sequence[object]) -> list[str]:
-    """Return the entries that some sections have in common; [] if one value is not a section."""
+    """Return the common entries of sections; [] if one value is not a section."""
     sections = [_parse_section(value) for value in values if value is not None]
     if not sections or None in sections:
         return []
@@ -185,7 +185,7 @@ def group_case_curves(
 
 
 def group_folder_curves(folder: Path, runs: Sequence[Row], keys: Sequence[str]) -> CurveGroups:
-    """Return the curves of a study's folder, for the rows of its table whose runs still exist."""
+    """Return the curves of a study's folder, without runs that have been deleted."""
     rows_by_run = {row["run"]: row for row in runs if row["status"] == "done" and row["run"]}
     curves = []
     for name, row in rows_by_run.items():
@@ -206,7 +206,7 @@ def _make_groups(curves: Sequence[RunCurve], keys: Sequence[str]) -> CurveGroups
     ]
 
     def is_only_word(key: str) -> bool:
-        """Return True if some run has no other key with a text value."""
+        """Return True if this is the only key with a text value for some run."""
         other_word_keys = [other_key for other_key in independent if other_key in word_keys]
         return any(
             row.get(key) is not None

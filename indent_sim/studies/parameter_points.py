@@ -1,4 +1,4 @@
-"""Points of a parameter grid: the lists and ranges of `vary`, combined as a product or zipped."""
+"""Points of a parameter grid from the lists and ranges of `vary`, as product or zipped."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ LARGEST_RANGE_END = 1e100
 
 @dataclass(frozen=True)
 class StiffnessMultiple:
-    """Contact stiffness as a multiple of the scene's own E*/h_contact."""
+    """Contact stiffness as a multiple of E*/h_contact of the scene."""
 
     factor: float
 
@@ -175,5 +175,5 @@ def _range_end(
 
 
 def _config_error(keys: KeyPath, source: Source, problem: str, remedy: str = "") -> ConfigError:
-    """Return the error of a key with its file and line."""
+    """Return the ConfigError for a key, with its file and line."""
     return ConfigError(key_text(keys), problem, remedy, *source.location(keys))

@@ -1,4 +1,4 @@
-"""Execution of a study: check it, do its runs, and write its table and pictures."""
+"""Execution of a study: checks, runs, table and pictures."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Study:
     compared_with
         Name of the reference of the forces.
     rows
-        The table; empty for a shard, which only does its part of the runs.
+        The rows of the table; empty for a shard, which only performs its part of the runs.
     notes
         Remarks on the reference.
     scoreboard
@@ -61,9 +61,9 @@ class Study:
 
     @property
     def recommendations(self) -> list[str]:
-        """The recommended run for errors of 5 %, 1 % and 0.1 % of the force.
+        """Recommended runs for errors of 5 %, 1 % and 0.1 % of the force.
 
-        With a tolerance: the number of rows with each verdict.
+        In a study with a tolerance they are the numbers of rows with each verdict.
         """
         if any(self.verdicts.values()):
             return [", ".join(f"{count} {name}" for name, count in self.verdicts.items())]
@@ -71,7 +71,7 @@ class Study:
 
     @property
     def verdicts(self) -> dict[str, int]:
-        """Number of rows that are right, flagged, refused and wrong; all 0 without a tolerance."""
+        """Number of rows with each verdict (right, flagged, refused, wrong)."""
         return study_table.verdict_counts(self.rows)
 
     @property
@@ -80,7 +80,7 @@ class Study:
         return tuple(self.rows[0]) if self.rows else ()
 
     def __getitem__(self, column: str) -> np.ndarray:
-        """Return a column of the table: numbers with NaN where unknown, or objects."""
+        """Return a column of the table as numbers (unknown: NaN) or objects."""
         values = [row[column] for row in self.rows]
         is_number = all(isinstance(value, (int, float, type(None))) for value in values)
         return np.array(
@@ -98,8 +98,7 @@ class Study:
         return self._repr_table().html
 
     def _repr_table(self) -> ReprTable:
-        """Return the table that a notebook shows: the varied keys and the main results."""
-        # A notebook shows these columns after the varied keys.
+        """Return the table for a notebook: varied keys and main results."""
         shown_columns = ("status", "force", "a", "p_max", "force_error_vs", "cpu_s", "verdict")
         names = [
             name
@@ -116,12 +115,12 @@ class Study:
         )
 
     def to_pandas(self) -> pandas.DataFrame:
-        """Return the table as a DataFrame; BackendError without pandas."""
+        """Return the table as a DataFrame; raise BackendError without pandas."""
         return data_frame({name: self[name] for name in self.columns})
 
     @property
     def failures(self) -> list[Row]:
-        """The rows whose run has not succeeded."""
+        """Rows of the table whose run has not succeeded."""
         return [row for row in self.rows if row["status"] != "done"]
 
 
@@ -140,24 +139,24 @@ def execute_study(
     Parameters
     ----------
     study_input
-        Path of a study file, or mappings of the same form.
+        Path of a study file, or a dictionary with its structure.
     output
-        Folder of the study [as the study file says].
+        Folder of the study; by default the folder that the study file names.
     resume
         Keep finished runs and continue interrupted ones.
     shard
-        (i, n): do every n-th run, starting with the i-th (from 1), and write no table.
+        (i, n): perform every n-th run, starting with the i-th (from 1), and write no table.
     jobs
         Number of runs at the same time, each in its own process.
     overwrite
         Replace finished runs that are not part of this study.
     tell
-        Called with each line of progress.
+        Function that is called with each line of progress.
 
     Returns
     -------
     Study
-        A run that fails is a row of its table.
+        The study; a failed run is a row of its table.
 
     Raises
     ------
@@ -246,7 +245,7 @@ def _draw_pictures(
 
 
 def read_study(folder: Path) -> Study:
-    """Read a finished study from its folder; UsageError if it has no readable study."""
+    """Read a finished study from its folder; raise UsageError if there is none."""
     record = read_report(folder, STUDY)
     table = folder / study_folder.STUDY_TABLE
     scoreboard_rows: list[Row] = []
@@ -277,7 +276,7 @@ def _run_cases(
     worker_count: int,
     tell: ReportLine,
 ) -> None:
-    """Do the runs in parallel, without those that a resumed study has finished before."""
+    """Perform the runs in parallel, except those finished before a resumed study."""
     pending_cases = {
         case.name: case
         for case in cases
@@ -318,7 +317,7 @@ def _run_cases(
 
 
 def _outcome_text(results: Results | None, ending: ExitStatus) -> str:
-    """Return the force and CPU seconds of a run, or the reason of its failure, as a text."""
+    """Return the force and the CPU time of a run, or the reason for its failure, as text."""
     code, reason = ending
     if code or results is None:
         return f"failed ({code}): {reason}"
@@ -328,12 +327,12 @@ def _outcome_text(results: Results | None, ending: ExitStatus) -> str:
 
 
 def _expected_seconds(case: Case) -> float:
-    """Return the predicted CPU seconds of a run, with the runs for its error estimate."""
+    """Return the predicted CPU time [s] of a run, including its error estimate."""
     return case.planned_run.study_seconds()
 
 
 def as_json(study: Study) -> Report:
-    """Return a study as one JSON object."""
+    """Return a study as an object for JSON."""
     names = (
         "directory",
         "title",

@@ -43,7 +43,7 @@ TITLE_HEIGHT = 0.7
 
 @dataclass(frozen=True)
 class KeyRoles:
-    """Roles of the varied keys in small multiples; "" if a role is not used.
+    """Roles of the varied keys in small multiples; an unused role is "".
 
     Attributes
     ----------
@@ -62,16 +62,16 @@ class KeyRoles:
 
     @property
     def visible_keys(self) -> tuple[str, ...]:
-        """The keys whose values can be read from the picture."""
+        """Keys whose values can be read from the picture."""
         return tuple(filter(None, (self.colour, self.across, self.down, self.dashes)))
 
 
 def assign_roles(curve_groups: CurveGroups) -> KeyRoles:
     """Return the role of each varied key, by its number of values.
 
-    The numeric key with the most values is the colour, since a colour bar shows any number of them.
-    Of the other keys the one with the most values goes across, the next one down, the next into
-    dashes. A key with too many values for a role is passed over if another one fits.
+    The numeric key with the most values is shown by colour, since a colour bar can show any number
+    of values. The other keys are assigned to columns, rows and dash patterns in the order of their
+    numbers of values. A key with too many values for a role is skipped if another key is suitable.
     """
     counts = {key: len(_value_names(curve_groups, key)) for key in curve_groups.keys}
     numeric = curve_groups.numeric_keys()
@@ -102,8 +102,8 @@ def assign_roles(curve_groups: CurveGroups) -> KeyRoles:
 def small_multiples_figure(curve_groups: CurveGroups, title: str) -> Iterator[Figure]:
     """Yield the figure of many runs of a study with two or more varied keys.
 
-    Small multiples of force over depth are above; below are the force of each run over every varied
-    number, and for two numbers a map over both.
+    The upper part has small multiples of force over depth. The lower part has the force of each run
+    over every varied number, and for two numbers a map over both.
     """
     key_roles = assign_roles(curve_groups)
     across, down = (
@@ -142,7 +142,7 @@ def small_multiples_figure(curve_groups: CurveGroups, title: str) -> Iterator[Fi
 
 def _subtitle(curve_groups: CurveGroups, key_roles: KeyRoles, across: Sequence[str]) -> str:
     """Return the number of runs, and the values and keys that the picture does not show."""
-    parts = [f"{len(curve_groups.curves)} runs", "every force at its run's own depth"]
+    parts = [f"{len(curve_groups.curves)} runs", "each force at the depth of its run"]
     value_count = len(_value_names(curve_groups, key_roles.across)) if key_roles.across else 0
     if value_count > len(across):
         parts.append(
@@ -163,7 +163,7 @@ def _facet_keys(key_roles: KeyRoles) -> tuple[tuple[str, int], tuple[str, int]]:
 
 
 def _value_names(curve_groups: CurveGroups, key: str) -> list[str]:
-    """Return the values of a key as text, numbers in order; [""] for no key."""
+    """Return the values of a key as text, with numbers in order; [""] without a key."""
     if not key:
         return [""]
     names = list(dict.fromkeys(curve_groups.value_names([key])))
@@ -174,7 +174,7 @@ def _value_names(curve_groups: CurveGroups, key: str) -> list[str]:
 
 
 def _evenly_spaced(values: Sequence[str], max_count: int) -> list[str]:
-    """Return at most `max_count` values, spread evenly over all of them."""
+    """Return at most `max_count` evenly spaced values of a list."""
     if len(values) <= max_count:
         return list(values)
     return [values[i] for i in np.linspace(0, len(values) - 1, max_count).round().astype(int)]
@@ -253,7 +253,7 @@ def _draw_curves(
 
 
 def _scale_axes(axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis) -> None:
-    """Set linear axes, or logarithmic ones if most curves would lie on zero."""
+    """Set linear axes, or logarithmic axes if most curves would be close to zero."""
     from matplotlib.ticker import NullLocator
 
     if value_ratio([run["force"].max() for run in runs]) < LOG_RESULT_RATIO:
@@ -280,7 +280,7 @@ def _scale_axes(axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis) -
 
 
 def styles_by_key(curve_groups: CurveGroups, key: str) -> tuple[list[PlotStyle], Any]:
-    """Return the style of every curve by a varied key, and the colour scale; None for words."""
+    """Return the style of every curve by a varied key, and the colour scale (None for text)."""
     if key in curve_groups.numeric_keys():
         colours, bar = number_colours(curve_groups.key_numbers(key))
         return [{"color": colour, "ls": "-"} for colour in colours], bar
@@ -310,7 +310,7 @@ def number_colours(values: Sequence[float]) -> tuple[list[Colour], Any]:
 
 
 def draw_number_bar(panels: Sequence[Axes], colour_scale: Any, label: str) -> None:
-    """Draw the colour bar of a varied number right of the panels."""
+    """Draw the colour bar of a varied number to the right of the panels."""
     from matplotlib.colors import LogNorm
 
     bar = figures.draw_colour_bar(panels, colour_scale, label, "right")
@@ -331,7 +331,7 @@ def value_ratio(values: Sequence[float] | np.ndarray) -> float:
 
 
 def representative_values(curve_groups: CurveGroups, column: str) -> tuple[list[float], str]:
-    """Return a column in the representative row of each run, in shown units, and its axis label."""
+    """Return a column at the representative row of each run, in shown units, and its label."""
     runs = [curve.results for curve in curve_groups.curves]
     column_axis = axis_of_column(column, runs)
     values = [float(column_axis(run[column][representative_row(run)])) for run in runs]
@@ -361,7 +361,7 @@ def draw_over_number(
     styles: Sequence[PlotStyle],
     group_styles: Sequence[PlotStyle] | None = None,
 ) -> None:
-    """Draw results over a varied number; runs that differ in it alone are joined by a line.
+    """Draw results over a varied number, with lines through runs that differ only in it.
 
     Parameters
     ----------
@@ -372,7 +372,7 @@ def draw_over_number(
     styles
         Style of each curve; its points have this colour.
     group_styles
-        Style of the line of each curve, if the lines are named in a legend.
+        Style of the line through each curve's point, if the lines are named in a legend.
     """
     numbers = curve_groups.key_numbers(key)
     for name, indices in _group_indices(curve_groups, key).items():
@@ -409,7 +409,7 @@ def set_plain_log_ticks(matplotlib_axis: Any, ratio: float) -> None:
 
 
 def is_grid(curve_groups: CurveGroups, keys: Sequence[str]) -> bool:
-    """Return True if the runs fill a grid of two varied numbers, with enough values of each."""
+    """Return True if the runs form a grid of two varied numbers with enough values."""
     if len(keys) != 2 or tuple(keys) != curve_groups.keys:
         return False
     pairs = set(
@@ -477,13 +477,13 @@ def draw_map(
 def column_figure(curve_groups: CurveGroups, column: str, title: str) -> Iterator[Figure]:
     """Yield the figure of one of `PLOTTED_COLUMNS` over the varied numbers.
 
-    Penetration is drawn over epsilon_n if that varies. Otherwise two numbers give a map, and one or
-    several numbers a panel each.
+    Penetration is drawn over epsilon_n if this is varied. Otherwise the figure is a map over two
+    numbers, or has a panel for each number.
 
     Raises
     ------
     UsageError
-        No number varies, or no run has this column.
+        If no number varies, or no run has this column.
     """
     panel_keys = _keys_of_panels(curve_groups, column)
     is_map = len(panel_keys[0]) == 2
@@ -500,12 +500,12 @@ def column_figure(curve_groups: CurveGroups, column: str, title: str) -> Iterato
 
 
 def draw_column_into(axes: Axes, curve_groups: CurveGroups, column: str) -> None:
-    """Draw one of `PLOTTED_COLUMNS` into axes of another program's figure, with a legend inside.
+    """Draw one of `PLOTTED_COLUMNS` into given axes, with a legend inside.
 
     Raises
     ------
     UsageError
-        As `column_figure` raises it, and if the column needs several panels.
+        For the reasons of `column_figure`, and if the column needs several panels.
     """
     panel_keys = _keys_of_panels(curve_groups, column)
     if len(panel_keys) > 1:
@@ -522,7 +522,7 @@ def draw_column_into(axes: Axes, curve_groups: CurveGroups, column: str) -> None
 def _keys_of_panels(curve_groups: CurveGroups, column: str) -> list[tuple[str, ...]]:
     """Return the varied numbers of each panel of a column: one, or two for a map.
 
-    UsageError if there are none, or no run has the column.
+    Raises UsageError if there are none, or no run has the column.
     """
     numeric = curve_groups.numeric_keys()
     if not numeric:
@@ -567,7 +567,7 @@ def _draw_over_each(
     number_keys: Sequence[str],
     values_and_label: tuple[Sequence[float], str],
 ) -> None:
-    """Draw a column over each of some numbers; a few lines are named by the other keys."""
+    """Draw a column over each of some numbers, with lines named by the other keys if few."""
     other_keys = [key for key in curve_groups.keys if key not in number_keys]
     names = curve_groups.value_names(other_keys)
     group_names = list(dict.fromkeys(names))
@@ -593,7 +593,7 @@ def _draw_over_each(
 
 
 def _draw_pressure_over_stiffness(axes: Axes, curve_groups: CurveGroups) -> None:
-    """Draw p_max / epsilon_n: the penetration of a penalty under the largest pressure."""
+    """Draw p_max / epsilon_n, the penetration of a penalty method at the largest pressure."""
     runs = [curve.results for curve in curve_groups.curves]
     if any(run.report.get("method") != "penalty" for run in runs) or curve_groups.key_unit(
         STIFFNESS_KEY

@@ -46,7 +46,7 @@ CASE_COLUMN = "case"
 
 @dataclass(frozen=True)
 class NamedCase:
-    """Case of a study's `cases`: a scene, and optionally a published and an exact value of it.
+    """Entry of a study's `cases`: a scene, optionally with a published and an exact value.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class RunRequest:
     point
         Settings that change the scene.
     labels
-        Texts that identify the run in the table; None if its settings identify it.
+        Texts that identify the run in the table; None if the settings identify the run.
     """
 
     base: Document
@@ -109,12 +109,12 @@ class StudyFile:
         Reference of the forces: "theory", "finest", a force, or the path of a result; file and line
         of this key.
     tolerance
-        Relative error of the force up to which a row is right. With a tolerance every row has a
-        verdict and invalid scenes are rows; without one (None) all scenes must be valid.
+        Relative error of the force up to which a row is "right". With a tolerance every row has a
+        verdict, and invalid scenes are rows; without a tolerance (None) all scenes must be valid.
     directory
         Folder of the study.
     named_cases
-        Cases with their own scenes, in place of `base` and `blocks`.
+        Cases with their own scenes, instead of `base` and `blocks`.
     """
 
     path: Path
@@ -131,7 +131,7 @@ class StudyFile:
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """The varied keys in the order of the file, each once."""
+        """Varied keys in the order of the file, without repetitions."""
         if self.named_cases:
             return (CASE_COLUMN,)
         return tuple(dict.fromkeys(key for block in self.blocks for key in block.keys))
@@ -152,13 +152,13 @@ class StudyFile:
 
 
 def read(study_input: Path | str | Mapping[str, Any]) -> StudyFile:
-    """Read a study from a file, or from mappings of the same form.
+    """Read a study from a file, or from a dictionary with the same structure.
 
     Parameters
     ----------
     study_input
-        Path of the study file, or the study as mappings; paths in mappings are relative to the
-        working directory.
+        Path of the study file, or the study as a dictionary; paths in a dictionary are relative to
+        the working directory.
 
     Raises
     ------
@@ -218,7 +218,7 @@ def read(study_input: Path | str | Mapping[str, Any]) -> StudyFile:
 
 
 def _unknown_key_error(key: str, source: Source) -> ConfigError:
-    """Return the error of an unknown key of a study."""
+    """Return the ConfigError for an unknown key of a study."""
     match = closest_match(key, STUDY_KEYS)
     problem = f"unknown key, did you mean '{match}'?" if match else "unknown key"
     remedy = (
@@ -231,7 +231,7 @@ def _unknown_key_error(key: str, source: Source) -> ConfigError:
 
 
 class _StudyReader:
-    """Reader of the keys of one study document; its errors have file and line."""
+    """Reader of the keys of one study document, with file and line in errors."""
 
     def __init__(self, path: Path, document: Document, source: Source):
         self.path = path
@@ -240,7 +240,7 @@ class _StudyReader:
         self.location = source.location
 
     def config_error(self, keys: KeyPath, problem: str, remedy: str = "") -> ConfigError:
-        """Return the error of a key with its file and line."""
+        """Return the ConfigError for a key, with its file and line."""
         return ConfigError(key_text(keys), problem, remedy, *self.location(keys))
 
     def read_base(self) -> tuple[Document, Source]:
@@ -267,8 +267,8 @@ class _StudyReader:
     def read_scene_file(self, path: Path, section_keys: KeyPath) -> tuple[Document, Source]:
         """Return the document of a scene file.
 
-        If the file is not a scene, the error shows nothing of its content: a study may come from a
-        stranger and name any file of this machine.
+        If the file is not a scene, the error does not show its content, because an untrusted study
+        could name any file of this machine.
         """
         no_scene = self.config_error(
             section_keys,
@@ -366,7 +366,7 @@ class _StudyReader:
         if exact and not published:
             raise self.config_error(
                 (*case_keys, "exact"),
-                "belongs to a published value",
+                "is allowed only with a published value",
                 "add published, or leave it out",
             )
         return NamedCase(
@@ -421,7 +421,7 @@ class _StudyReader:
                     if len(chain) > 1
                     else "refers to its own case"
                 )
-                remedy = "an exact value must come from a second, independent method"
+                remedy = "an exact value must be obtained by a second, independent method"
                 raise self.config_error(("cases", index, "exact", "case"), problem, remedy)
 
     def read_common_settings(self) -> ParameterPoint:
@@ -487,7 +487,7 @@ class _StudyReader:
         return tuple(blocks)
 
     def check_overlaps(self, given_keys: list[str], keys: KeyPath) -> None:
-        """Raise ConfigError if a section and a key inside it are both set: one would be lost."""
+        """Raise ConfigError if a section and a key inside it are both set."""
         paths = {key: ("set", key) for key in self.read_section("set")} | {
             key: (*keys, key) for key in given_keys
         }
@@ -497,7 +497,7 @@ class _StudyReader:
                 raise self.config_error(paths[inner_key], problem, "give one of the two")
 
     def check_key(self, keys: KeyPath, key: str) -> None:
-        """Raise ConfigError if a text is not the key of a scene that a run may set."""
+        """Raise ConfigError if a text is not a scene key that a study may set."""
         if not key or key != key_text(key_path(key)) or len(key_path(key)) > MAX_DEPTH:
             raise self.config_error(keys, "is not a key", "write it with dots, e.g. mesh.h_far")
         if key.split(".")[0] in ("title", "units", "output"):
@@ -508,7 +508,7 @@ class _StudyReader:
             )
 
     def read_compare_to(self) -> str | float | Path:
-        """Return the reference with which the forces are compared ["finest"]."""
+        """Return the reference with which the forces are compared; by default "finest"."""
         compare_to = self.document.get("compare_to", "finest")
         if type(compare_to) in (int, float) and 0 < abs(compare_to) <= LARGEST_RANGE_END:
             return float(compare_to)
@@ -520,13 +520,13 @@ class _StudyReader:
             and os.path.exists(self.path.parent / compare_to)
         ):
             return self.path.parent / compare_to
-        problem = f"is neither theory nor finest, nor a force, nor a result: {compare_to!r}"
+        problem = f"is not theory, finest, a force or a result: {compare_to!r}"
         raise self.config_error(
             ("compare_to",), problem, "a path is relative to the folder of the study file"
         )
 
     def read_tolerance(self) -> float | None:
-        """Return the relative error of the force up to which a row is right; None if not given."""
+        """Return the tolerance, the largest relative force error of a "right" row, or None."""
         tolerance = self.document.get("tolerance")
         if tolerance is None:
             return None
@@ -541,7 +541,7 @@ class _StudyReader:
         return float(tolerance)
 
     def read_directory(self) -> Path:
-        """Return the study's folder [results/<stem of the file>] as a relative path."""
+        """Return the study's folder as a relative path; by default results/<stem of the file>."""
         directory = self.read_section("output").get("directory", f"results/{self.path.stem}")
         if not isinstance(directory, str) or not directory:
             raise self.config_error(("output", "directory"), "must be the path of a folder")

@@ -1,8 +1,8 @@
-"""Folder of a study: study.json, tables, pictures, and one result folder per physics in runs/.
+"""Folder of a study: study.json, tables, pictures, and one result folder per run in runs/.
 
-Finished runs can be read by any process. A lock lets several shards share the folder, or one other
-process have it alone. The file study.json marks the folder as a study; only result folders that
-this program wrote are deleted in it.
+Finished runs can be read by any process. A lock allows either several shards or a single other
+process to write the folder. The file study.json marks the folder as a study; only result folders
+that this program wrote are deleted in it.
 """
 
 from __future__ import annotations
@@ -54,19 +54,19 @@ class StudyFolder:
     path
         The folder.
     resume
-        Keep all runs that are in the folder. Without it every run is replaced once its successor is
-        done, and runs that are not part of this study are deleted at the end.
+        Keep all runs that are in the folder. Otherwise every run is replaced when the new run is
+        finished, and runs that are not part of this study are deleted at the end.
     shared
-        Share the folder with other shards of the same study, and resume.
+        Share the folder with other shards of the same study, which implies `resume`.
     overwrite
-        Let finished runs that are not part of this study be deleted.
+        Allow the deletion of finished runs that are not part of this study.
     names
         Names of the runs of this study.
 
     Raises
     ------
     UsageError
-        The folder, or that of a run, belongs to another program, is in use or not writable, or
+        If the folder or a run folder belongs to another program, is in use or not writable, or if
         finished runs would be lost.
     """
 
@@ -125,7 +125,7 @@ class StudyFolder:
 
     @property
     def lock_descriptor(self) -> int:
-        """Descriptor of the locked file."""
+        """File descriptor of the lock file."""
         return self._lock_descriptor
 
     @property
@@ -141,9 +141,9 @@ class StudyFolder:
         return self._runs_folder / self._folder_names[physics]
 
     def is_finished(self, name: str) -> bool:
-        """True if a run has ended and would end in the same way again.
+        """True if a run has ended with a result that would be the same if it were repeated.
 
-        A run that was killed from outside, or ran out of memory or disk space, is not finished.
+        A run that was killed, or that ran out of memory or disk space, is not finished.
         """
         if (results_of_run := self._read_ended_run(name)) is None:
             return False
@@ -164,16 +164,16 @@ class StudyFolder:
         return code not in machine_codes and not reason.startswith(resource_failures)
 
     def ended_results(self, name: str) -> Results | None:
-        """Return the result of a run that has succeeded or failed under this version, else None.
+        """Return the result of a run that has ended with this version, else None.
 
-        The result is read once and kept: call this only when the run will not be done again.
+        The result is cached, so that this may be called only if the run will not be repeated.
         """
         if name not in self._results_by_run:
             self._results_by_run[name] = self._read_ended_run(name)
         return self._results_by_run[name]
 
     def _read_ended_run(self, name: str) -> Results | None:
-        """Read the result of a run that has ended under this version; None for any other run."""
+        """Read the result of a run that has ended with this version; None for other runs."""
         report = read_report(self.run_folder(name))
         if report.get("status") in ("done", "failed") and report.get("version") == VERSION:
             # A damaged result counts as none.
@@ -182,7 +182,7 @@ class StudyFolder:
         return None
 
     def record_failure(self, name: str, exit_code: int, reason: str) -> None:
-        """Write run.json of a failed run that wrote none itself; keep that of a finished run."""
+        """Write run.json of a failed run that has none; keep the run.json of a finished run."""
         report = read_report(self.run_folder(name))
         if report.get("status") == "done":
             return
@@ -234,7 +234,7 @@ class StudyFolder:
         self.write_file(STUDY, to_json({"program": PROGRAM, "version": VERSION, **entries}) + "\n")
 
     def _take_lock(self) -> None:
-        """Lock the folder; UsageError if another study uses it."""
+        """Lock the folder; raise UsageError if another study uses it."""
         self._lock_descriptor = os.open(
             self.path / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644
         )
@@ -260,7 +260,7 @@ class StudyFolder:
 
 @contextmanager
 def open_study_folder(path: Path, **options: Any) -> Iterator[StudyFolder]:
-    """Yield the locked folder of a study; delete a new folder if no study was written to it."""
+    """Yield the locked folder of a study; delete a new folder if it remains empty."""
     existing_parent = next((parent for parent in (path, *path.parents) if parent.exists()), path)
     with StudyFolder(path, **options) as folder:
         try:

@@ -1,8 +1,8 @@
 """Pictures of a study's curves (curves.png).
 
-Force over depth of every run, and the last force (largest force of a time history) over each varied
-number. If all runs hold the tip still, the picture shows the fraction of the force's fall that
-remains over time, and the time at which half of it is over.
+The pictures show force over depth of every run, and the last force (largest force of a time
+history) over each varied number. If all runs have a hold, they show the normalized force relaxation
+(F - F_end)/(F_start - F_end) over time, and its half-time.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def draw_cost(
 ) -> None:
     """Draw study.png: force error over CPU time, and over the varied number if there is one.
 
-    Without any error to show the picture is deleted.
+    If there are no errors, the picture is deleted.
     """
     compared_rows = study_table.rows_with_error(rows)
     if not compared_rows:
@@ -88,7 +88,7 @@ def draw_cost(
 
 
 def draw_curves(curve_groups: CurveGroups, title: str, path: Path) -> None:
-    """Draw curves.png: the curves of a study; without any run the picture is deleted."""
+    """Draw curves.png with the curves of a study; delete the picture if there are no runs."""
     if not curve_groups.curves:
         path.unlink(missing_ok=True)
         return
@@ -98,7 +98,7 @@ def draw_curves(curve_groups: CurveGroups, title: str, path: Path) -> None:
 
 @contextmanager
 def curves_figure(curve_groups: CurveGroups, title: str) -> Iterator[Figure]:
-    """Yield the figure of a study's curves, of which there is at least one.
+    """Yield the figure of a study with at least one curve.
 
     Many runs that differ in several keys are drawn as small multiples.
     """
@@ -130,14 +130,14 @@ def curves_figure(curve_groups: CurveGroups, title: str) -> Iterator[Figure]:
             _draw_over_number(axes, curve_groups, key, styles, holds)
             legend_heights.append(figures.draw_legend_under(axes))
         figure.set_size_inches(width, panel_size + max(legend_heights))
-        hold_subtitle = "remaining fraction of the fall of the force while the tip is held"
-        subtitle = hold_subtitle if _common_holds(holds) else "every force at its run's own depth"
+        hold_subtitle = "normalized force relaxation in the hold, (F - F_end)/(F_start - F_end)"
+        subtitle = hold_subtitle if _common_holds(holds) else "each force at the depth of its run"
         figures.draw_title(figure, title, f"{count} run{'s' * (count > 1)}  ·  {subtitle}")
         yield figure
 
 
 def draw_curves_into(axes: Axes, curve_groups: CurveGroups) -> None:
-    """Draw the curves of a study into axes of another program's figure, with a legend inside."""
+    """Draw the curves of a study into given axes, with a legend inside."""
     holds = [first_hold(curve.results) for curve in curve_groups.curves]
     styles, names, colour_scale = _curve_styles(curve_groups)
     _draw_force_curves(axes, curve_groups, styles, names, holds)
@@ -158,9 +158,9 @@ def requested_figure(
 
 
 def _curve_styles(curve_groups: CurveGroups) -> tuple[list[PlotStyle], list[str], Any]:
-    """Return style and name of every curve, and a colour scale that replaces names; None without.
+    """Return style and name of every curve, and a colour scale instead of names, or None.
 
-    Curves that differ in one number, and many curves, have colours by the first number.
+    Curves that differ in one number, and many curves, are coloured by the first number.
     """
     count = len(curve_groups.curves)
     number_keys = curve_groups.numeric_keys()
@@ -171,10 +171,10 @@ def _curve_styles(curve_groups: CurveGroups) -> tuple[list[PlotStyle], list[str]
 
 
 def _all_line_styles(curve_groups: CurveGroups) -> tuple[list[PlotStyle], list[str]]:
-    """Return the style of every curve and its name in the legend, "" if the style is named before.
+    """Return the style and the legend name of every curve ("" for a repeated style).
 
-    A few curves have a style each; of many the first varied key decides. If that has too many
-    values for colours, all curves are grey and have no name.
+    If there are few curves, each has its own style; otherwise the style depends on the first varied
+    key. If this key has too many values for colours, all curves are grey and have no name.
     """
     names = curve_groups.curve_names()
     styles = (
@@ -193,8 +193,8 @@ def _all_line_styles(curve_groups: CurveGroups) -> tuple[list[PlotStyle], list[s
 def _styles_by_keys(curve_groups: CurveGroups, keys: Sequence[str]) -> list[PlotStyle] | None:
     """Return the style of every curve by some varied keys; None if there are too many values.
 
-    Each combination of values has a colour, or each value of one key a colour and each combination
-    of the others a dash pattern.
+    Either each combination of values has a colour, or each value of one key has a colour and each
+    combination of the other values a dash pattern.
     """
     for colour_keys, dash_keys in ((keys, ()), (keys[:1], keys[1:]), (keys[1:], keys[:1])):
         colours = curve_groups.value_names(colour_keys)
@@ -220,7 +220,7 @@ def _styles_by_keys(curve_groups: CurveGroups, keys: Sequence[str]) -> list[Plot
 def _group_styles(curve_groups: CurveGroups, key: str) -> list[PlotStyle] | None:
     """Return the style of every curve in a panel over a varied number by its other keys.
 
-    None if the other keys do not make a few named lines.
+    The result is None if the other keys give too many lines.
     """
     other_keys = [other_key for other_key in curve_groups.keys if other_key != key]
     # Lines in a panel have no names if there are more of them.
@@ -230,10 +230,10 @@ def _group_styles(curve_groups: CurveGroups, key: str) -> list[PlotStyle] | None
 
 
 def draw_scoreboard(rows: Sequence[Row], title: str, path: Path) -> None:
-    """Draw how far published and computed values are from the exact ones.
+    """Draw the differences of published and computed values from the exact values.
 
-    The axis is linear within 0.1 % on both sides of 0 and logarithmic beyond. Without
-    any exact value the picture is deleted.
+    The axis is linear within 0.1 % on both sides of 0 and logarithmic beyond. If there are no exact
+    values, the picture is deleted.
     """
     # The axis begins at the bottom, and the first row is to be on top.
     known_rows = [row for row in rows if row["exact"] is not None][::-1]
@@ -246,7 +246,7 @@ def draw_scoreboard(rows: Sequence[Row], title: str, path: Path) -> None:
         axes = figure.subplots()
         wrong_count = sum(row["wrong"] in ("published", "both") for row in known_rows)
         count_text = (
-            f"{len(known_rows)} published values  ·  {wrong_count} off by more than they claim"
+            f"{len(known_rows)} published values  ·  {wrong_count} outside their claimed accuracy"
         )
         for row_number, row in enumerate(known_rows):
             _draw_scoreboard_line(axes, row_number, row)
@@ -257,7 +257,7 @@ def draw_scoreboard(rows: Sequence[Row], title: str, path: Path) -> None:
                 [],
                 color=figures.COLOURS[1],
                 **SCOREBOARD_MARK,
-                label="published, off by more than it claims",
+                label="published, outside the claimed accuracy",
             )
         axes.set_yticks(
             range(len(known_rows)),
@@ -282,11 +282,11 @@ def draw_scoreboard(rows: Sequence[Row], title: str, path: Path) -> None:
 
 
 def _draw_scoreboard_line(axes: Axes, row_number: int, row: Row) -> None:
-    """Draw one published value: the error it claims as a bar, its difference, and ours."""
+    """Draw one published value: its claimed error as a bar, and both differences."""
     claimed_percent = 100 * (row["within"] or 0.0)
     is_first = row_number == 0
     band = {"color": "#d9d9d9", "height": 0.6, "zorder": 0}
-    label = "claimed by the source, where it says so" if is_first else None
+    label = "accuracy claimed by the source, if any" if is_first else None
     axes.barh(row_number, 2 * claimed_percent, left=-claimed_percent, label=label, **band)
     colour = figures.COLOURS[1] if row["wrong"] in ("published", "both") else figures.INK
     axes.plot(row["difference"], row_number, color=colour, **SCOREBOARD_MARK)
@@ -318,7 +318,7 @@ def _draw_force_curves(
     names: Sequence[str],
     holds: Holds,
 ) -> None:
-    """Draw force over depth of every run; if all hold, the remaining fall of the force."""
+    """Draw force over depth of every run, or the force relaxation if all runs have a hold."""
     runs = [curve.results for curve in curve_groups.curves]
     # Longer names in a legend are cut.
     max_legend_letters = 48
@@ -337,7 +337,7 @@ def _draw_force_curves(
         axes.set(
             xscale="log",
             xlabel=f"time in the hold t{_time_unit(curve_groups)}",
-            ylabel="remaining fraction of the fall of the force",
+            ylabel="normalized force relaxation",
         )
         axes.axhline(0.5, color=figures.GREY, lw=0.6, ls=":", zorder=0)
         return
@@ -401,7 +401,7 @@ def _common_formula(runs: Sequence[Results]) -> Report | None:
 
 
 def _time_unit(curve_groups: CurveGroups) -> str:
-    """Return the unit of times as part of a label; "" for scenes without units."""
+    """Return the unit of times for a label; "" for scenes without units."""
     has_units = any(
         (curve.results.report.get("units") or {}).get("length") for curve in curve_groups.curves
     )
@@ -409,7 +409,7 @@ def _time_unit(curve_groups: CurveGroups) -> str:
 
 
 def _common_holds(holds: Holds) -> list[HoldRelaxation]:
-    """Return the hold of every run, if each has one in which its force falls; else []."""
+    """Return the hold of every run if all have a hold with a decreasing force, else []."""
     # The half time is NaN if the force does not fall.
     holds_with_fall = [hold for hold in holds if hold and hold.half_time == hold.half_time]
     return holds_with_fall if len(holds_with_fall) == len(holds) else []
@@ -418,12 +418,12 @@ def _common_holds(holds: Holds) -> list[HoldRelaxation]:
 def _draw_over_number(
     axes: Axes, curve_groups: CurveGroups, key: str, styles: Sequence[PlotStyle], holds: Holds
 ) -> None:
-    """Draw the representative force of every run, or the half time of its hold, over a number."""
+    """Draw the representative force of every run, or the half-time in its hold, over a number."""
     values, label = representative_values(curve_groups, "force")
     common_holds = _common_holds(holds)
     if common_holds:
         values = [hold.half_time for hold in common_holds]
-        label = f"half of the fall is over at t{_time_unit(curve_groups)}"
+        label = f"half-time of the force relaxation t{_time_unit(curve_groups)}"
     group_styles = _group_styles(curve_groups, key)
     draw_over_number(axes, curve_groups, key, values, label, styles, group_styles)
     number_ratio = value_ratio(curve_groups.key_numbers(key))
@@ -447,7 +447,7 @@ def _draw_error_over_cost(axes: Axes, groups: dict[str, list[Row]]) -> None:
 
 
 def _draw_pareto_front(axes: Axes, front: Sequence[Row]) -> list[Row]:
-    """Draw the Pareto front as a line, and number the points that have room; return these rows."""
+    """Draw the Pareto front as a line with numbered points; return the numbered rows."""
     points = [(row["cpu_s"], _absolute_error(row)) for row in front]
     axes.plot(*zip(*points, strict=True), color=figures.INK, lw=1.2, zorder=2, label="Pareto front")
     # The positions are fractions of the panel's width and height.
@@ -474,7 +474,7 @@ def _draw_pareto_front(axes: Axes, front: Sequence[Row]) -> list[Row]:
 
 
 def _spaced_points(positions: np.ndarray) -> list[int]:
-    """Return the indices of points of a front that lie apart from one another, with the last."""
+    """Return the indices of points of a front at sufficient distances, including the last."""
     kept_indices = [len(positions) - 1]
     # Points nearer than these fractions of the panel's width and height have no room for two
     # numbers.
@@ -559,7 +559,7 @@ def _point_label(row: Row, value_labels: dict[str, dict[str, str]]) -> str:
 
 
 def _value_labels(rows: Sequence[Row], key: str) -> dict[str, str]:
-    """Return a short text for every value of a key, by the whole value as YAML."""
+    """Return a short text for every value of a key; the dictionary keys are values as YAML."""
     values = [row[key] for row in rows]
     return dict(zip(map(short_yaml, values), distinguishing_labels(values), strict=True))
 
@@ -569,7 +569,7 @@ def _group_rows(
 ) -> dict[str, list[Row]]:
     """Return the rows in groups that a few colours can distinguish.
 
-    The groups differ in the contact method, else in a varied word, else in a number.
+    The groups differ in the contact method, else in a key with text values, else in a number.
     """
     other_keys = [key for key in keys if key != number_key]
     word_keys = [key for key in other_keys if not _is_numeric(rows, key)]
@@ -591,7 +591,7 @@ def _is_numeric(rows: Sequence[Row], key: str) -> bool:
 
 
 def _is_number(value: object) -> bool:
-    """Return True for a number; a truth value is none."""
+    """Return True for a number; booleans are not numbers."""
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 

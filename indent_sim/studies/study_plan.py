@@ -1,4 +1,4 @@
-"""Plan of a study: its runs, predicted costs and reference; nothing is run or written."""
+"""Plan of a study: runs, predicted costs and reference, without running anything."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PREDICTED_COLUMNS = ("force", "delta", "dofs", "memory_MB", "seconds")
 
 @dataclass(frozen=True)
 class StudyPlan:
-    """The runs of a study before any is done: one row each, with its predicted results and cost.
+    """Planned runs of a study: one row per run, with predicted results and cost.
 
     Attributes
     ----------
@@ -46,11 +46,11 @@ class StudyPlan:
 
     @property
     def seconds(self) -> float:
-        """Predicted CPU seconds of all runs together, without loading libraries."""
+        """Predicted CPU time [s] of all runs together, excluding the import of libraries."""
         return round(sum(row["seconds"] or 0.0 for row in self.rows), 1)
 
     def as_json(self) -> Row:
-        """Return the plan as one JSON object."""
+        """Return the plan as an object for JSON."""
         names = ("title", "compared_with", "rows", "same", "refused", "seconds", "notes")
         return {name: getattr(self, name) for name in names}
 
@@ -61,7 +61,7 @@ def plan_study(study_input: Path | str | Mapping[str, Any], error_bars: bool = F
     Parameters
     ----------
     study_input
-        Path of a study file, or mappings of the same form.
+        Path of a study file, or a dictionary with its structure.
     error_bars
         Include the cost of error estimates in the predicted cost of each run.
 

@@ -1,4 +1,4 @@
-"""HTML report of a study: its table, pictures and comparison with a reference."""
+"""HTML report of a study with table, pictures and comparison with a reference."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from indent_sim.studies.study_table import Row
 
 
 def study_page(folder: Path) -> str:
-    """Return the HTML page of a study's folder; UsageError if it has no readable study."""
+    """Return the HTML page of a study's folder; raise UsageError without a readable study."""
     record, rows = read_study_folder(folder)
     title = str(record.get("title") or folder.resolve().name)
     names = [
@@ -65,7 +65,7 @@ def study_page(folder: Path) -> str:
         ]
         tables.insert(
             0,
-            thinned_table("Published values", [*board_columns, "who is wrong"], scoreboard_rows),
+            thinned_table("Published values", [*board_columns, "wrong value"], scoreboard_rows),
         )
         caption = "Differences of published and computed values from the exact values"
         pictures.insert(
@@ -82,7 +82,7 @@ def study_page(folder: Path) -> str:
 
 
 def read_study_folder(folder: Path) -> tuple[Report, list[Row]]:
-    """Return study.json and the rows of study.csv; UsageError if one is missing or damaged."""
+    """Return study.json and the rows of study.csv; raise UsageError if one is not readable."""
     try:
         record = read_report(folder, STUDY)
         table_rows = list(
@@ -108,7 +108,9 @@ def read_study_folder(folder: Path) -> tuple[Report, list[Row]]:
 
 
 def _read_scoreboard(folder: Path) -> list[Row]:
-    """Return the rows of verification.csv, none without that file; UsageError if it is damaged."""
+    """Return the rows of verification.csv; none if there is no such file.
+
+    Raises UsageError if the file is damaged."""
     path = folder / SCOREBOARD
     if not path.exists():
         return []
@@ -119,7 +121,7 @@ def _read_scoreboard(folder: Path) -> list[Row]:
 
 
 def _parse_cell(name: str, text: str, keys: Sequence[str]) -> str | float | None:
-    """Return a cell of study.csv as None, a text or a number; ValueError if it must be a number."""
+    """Return a cell of study.csv as None, text or number; raise ValueError if invalid."""
     number_columns = ("force_error_vs", "cpu_s")
     if not text or name not in (*number_columns, *keys):
         return text or None

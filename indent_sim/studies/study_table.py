@@ -53,7 +53,7 @@ STUDY_COLUMNS = (
 REFERENCE_VERDICT = "reference"
 VERDICT_MEANINGS = {
     "right": "the force is within the tolerance",
-    "flagged": "it is not, and the run itself states an error at least as large",
+    "flagged": "the force is outside the tolerance, and the run states an error at least as large",
     "refused": "no force: a clear error before or during the run",
     "wrong": "a wrong force without a warning, or a crash",
 }
@@ -78,7 +78,7 @@ def rows(
     study, resolved_cases
         The study, and its cases and rejected cases.
     results_by_id
-        Results of every run that has ended, by the id of its case; other cases are "pending".
+        Results of every run that has ended, by the id of the case; other cases are "pending".
     reference
         The reference solution of the study; its finest runs are chosen here.
     folder_names
@@ -166,7 +166,7 @@ def _parse_cell(cell: str) -> Any:
 
 
 def independent_keys(table: Sequence[Row], keys: Sequence[str]) -> list[str]:
-    """Return the keys that vary independently: of keys that vary together only the first."""
+    """Return the independent keys: only the first one of keys that vary together."""
     kept_keys: list[str] = []
     for key in keys:
         values = {
@@ -232,7 +232,7 @@ def _rejected_row(rejected_case: RejectedCase, keys: Sequence[str]) -> Row:
 
 
 def _cost_cells(report: Report) -> Row:
-    """Return CPU seconds per stage and in total, without loading libraries, and the memory."""
+    """Return CPU time per stage and in total (excluding imports of libraries), and memory."""
     # The seconds of a resumed run do not include those before its interruption.
     is_complete = not report.get("resumed_after")
     cpu_timings, wall_timings = (
@@ -255,12 +255,12 @@ def _cost_cells(report: Report) -> Row:
 
 
 def _sum_stages(timings: Mapping[str, float]) -> float | None:
-    """Return the seconds of all stages together; None if they are unknown."""
+    """Return the sum of the times of all stages [s]; None if they are unknown."""
     return round(sum(timings.get(stage, 0.0) for stage in STAGES), 4) if timings else None
 
 
 def _stated_cells(results: Results, row_index: int) -> Row:
-    """Return the relative error that a run itself states for its force, and its warnings."""
+    """Return the relative force error that a run states, and its warnings."""
     expected_error = results.report.get("plan", {}).get("prediction", {}).get("force_error", 0.0)
     error_bar = results.table["force_error"][row_index] if "force_error" in results.table else 0.0
     estimated_error = abs(
@@ -319,13 +319,13 @@ def _format_cell(value: object) -> str:
 
 
 def rows_with_error(table: Iterable[Row]) -> list[Row]:
-    """Return the rows with a nonzero error and a cost; identical runs once."""
+    """Return the rows with a nonzero error and a cost, without repeated runs."""
     rows_by_run = {row["run"]: row for row in table if row["force_error_vs"] and row["cpu_s"]}
     return list(rows_by_run.values())
 
 
 def pareto_front(table: Iterable[Row]) -> list[Row]:
-    """Return the rows that no other row beats in both CPU time and force error, by CPU time."""
+    """Return the rows on the Pareto front of CPU time and force error, by CPU time."""
     front: list[Row] = []
     # An error below this fraction of another one is truly smaller.
     ratio = 0.999
@@ -340,8 +340,8 @@ def pareto_front(table: Iterable[Row]) -> list[Row]:
 def recommended_run(table: Sequence[Row], keys: Sequence[str], target: float) -> Row | None:
     """Return the cheapest run whose force error is within the target.
 
-    All finer meshes with the same settings must be within the target, too: a coarse mesh may have
-    the right force by chance.
+    All finer meshes with the same settings must be within the target, too, because a coarse mesh
+    can have the correct force by coincidence.
     """
     compared_rows = [row for row in table if row["force_error_vs"]]
     mesh_keys = ("mesh", *(f"mesh.{name}" for name in MESH_SIZE_KEYS), "accuracy")
@@ -365,7 +365,7 @@ def recommended_run(table: Sequence[Row], keys: Sequence[str], target: float) ->
 
 
 def recommendations(table: Sequence[Row], keys: Sequence[str]) -> list[str]:
-    """Return one line for errors of 5 %, 1 % and 0.1 % of the force: the recommended run."""
+    """Return lines with the recommended runs for force errors of 5 %, 1 % and 0.1 %."""
     if not rows_with_error(table):
         return []
     lines = []
@@ -384,14 +384,14 @@ def recommendations(table: Sequence[Row], keys: Sequence[str]) -> list[str]:
 def row_verdict(row: Row, tolerance: float, references: Collection[str] = ()) -> str | None:
     """Return a verdict, or `REFERENCE_VERDICT` for a reference run.
 
-    None for a row that is pending or has no reference.
+    The result is None for a row that is pending or has no reference.
 
     Parameters
     ----------
     tolerance
-        Relative error of the force up to which a row is right.
+        Relative error of the force up to which a row is "right".
     references
-        Ids of the runs that others are compared with.
+        Ids of the runs with which other runs are compared.
     """
     if row["status"] == "failed":
         # Exit codes of config, mesh, convergence and verification, which all give a reason.

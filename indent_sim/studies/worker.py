@@ -1,4 +1,4 @@
-"""Worker processes that do the runs of a study.
+"""Worker processes that perform the runs of a study.
 
 If a process crashes, only its current run is lost, and a new process is started for the next run.
 """
@@ -24,7 +24,7 @@ JobName = TypeVar("JobName", bound=Hashable)
 
 @dataclass(frozen=True)
 class Job:
-    """Run to do, with its result folder; `resume` continues an interrupted run."""
+    """Run to be performed, with its result folder; `resume` continues an interrupted run."""
 
     config: Config
     is_meshed: bool
@@ -33,7 +33,7 @@ class Job:
 
 
 class Worker:
-    """Process that does jobs one after another.
+    """Process that performs jobs one after another.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class Worker:
         Raises
         ------
         UsageError, BackendError
-            The environment is at fault, so that the next job would fail in the same way.
+            If the environment caused the failure, so that the next job would fail in the same way.
         """
         try:
             return self._wait_for_answer()
@@ -80,7 +80,7 @@ class Worker:
 
 
 def run_job(job: Job) -> ExitStatus:
-    """Do a run, or the rest of an interrupted one; what cannot be resumed is started again.
+    """Perform a run, or the rest of an interrupted run if it can be resumed.
 
     The folder's name contains the hash of the physics, so that a finished run in it solves the same
     scene. If it was written with another config text or other output, it is replaced.
@@ -107,7 +107,7 @@ def run_job(job: Job) -> ExitStatus:
 def run_jobs(
     jobs: Mapping[JobName, Job], worker_count: int, lock: int
 ) -> Iterator[tuple[JobName, ExitStatus]]:
-    """Do jobs in parallel, and yield the name and exit status of each when it ends.
+    """Perform jobs in parallel, and yield the name and exit status of each when it ends.
 
     Parameters
     ----------

@@ -173,7 +173,7 @@ def test_accuracy_is_met_without_a_mesh(tmp_path: Path) -> None:
     assert all(state.force_error == pytest.approx(1e-8 * state.force) for state in done.states)
     again = run(tmp_path / "out", accuracy=1e-6, resume=True)
     assert again.resumed_after == 3
-    with pytest.raises(ConfigError, match="holds a run with accuracy"):
+    with pytest.raises(ConfigError, match="contains a run with accuracy"):
         run(tmp_path / "out", resume=True)
 
 

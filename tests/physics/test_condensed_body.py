@@ -161,7 +161,7 @@ def test_forces_on_the_same_compliance():
 
 
 def test_a_scene_that_does_not_condense_is_refused():
-    with pytest.raises(ConfigError, match="does not condense"):
+    with pytest.raises(ConfigError, match="cannot be condensed"):
         condense(scene(WALLED, contact={"method": "nitsche"}))
 
 

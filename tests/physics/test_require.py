@@ -234,7 +234,7 @@ def test_walls_beside_a_punch_change_sign() -> None:
     }
     found, (first, last, again) = row(punch, "side_walls"), (1.2, 0.691, 0.635)
     assert (
-        found.percent is None and "tried as far as 0.3" in found.source
+        found.percent is None and "tried up to 0.3" in found.source
     )  # no nearer than the punch is wide
     assert found.needs.endswith(
         f"wall at radius = {first} or nearer, except from {last} to {again}"

@@ -164,7 +164,7 @@ def test_layers_and_inclusions_have_the_material_too() -> None:
     layered = scene(WALLED | {"layers": [{"thickness": 0.1}, {"thickness": 0.9}]}, material=AXIS)
     assert (
         layered.exact_theory is None
-        and "theory's layers are isotropic" in layered.theory_differences
+        and "the layers of the theory are isotropic" in layered.theory_differences
     )
 
 
@@ -176,5 +176,5 @@ def test_theory_alone_says_why_it_cannot() -> None:
         "loading": {"delta": 0.01, "steps": 1},
         "solver": {"method": "theory"},
     }
-    with pytest.raises(ConfigError, match="theory's layers are isotropic"):
+    with pytest.raises(ConfigError, match="the layers of the theory are isotropic"):
         resolve(config_from_mapping(config))

@@ -713,7 +713,7 @@ class TestAnotherScene:
         done = indent_sim(*words)
         assert done.exit_code == 2 and content_of(theory_run) == before
         said = (
-            "out holds the finished run of another scene: material.E was 1.0 and is 2.0, "
+            "out contains the finished run of another scene: material.E was 1.0 and is 2.0, "
             "loading.steps was 3 and is 2"
         )
         assert (
@@ -751,7 +751,9 @@ class TestAnotherScene:
         assert indent_sim(*words, "--error-bars").exit_code == 0
         done = indent_sim(*words)
         assert done.exit_code == 2
-        assert "of another scene: it has error bars, and --error-bars is missing now" in done.stderr
+        assert (
+            "of another scene: it has error bars, and --error-bars is not given now" in done.stderr
+        )
 
     @pytest.mark.parametrize(
         ("old", "new", "said"),

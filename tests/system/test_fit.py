@@ -341,7 +341,7 @@ def test_a_damaged_fit_has_no_report(command, tmp_path, damage):
     record = json.loads(path.read_text())
     path.write_text(json.dumps(record | damage if damage else {"program": record["program"]}))
     done = command("report", "out")
-    assert done.exit_code == 2 and "out holds no readable fit" in done.output, done.output
+    assert done.exit_code == 2 and "out contains no readable fit" in done.output, done.output
 
 
 def test_the_figure_of_a_notebook(command, tmp_path):

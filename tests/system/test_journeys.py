@@ -44,7 +44,7 @@ def film_engineer(folder: Path) -> None:
     page = (folder / "results" / "film" / "report.html").read_text(encoding="utf-8")
     html_page.check(page)
     assert (
-        re.search(r"of this curve reads E = [\d.]+ GPa \([+-][\d.]+ %", page)
+        re.search(r"of this curve gives E = [\d.]+ GPa \([+-][\d.]+ %", page)
         and ">force F [mN]<" in page
     )
     assert len(read_run(folder / "results" / "film")) == 20

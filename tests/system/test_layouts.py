@@ -174,7 +174,7 @@ def test_a_text_without_room_is_refused() -> None:
         (["--limits", "1"], "is not A:B"),
         (["--zoom", "far"], "neither a number > 0 nor all"),
         (["--zoom", "0"], "neither a number > 0 nor all"),
-        (["--zoom", "2"], "--zoom belongs to --what fields"),
+        (["--zoom", "2"], "--zoom is only for --what fields"),
         (["--what", "fields", "--limits", "2:1"], "the first must be below the second"),
     ],
 )

@@ -667,9 +667,9 @@ class TestRoom:
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"what": ("forces",)}, "none of force, time, pressure"),
-        ({"fields": ("J",)}, "--field belongs to --what fields"),
-        ({"steps": ("2",)}, "--steps belongs to"),
+        ({"what": ("forces",)}, "not one of force, time, pressure"),
+        ({"fields": ("J",)}, "--field is only for --what fields"),
+        ({"steps": ("2",)}, "--steps is only for"),
         ({"what": ("fields",), "fields": ("mises",)}, "there is no field mises"),
         ({"what": ("pressure",), "steps": ("two",)}, "neither a step nor last nor all"),
         ({"units": {"stress": "kPa"}}, "there are length"),
@@ -687,7 +687,7 @@ def test_a_wish_without_effect_is_refused(given, said):
         ({"layout": (1, 41)}, "is for 41 panels"),
         (
             {"what": ("force", "profile") * 100 + ("force",)},
-            "these are 201 panels, a picture has 40 at most",
+            "the request has 201 panels, but a picture can have at most 40",
         ),
     ],
 )
@@ -735,7 +735,7 @@ def test_what_a_killed_picture_left_is_replaced_by_the_next(tmp_path):
     [
         ({}, {"length": "nm"}, "has no unit"),
         ({"length": "inch", "force": "lbf"}, {"length": "nm"}, "has the unit inch"),
-        ({"length": "m", "force": "N"}, {"pressure": "nm"}, "no unit of pressure"),
+        ({"length": "m", "force": "N"}, {"pressure": "nm"}, "not a unit of pressure"),
     ],
 )
 def test_units_that_cannot_be_shown_are_refused(drawn, units, asked, said):

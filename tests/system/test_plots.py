@@ -271,7 +271,7 @@ class TestSeveralRuns:
         "units", [{"length": "mm", "force": "N"}, {"length": "m", "force": "mN"}]
     )
     def test_units_that_differ_are_refused(self, tmp_path, units):
-        with pytest.raises(UsageError, match="draw them apart"):
+        with pytest.raises(UsageError, match="draw them separately"):
             forces.draw_overlay([a_result(), a_result(units=units)], tmp_path / "picture.png")
         assert not list(tmp_path.iterdir())
 

@@ -586,7 +586,7 @@ class TestNothingToGoOnWith:
                 done = indent_sim("--resume")
                 assert (
                     done.exit_code == 0
-                    and f"warning: {file}: missing or damaged since" in done.stderr
+                    and f"warning: {file}: missing or damaged; run again" in done.stderr
                 )
                 assert snapshot(tmp_path) == before
             path.write_bytes(data)

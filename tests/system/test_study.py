@@ -270,7 +270,7 @@ MALFORMED = [
         "base: scene.yaml\ncompare_to: Theory\nvary: {mesh.h_far: [0.4]}\n",
         2,
         "compare_to",
-        "neither theory nor",
+        "is not theory, finest",
     ),
     (
         "base: scene.yaml\ncompare_to: theory\nvary: {material.nu: [0.3, -0.2]}\n",
@@ -862,7 +862,7 @@ class TestComparison:
         )
         errors = ("force_error_vs", "force_error_worst", "a_error_vs", "p_error_vs")
         assert [row[name] for row in done.rows for name in errors] == [None] * 8
-        assert "no run is compared with another" in done.notes[0] and not done.recommendations
+        assert "are not compared" in done.notes[0] and not done.recommendations
 
     def test_accuracy_is_one_more_way_to_solve_the_same_problem(self, written, tmp_path):
         (tmp_path / "scene.yaml").write_text(

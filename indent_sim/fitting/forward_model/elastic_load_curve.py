@@ -2,8 +2,8 @@
 
     F = delta^p exp g(s),   s = sqrt(delta/max_depth)
 
-g is a polynomial and a smooth function of the parameters: its coefficients are solved at the nodes
-of a grid and interpolated between them.
+g is a polynomial in s. Its coefficients are smooth functions of the parameters, which are computed
+at the nodes of a grid and interpolated between them.
 """
 
 from __future__ import annotations
@@ -43,10 +43,19 @@ ROOT_DOMAIN = (MIN_DEPTH_ROOT, 1.0)
 class ElasticLoadCurve:
     """Elastic load curve of one scene: F = delta^exponent exp g(s), s = sqrt(delta/max_depth).
 
-    coefficients (13,): Chebyshev coefficients of g(s); punch_coefficients (4, 13): of ln delta_1,
-    ln F_1, ln K, ln K' over ln a up to max_radius [length], for adhesive tips; relative_error:
-    relative half width of the error bar of the force; contact_radius [length]: at max_depth. All in
-    units of the scene.
+    All attributes are in units of the scene.
+
+    Attributes
+    ----------
+    coefficients
+        Chebyshev coefficients of g(s), shape (13,).
+    punch_coefficients
+        Chebyshev coefficients of ln delta_1, ln F_1, ln K and ln K' over ln a up to max_radius
+        [length], for adhesive tips, shape (4, 13).
+    relative_error
+        Relative error estimate of the force.
+    contact_radius
+        Contact radius at max_depth [length].
     """
 
     max_depth: float
@@ -58,7 +67,7 @@ class ElasticLoadCurve:
     contact_radius: float = 0.0
 
     def force(self, delta: np.ndarray) -> np.ndarray:
-        """Return the force [force] at depths (n,) [length], 0 out of contact.
+        """Return the force [force] at depths (n,) [length]; it is 0 out of contact.
 
         Beyond max_depth the curve continues as a power law.
         """
@@ -76,8 +85,8 @@ def _map_to_unit_interval(s: np.ndarray) -> np.ndarray:
 class ElasticLoadCurveGrid:
     """Elastic load curves of a scene as a function of its shape parameters.
 
-    wants_punches: include flat punches, which an adhesive tip needs. Raises ConfigError if the
-    unchanged scene is not valid.
+    If `wants_punches` is True, flat punches are included, which an adhesive tip needs. Raises
+    ConfigError if the unchanged scene is not valid.
     """
 
     def __init__(
@@ -101,12 +110,12 @@ class ElasticLoadCurveGrid:
         )
 
     def load_curve(self, theta: Sequence[float]) -> ElasticLoadCurve:
-        """Return the load curve at coordinates of the shape parameters.
+        """Return the load curve at coordinates theta of the shape parameters.
 
         Raises
         ------
         ForwardModelUnavailable
-            The scene has no solution there.
+            If the scene has no solution there.
         """
         if not self._grid.shape_parameters:
             return self.scene_curve
@@ -139,7 +148,7 @@ def _pack_coefficients(load_curve: ElasticLoadCurve) -> np.ndarray:
 def plan_elastic_run(config: Config, max_depth: float) -> PlannedRun:
     """Return the planned run of the scene without experiment, with drained elastic material.
 
-    The load path goes through the depths of a load curve if the solver does not accept any depth.
+    If the solver needs a load path, it consists of the depths of a load curve.
     Raises ConfigError if the scene is not valid.
     """
     if config.contact.adhesion:
@@ -176,7 +185,7 @@ def _elastic_document(config: Config) -> dict[str, Any]:
 
 
 def elastic_config(config: Config, max_depth: float) -> Config:
-    """Return the scene without experiment, with drained elastic material, pressed to a depth."""
+    """Return the scene without experiment, with drained elastic material, to a depth."""
     return config_from_mapping(_elastic_document(config) | {"loading": {"delta": float(max_depth)}})
 
 
@@ -190,7 +199,7 @@ def solve_load_curve(
     max_depth
         The largest depth [length].
     wants_punches
-        Solve flat punches, too, which an adhesive tip needs.
+        True if flat punches, which an adhesive tip needs, are solved, too.
     exponent
         Exponent of the depth; None to find it from the shallowest points.
 
@@ -234,9 +243,10 @@ def _curve_from_theory(
 def _curve_from_mesh(
     elastic_forces: ElasticForces, max_depth: float, exponent: float | None
 ) -> ElasticLoadCurve:
-    """Return the load curve of a mesh: its ratio to theory is smoothed by a polynomial.
+    """Return the load curve by a solution on a mesh, smoothed by a polynomial.
 
-    The scatter around the polynomial is a part of the relative error.
+    The ratio to the theory is smoothed. The scatter around the polynomial is added to the relative
+    error.
     """
     depths = max_depth * DEPTH_ROOTS**2
     forces = elastic_forces.forces
@@ -290,7 +300,7 @@ def _curve_from_mesh(
 
 
 def _depth_exponent(depths: np.ndarray, forces: np.ndarray) -> float:
-    """Return the exponent of the depth at the shallowest points, rounded to a half if near one."""
+    """Return the exponent of the depth at the smallest depths, rounded to a near half-integer."""
     slope = float(np.log(forces[1] / forces[0]) / np.log(depths[1] / depths[0]))
     # An exponent of the depth is rounded to a multiple of the step if it is nearer than the
     # tolerance.

@@ -1,6 +1,6 @@
-"""Forward model: the force of a scene and its experiment at any values of their parameters.
+"""Forward model: the force of a scene with its experiment for any values of the parameters.
 
-    F(x, t; theta),   x the depth delta, or behind a spring the displacement of its base,
+    F(x, t; theta),   x: depth delta, or with a spring the displacement of its base,
                       z = delta + compliance F
 
 Signs: x > 0 into the body, F > 0 compressive; F = 0 before first contact. Units are those of the
@@ -51,10 +51,16 @@ RelaxationOperator = Callable[[np.ndarray], Callable[[np.ndarray], np.ndarray]]
 
 @dataclass(frozen=True)
 class ExperimentSettings:
-    """The experiment at given parameter values.
+    """Experiment at given parameter values.
 
-    scale: factor of the force; shape_coordinates: coordinates of the shape parameters;
-    extra_exponent: exponent of an additional power of the depth.
+    Attributes
+    ----------
+    scale
+        Factor of the force.
+    shape_coordinates
+        Transformed values (theta) of the shape parameters.
+    extra_exponent
+        Exponent of an additional power of the depth.
     """
 
     scale: float
@@ -75,16 +81,16 @@ class ForwardModel:
     varied_keys
         Keys of the parameters.
     max_depth
-        Depth to which load curves are solved [length].
+        Largest depth of the load curves [length].
     measured_path
         Load path of the tip, for poroelastic scenes and stress relaxation in shear only.
 
     Raises
     ------
     ConfigError
-        The scene is not valid.
+        If the scene is not valid.
     ForwardModelUnavailable
-        The scene has no solution.
+        If the scene has no solution.
     """
 
     def __init__(
@@ -120,12 +126,12 @@ class ForwardModel:
 
     @property
     def initial_coordinates(self) -> np.ndarray:
-        """The coordinates of the scene's own values."""
+        """Transformed parameters theta of the scene's values."""
         return np.array([parameter.theta(parameter.initial_value) for parameter in self.parameters])
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """The lower and upper bounds of the coordinates."""
+        """Lower and upper bounds of the transformed parameters, ordered as varied_keys."""
         low, high = (
             zip(*(parameter.bounds for parameter in self.parameters), strict=True)
             if self.parameters
@@ -147,7 +153,7 @@ class ForwardModel:
 
     @property
     def effects(self) -> set[str]:
-        """The effects of this model that an alternative model might add: adhesion, relaxation."""
+        """Included effects of those that alternative models add: adhesion, relaxation."""
         has_effect = {"adhesion": self.has_adhesion, "relaxation": self.is_time_dependent}
         return {name for name, is_present in has_effect.items() if is_present}
 
@@ -232,9 +238,9 @@ class ForwardModel:
         return self._solve_spring_balance(positive_x, settings.compliance, force_and_stiffness)
 
     def time_step_error(self, theta: np.ndarray, x: np.ndarray, t: np.ndarray | None) -> np.ndarray:
-        """Return the error (n,) of a path-dependent force by time steps and interpolation.
+        """Return the error (n,) of a path-dependent force due to time steps and interpolation.
 
-        It is the difference of a run at these parameters with half the step; zeros for other
+        It is the difference from a run at these parameters with half the time step; 0 for other
         bodies.
         """
         path_forces = self.path_forces
@@ -294,7 +300,7 @@ class ForwardModel:
     def add_free_exponent(self, pivot_depth: float) -> ForwardModel:
         """Return the model with the force multiplied by a free power of delta/pivot_depth.
 
-        It stands for a tip of another shape; at pivot_depth [length] the force is the scene's.
+        The factor represents a tip of another shape; it is 1 at pivot_depth [length].
         """
         model = copy.copy(self)
         model.parameters = (
@@ -310,7 +316,7 @@ class ForwardModel:
     ) -> np.ndarray:
         """Return the force of the stable JKR branch, from first contact (x = 0) until pull-off.
 
-        The branch has the contact radius a as parameter: delta = delta_1 - q and F = F_1 - K q with
+        The contact radius a parametrizes the branch: delta = delta_1 - q and F = F_1 - K q with
         q^2 = 4 pi a w / K', where delta_1 and F_1 hold without adhesion, K(a) is the stiffness of a
         flat punch, K' its derivative and w the work of adhesion (Johnson 1985, sec. 5.5).
         """
@@ -351,7 +357,7 @@ class ForwardModel:
         x: np.ndarray,
         relaxation: Callable[[np.ndarray], np.ndarray],
     ) -> np.ndarray:
-        """Return the force of a relaxing body, behind a spring if there is one."""
+        """Return the force of a relaxing body, with a spring if there is one."""
         h = 1e-6 * self.max_depth
         if not settings.compliance:
             return relaxation(self._elastic_force(load_curve, settings, x))
@@ -370,9 +376,10 @@ class ForwardModel:
         compliance: float,
         force_and_stiffness: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
     ) -> np.ndarray:
-        """Return the forces at displacements x (n,) of a base behind a spring, by Newton's method.
+        """Return the forces at displacements x (n,) of the base of a spring, by Newton's method.
 
-        force_and_stiffness: force and its derivative at depths, where every time is independent.
+        force_and_stiffness returns the force and its derivative at depths; the times are
+        independent.
         """
         delta = x.copy()
         # Newton's method for the depth behind a spring, with its tolerance relative to the largest
@@ -417,7 +424,7 @@ def _build_path_forces(
 
 
 def _bound_height(parameter: Parameter, contact_radius: float) -> Parameter:
-    """Return a height with bounds in contact radii [length]; other parameters unchanged."""
+    """Return a height with bounds in contact radii [length]; others are unchanged."""
     if parameter.key.rpartition(".")[2] not in ("height", "thickness"):
         return parameter
     # Bounds of a height in contact radii: a thicker body behaves as a half-space, a thinner one
@@ -433,7 +440,7 @@ def _bound_height(parameter: Parameter, contact_radius: float) -> Parameter:
 def relaxation_of(
     config: Config, values: Mapping[str, float] | None = None
 ) -> RelaxationOperator | None:
-    """Return the relaxation of a scene, with other numbers at some keys; None if it has none."""
+    """Return the relaxation of a scene with other values of some keys, or None."""
     law = next((law.relaxation for _, law in config.materials() if law.relaxation), None)
     if law is None:
         return None
@@ -465,7 +472,7 @@ def _relaxation_subkey(key: str) -> tuple[str | int, ...]:
 
 
 class ForwardModelCache:
-    """Cache of forward models, which curves of similar depth share."""
+    """Cache of forward models, shared by curves of similar depth."""
 
     def __init__(self) -> None:
         self._models: dict[
@@ -484,9 +491,9 @@ class ForwardModelCache:
         Raises
         ------
         ForwardModelUnavailable
-            The scene has no solution at this depth.
+            If the scene has no solution at this depth.
         ConfigError
-            The scene is not valid at any depth.
+            If the scene is not valid at any depth.
         """
         cache_key = to_yaml(config), keys, max_depth, measured_path
         if cache_key not in self._models:
@@ -513,7 +520,7 @@ def _build_forward_model(
 
 
 def _scene_depth(config: Config) -> float:
-    """Return a depth at which the scene itself must be valid."""
+    """Return a depth at which the unchanged scene must be valid."""
     loading = config.loading
     return loading.delta or max(loading.deltas or (0.0,)) or 1e-3 * _characteristic_length(config)
 

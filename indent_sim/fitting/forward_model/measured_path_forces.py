@@ -4,8 +4,8 @@
 
 The scene is run along the measured path of the tip at the nodes of a parameter grid; x is the
 depth, t the time from first contact, and p the exponent of the elastic force at the largest depth.
-A fit that moves the contact point slightly changes x alone; a larger change needs a new path and
-new runs.
+A slight change of the contact point during the fit changes only x; a larger change requires a new
+path and new runs.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ CORNER_TOLERANCE = 0.003  # deviation of the path from its samples, relative to 
 
 
 def needs_time_stepping(config: Config) -> bool:
-    """Return True if the scene must be run along its path in time; ConfigError for a gel."""
+    """Return True if the scene needs time stepping; raise ConfigError for a gel."""
     for key, law in config.materials():
         if law.model == "gel":
             raise ConfigError(
@@ -51,7 +51,7 @@ def needs_time_stepping(config: Config) -> bool:
 
 @dataclass(frozen=True)
 class MeasuredPath:
-    """Path of the tip from first contact: corners (t [s], delta [length]), linear in between."""
+    """Piecewise linear path of the tip from first contact: corners (t [s], delta [length])."""
 
     corners: tuple[tuple[float, float], ...]
 
@@ -62,7 +62,7 @@ class MeasuredPath:
 
     @property
     def times(self) -> np.ndarray:
-        """Times (n,) at which a force is sampled: geometrically graded after each corner."""
+        """Times (n,) of the force samples, in geometric progression after each corner."""
         t = np.unique([t for t, _ in self.corners])
         # Times in each segment of a path, and the first of them as a fraction of its duration.
         count = 40
@@ -85,13 +85,13 @@ def simplify_path(t: np.ndarray, delta: np.ndarray, tolerance: float = 0.0) -> M
     delta
         Depths, < 0 before first contact.
     tolerance
-        The path deviates from a sample by at most this [length], or by `CORNER_TOLERANCE` of the
-        largest depth if that is larger.
+        Largest deviation of the path from a sample [length]; at least `CORNER_TOLERANCE` of the
+        largest depth is used.
 
     Raises
     ------
     ForwardModelUnavailable
-        No sample is in contact.
+        If no sample is in contact.
     """
     first_index = int(np.argmax(delta > 0))
     if not delta[first_index] > 0 or first_index == len(t) - 1:
@@ -131,8 +131,8 @@ def first_contact_time(t: np.ndarray, delta: np.ndarray) -> float:
 class MeasuredPathForces:
     """Force factor G(t) of a scene along a path, as a function of its shape parameters.
 
-    exponent: exponent p of the depth. Raises ForwardModelUnavailable if the scene has no solution
-    along the path.
+    `exponent` is the exponent p of the depth. Raises ForwardModelUnavailable if the scene has no
+    solution along the path.
     """
 
     def __init__(
@@ -159,7 +159,7 @@ class MeasuredPathForces:
     def force_factor(self, theta: Sequence[float], t: np.ndarray) -> np.ndarray:
         """Return G [force/length^p] at times (n,) after first contact.
 
-        theta: coordinates of the shape parameters.
+        theta are the transformed values of the shape parameters.
         """
         times = self.path.times
         return _interpolate_monotonically(
@@ -169,8 +169,8 @@ class MeasuredPathForces:
     def time_step_error(self, scene: Config, theta: Sequence[float], t: np.ndarray) -> np.ndarray:
         """Return the difference of G (n,) between a run with half the time step and the table.
 
-        It estimates the error of time discretisation and interpolation; theta are the coordinates
-        of the scene.
+        It estimates the error of time discretisation and interpolation; theta are the transformed
+        parameters of the scene.
         """
         times = self.path.times
         difference = _force_factors(
@@ -180,7 +180,7 @@ class MeasuredPathForces:
 
     @property
     def peak_force_factor(self) -> float:
-        """Factor G of the unchanged scene when the path first reaches its largest depth."""
+        """Factor G of the unchanged scene at the first time of the largest depth."""
         t = next(
             t
             for t, delta in self.path.corners
@@ -203,7 +203,7 @@ def _coarsen_grid_step(parameter: Parameter) -> Parameter:
 def _force_factors(
     config: Config, path: MeasuredPath, exponent: float, step_refinement: int = 1
 ) -> np.ndarray:
-    """Return G at the times of the path, from a run with shorter steps by a factor."""
+    """Return G at the times of the path, by a run with time steps divided by a factor."""
     document: dict[str, Any] = to_mapping(config)
     document.pop("experiment", None)
     document["loading"] = {"history": [list(corner) for corner in path.corners]}

@@ -1,7 +1,7 @@
-"""Grid of parameters: arrays that depend on a scene are solved at nodes and interpolated.
+"""Interpolation of arrays that depend on scene parameters from the nodes of a grid.
 
-Nodes are solved when they are first needed, and kept. Lagrange polynomials interpolate between them
-along every parameter.
+Nodes are computed when they are first needed, and cached. Lagrange polynomials interpolate between
+them along every parameter.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ NUMERICAL_ERRORS = (ArithmeticError, ValueError, np.linalg.LinAlgError)
 
 
 class ForwardModelUnavailable(Exception):
-    """Scene without a solution at these parameters; the message gives the reason."""
+    """Error: the scene has no solution at these parameters; the message gives the reason."""
 
 
 class ParameterGrid:
     """Array (m,) that `solve` computes from a scene, as a function of parameters of the scene.
 
-    scene_values: the array of the unchanged scene; node_count: nodes of the interpolation along
-    each parameter.
+    `scene_values` is the array of the unchanged scene, `node_count` the number of interpolation
+    nodes along each parameter.
     """
 
     def __init__(
@@ -47,12 +47,12 @@ class ParameterGrid:
         self._node_values: dict[tuple[int, ...], np.ndarray | None] = {}
 
     def interpolate(self, theta: Sequence[float]) -> np.ndarray:
-        """Return the array at coordinates of the parameters.
+        """Return the array at transformed values theta of the parameters.
 
         Raises
         ------
         ForwardModelUnavailable
-            The scene has no solution there.
+            If the scene has no solution there.
         """
         if not self.shape_parameters:
             return self.scene_values
@@ -68,7 +68,7 @@ class ParameterGrid:
         return total
 
     def _interpolation_nodes(self, axis: int, value: float) -> tuple[list[int], list[float]]:
-        """Return the solvable nodes around a value along one axis, and their Lagrange weights."""
+        """Return the nodes with a solution around a value along one axis, and Lagrange weights."""
         parameter = self.shape_parameters[axis]
         count = self._node_count
         low, high = parameter.bounds
@@ -96,9 +96,9 @@ class ParameterGrid:
         return nodes, weights
 
     def _has_solutions(self, nodes: Sequence[int]) -> bool:
-        """Return True if all nodes along the only parameter have a solution.
+        """Return False if there is one parameter and one of the nodes has no solution.
 
-        With several parameters this is found only when the nodes are solved.
+        With several parameters this is known only after the nodes are solved; True is returned.
         """
         return len(self.shape_parameters) > 1 or all(
             self._values_at_node((k,)) is not None for k in nodes

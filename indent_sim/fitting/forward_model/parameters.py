@@ -21,12 +21,17 @@ MIN_HEIGHT_DEPTHS = 1.15  # lower bound of a height in depths: the tip must not 
 
 @dataclass(frozen=True)
 class Parameter:
-    """Varied key with the coordinate theta of the fit.
+    """Varied key of a scene with its transformed value theta (called coordinate).
 
-    theta is the logarithm of a positive number, or the value itself of a Poisson's ratio
-    (is_linear). role: "scale" multiplies the force, "shape" needs another solution of the scene,
-    the others belong to the experiment. grid_step: distance of solved scenes in theta, by default
-    that of the logarithm of a positive parameter.
+    Attributes
+    ----------
+    role
+        "scale": the parameter multiplies the force; "shape": it requires new solutions of the
+        scene; other parameters belong to the experiment.
+    is_linear
+        True for a Poisson's ratio, where theta is the value; otherwise theta is its logarithm.
+    grid_step
+        Distance of solved scenes in theta.
     """
 
     key: str
@@ -38,16 +43,16 @@ class Parameter:
     grid_step: float = 0.2
 
     def theta(self, value: float) -> float:
-        """Return the coordinate of a value."""
+        """Return the transformed parameter theta of a value."""
         return value if self.is_linear else math.log(value)
 
     def value(self, theta: float) -> float:
-        """Return the value at a coordinate."""
+        """Return the value at a transformed parameter theta."""
         return theta if self.is_linear else math.exp(min(max(theta, -700.0), 700.0))
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """The lower and upper bound of the coordinate."""
+        """Lower and upper bound of theta."""
         if self.is_linear:
             return self.low, self.high
         return _log_or_infinity(self.low), _log_or_infinity(self.high)
@@ -68,7 +73,7 @@ def parameters_of(config: Config, keys: Sequence[str], max_depth: float) -> tupl
     Raises
     ------
     ConfigError
-        A key is not a number of the scene, or is given twice.
+        If a key is not a number of the scene, or is given twice.
     """
     for key in keys:
         if list(keys).count(key) > 1:
@@ -111,7 +116,7 @@ def _make_parameter(config: Config, key: str, max_depth: float) -> Parameter:
 
 
 def number_at(config: Config, key: str) -> float:
-    """Return the number at a key; ConfigError if a curve cannot tell it."""
+    """Return the number at a key; raise ConfigError if a curve cannot determine it."""
     measurable_sections = ("body", "material", "indenter", "contact", "experiment")
     if str(next(iter(key_path(key)), "")) not in measurable_sections:
         raise ConfigError(
@@ -137,6 +142,6 @@ def number_at(config: Config, key: str) -> float:
 
 
 def replace_numbers(config: Config, values: Mapping[str, Any]) -> Config:
-    """Return the scene with other values at some keys; ConfigError if it is not a valid scene."""
+    """Return the scene with other values at some keys; raise ConfigError if it is invalid."""
     settings = [(key, value, ("--vary", None)) for key, value in values.items()]
     return config_with_settings(to_mapping(config), config.source, settings)

@@ -1,4 +1,4 @@
-"""Alternative models of a curve, and the test whether one of them is better than the scene's."""
+"""Alternative models of a curve, and tests whether one of them is better than the scene."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ class AlternativeModel:
     Attributes
     ----------
     name : str
-        thickness | adhesion | relaxation | tip
+        "thickness", "adhesion", "relaxation" or "tip".
     p : float
-        Probability that it is better than the scene's by chance.
+        Probability that the model is better than the scene's model by chance.
     estimate : Estimate
         The fit.
     added_values : dict
-        Values of the keys that it fits in addition to those of the scene.
+        Values of the keys that are fitted in addition to those of the scene.
     """
 
     name: ModelName
@@ -119,7 +119,7 @@ def _best_candidate(
 ) -> Estimate | None:
     """Return the fit of the candidate with the smallest sum of squares.
 
-    The candidates are compared on fewer samples; the best one is fitted to all of them.
+    The candidates are compared on a subset of the samples; the best one is fitted to all samples.
     """
     scene_model = estimate.model
     # Number of block means and of iterations with which the initial guesses of a model are
@@ -155,7 +155,7 @@ def _best_candidate(
 def refutation_probability(scene: Estimate, richer: Estimate) -> float:
     """Return the probability that a model with more parameters is better by chance.
 
-    It is that of an F test in the likeliest noise of the richer model.
+    It is the probability of an F test with the most likely noise of the richer model.
     """
     noise = richer.uncertainty.likeliest_noise
     scene_squares, richer_squares = (
@@ -183,7 +183,7 @@ def _refitted_residual(richer: Estimate) -> np.ndarray:
 def _candidates(
     name: ModelName, estimate: Estimate, config: Config, tables: ForwardModelCache
 ) -> Iterator[tuple[ForwardModel, np.ndarray]]:
-    """Yield forward models and initial guesses of their coordinates."""
+    """Yield forward models and initial guesses of their transformed parameters."""
     forward_model = estimate.model.forward_model
     theta = estimate.ordinary_p[: estimate.model.coordinate_count]
     # Effects of a scene for which a model is not tried.
@@ -234,7 +234,7 @@ def _candidates(
 def _relaxation_candidates(
     estimate: Estimate, theta: np.ndarray, config: Config, tables: ForwardModelCache
 ) -> Iterator[tuple[ForwardModel, np.ndarray]]:
-    """Yield a material with one Prony term; none if the curve has no times."""
+    """Yield models with one Prony term, each with an initial guess; none without times."""
     forward_model = estimate.model.forward_model
     t = estimate.model.samples.t
     x = estimate.model.samples.x
@@ -260,7 +260,7 @@ def _relaxation_candidates(
 
 
 def _scene_max_force(forward_model: ForwardModel) -> float:
-    """Return the largest force of the scene with its own values."""
+    """Return the largest force of the scene with its unchanged values."""
     return float(
         forward_model.elastic_curves.scene_curve.force(np.array([forward_model.max_depth]))[0]
     )
@@ -276,7 +276,7 @@ def _scale_modulus(theta: np.ndarray, scale_index: int | None, factor: float) ->
 def _thickness_candidates(
     forward_model: ForwardModel, theta: np.ndarray, config: Config, tables: ForwardModelCache
 ) -> Iterator[tuple[ForwardModel, np.ndarray]]:
-    """Yield a homogeneous body of free height; none if the height is fitted already."""
+    """Yield models with a free height of a homogeneous body; none if it is fitted already."""
     body = config.body
     key = "body.height"
     radius = forward_model.elastic_curves.scene_curve.contact_radius
@@ -315,7 +315,7 @@ def _add_relaxation(config: Config, max_depth: float) -> tuple[str, Config]:
 
 
 def add_to_experiment(config: Config, **parts: Any) -> Config:
-    """Return the scene with parts added to its experiment; ConfigError if they do not fit."""
+    """Return the scene with parts added to its experiment; raise ConfigError if invalid."""
     document = to_mapping(config)
     document["experiment"] = {**document.get("experiment", {}), **parts}
     return config_from_mapping(document)

@@ -1,4 +1,4 @@
-"""Fits to the shallower parts of a curve, and their differences from the fit to the whole."""
+"""Fits to the shallower parts of a curve, and their differences from the whole fit."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ class DepthRangeFit:
     Attributes
     ----------
     depth_fraction : float
-        The fraction.
+        Largest depth of the part, as a fraction of the largest depth of the curve.
     theta : ndarray, shape (k,)
-        Coordinates.
+        Transformed parameters.
     sd : ndarray, shape (k,)
-        Standard deviations of the coordinates.
+        Standard deviations of theta.
     z_score : ndarray, shape (k,)
         Difference from the fit to the whole curve, in standard deviations of the difference.
     """
@@ -39,7 +39,7 @@ class DepthRangeFit:
     z_score: np.ndarray
 
     def interval(self, k: int) -> tuple[float, float]:
-        """Return the 95 % interval of a coordinate."""
+        """Return the 95 % interval of a transformed parameter."""
         half_width = NORMAL_95 * float(self.sd[k])
         return float(self.theta[k]) - half_width, float(self.theta[k]) + half_width
 
@@ -51,8 +51,8 @@ def fit_depth_ranges(estimate: Estimate) -> list[DepthRangeFit]:
     a fraction of the time in contact.
 
     The difference of two ordinary fits is linear in the noise, D = pinv(J_part) - pinv(J) with
-    zeros in the rows outside the part. Its variance is s2 D V D' with the noise s2, V of the whole
-    curve.
+    zeros in the rows outside the part. Its variance is s2 D V D' with the variance s2 and the
+    correlation V of the noise of the whole curve.
     """
     model = estimate.model
     p = estimate.ordinary_p

@@ -3,8 +3,8 @@
     F_i = b0 + b1 (x_i - mean)/range + f(x_i - c; theta) + noise
 
 Ordinary least squares gives the parameters, and the noise of the residuals their intervals. The fit
-is repeated by generalized least squares in the likeliest noise, unless its residuals are larger: a
-long correlation excuses a systematic misfit.
+is repeated by generalized least squares with the most likely noise. It is rejected if its residuals
+are larger, since a noise with a long correlation time hides a systematic misfit.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ SQUARES_TOLERANCE = 1e-6
 
 
 class FitRejected(Exception):
-    """A curve from which the parameters cannot be estimated; the message is the reason."""
+    """Error: the parameters cannot be estimated from a curve; the message gives the reason."""
 
 
 @dataclass(frozen=True)
 class Samples:
-    """A measured curve in order of time.
+    """Measured curve in order of time.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class Samples:
         )
 
     def block_means(self, max_count: int) -> Samples:
-        """Return the means of blocks of neighbours, at most `max_count` of them."""
+        """Return the means of blocks of neighbouring samples, at most `max_count` means."""
         if len(self) <= max_count:
             return self
         block_size = math.ceil(len(self) / max_count)
@@ -110,7 +110,7 @@ class CurveModel:
     Attributes
     ----------
     forward_model : ForwardModel
-        Forces of the scene as a function of its coordinates theta.
+        Forces of the scene as a function of the transformed parameters theta.
     samples : Samples
         The curve.
     origin : OriginOptions
@@ -126,7 +126,7 @@ class CurveModel:
 
     @property
     def coordinate_count(self) -> int:
-        """Number of coordinates theta of the forward model."""
+        """Number of transformed parameters theta of the forward model."""
         return len(self.forward_model.parameters)
 
     @cached_property
@@ -177,14 +177,14 @@ class CurveModel:
         return (self.contact_force(high) - self.contact_force(low)) / max(high[k] - low[k], 1e-300)
 
     def _is_near_snap(self, p: np.ndarray, h: float) -> np.ndarray:
-        """Return True for samples within h of the snap-in, where the force has no derivative."""
+        """Return a mask of the samples within h of the snap-in, where F has no derivative."""
         return self.forward_model.has_adhesion & (
             np.abs(self.samples.x - p[self.coordinate_count]) <= h
         )  # type: ignore[no-any-return]
 
     @property
     def sample_spacing(self) -> float:
-        """Median distance of neighbouring samples [length]."""
+        """Median distance between neighbouring samples [length]."""
         return float(np.median(np.abs(np.diff(self.samples.x))))
 
     def _clip_to_bounds(self, p: np.ndarray) -> np.ndarray:
@@ -204,7 +204,7 @@ class CurveModel:
         p : ndarray, shape (p,)
             Initial guess.
         noise : Noise
-            Covariance V of the noise, up to its size.
+            Covariance V of the noise, up to a factor.
         rounds : int
             Largest number of iterations.
 
@@ -279,20 +279,20 @@ def _weighted_squares(r: np.ndarray, noise: Noise) -> float:
 
 @dataclass(frozen=True)
 class Estimate:
-    """Parameters of a model that are fitted to a curve.
+    """Estimate of the parameters of a model from a curve.
 
     Attributes
     ----------
     model : CurveModel
         The model.
     p : ndarray, shape (p,)
-        Parameters [theta..., c, b0, b1] in the likeliest noise.
+        Parameters [theta..., c, b0, b1] with the most likely noise.
     ordinary_p : ndarray, shape (p,)
         Parameters by ordinary least squares.
     uncertainty : ParameterUncertainty
         Noise and covariance of the parameters.
     profiles : dict
-        Intervals by profile likelihood, by index of the coordinate.
+        Intervals by profile likelihood, by index of the parameter.
     """
 
     model: CurveModel
@@ -303,7 +303,7 @@ class Estimate:
 
     @property
     def theta(self) -> np.ndarray:
-        """Coordinates of the varied keys."""
+        """Transformed values of the varied keys."""
         return self.p[: self.model.coordinate_count]
 
     @property
@@ -337,7 +337,7 @@ class Estimate:
         return self.uncertainty.sd
 
     def interval(self, k: int) -> tuple[float, float]:
-        """Return the 95 % interval of a coordinate, within its bounds."""
+        """Return the 95 % interval of a transformed parameter, within its bounds."""
         low, high = self.model.forward_model.parameters[k].bounds
         half_width = NORMAL_95 * float(self.sd[k])
         lower, upper = self.profiles.get(
@@ -346,7 +346,7 @@ class Estimate:
         return max(low, lower), min(high, upper)
 
     def is_at_bound(self, k: int) -> bool:
-        """Return True if a coordinate is at a bound of its range."""
+        """Return True if a transformed parameter is at a bound of its range."""
         low, high = self.model.forward_model.parameters[k].bounds
         value = float(self.theta[k])
         tolerance = 1e-6
@@ -369,10 +369,10 @@ def estimate_parameters(model: CurveModel, initial_p: np.ndarray) -> Estimate:
 
 
 def _search_contact_point(model: CurveModel, p: np.ndarray) -> np.ndarray:
-    """Move the contact point of a tip that snaps in between samples to reduce the sum of squares.
+    """Move the contact point of a tip that snaps in, to reduce the sum of squares.
 
-    The sum of squares jumps where the snap-in passes a sample, and an iteration that descends ends
-    there.
+    The sum of squares is discontinuous where the snap-in passes a sample, and a descent iteration
+    stops there.
     """
     if not model.forward_model.has_adhesion or model.origin.contact_point is not None:
         return p
@@ -401,7 +401,7 @@ def _search_contact_point(model: CurveModel, p: np.ndarray) -> np.ndarray:
 def uncertainty_at(
     model: CurveModel, p: np.ndarray, noises: list[Noise] | None = None
 ) -> ParameterUncertainty:
-    """Return the uncertainty of the parameters at `p`; that of fixed ones is 0."""
+    """Return the uncertainty of the parameters at `p`; fixed parameters have none."""
     is_free = model.is_free
     uncertainty = average_over_noise(model.jacobian(p)[:, is_free], model.residual(p), noises)
     covariance = np.zeros((len(is_free), len(is_free)))
@@ -418,10 +418,10 @@ def uncertainty_at(
 def _limit_contact_point_variance(
     covariance: np.ndarray, model: CurveModel, p: np.ndarray, s2: float
 ) -> np.ndarray:
-    """Return the covariance with the contact point known from the snap-in of the tip.
+    """Return the covariance with the variance of the contact point limited by the snap-in.
 
-    A clear snap-in locates the contact point to the distance d of samples: the standard deviation
-    is d/sqrt(3), since the fit may end at either of two samples.
+    A clear snap-in lies between two samples at the spacing d, so that the contact point is known to
+    within +-d; its standard deviation (uniform distribution) is d/sqrt(3).
     """
     # A snap-in of at least this many standard deviations of the noise lies between two known
     # samples.
@@ -446,21 +446,22 @@ def _snap_in_force(model: CurveModel, p: np.ndarray) -> float:
 
 
 def standard_deviation(estimate: Estimate, k: int, fixed: Sequence[int] = ()) -> float:
-    """Standard deviation of a coordinate in the likeliest noise, s sqrt((J'V^-1 J)^-1_kk).
+    """Return the standard deviation of a parameter, s sqrt((J'V^-1 J)^-1_kk).
 
     Parameters
     ----------
     estimate : Estimate
         The fit.
     k : int
-        Index of the coordinate.
+        Index of the transformed parameter.
     fixed : sequence of int
-        Other coordinates that are taken as known.
+        Other parameters that are assumed to be known.
 
     Returns
     -------
     float
-        The standard deviation; infinite if no force depends on the coordinate.
+        The standard deviation with the most likely noise; infinite if no force depends on the
+        parameter.
     """
     model = replace(estimate.model, fixed=estimate.model.fixed | set(fixed))
     is_free = model.is_free
@@ -521,8 +522,8 @@ def initial_guesses(
 ) -> list[np.ndarray]:
     """Return initial guesses of the parameters, the best first.
 
-    Contact points and coordinates are tried; the baseline and the scale of the force follow from a
-    linear least-squares problem.
+    Several contact points and parameter values are tried; the baseline and the scale of the force
+    follow from a linear least-squares problem.
     """
     pilot = samples.block_means(MAX_PILOT_SAMPLES)
     # Trial contact points between the second and the 97th percentile of x.
@@ -545,13 +546,13 @@ def initial_guesses(
 
 
 def baseline_level(samples: Samples) -> float:
-    """Median force of the tenth of the samples that is farthest from the body."""
+    """Return the median force of the tenth of the samples that is farthest from the body."""
     far_samples = np.argsort(samples.x, kind="stable")[: max(3, len(samples) // 10)]
     return float(np.median(samples.force[far_samples]))
 
 
 def _trial_coordinates(forward_model: ForwardModel) -> list[np.ndarray]:
-    """Return the scene's coordinates, and copies in which one nonlinear coordinate is moved."""
+    """Return the parameters of the scene, and copies with one nonlinear parameter changed."""
     initial = forward_model.initial_coordinates
     trials = [initial]
     # Offsets of the trial values of a coordinate from that of the scene: logarithmic and linear
@@ -672,7 +673,7 @@ def _try_least_squares(model: CurveModel, initial_p: np.ndarray) -> tuple[np.nda
 def samples_near_contact(samples: Samples, contact_point: float) -> Samples:
     """Return the samples in contact and next to it.
 
-    A long baseline would dominate the fit, together with its own systematic deviations.
+    A long baseline with systematic deviations would dominate the fit.
     """
     depth = float(samples.x.max()) - contact_point
     span = float(np.ptp(samples.x))
@@ -684,7 +685,7 @@ def samples_near_contact(samples: Samples, contact_point: float) -> Samples:
 
 
 def convert_baseline(old: CurveModel, new: CurveModel, p: np.ndarray) -> np.ndarray:
-    """Return parameters whose baseline, for other samples, is the same line."""
+    """Return parameters that describe the same baseline with other samples."""
     old_range = float(np.ptp(old.samples.x))
     new_range = float(np.ptp(new.samples.x))
     slope = p[-1] / max(old_range, 1e-300)

@@ -1,4 +1,4 @@
-"""Assessment of a fit: adequacy of the model, and the interval that is stated for each parameter.
+"""Assessment of a fit: adequacy of the model, and stated intervals of the parameters.
 
 A scene does not explain a curve if the residuals have a trend, if the value changes with the depth
 range of the fit, if the contact is noisier than the baseline, or if another model is better. The
@@ -29,7 +29,7 @@ BETTER_MODEL_P = 1e-3
 
 @dataclass(frozen=True)
 class Interval:
-    """A value and its 95 % interval."""
+    """Value of a parameter and its 95 % interval."""
 
     value: float
     low: float
@@ -53,7 +53,7 @@ class ModelAssessment:
     alternatives : list of AlternativeModel
         Other models of the curve.
     systematic_half_widths : tuple of float
-        Half widths of the coordinates by mesh and calibration (k,), added in quadrature.
+        Half widths (k,) of the intervals of theta due to mesh and calibration, added in quadrature.
     """
 
     estimate: Estimate
@@ -65,7 +65,7 @@ class ModelAssessment:
 
     @property
     def better_models(self) -> list[AlternativeModel]:
-        """Models that are significantly better than that of the scene."""
+        """Alternative models that are significantly better than the scene's model."""
         return [model for model in self.alternatives if model.p < BETTER_MODEL_P]
 
     @cached_property
@@ -73,7 +73,7 @@ class ModelAssessment:
         """Reasons why the scene does not explain the curve; empty if it does.
 
         They are names of better models, shape (trend of the residuals), window (dependence on the
-        depth range) and baseline (noise). Residuals at the level of round-off are no reason.
+        depth range) and baseline (noise). Residuals at the level of round-off are not a reason.
         """
         # Residuals below this fraction of the largest force are round-off, as of a
         # simulated curve.
@@ -98,9 +98,9 @@ class ModelAssessment:
         ]
 
     def _is_depth_dependent(self, k: int) -> bool:
-        """Return True if the value of a partial fit differs significantly from that of the whole.
+        """Return True if a fit to a part differs significantly from the fit to the whole curve.
 
-        It also does if the intervals of the two fits do not overlap.
+        This is also so if the intervals of the two fits do not overlap.
         """
         low, high = self._add_systematic_errors(k, *self.statistical_interval(k))
         # The scene does not explain the curve above this z score.
@@ -117,14 +117,14 @@ class ModelAssessment:
         return not self.misfit_causes
 
     def statistical_interval(self, k: int) -> tuple[float, float]:
-        """Return the interval of a coordinate by noise alone."""
+        """Return the interval of a transformed parameter due to noise alone."""
         return self.estimate.interval(k)
 
     def coordinate_interval(self, k: int) -> tuple[float, float]:
-        """Return the stated interval of a coordinate, with errors of mesh and calibration.
+        """Return the stated interval of a transformed parameter, with systematic errors.
 
-        If the scene does not explain the curve, the interval spans the values of the partial fits
-        and the intervals of the better models.
+        If the scene does not explain the curve, the interval contains the values of the partial
+        fits and the intervals of the better models.
         """
         low, high = self.statistical_interval(k)
         if not self.is_adequate:
@@ -178,11 +178,11 @@ class ResidualTrend:
     Attributes
     ----------
     shape : float
-        Any smooth trend.
+        Probability of any smooth trend.
     power : float
-        The trend of another exponent of the depth.
+        Probability of a trend due to another exponent of the depth.
     snap : float
-        A fall of the force between two samples, as where a tip snaps in.
+        Probability of the largest drop of the force between two samples, as at a snap-in.
     """
 
     shape: float
@@ -217,10 +217,11 @@ def is_suspect(
 def find_residual_trend(estimate: Estimate) -> ResidualTrend:
     """Test the residuals for a trend by F tests.
 
-    The shape is tested with eight cosines over the contact, and the power with the one function
-    F ln(delta/depth): thickness, adhesion and other tips bend a curve in this way, which eight
-    cosines may miss. The noise is estimated with and without the cosines, and the larger
-    probability of the shape is used, since a trend and a correlated noise may be confused.
+    The shape is tested with eight cosines over the contact, and the power with the function
+    F ln(delta/depth): thickness, adhesion and other tips change a curve approximately by this
+    function, to which the eight cosines are less sensitive. The noise is estimated with and without
+    the cosines, and the larger probability is used, since a trend can be mistaken for correlated
+    noise.
     """
     model = estimate.model
     p = estimate.ordinary_p
@@ -256,10 +257,10 @@ def find_residual_trend(estimate: Estimate) -> ResidualTrend:
 
 
 def _snap_in_probability(force: np.ndarray) -> float:
-    """Return the probability that noise has the largest fall between two samples (n,).
+    """Return the probability that the largest drop between two samples (n,) is noise.
 
-    The samples are in order of depth, and the median of their changes gives the noise. Slow noise,
-    which hides the attraction before and after a snap-in, does not hide the fall itself.
+    The samples are in order of depth, and the median of their changes gives the noise. Slow noise
+    hides the attraction around a snap-in, but not the drop itself.
     """
     changes = np.diff(force)
     # Standard deviation of a normal distribution over the median of its absolute value.
@@ -274,7 +275,7 @@ def _snap_in_probability(force: np.ndarray) -> float:
 
 
 def _exponent_derivative(model: CurveModel, p: np.ndarray) -> np.ndarray:
-    """Return F ln(delta/depth), the derivative of the force by the exponent of the depth."""
+    """Return F ln(delta/depth), the derivative of F with respect to the exponent of the depth."""
     force = model.contact_force(p)
     delta = (
         model.samples.x
@@ -319,7 +320,7 @@ def baseline_noise_probability(estimate: Estimate) -> float | None:
 
 
 def width_inflation_factors(estimate: Estimate) -> list[float]:
-    """Return the ratio of half widths of each coordinate: others fitted, and others known."""
+    """Return the half-width of each parameter divided by its value with the others known."""
     coordinate_count = estimate.model.coordinate_count
     other_indices = [
         [j for j in range(coordinate_count) if j != k] for k in range(coordinate_count)
@@ -335,7 +336,7 @@ def width_inflation_factors(estimate: Estimate) -> list[float]:
 
 
 def parameter_shift(estimate: Estimate, force_error: np.ndarray) -> np.ndarray:
-    """Return the changes of the coordinates by an error (n,) of the modelled force."""
+    """Return the changes of theta due to an error (n,) of the modelled force."""
     model = estimate.model
     noise = estimate.uncertainty.likeliest_noise
     J = model.jacobian(estimate.p)[:, model.is_free]
@@ -348,21 +349,21 @@ def parameter_shift(estimate: Estimate, force_error: np.ndarray) -> np.ndarray:
 def systematic_half_widths(
     estimate: Estimate, mesh_error: float, calibration_error: float
 ) -> tuple[float, ...]:
-    """Return the half widths of the coordinates by systematic errors (k,).
+    """Return the half widths (k,) of the intervals of theta due to systematic errors.
 
     Parameters
     ----------
     estimate : Estimate
         The fit.
     mesh_error : float
-        Relative error of the force by the mesh.
+        Relative error of the force due to the mesh.
     calibration_error : float
-        Relative standard deviation of the force by calibration.
+        Relative standard deviation of the force due to calibration.
 
     Returns
     -------
     tuple of float
-        Half widths, including those by the errors of time stepping.
+        Half widths, including the errors of time stepping.
     """
     force = estimate.model.contact_force(estimate.p)
     model = estimate.model

@@ -28,7 +28,7 @@ NORMAL_95 = 1.96
 
 @dataclass(frozen=True)
 class Noise:
-    """Covariance V of noise, up to its size.
+    """Covariance V of noise, up to a factor.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class Noise:
 
     @property
     def rho(self) -> float:
-        """Correlation of neighbours of the autoregressive part."""
+        """Correlation of neighbouring samples of the autoregressive part."""
         return math.exp(-1.0 / self.tau) if self.tau else 0.0
 
     def _inverse_correlation(self, n: int) -> np.ndarray:
@@ -85,7 +85,7 @@ class Noise:
 
     @property
     def integrated_correlation_time(self) -> float:
-        """Number of samples per independent one: w + (1 - w) (1 + rho)/(1 - rho)."""
+        """Number of samples per independent sample: w + (1 - w) (1 + rho)/(1 - rho)."""
         return self.w + (1.0 - self.w) * (1.0 + self.rho) / (1.0 - self.rho)
 
 
@@ -99,9 +99,9 @@ class ParameterUncertainty:
     Attributes
     ----------
     likeliest_noise : Noise
-        Noise of the largest likelihood.
+        Noise with the largest likelihood.
     s2 : float
-        Its variance.
+        Variance of this noise.
     covariance : ndarray, shape (p, p)
         Covariance of the parameters, averaged over all noises.
     step : ndarray, shape (p,)
@@ -131,7 +131,7 @@ def noise_grid(n: int) -> list[Noise]:
 def average_over_noise(
     J: np.ndarray, r: np.ndarray, noises: list[Noise] | None = None
 ) -> ParameterUncertainty:
-    """Average the parameters of r = J p + noise over all noises with their likelihoods.
+    """Average the parameters of r = J p + noise over all noises, weighted by likelihood.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def average_over_noise(
 def _restricted_likelihood(
     noise: Noise, X: np.ndarray, degrees_of_freedom: int
 ) -> tuple[float, np.ndarray, np.ndarray, float]:
-    """Return ln L, covariance, step and s2 in one noise."""
+    """Return ln L, parameter covariance, parameter step and s2 for a given noise."""
     VX, log_V = noise.apply_inverse_covariance(X)
     M = X.T @ VX
     A = M[:-1, :-1]
@@ -207,7 +207,7 @@ def f_test_extra_columns(J: np.ndarray, extra: np.ndarray, r: np.ndarray, noise:
     r : ndarray, shape (n,)
         Residuals.
     noise : Noise
-        Covariance of the residuals, up to its size.
+        Covariance of the residuals, up to a factor.
 
     Returns
     -------
@@ -224,7 +224,7 @@ def f_test_extra_columns(J: np.ndarray, extra: np.ndarray, r: np.ndarray, noise:
 
 
 def _residual_squares(X: np.ndarray, noise: Noise) -> float:
-    """Return the residual sum of squares of the last column fitted by the others."""
+    """Return the residual sum of squares of a fit of the last column by the other columns."""
     scale = np.sqrt((X[:, :-1] ** 2).sum(axis=0))
     X = np.column_stack([X[:, :-1] / np.where(scale > 0, scale, 1.0), X[:, -1]])
     M = X.T @ noise.apply_inverse_covariance(X)[0]

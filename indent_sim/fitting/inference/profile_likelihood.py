@@ -1,10 +1,10 @@
-"""Intervals by profile likelihood: all other parameters are fitted at every value of one.
+"""Intervals by profile likelihood: other parameters are fitted at each value of one.
 
-The sum of squares is not a parabola of the parameter over a wide interval. With
+Over a wide interval the sum of squares is not a quadratic function of a parameter. With
 Q(v) = min r'V^-1 r/s2 at the value v, the interval is where Q(v) - Q < (1.96 f)^2; f is the
-standard deviation averaged over all noises, relative to that in the likeliest noise. Example:
-modulus and Poisson's ratio of a layer with 2 % noise (60 curves); the 95 % intervals of the
-parabola covered 82 % of the true values, these 95 %.
+standard deviation averaged over all noises, relative to that with the most likely noise. Example:
+modulus and Poisson's ratio of a layer with 2 % noise (60 curves); the 95 % intervals of a quadratic
+approximation contained 82 % of the true values, and these intervals 95 %.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ WIDE_HALF_WIDTH = 0.2
 
 
 def add_profile_intervals(estimate: Estimate) -> Estimate:
-    """Return the estimate with intervals by profile likelihood if one of its intervals is wide."""
+    """Return the estimate with profile-likelihood intervals if one of its intervals is wide."""
     keys = range(estimate.model.coordinate_count)
     if not any(NORMAL_95 * float(estimate.sd[k]) > WIDE_HALF_WIDTH for k in keys):
         return estimate
@@ -42,7 +42,8 @@ def _profile_interval(estimate: Estimate, k: int) -> tuple[float, float]:
 def _profile_end(estimate: Estimate, k: int, side: float, critical_rise: float) -> float:
     """Return the value at which the profile has risen by `critical_rise`.
 
-    It is that of the parabola if the other parameters cannot be fitted on the way.
+    If the other parameters cannot be fitted along the profile, the value of the quadratic
+    approximation is returned.
     """
     model = replace(estimate.model, fixed=frozenset({k}))
     noise = estimate.uncertainty.likeliest_noise

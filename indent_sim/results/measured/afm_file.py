@@ -1,6 +1,6 @@
 """Reader of AFM files by the optional package afmformats.
 
-It knows files of JPK, Asylum, NT-MDT, Optics11 and AFM workshop.
+Supported files are those of JPK, Asylum, NT-MDT, Optics11 and AFM workshop.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ def read_afm_file(path: Path, stiffness: float | None = None) -> list[MeasuredCu
     Raises
     ------
     NoCurve
-        The file cannot be read, or lacks data needed for forces; the message gives the reason.
+        If the file cannot be read, or lacks data needed for forces; the message gives the reason.
     BackendError
-        The package is missing.
+        If the package is missing.
     """
     try:
         from afmformats import errors, formats
@@ -64,7 +64,7 @@ def read_afm_file(path: Path, stiffness: float | None = None) -> list[MeasuredCu
     except (*broken, Exception) as error:
         if path.suffix.lower() in TEXT_SUFFIXES:
             return None
-        raise NoCurve(f"afmformats does not know it ({_error_text(error)})", str(path)) from None
+        raise NoCurve(f"unknown to afmformats ({_error_text(error)})", str(path)) from None
     try:
         return [
             _measured_curve(path, data, k)
@@ -123,10 +123,10 @@ def _measured_curve(path: Path, data: Any, index: int) -> MeasuredCurve:
 
 
 def _segment_rows(data: Any) -> dict[str, np.ndarray]:
-    """Return a mask of the rows of each part.
+    """Return a mask of the rows of each part of a curve.
 
-    Files of force-distance curves number approach and retract 0 and 1; other files number their
-    segments from 1.
+    In files of force-distance curves approach and retract have the numbers 0 and 1. In other files
+    segments are numbered from 1.
     """
     segment = np.asarray(data["segment"]).astype(int)
     # Segment 0 is a pause before.

@@ -1,4 +1,4 @@
-"""Reader of measured curves: it selects the reader of a file's format."""
+"""Reader of measured curves, which selects the reader for the format of a file."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ TAB_METADATA = re.compile(r"# BEGIN METADATA\n(.*?)# END METADATA", re.DOTALL)
 
 
 def curve_files(path: Path) -> list[Path]:
-    """Return the file itself, or the files of a folder that may hold curves, sorted by name.
+    """Return the file itself, or the files of a folder that may contain curves, sorted by name.
 
-    UsageError if there is none.
+    Raises UsageError if there is no such file.
     """
     if not path.is_dir():
         if not path.exists():
@@ -37,7 +37,7 @@ def curve_files(path: Path) -> list[Path]:
     ]
     if not files:
         raise UsageError(
-            f"{path} holds no file of a curve",
+            f"{path} contains no file of a curve",
             f"files of curves end in {', '.join(text_suffixes)}, or are AFM files",
             str(path),
         )
@@ -59,14 +59,14 @@ def read_curves(
     columns
         Titles or numbers (from 1) of the columns of depth, force and time in a text file.
     given
-        Units by kind, "length" and "force", for a text file that does not give them.
+        Units by kind, "length" and "force", for a text file without units.
     stiffness
         Spring constant of the cantilever [N/m], for an AFM file that contains none.
 
     Raises
     ------
     NoCurve
-        The file holds no curve; the message gives the reason.
+        If the file contains no curve; the message gives the reason.
     ConfigError
         A column of `columns` does not exist.
     UsageError
@@ -102,7 +102,7 @@ def _refuse_unreadable(path: Path) -> None:
 
 
 def _read_content(path: Path) -> bytes:
-    """Return the bytes of a file; UsageError if it cannot be read."""
+    """Return the bytes of a file; raise UsageError if it cannot be read."""
     try:
         return read_regular_file(path)
     except (OSError, ValueError) as error:

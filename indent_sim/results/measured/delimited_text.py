@@ -37,7 +37,7 @@ def read_text_curve(
     Parameters
     ----------
     path
-        The file, after which the curve is named.
+        The file; the curve gets its name.
     data
         Its content.
     columns
@@ -49,7 +49,7 @@ def read_text_curve(
     Raises
     ------
     NoCurve
-        The file is not a table of numbers; the message gives the reason and the line.
+        If the file is not a table of numbers; the message gives the reason and the line.
     ConfigError
         A column of `columns` does not exist.
     """
@@ -90,7 +90,7 @@ def read_text_curve(
 
 
 def _decode(data: bytes) -> str:
-    """Decode a text file in UTF-16, UTF-8 or Latin-1; NoCurve for a binary file."""
+    """Decode a text file in UTF-16, UTF-8 or Latin-1; raise NoCurve for a binary file."""
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         try:
             return _normalize_text(data.decode("utf-16"))
@@ -112,7 +112,7 @@ def _normalize_text(text: str) -> str:
 
 
 def _read_numbers(text: str, layout: TextLayout, column_indices: Sequence[int]) -> np.ndarray:
-    """Return the numbers (rows, columns) of some columns; NoCurve names a wrong line."""
+    """Return the numbers (rows, columns) of some columns; NoCurve names an invalid line."""
     blocks = (
         _parse_block(number, block, layout, column_indices)
         for number, block in _line_blocks(text, layout)
@@ -157,7 +157,7 @@ def _parse_block(
 def _parse_block_lines(
     number: int, block: str, layout: TextLayout, column_indices: Sequence[int]
 ) -> np.ndarray:
-    """Parse a block with empty or quoted cells line by line; NoCurve names a wrong line."""
+    """Parse a block with empty or quoted cells line by line; NoCurve names an invalid line."""
     rows = []
     for line_number, cells in _cell_rows(number, block, layout):
         if len(cells) <= max(column_indices):
@@ -200,9 +200,9 @@ def _read_words(text: str, layout: TextLayout, column_index: int) -> np.ndarray:
 def _complete_rows(
     values: dict[str, np.ndarray], words: np.ndarray | None
 ) -> tuple[dict[str, np.ndarray], np.ndarray | None, tuple[str, ...]]:
-    """Return the rows that have every number, and notes about those left out.
+    """Return the rows without missing numbers, and notes about the rows that are left out.
 
-    NoCurve if more than half of the rows are incomplete.
+    Raises NoCurve if more than half of the rows are incomplete.
     """
     columns = np.column_stack(list(values.values()))
     if not len(columns):

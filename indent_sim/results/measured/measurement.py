@@ -29,7 +29,7 @@ STIFFNESS_KEY = "--set experiment.cantilever.stiffness=..."
 
 
 class NoCurve(UsageError):
-    """A file, or a part of it, holds no measured curve; the message gives the reason."""
+    """Error: a file, or a part of it, contains no measured curve; the message gives the reason."""
 
     prefix = "not a curve: "
 
@@ -38,7 +38,7 @@ class NoCurve(UsageError):
 
 
 class Uncalibrated(NoCurve):
-    """A file of voltages lacks the calibration to convert them to forces."""
+    """Error: a file of voltages lacks the calibration for their conversion to forces."""
 
     prefix = ""
 
@@ -65,7 +65,7 @@ class MeasuredCurve:
     parts
         Rows of approach, hold and retract, as far as they exist.
     units
-        Names of the units of length, force and time; "" if the file has none.
+        Names of the units of length, force and time; "" if the file has no units.
     notes
         Sentences about assumptions of the reader.
     """
@@ -84,18 +84,18 @@ class MeasuredCurve:
         return len(self.force)
 
     def available_abscissa(self, preferred: Abscissa) -> Abscissa:
-        """Return the preferred abscissa if the curve has it, otherwise the other one."""
+        """Return the preferred abscissa ("delta" or "z") if the curve has it, else the other."""
         alternative: Abscissa = "z" if preferred == "delta" else "delta"
         return preferred if getattr(self, preferred) is not None else alternative
 
     def abscissa_values(self, along: Abscissa) -> np.ndarray:
-        """Return the abscissa by name (n,) [length]."""
+        """Return the values of an abscissa, "delta" or "z" (n,) [length]."""
         return cast(np.ndarray, getattr(self, along))
 
     def part(self, name: CurvePart) -> MeasuredCurve:
-        """Return the rows of one part; a hold includes the approach before it.
+        """Return the rows of one part; a hold includes the preceding approach.
 
-        NoCurve if the curve has no such part.
+        Raises NoCurve if the curve has no such part.
         """
         if name == "all":
             return self
@@ -116,8 +116,8 @@ class MeasuredCurve:
     def convert_units(self, units: Mapping[str, str]) -> MeasuredCurve:
         """Return the curve in the units of a scene, with times in seconds.
 
-        Numbers without a unit are taken to be in the scene's units. ConfigError if the curve has a
-        unit of a kind for which the scene has none.
+        Numbers without a unit are assumed to be in the scene's units. ConfigError is raised if the
+        curve has a unit of a kind for which the scene has no unit.
         """
         wanted = dict(units) | {"time": "s"}
         factors = {
@@ -151,7 +151,7 @@ def _unit_ratio(kind: str, curve_unit: str, wanted_unit: str) -> float:
 def curve_parts(x: np.ndarray) -> dict[str, slice]:
     """Return the rows of approach, hold and retract of a path of depths.
 
-    A path that only goes out is an approach in reverse order, as in files sorted by z.
+    A path that only retracts is an approach in reverse order, as in files sorted by z.
 
     Parameters
     ----------
@@ -200,7 +200,7 @@ def curve_parts_by_name(names: np.ndarray) -> dict[str, slice]:
     Raises
     ------
     NoCurve
-        A name is unknown.
+        If a name is unknown.
     """
     changes = np.flatnonzero(names[1:] != names[:-1]) + 1
     ends = [0, *map(int, changes), len(names)]

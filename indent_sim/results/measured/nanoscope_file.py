@@ -34,7 +34,7 @@ def read_nanoscope_file(path: Path, stiffness: float | None = None) -> list[Meas
     Raises
     ------
     NoCurve
-        The file cannot be read, or its deflections are impossible; the message gives the reason.
+        If the file cannot be read or its deflections are impossible; the message gives the reason.
     BackendError
         The package is missing.
     """

@@ -1,4 +1,4 @@
-"""Writer of .tab files: tab-separated text with metadata, in SI units, which AFM programs open."""
+"""Writer of .tab files: tab-separated text in SI units with metadata, for AFM programs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from indent_sim.results.reader import Results
 
 
 def tab_text(results: Results) -> str:
-    """Return the text of a .tab file of a result: a free approach, approach and retract.
+    """Return the text of a .tab file of a result: approach before contact, approach, retract.
 
     With the spring constant k of the metadata, height (measured) [m] is the height of the base,
     -(delta + force/k), and tip position [m] is -delta.
@@ -21,7 +21,7 @@ def tab_text(results: Results) -> str:
     Raises
     ------
     UsageError
-        The result has no units, which other programs need, or no row in contact.
+        If the result has no units, which other programs need, or no row in contact.
     """
     units = results.report.get("units") or {}
     if not (units.get("length") and units.get("force")):

@@ -41,7 +41,7 @@ class TextLayout:
     Attributes
     ----------
     separator
-        Character between cells; None stands for blanks.
+        Character between cells; None for blanks.
     decimal
         Decimal sign, "." or ",".
     titles
@@ -63,7 +63,7 @@ class TextLayout:
         return [cell.strip().strip("\"'") for cell in line.split(self.separator)]
 
     def number(self, cell: str) -> float:
-        """Return the number in a cell; ValueError if there is none."""
+        """Return the number in a cell; raise ValueError if there is none."""
         if "_" in cell:
             raise ValueError(cell)
         return float(cell.replace(self.decimal, ".") if self.decimal == "," else cell)
@@ -78,7 +78,7 @@ class TextLayout:
 
 
 def detect_layout(text: str) -> TextLayout:
-    """Detect the layout of a text table; NoCurve if it has no line of numbers.
+    """Detect the layout of a text table; raise NoCurve if it has no line of numbers.
 
     Separator and decimal sign are those of the line in the middle, which is likely to hold numbers;
     the header ends before the first line of numbers.
@@ -116,7 +116,7 @@ def _middle_line(text: str) -> str:
 
 
 def _has_decimal_commas(line: str) -> bool:
-    """Return whether the commas of a line are decimal signs of numbers between blanks: 0,1 2,5."""
+    """Return whether commas are decimal signs of numbers between blanks, as in 0,1 2,5."""
     cells = line.split()
     return len(cells) > 1 and all(
         re.fullmatch(r"[-+]?\d*,?\d+(?:[eE][-+]?\d+)?", cell) for cell in cells
@@ -134,7 +134,7 @@ def _is_number_row(shape: TextLayout, line: str, width: int) -> bool:
 def _read_titles(shape: TextLayout, head: Sequence[str], width: int) -> tuple[str, ...]:
     """Return the titles in the last line before the numbers.
 
-    If that is a line of units, it is joined with the titles above it.
+    If this line contains units, it is joined with the titles above it.
     """
     lines = [line.strip().lstrip("#% ").strip() for line in head]
     rows = [cells for line in lines if line and len(cells := shape.cells(line)) == width]
@@ -176,9 +176,9 @@ def _is_unit_of(unit: str, kind: str) -> bool:
 
 
 def split_title(title: str, kind: str) -> tuple[str, str]:
-    """Split a title into its name in small letters and its unit: Force [nN], force (nN), Force nN.
+    """Split a title such as Force [nN], force (nN) or Force nN into name and unit.
 
-    The unit is "" if the title has none of this kind.
+    The name is in lower case. The unit is "" if the title has no unit of this kind.
     """
     match = UNIT_AT_END.match(title.strip())
     unit = match and (match["unit"] or match["bare"])
@@ -195,16 +195,16 @@ def find_columns(layout: TextLayout, requested: Sequence[str] | None, file: str)
     layout
         Layout of the table.
     requested
-        Titles or numbers (from 1) of depth, force and time, as the user gives them.
+        Titles or numbers (from 1) of depth, force and time that the user has given.
     file
         Name of the file, for messages.
 
     Raises
     ------
     NoCurve
-        There is no column of force, or none of depth.
+        If there is no column of force or of depth.
     ConfigError
-        A requested column does not exist.
+        If a requested column does not exist.
     """
     if requested:
         return {
@@ -240,9 +240,9 @@ def find_columns(layout: TextLayout, requested: Sequence[str] | None, file: str)
 
 
 def _columns_by_unit(layout: TextLayout) -> dict[str, int]:
-    """Return the columns of depth, force and time that are the only ones with a unit of their kind.
+    """Return the columns of depth, force and time whose kind of unit occurs only once.
 
-    Titles in any language are understood in this way.
+    This works for titles in any language.
     """
     columns = {}
     for name in ("delta", "force", "t"):

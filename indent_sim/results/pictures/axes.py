@@ -1,4 +1,4 @@
-"""Axes of pictures: their labels, and the units in which their numbers are shown."""
+"""Labels of the axes of pictures, and units of the numbers shown."""
 
 from __future__ import annotations
 
@@ -49,9 +49,9 @@ class Axis:
     name
         Name of the quantity.
     factor
-        Factor from the numbers of a result to those shown.
+        Factor by which the numbers of a result are multiplied for the picture.
     unit
-        Unit of the numbers shown; "" for none.
+        Unit of the numbers shown; "" without a unit.
     """
 
     name: str
@@ -73,7 +73,7 @@ class Axis:
 
 
 def printed_unit(unit: str) -> str:
-    """Return a unit as it is printed: um and uN with a Greek letter."""
+    """Return a unit as it is printed, with a Greek letter in um and uN."""
     parts = picture_text(unit).split("/")
     return "/".join(f"µ{part[1:]}" if part.rstrip("²³") in ("um", "uN") else part for part in parts)
 
@@ -104,10 +104,10 @@ def horizontal_axis_name(run: Results) -> str:
 
 
 def tip_axis_position(runs: Sequence[Results], along: Literal[0, 1] = 0) -> tuple[float, str]:
-    """Return the position of the tips' axis [length] along x or y, and the name of that axis.
+    """Return the position of the tips' axis [length] along x or y, and the axis label.
 
-    For tips at different positions the coordinate is the distance from each tip's axis, which is at
-    0.
+    For tips at different positions, the coordinate is the distance from each tip's axis, so that
+    the position is 0.
 
     Parameters
     ----------
@@ -151,8 +151,8 @@ def axis_of_column(column: str, runs: Sequence[Results]) -> Axis:
 def scaled_axis(kind: str, runs: Sequence[Results], values: ArrayLike, name: str) -> Axis:
     """Return an axis in the common unit of the results, or in the unit requested for the picture.
 
-    Lengths in m, forces in N, and pressures of SI units get the prefix that suits their largest
-    number; a length or force in another unit, as mm, keeps it.
+    Lengths in m, forces in N, and pressures in SI units get a prefix that is suitable for their
+    largest number. Other units of length and force, such as mm, are kept.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def scaled_axis(kind: str, runs: Sequence[Results], values: ArrayLike, name: str
     Raises
     ------
     UsageError
-        The requested unit is unknown, or the results have no SI units.
+        If the requested unit is unknown, or the results have no SI units.
     """
     unit = _common_unit(unit_label(kind, run.report.get("units") or {}) for run in runs)
     wanted_unit = _common_unit((run.report.get(SHOWN_UNITS) or {}).get(kind, "") for run in runs)
@@ -190,7 +190,7 @@ def scaled_axis(kind: str, runs: Sequence[Results], values: ArrayLike, name: str
                 "pressure": "Pa, kPa, MPa",
                 "line": "mN/m, N/m",
             }
-            raise UsageError(f"{wanted_unit} is no unit of {kind}: for example {examples[kind]}")
+            raise UsageError(f"{wanted_unit} is not a unit of {kind} such as {examples[kind]}")
         return Axis(name, 10.0 ** (power - wanted_power), wanted_unit)
     is_chosen = unit not in BASE_UNITS.values() and kind in ("length", "force")
     return (
@@ -239,9 +239,9 @@ def unit_label(kind: str, units: Mapping[str, str]) -> str:
 
 
 def unit_label_of_key(key: str, run: Results) -> str:
-    """Return the unit of a key of the scene, as material.E; "" for other kinds of quantities.
+    """Return the unit of a key of the scene such as material.E.
 
-    Lengths, forces, pressures and pressures per length have a unit.
+    The unit is "" unless the quantity is a length, force, pressure or pressure per length.
     """
     section, _, name = key.rpartition(".")
     symbol = lookup(name, section.split(".")[0])
@@ -251,7 +251,7 @@ def unit_label_of_key(key: str, run: Results) -> str:
 
 
 def _power_of_ten(kind: str, unit: str) -> int | None:
-    """Return the power of ten of a unit relative to its SI unit; None for other units."""
+    """Return n for a unit of 10^n SI units; None if it is not an SI unit with a prefix."""
     if kind in ("length", "force"):
         return _prefix_power(unit, BASE_UNITS[kind])
     force, _, length = unit.rstrip("²").partition("/")

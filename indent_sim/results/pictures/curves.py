@@ -20,7 +20,7 @@ Colour = Any  # Any form that matplotlib accepts.
 def line_style(index: int, count: int) -> PlotStyle:
     """Return colour and marker of one of several curves.
 
-    Many curves have colours of a map from dark to light, and no markers.
+    If there are many curves, they have colours of a map from dark to light, and no markers.
     """
     if count <= 10:
         return {"color": COLOURS[index % len(COLOURS)], "marker": MARKERS[index % len(MARKERS)]}
@@ -38,12 +38,12 @@ def map_colour(index: int, count: int) -> Colour:
 def split_branches(delta: np.ndarray) -> list[tuple[slice, bool]]:
     """Split a path of depths at its turning points.
 
-    A turning point belongs to both branches. A tip that stands still has not turned yet.
+    A turning point belongs to both branches. A hold of the tip belongs to the branch before it.
 
     Returns
     -------
     list
-        Rows of each branch, and whether the tip goes out.
+        Rows of each branch, and True if the tip retracts in it.
     """
     if len(delta) < 2:
         return [(slice(0, len(delta)), False)]
@@ -56,11 +56,11 @@ def split_branches(delta: np.ndarray) -> list[tuple[slice, bool]]:
 
 
 def smooth_curve(x: np.ndarray, y: np.ndarray) -> Points:
-    """Return a smooth curve through points in ascending or descending x, monotone where they are.
+    """Return a smooth curve through points in ascending or descending x.
 
     It is a monotone piecewise cubic in y^(1/n), with n from the first and last point, so that power
-    laws are drawn exactly: force and contact radius nearly are power laws of the depth. Points with
-    turning x, and negative forces, which may jump, are joined by straight lines.
+    laws are drawn exactly; force and contact radius are nearly power laws of the depth. Points with
+    x that is not monotone, and negative forces, which may jump, are joined by straight lines.
 
     Parameters
     ----------
@@ -97,14 +97,14 @@ def _power_law_exponent(x: np.ndarray, y: np.ndarray) -> float:
 
 
 def polyline(x: np.ndarray, y: np.ndarray) -> Points:
-    """Return the points themselves: between two of them the curve may jump."""
+    """Return the points themselves, to be joined by straight lines."""
     return x, y
 
 
 def branch_lines(
     rows: Rows, begin: Sequence[float] = (), joined: Interpolator = smooth_curve
 ) -> Iterator[tuple[Points, slice, bool]]:
-    """Yield the line through each branch, its rows, and whether the tip goes out."""
+    """Yield the line through each branch, its rows, and whether the tip retracts."""
     delta, x, y = rows
     for part, goes_out in split_branches(delta):
         before = [] if part.start or goes_out else begin
@@ -119,9 +119,9 @@ def draw_rows(
     begin: Sequence[float] = (),
     joined: Interpolator = smooth_curve,
 ) -> None:
-    """Draw rows of a path of depths as lines with markers; very many rows have no markers.
+    """Draw rows of a path of depths as lines with markers (none if there are many rows).
 
-    Unloading is dashed and has hollow markers.
+    Unloading is dashed with hollow markers.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ def has_elastic_curve(folder: Path, report: Report) -> bool:
 
 
 def draw(folder: Path, path: Path | None = None) -> None:
-    """Draw the experiment of a result folder, by default into its experiment.png."""
+    """Draw the experiment of a result folder, by default into experiment.png in that folder."""
     results = read(folder)
     rows = read_history(folder)
     config = config_by_key(folder)
@@ -83,7 +83,7 @@ def draw(folder: Path, path: Path | None = None) -> None:
 
 
 def branch_ranges(branches: np.ndarray) -> Iterator[tuple[int, int]]:
-    """Return begin and end of each sequence of rows of one branch."""
+    """Yield begin and end of each sequence of rows of one branch."""
     changes = np.flatnonzero(branches[1:] != branches[:-1]) + 1
     return pairwise([0, *map(int, changes), len(branches)])
 
@@ -99,18 +99,18 @@ def draw_branches(
 ) -> None:
     """Draw a column over another one, with a line for each sequence of rows of one branch.
 
-    Few rows have markers.
+    Rows have markers if there are few of them.
 
     Parameters
     ----------
     axes
         The panel.
     rows
-        Columns of the table, with `branch`.
+        Columns of the table, including `branch`.
     abscissa, ordinate
         Names of the columns.
     x, y
-        Their axes.
+        Axes (label and unit) of the columns.
     joined
         Interpolation of the rows.
     """

@@ -36,23 +36,24 @@ RegionPart = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class FieldQuantity:
-    """A quantity that can be drawn on the body.
+    """Quantity that can be drawn on the body.
 
     Attributes
     ----------
     name
-        Its name; {r} and {t} stand for the first two axes: r and theta of an axisymmetric body,
-        otherwise x and y.
+        Name of the quantity, in which {r} and {t} stand for the first two axes: r and theta of an
+        axisymmetric body, otherwise x and y.
     kind
-        Kind of quantity, for its unit; "1" for a number without one.
+        Kind of quantity, which determines the unit; "1" for a dimensionless number.
     values
         Function from the arrays of a step to values at points or cells.
     neutral_value
-        White value of a diverging colour map, for a field with both signs; None for other fields.
+        Value shown in white by a diverging colour map, for a field with both signs; None for other
+        fields.
     lowest_value
-        Lower end of the colours of other fields; None for the field's smallest value.
+        Lower end of the colour range of other fields; None for the smallest value of the field.
     is_odd
-        Whether the mirror image in a plane x = const has the opposite sign.
+        True if the mirror image in a plane x = const has the opposite sign.
     available_for
         Bodies that have the field.
     """
@@ -114,7 +115,7 @@ FIELDS = {
 
 @dataclass(frozen=True)
 class Section:
-    """A section of the deformed body with a field on it.
+    """Section of the deformed body with a field on it.
 
     Attributes
     ----------
@@ -125,7 +126,7 @@ class Section:
     values
         Values of the field at the points (n,).
     interfaces
-        Pairs (k, 2) of points: lines between two regions (layers, coatings, inclusions).
+        Pairs (k, 2) of point numbers: lines between two regions (layers, coatings, inclusions).
     """
 
     points: np.ndarray
@@ -151,9 +152,9 @@ class Section:
         return np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]) / 2
 
     def is_sliver(self, min_height: float) -> np.ndarray:
-        """Return the triangles (m,) lower than `min_height` [length].
+        """Return a mask (m,) of the triangles with a height below `min_height` [length].
 
-        Matplotlib draws the shaded colours of a sliver beyond its sides.
+        Matplotlib would draw shaded colours beyond the sides of such a triangle.
         """
         corners = self.points[self.triangles]
         longest = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
@@ -168,7 +169,7 @@ class Section:
 
 
 def find_field(name: str) -> FieldQuantity:
-    """Return a field by its name; UsageError if there is none."""
+    """Return a field by its name; raise UsageError if there is none."""
     if name not in FIELDS:
         raise UsageError(f"there is no field {name}; choose among {', '.join(FIELDS)}")
     return FIELDS[name]
@@ -177,12 +178,12 @@ def find_field(name: str) -> FieldQuantity:
 def deformed_section(results: Results, step: float, field: FieldQuantity) -> Section:
     """Return the deformed section of a step in the plane through the tip's axis.
 
-    If half of it is modelled, it is completed by its mirror image.
+    If half of the section is modelled, it is completed by its mirror image.
 
     Raises
     ------
     UsageError
-        The result does not have the field.
+        If the result does not have the field.
     """
     fields = read_fields(results.path, int(step))
     try:
@@ -224,7 +225,7 @@ def _region_interfaces(
 ) -> np.ndarray:
     """Return the edges (k, 2) at which triangles of two regions meet.
 
-    Each region has points of its own: edges of two regions match by position.
+    Each region has separate points, so that edges of two regions are matched by position.
     """
     _, first, point_indices = np.unique(points, axis=0, return_index=True, return_inverse=True)
     edges = np.sort(point_indices.ravel()[triangles][:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(
@@ -299,7 +300,7 @@ class FieldRow:
     field
         The field.
     limits
-        Ends of the colour range in the unit shown; None for a range by the values.
+        Ends of the colour range in the unit shown; None for the range of the values.
     zoom
         Half-width of the view around the tip in contact radii; infinite for the whole body, None
         for an automatic view.
@@ -459,7 +460,7 @@ def _draw_section(
     sliver_height: float,
     look: dict[str, Any],
 ) -> Any:
-    """Draw the triangles of a section with shaded colours, and slivers with one colour each.
+    """Draw the triangles of a section with shaded colours, very flat ones with one colour each.
 
     Returns the collection from which a colour bar is made.
     """

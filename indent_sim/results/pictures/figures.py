@@ -84,7 +84,7 @@ def new_figure(size: tuple[float, float] = (9.2, 4.8), font: float = FONT_SIZE) 
 
 
 def start_at_zero(axes: Axes, *curves: np.ndarray) -> None:
-    """Set the vertical limits from 0, or from below a negative minimum, to above the maximum."""
+    """Set the vertical limits from 0 (or from below a negative minimum) to above the maximum."""
     values = np.concatenate([np.ravel(curve) for curve in curves])
     values = values[np.isfinite(values)]
     lowest = values.min(initial=0)
@@ -93,7 +93,7 @@ def start_at_zero(axes: Axes, *curves: np.ndarray) -> None:
 
 
 def draw_legend_right(axes: Axes, labelled_axes: Axes) -> None:
-    """Draw the legend of a panel right of another panel; the figure grows by its size."""
+    """Draw the legend of a panel to the right of another panel, and enlarge the figure."""
     figure = axes.get_figure()
     handles, names = labelled_axes.get_legend_handles_labels()
     if not names:
@@ -117,8 +117,8 @@ def draw_legend_right(axes: Axes, labelled_axes: Axes) -> None:
 def draw_legend_under(axes: Axes) -> float:
     """Draw the legend of a panel below it, not wider than it, and return its height [inches].
 
-    The layout reserves its room. Legends of panels side by side begin at the same height, because
-    their panels end at the same.
+    The layout reserves space for the legend. Legends of panels side by side begin at the same
+    height, because their panels end at the same height.
     """
     handles, names = axes.get_legend_handles_labels()
     if not names:
@@ -195,7 +195,7 @@ def _wrap_text(text: str, width: float) -> str:
 
 
 def _panel_width(axes: Axes) -> float:
-    """Return the width of a panel [inches]; an estimate as long as its grid has no layout."""
+    """Return the width of a panel [inches]; an estimate before the layout is computed."""
     figure = axes.get_figure()
     spec = getattr(axes, "get_subplotspec", lambda: None)()
     if spec is None:  # Axes outside of a grid have their final place.
@@ -218,12 +218,12 @@ def draw_colour_bar(
     panels
         Panels of the maps.
     drawn
-        What matplotlib returned for one of them.
+        Object that matplotlib returned for one of the maps.
     label
         Label of the bar.
     where
-        "right" of all panels, as high as they are; at the "bottom" of the only panel; or "beside"
-        the only panel, which is true to scale and smaller than its place.
+        Position of the bar: "right" of all panels with their height; at the "bottom" of a single
+        panel; or "beside" a single panel that is true to scale.
     """
     figure = panels[0].get_figure()
     if where == "right":
@@ -246,9 +246,9 @@ def draw_colour_bar(
 
 
 def _inches_below(axes: Axes) -> Any:
-    """Return a transform from the width of a panel, and from inches above its lower edge.
+    """Return a transform of x in panel widths and y in inches above the panel's lower edge.
 
-    The inches are those of the standard font size, and larger with larger letters.
+    The inches are scaled by the font size relative to the standard one.
     """
     from matplotlib.transforms import Affine2D, ScaledTranslation, blended_transform_factory
 
@@ -278,7 +278,7 @@ def _font_scale() -> float:
 def draw_title(figure: Figure, title: str, subtitle: str) -> None:
     """Draw a title, shortened to the width of the figure, and a subtitle above the panels.
 
-    The figure has its final height.
+    The figure must have its final height.
     """
     height = figure.get_figheight()
     letters_per_inch = 9.0
@@ -315,7 +315,7 @@ def refuse_foreign_picture(path: Path) -> None:
 
 
 def picture_format(path: Path) -> str:
-    """Return png, svg or pdf by the suffix of a file; UsageError for any other suffix."""
+    """Return png, svg or pdf by the suffix of a file; raise UsageError for other suffixes."""
     if path.suffix.lower() not in PICTURE_FORMATS:
         raise UsageError(f"{path}: a picture ends in {', '.join(PICTURE_FORMATS)}")
     return path.suffix.lower()[1:]
@@ -324,7 +324,7 @@ def picture_format(path: Path) -> str:
 def svg_element(draw: Callable[[Path], None]) -> str:
     """Return a drawing as an SVG element of an HTML page; empty if nothing was drawn.
 
-    Its texts can be selected, it has no prolog and no metadata, and the ids in it are unique among
+    Texts can be selected. The element has no prolog and no metadata, and its ids are unique among
     the pictures of the page.
 
     Parameters
@@ -350,15 +350,15 @@ def svg_element(draw: Callable[[Path], None]) -> str:
 
 
 def apply_layout(figure: Figure) -> None:
-    """Fix the places of all panels by matplotlib's constrained layout.
+    """Fix the positions of all panels by matplotlib's constrained layout.
 
-    An axis whose tick labels would touch gets fewer of them. The layout is computed twice: with
-    fewer labels, or with panels true to scale, it needs other margins than before.
+    An axis whose tick labels would touch gets fewer labels. The layout is computed twice, since the
+    margins change with fewer labels or panels true to scale.
 
     Raises
     ------
     UsageError
-        The texts leave no room for the panels.
+        If the texts leave no space for the panels.
     """
     place_panels(figure)
     thin_tick_labels(figure)
@@ -367,7 +367,7 @@ def apply_layout(figure: Figure) -> None:
 
 
 def place_panels(figure: Figure) -> None:
-    """Place all panels by the layout of the figure; UsageError if the texts leave no room."""
+    """Place all panels by the layout of the figure; raise UsageError without enough space."""
     with warnings.catch_warnings():
         warnings.filterwarnings("error", ".*axes sizes collapsed to zero", UserWarning)
         try:
@@ -383,8 +383,7 @@ def place_panels(figure: Figure) -> None:
 def thin_tick_labels(figure: Figure) -> None:
     """Fix the numbers of ticks of linear axes so that their labels do not touch.
 
-    Otherwise the numbers of ticks would depend on the font size of the program that draws the
-    figure.
+    Otherwise these numbers would depend on the font size of the program that draws the figure.
     """
     from matplotlib.ticker import MaxNLocator
 
@@ -435,7 +434,7 @@ def save(figure: Figure, path: Path | str, dpi: float | None = None) -> None:
     Raises
     ------
     UsageError
-        The suffix is unknown, or the picture would have too many pixels.
+        If the suffix is unknown, or the picture would have too many pixels.
     """
     path = Path(path)
     kind = picture_format(path)

@@ -42,7 +42,7 @@ PANELS_HEIGHT = 4.8
 def draw_force_indentation(results: Results, path: Path | str) -> None:
     """Draw a result into a file: force and contact radius over depth, and the pressure at one step.
 
-    The pressure is that at the largest force. The reference theory is drawn as run.json contains
+    The pressure is drawn at the largest force. The reference theory is drawn as run.json contains
     it: name, force_deviation (in load control delta_deviation), and a curve with delta, force and
     a.
     """
@@ -82,7 +82,7 @@ def draw_overlay(runs: Sequence[Results], path: Path | str) -> None:
     Raises
     ------
     UsageError
-        The results have different units.
+        If the results have different units.
     """
     if len(runs) == 1:
         draw_force_indentation(runs[0], path)
@@ -104,10 +104,10 @@ def sort_and_name(runs: Sequence[Results]) -> tuple[list[Results], list[str]]:
     Raises
     ------
     UsageError
-        No axis can show all results: units differ, or only some forces are per length.
+        If the results have no common axis: units differ, or only some forces are per length.
     """
     runs = convert_to_common_units(runs)
-    refuse_different_units(runs, "draw them apart")
+    refuse_different_units(runs, "draw them separately")
     _refuse_mixed_kinematics(runs)
     names = [
         picture_text(name) + picture_text(unit)
@@ -125,7 +125,7 @@ def draw_forces(
 ) -> None:
     """Draw forces over depth, with error bands.
 
-    Rows are markers on smooth curves; unloading is dashed with hollow markers.
+    Rows are drawn as markers on smooth curves, and unloading as a dashed line with hollow markers.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ def draw_forces(
 def draw_force(
     axes: Axes, run: Results, depth: Axis, force: Axis, look: PlotStyle, name: str
 ) -> None:
-    """Draw the force of one result over its depth, from the origin on without adhesion."""
+    """Draw the force of a result over depth, without adhesion beginning at the origin."""
     if run.report.get(MEASURED):
         measured_style: PlotStyle = {"ls": "", "marker": ".", "ms": 3, "zorder": 1}
         axes.plot(
@@ -308,7 +308,7 @@ def _deviation_text(deviation: float) -> str:
 
 
 def _last_error_text(half_widths: np.ndarray, y: np.ndarray) -> str:
-    """Return the error at the last step as text, since a thin band is hard to read."""
+    """Return the error at the last step as text, since a narrow error band is hard to read."""
     if y[-1] == 0:
         return ""
     last = abs(half_widths[-1] / y[-1])
@@ -362,7 +362,7 @@ def _refuse_mixed_kinematics(runs: Sequence[Results]) -> None:
     if len(flat) > 1:
         raise UsageError(
             f"the forces of {flat[True]} are per length, those of {flat[False]} are not: draw "
-            "them apart"
+            "them separately"
         )
 
 

@@ -82,7 +82,7 @@ def panel_names(results: Results) -> list[str]:
 
 
 def _draw_over_time(axes: Axes, results: Results, name: str) -> None:
-    """Draw a column over time, on a logarithmic axis if most of it would be at the left end."""
+    """Draw a column over time, on a logarithmic axis if most rows are at early times."""
     t = time_axis([results])
     column = axis_of_column(name, [results])
     if not _spans_decades(results):
@@ -99,12 +99,12 @@ def draw_over_time(axes: Axes, runs: Sequence[Results], names: Sequence[str]) ->
     Raises
     ------
     UsageError
-        A result has no times.
+        If a result has no times.
     """
     if runs_without_times := [run for run in runs if np.isnan(run.table.get("t", np.nan)).all()]:
         raise UsageError(
             f"{runs_without_times[0].path} has no times",
-            "loading.history and force_history give some",
+            "use loading.history or loading.force_history",
         )
     column_name = "delta" if all(run.report.get("control") == "force" for run in runs) else "force"
     t = time_axis(runs)
@@ -140,7 +140,7 @@ def _smooth_log_time(t: np.ndarray, y: np.ndarray) -> Points:
 def _draw_limits(results: Results, panel_axes: dict[str, Axes], legend_axes: Axes) -> None:
     """Draw the limits of a linear body before and after all flow and relaxation.
 
-    They are the force at the largest depth, or the depth of the largest force.
+    The limits are those of the force at the largest depth, or of the depth at the largest force.
     """
     column_name = "delta" if results.report.get("control") == "force" else "force"
     limits = (results.report.get("time") or {}).get("limits") or {}
@@ -169,7 +169,7 @@ def first_visible_time(results: Results) -> float:
 
 
 def _spans_decades(results: Results) -> bool:
-    """Return whether most of a history would be at the left end of a linear time axis."""
+    """Return whether most rows of a history are at the left end of a linear time axis."""
     t = results["t"]
     # The time axis is logarithmic if the last time is so many times the first visible one.
     log_ratio = 1e3
@@ -177,10 +177,10 @@ def _spans_decades(results: Results) -> bool:
 
 
 def film_steps(results: Results, steps: Sequence[int]) -> list[int]:
-    """Return about five of the steps for a film.
+    """Return about five of the steps for an animation.
 
-    They are evenly spaced; in a history in time evenly in the logarithm of time from the first
-    visible time on, with the step of the largest force.
+    The steps are evenly spaced. In a history they are evenly spaced in the logarithm of time,
+    beginning at the first visible time, and include the step of the largest force.
     """
     # A film shows about so many states.
     count = 5

@@ -1,4 +1,4 @@
-"""Pictures by request: the panels, steps, fields, sizes and units that a user chooses."""
+"""Pictures with the panels, steps, fields, sizes and units that a user requests."""
 
 from __future__ import annotations
 
@@ -59,13 +59,13 @@ class PlotRequest:
     Attributes
     ----------
     what
-        Kinds of panels, of PANEL_KINDS.
+        Kinds of panels, each one of PANEL_KINDS.
     fields
         Names of the fields in maps.
     steps
         Numbers of steps, "last" or "all"; empty for the step of the largest force.
     width
-        Width of the picture [mm]; None for a width by the number of panels.
+        Width of the picture [mm]; None for a width that depends on the number of panels.
     font
         Font size [points].
     units
@@ -120,25 +120,25 @@ class PlotRequest:
 
 
 def plot_request(options: Mapping[str, Any]) -> PlotRequest:
-    """Return the request of some options.
+    """Return the request that corresponds to command-line options.
 
     Raises
     ------
     UsageError
-        An option has an unknown value, or would have no effect.
+        If an option has an unknown value or no effect.
     """
     request = PlotRequest(**{"what": ("force",), **options})
     if unknown := [word for word in request.what if word not in PANEL_KINDS]:
-        raise UsageError(f"--what {unknown[0]} is none of {', '.join(PANEL_KINDS)}")
+        raise UsageError(f"--what {unknown[0]} is not one of {', '.join(PANEL_KINDS)}")
     for name, (option, panel_kinds) in PANEL_OPTIONS.items():
         if name in options and not set(request.what) & set(panel_kinds):
-            raise UsageError(f"{option} belongs to --what {' or '.join(panel_kinds)}")
+            raise UsageError(f"{option} is only for --what {' or '.join(panel_kinds)}")
     if request.limits is not None and not request.limits[0] < request.limits[1]:
         low, high = request.limits
         raise UsageError(f"--limits {low:g}:{high:g}: the first must be below the second")
     if "steps" in options and not set(request.what) & set(STEP_PANELS):
         raise UsageError(
-            f"--steps belongs to --what {' or '.join(STEP_PANELS)}: "
+            f"--steps is only for --what {' or '.join(STEP_PANELS)}: "
             "the force is drawn at every step"
         )
     if invalid := [
@@ -159,11 +159,11 @@ class _Panel:
     Attributes
     ----------
     draw
-        Draws into axes, with a given ratio of height to width.
+    Function that draws into axes with a given ratio of height to width.
     draw_in_own_figure
-        Draws into axes of another program's figure.
+    Function that draws into axes of another program's figure.
     aspect
-        Smallest ratio of height to width; None if any will do.
+        Smallest ratio of height to width; None if any ratio is possible.
     """
 
     draw: Callable[[Axes, float], None]
@@ -173,7 +173,7 @@ class _Panel:
 
 @dataclass(frozen=True)
 class _Row:
-    """Panels of one size in lines and columns.
+    """Panels of equal size, arranged in lines and columns.
 
     Attributes
     ----------
@@ -182,9 +182,9 @@ class _Row:
     aspect
         Ratio of height to width of the panels.
     min_panel_width
-        Least width of a panel with its labels at the standard font size [inches].
+        Smallest width of a panel with its labels at the standard font size [inches].
     draw
-        Draws the panels and returns their axes.
+        Function that draws the panels and returns their axes.
     """
 
     lines: int
@@ -200,7 +200,7 @@ def draw(runs: Sequence[Results], request: PlotRequest, path: Path | str) -> Non
     Raises
     ------
     UsageError
-        The file has no suffix of a picture, or as `requested_figure` raises it.
+        If the file has no suffix of a picture, or for a reason of `requested_figure`.
     """
     figures.picture_format(Path(path))
     with requested_figure(runs, request) as figure:
@@ -210,8 +210,8 @@ def draw(runs: Sequence[Results], request: PlotRequest, path: Path | str) -> Non
 def draw_results(runs: Sequence[Results], path: Path | str) -> None:
     """Draw the default picture of results into a file.
 
-    It is a history for a result in time, force over time and depth for several of them, and force
-    over depth for all others.
+    For one result in time it is a history, for several of them force over time and depth, and for
+    other results force over depth.
     """
     if not all(history.is_time_stepped(run.report) for run in runs):
         draw_overlay(runs, path)
@@ -228,7 +228,7 @@ def requested_figure(runs: Sequence[Results], request: PlotRequest) -> Iterator[
     Raises
     ------
     UsageError
-        The results do not have a requested step, field or panel.
+        If the results do not have a requested step, field or panel.
     """
     if request.units:
         runs = [
@@ -279,7 +279,7 @@ def requested_figure(runs: Sequence[Results], request: PlotRequest) -> Iterator[
 
 
 def _picture_width(request: PlotRequest, rows: Sequence[_Row]) -> float:
-    """Return the width of a picture [inches]; UsageError if it is too small for its letters."""
+    """Return the width of a picture [inches]; raise UsageError if it is too small for its text."""
     columns = max(row.columns for row in rows)
     min_width = request.font_scale * max(row.columns * row.min_panel_width for row in rows)
     if request.width is None:
@@ -309,13 +309,13 @@ def _row_height(row: _Row, part: SubFigure, panels: Sequence[Axes], dpi: float) 
 def draw_into(axes: Axes, runs: Sequence[Results], request: PlotRequest) -> None:
     """Draw the only panel of a request into axes of another program's figure.
 
-    Its legend is inside of the axes.
+    The legend is drawn inside the axes.
 
     Raises
     ------
     UsageError
-        As `requested_figure` raises it, for several panels, and for options of a whole picture:
-        width, font, layout and letters.
+        For the reasons of `requested_figure`, for several panels, and for options of a whole
+        picture: width, font, layout and letters.
     """
     if (request.width, request.font, request.layout, request.letters) != (
         None,
@@ -323,9 +323,7 @@ def draw_into(axes: Axes, runs: Sequence[Results], request: PlotRequest) -> None
         None,
         "",
     ):
-        raise UsageError(
-            "width, font, layout and letters are those of the figure that ax belongs to"
-        )
+        raise UsageError("width, font, layout and letters are determined by the figure of ax")
     if request.units:
         runs = [
             replace(run, report=run.report | {SHOWN_UNITS: dict(request.units)}) for run in runs
@@ -334,7 +332,7 @@ def draw_into(axes: Axes, runs: Sequence[Results], request: PlotRequest) -> None
     panels = _all_panels(runs, names, request)
     if len(panels) != 1:
         raise UsageError(
-            f"ax is for one panel, these are {len(panels)}",
+            f"ax is for one panel, but the request has {len(panels)}",
             "name one of --what, --field and --steps",
         )
     panels[0].draw_in_own_figure(axes)
@@ -370,7 +368,7 @@ def _refuse_too_many(runs: Sequence[Results], names: Sequence[str], request: Plo
         else:
             count += 1
     if count > MAX_PANELS:
-        problem = f"these are {count} panels, a picture has {MAX_PANELS} at most"
+        problem = f"the request has {count} panels, but a picture can have at most {MAX_PANELS}"
         raise UsageError(problem, "name fewer --what, --field or --steps")
 
 
@@ -386,7 +384,7 @@ def _letter_panels(figure: Figure) -> None:
 def _automatic_rows(
     runs: Sequence[Results], names: Sequence[str], request: PlotRequest
 ) -> list[_Row]:
-    """Return rows of single panels side by side, then a row of each group of several maps.
+    """Return rows of single panels, then one row per group of several maps.
 
     The maps of a group share a colour bar.
     """
@@ -485,7 +483,7 @@ def _pressure_panels(
         has_two = np.ptp(contact.y) > 0
         if along == 1 and not has_two:
             raise UsageError(
-                f"{run.path} has no y axis: --what pressure_y is of bodies in three dimensions"
+                f"{run.path} has no y axis: --what pressure_y is for bodies in three dimensions"
             )
         if has_two and panel_kind == "pressure":
             continue  # The pressure of a surface in 3D is a map.
@@ -506,7 +504,7 @@ def _pressure_panels(
 def _map_groups(
     runs: Sequence[Results], names: Sequence[str], request: PlotRequest, panel_kind: str
 ) -> Iterator[FieldRow | PressureMaps]:
-    """Yield the maps of one kind, those of one quantity as one group."""
+    """Yield the maps of one kind, grouped by quantity."""
     if panel_kind == "pressure":
         labelled_steps = _labelled_steps(runs, names, request, panel_kind)
         if with_surface := [
@@ -522,7 +520,7 @@ def _map_groups(
 
 
 def _map_panel(maps: FieldRow | PressureMaps, i: int) -> _Panel:
-    """Return one map of a group as a panel: colours of the group, and a bar of its own."""
+    """Return one map of a group as a panel with the group's colours and its own colour bar."""
 
     def into(axes: Axes, aspect: float) -> None:
         maps.draw([axes], slice(i, i + 1), "bottom", aspect)
@@ -531,7 +529,7 @@ def _map_panel(maps: FieldRow | PressureMaps, i: int) -> _Panel:
 
 
 def _panel_row(panels: Sequence[_Panel], columns: int) -> _Row:
-    """Return panels side by side, of equal size, whether the row is full or not."""
+    """Return a row of panels of equal size, even if the row is not full."""
     # Ratio of height to width of panels of curves.
     line_aspect = 0.72
     aspect = max(
@@ -579,7 +577,7 @@ def _split_rows(panels: Sequence[T], max_columns: int) -> list[Sequence[T]]:
 def _assign_colours(steps: Sequence[LabelledStep]) -> list[tuple[Results, float, str, Any]]:
     """Return result, step, title and colour of each curve.
 
-    Steps of one result have colours from dark to light, several results have different hues.
+    Steps of one result have colours from dark to light; different results have different hues.
     """
     count = len(steps)
     is_one_run = len({id(run) for run, *_ in steps}) == 1
@@ -598,7 +596,7 @@ def _assign_colours(steps: Sequence[LabelledStep]) -> list[tuple[Results, float,
 def _labelled_steps(
     runs: Sequence[Results], names: Sequence[str], request: PlotRequest, panel_kind: str
 ) -> list[LabelledStep]:
-    """Return every result at every requested step; UsageError if one is missing."""
+    """Return every result at every requested step; raise UsageError if one is missing."""
     steps = [
         (run, step, name)
         for run, name in zip(runs, names, strict=True)
@@ -615,7 +613,8 @@ def _labelled_steps(
 def _requested_steps(run: Results, request: PlotRequest, panel_kind: str) -> list[float]:
     """Return the steps of a result to be shown.
 
-    They are the requested ones, or the step of the largest force, or for a film some of all steps.
+    They are the requested steps, or for an animation a selection of all steps, or by default the
+    step of the largest force.
     """
     key = "fields" if panel_kind in MAP_PANELS else "surface"
     stored_steps = (
@@ -629,7 +628,7 @@ def _requested_steps(run: Results, request: PlotRequest, panel_kind: str) -> lis
         if len(available) < len(run):
             problem = (
                 f"{run.path} has fields of {len(available)} of {len(run)} steps, "
-                "and a film needs all"
+                "but an animation (film) needs all"
             )
             raise UsageError(problem, "run it with --set output.fields=all, or name --steps")
         return [float(step) for step in history.film_steps(run, available)]

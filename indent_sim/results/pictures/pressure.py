@@ -43,9 +43,9 @@ PRESSED_FRACTION = 0.02
 
 @dataclass(frozen=True)
 class ContactSurface:
-    """Pressure on the contact surface of one step, around the tip, as far as it is modelled.
+    """Pressure on the modelled part of the contact surface at one step.
 
-    Points are those of the deformed surface if the gap is tested there, since the contact radius is
+    Points are on the deformed surface if the gap is evaluated there, since the contact radius is
     then measured there, too.
 
     Attributes
@@ -57,7 +57,7 @@ class ContactSurface:
     center
         Position of the tip's axis (2,) [length].
     mirror_axes
-        Whether the model ends at the tip's axis along x and along y.
+        Two values, True if the model ends at the tip's axis along x, and along y.
     a
         Contact radius [length].
     singularities
@@ -88,7 +88,7 @@ class ContactSurface:
 
     @property
     def half_width(self) -> float:
-        """Half-width of the view [length]: 1.5 radii, and all loaded points.
+        """Half-width of the view [length]: 1.5 contact radii or all loaded points.
 
         Corners of a contact with few sides are farther from the axis than 1.5 times the
         radius of a circle with its area.
@@ -102,7 +102,7 @@ class ContactSurface:
         return max(view * self.a, farthest + 0.1 * self.a)
 
     def is_bounded(self) -> np.ndarray:
-        """Return the points (n,) away from pressure singularities."""
+        """Mask (n,) of the points outside the vicinity of pressure singularities."""
         r = np.hypot(self.x, self.y)
         return np.all(
             [
@@ -128,8 +128,9 @@ class ContactSurface:
     def shear_profile(self, middle: float) -> tuple[np.ndarray, np.ndarray]:
         """Return positions [length] and absolute shear along a line, averaged over each element.
 
-        Within an element the nodal values of a sticking tip oscillate with the step in which each
-        node came into contact, by as much as their mean. `middle` is the position of the tip.
+        Nodal values of shear within an element depend on the step in which each node came into
+        contact; under a sticking tip they oscillate by as much as their mean. `middle` is the
+        position of the tip.
         """
         assert self.shear is not None
         order = np.argsort(self.x)
@@ -202,7 +203,7 @@ def contact_surface(results: Results, step: float) -> ContactSurface:
 
 
 def is_deformed(results: Results) -> bool:
-    """Return whether the gap of a run is tested on the deformed surface."""
+    """Return whether the gap of a run is evaluated on the deformed surface."""
     return results.report.get("gap") == "current"
 
 
@@ -217,9 +218,9 @@ def position_label(name: str, runs: Sequence[Results]) -> str:
 def _pressure_singularities(
     results: Results, step: float, a: float
 ) -> tuple[tuple[float, float], ...]:
-    """Return radii in the contact at which a sharp tip makes the pressure infinite, with widths.
+    """Return radii at which a sharp tip makes the pressure infinite, with widths.
 
-    Within these widths points are not drawn.
+    Points within these widths are not drawn.
     """
     peak = results.table.get("p_max", np.zeros(len(results)))[results["step"] == step]
     if not len(peak) or np.isfinite(peak[0]) or (scene := scene_of(results.path)) is None:
@@ -305,7 +306,7 @@ def draw_pressures(
     shown
         Result, contact surface, name and colour of each curve.
     limits
-        Ends of the pressure axis in the unit shown; None for limits by the curves.
+        Ends of the pressure axis in the unit shown; None for the range of the curves.
     along
         Axis on which the positions are: 0 for x, 1 for y.
     """
@@ -445,7 +446,7 @@ class PressureMaps:
     def _colour_range(self, pressure: Axis) -> tuple[float, float]:
         """Return the smallest and the largest pressure shown.
 
-        A contact with a singularity counts up to PEAK_MEDIANS times its median pressure.
+        Pressures near a singularity are limited to PEAK_MEDIANS times the median pressure.
         """
         highest = []
         for contact in self.surfaces:
@@ -466,7 +467,7 @@ class PressureMaps:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return positions and pressures of the points in and around the view.
 
-        Triangles reach beyond it.
+        Points around the view are needed for triangles that extend beyond it.
         """
         x, y, p = _mirror_surface(contact)
         is_near = (np.abs(x) < 2 * self.half_width) & (np.abs(y) < 2 * aspect * self.half_width)
@@ -558,8 +559,8 @@ def _draw_shear(axes: Axes, contact: ContactSurface, length: Axis) -> None:
 def largest_force_step(results: Results) -> float | None:
     """Return the step of the largest force among those with a stored surface.
 
-    If no force pushes, it is the step of the widest contact, or else of the largest pull. None
-    without any force.
+    If no force is compressive, it is the step of the widest contact, or else of the largest tensile
+    force. None without any force.
     """
     has_surface = (
         np.isin(results["step"], results.surface["step"]) if results.surface else np.array([])
@@ -574,7 +575,7 @@ def largest_force_step(results: Results) -> float | None:
 
 
 def panel_title(results: Results, step: float, words: str, apart: str = ", ") -> str:
-    """Return the title of a panel: its label, time and depth.
+    """Return the title of a panel with a label, the time and the depth.
 
     Parameters
     ----------

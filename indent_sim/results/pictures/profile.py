@@ -95,8 +95,8 @@ def values_on_line(y: np.ndarray, x: np.ndarray, *values: np.ndarray) -> tuple[n
 def draw_profiles(axes: Axes, shown: Sequence[tuple[Results, float, str, object]]) -> None:
     """Draw deformed surfaces of several steps with their tips, true to scale.
 
-    The tip at the largest depth is filled. If the depths are too small beside the width, heights
-    are magnified and the axis label says so.
+    The tip at the largest depth is filled. If the depths are very small compared to the width,
+    heights are magnified, and the axis label gives the factor.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Auxiliary scenes of the error estimate: coarser mesh, softer penalty, steps half as long."""
+"""Auxiliary scenes of the error estimate: coarser mesh, softer penalty, halved increments."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ States = Sequence[State]
 
 @dataclass(frozen=True)
 class CoarserRun:
-    """A run of the same scene on a mesh whose element sizes are `ratio` times as large.
+    """Run of the same scene on a mesh with element sizes multiplied by `ratio`.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class CoarserRun:
     states
         The rows of the run.
     scene
-        The scene of this mesh; None where it is not known.
+        The scene of this mesh; None if it is not known.
     """
 
     ratio: float
@@ -38,12 +38,12 @@ class CoarserRun:
 
     @property
     def states_by_step(self) -> StatesByStep:
-        """The converged states by their step."""
+        """Return the converged states as a dictionary by their step."""
         return states_by_step(self.states)
 
 
 def states_by_step(states: States) -> StatesByStep:
-    """The converged states by their step."""
+    """Return the converged states as a dictionary by their step."""
     return {state.step: state for state in states if state.converged}
 
 
@@ -61,20 +61,20 @@ def coarsen_scene(scene: Scene, ratio: float) -> Scene:
 def coarser_scene(scene: Scene, previous_scene: Scene | None = None) -> tuple[float, Scene]:
     """Choose the scene of the coarser run and its grid refinement ratio.
 
-    An imported mesh has given element sizes: its coarser run is refined once less, or once more if
-    the mesh is not refined at all.
+    The element sizes of an imported mesh are given. Its auxiliary run has one uniform refinement
+    less, or one more if the mesh is not refined.
 
     Parameters
     ----------
     scene
         The scene whose error is estimated.
     previous_scene
-        The previous level of adaptive refinement; it serves as the coarser run.
+        The scene of the previous level of adaptive refinement, which is used as the coarser run.
 
     Returns
     -------
     ratio
-        Element sizes of the coarser scene over those of `scene`.
+        Element sizes of the coarser scene divided by those of `scene`.
     coarser_scene
         The scene of the coarser run.
     """
@@ -94,7 +94,7 @@ def refine_scene(scene: Scene, ratio: float) -> Scene:
 
 
 def _set_refinements(scene: Scene, refinements: int) -> Scene:
-    """Return the scene on the same imported mesh with this number of uniform refinements."""
+    """Return the scene with another number of uniform refinements of its imported mesh."""
     return replace(scene, sizes=resolution.refined_sizes(scene.sizes, refinements))
 
 
@@ -109,7 +109,7 @@ def halve_penalty(scene: Scene) -> Scene | None:
 
 
 def halve_increments(scene: Scene) -> Scene | None:
-    """Return the scene in increments half as long; None if the result does not depend on them."""
+    """Return the scene in increments half as long; None if the result is independent of them."""
     physics = scene.physics
     if not physics.depends_on_step_size:
         return None
@@ -119,19 +119,19 @@ def halve_increments(scene: Scene) -> Scene | None:
 
 
 def double_bath_ramp(scene: Scene) -> Scene | None:
-    """Return the scene with a bath that rises for twice as long; None if no bath does."""
+    """Return the scene with a bath ramp of twice the duration; None without a bath ramp."""
     ramp = scene.physics.bath_ramp
     return scene.replace_physics(bath_ramp=2 * ramp) if ramp else None
 
 
 def same_mesh_scenes(scene: Scene) -> list[Scene]:
-    """The auxiliary scenes that are solved on the same mesh as `scene`."""
+    """Return the auxiliary scenes that are solved on the same mesh as `scene`."""
     scenes = (halve_penalty(scene), halve_increments(scene), double_bath_ramp(scene))
     return [auxiliary for auxiliary in scenes if auxiliary is not None]
 
 
 def _halve_values(values: Sequence[float]) -> tuple[float, ...]:
-    """The values of a path with the mean of each and its predecessor inserted before it."""
+    """Return the values of a path with the mean of neighbouring values inserted between them."""
     steps = pairwise((0.0, *values))
     return tuple(
         refined_value

@@ -1,27 +1,30 @@
-"""Half-widths of the error bars of a run's rows, from one run on a coarser mesh.
+"""Error estimates (half-widths of error bars) of the rows of a run, from a run on a coarser mesh.
 
-Elements of the size h give a number f, elements of the size q h the number f_q. If the error falls
+Let f be a result with elements of size h, and f_q with elements of size q h. If the error falls
 as h^p with the convergence rate p, Richardson extrapolation gives the error |f_q - f|/(q^p - 1) of
 f. Roache's grid convergence index multiplies it by the factor of safety 3 if only two meshes are
-known, since nothing then tests the assumed order. Two meshes may agree by accident (which elements
-touch changes from step to step, and the difference passes through zero). Therefore every bar has a
-lower bound: a fraction of the error that a mesh of this resolution has in general.
+known, since nothing then tests the assumed order. Two meshes may agree by coincidence: the set of
+elements in contact changes from step to step, and the difference passes through zero. Therefore
+every estimate has a lower bound, a fraction of the error that a mesh of this resolution has in
+general.
 
     force    max(SAFETY_FACTOR |F_q - F|/(q^p - 1), MIN_ERROR_FRACTION C n^-p F', edge F')
              + corners F', with F' = |F| + SAFETY_FACTOR F_a, C = ERROR_CONSTANT and
              p = ORDER_OF_CONVERGENCE
-    a        RADIUS_ERROR times the element in which the contact ends
+    a        RADIUS_ERROR times the size of the element in which the contact ends
     p_max    max(SAFETY_FACTOR |p_q - p|/(q^2 - 1), PEAK_ERROR n^-2 p), 2 = PRESSURE_ORDER
 
-n is the number of elements in the contact radius of the row (for p_max beneath a punch's rounded
-edge in the part on the arc), F_a the adhesive force (see `ErrorBars._jkr_adhesive_force`). The rule
+n is the number of elements in the contact radius of the row (for p_max under a punch's rounded
+edge: in the part of the contact on the arc), F_a the adhesive force (see
+`ErrorBars._jkr_adhesive_force`). The rule
 has eight numbers: the refinement ratio q, SAFETY_FACTOR, ORDER_OF_CONVERGENCE, MIN_ERROR_FRACTION,
 RADIUS_ERROR, PRESSURE_ORDER, PEAK_ERROR, and EDGE_ERROR of `model_warnings` for the edge of a sharp
-punch in three dimensions or a contact that ends where the tip's slope jumps. ERROR_CONSTANT is the
-one by which `accuracy` chooses its meshes. Errors that do not depend on the mesh are added, each
-measured by an auxiliary run or known in advance: see `ErrorBudget`. The bar of a force is never
-narrower than its distance from a theory that is exact for the body. `scripts/make_error_bar_table`
-measures coverage and width with and without each number of the rule.
+punch in three dimensions or a contact that ends where the tip's slope jumps. ERROR_CONSTANT is also
+used to choose the mesh for a requested `accuracy`. Errors that do not depend on the mesh are added;
+each is computed by an auxiliary run or known in advance, see `ErrorBudget`. The estimate for a
+force is at least its distance from a theory that is exact for the body.
+`scripts/make_error_bar_table` measures coverage and width of the error bars with and without each
+of these numbers.
 
 Roache, J. Fluids Eng. 116, 405 (1994); Annu. Rev. Fluid Mech. 29, 123 (1997), whose safety factors
 are 3 for two grids and 1.25 for three; Verification and Validation in Computational Science and
@@ -66,43 +69,46 @@ PEAK_ERROR = 0.2  # lower bound of the error of p_max, relative to n^-PRESSURE_O
 
 
 class ErrorBars:
-    """Estimates the errors of one row after another by comparison with the coarser run.
+    """Error estimates of rows by comparison with a run on a coarser mesh.
 
-    Where forces are prescribed, the error of the force is that at the depth of the row, and the
-    error of the depth follows from it by the slope of the curve.
+    If forces are prescribed, the error of the force is estimated at the depth of the row, and the
+    error of the depth follows from it by the slope of the load curve.
 
     Parameters
     ----------
     scene
         The scene of the run.
-    companion
+    coarser_run
         The coarser run.
-    soft
-        The coarser run with half the penalty stiffness, where there is a penalty.
-    ways
-        The coarser run in its own and in halved increments, where they matter.
-    film
-        Error by drainage films on the mesh of the run, for a body that drains.
-    bath
-        The coarser run with a bath that rises for twice as long, where a bath rises.
+    half_penalty_states
+        The coarser run with half the penalty stiffness; None without a penalty.
+    step_refinement
+        The coarser run with its own and with halved increments; None if the result is independent
+        of them.
+    film_error
+        Error due to unresolved drainage films; None for a body without drainage.
+    slow_bath_states
+        The coarser run with a bath ramp of twice the duration; None without a bath ramp.
     """
 
     def __init__(
         self,
         scene: Scene,
-        companion: CoarserRun,
-        soft: States | None = None,
-        ways: StepRefinement | None = None,
-        film: FilmError | None = None,
-        bath: States | None = None,
+        coarser_run: CoarserRun,
+        half_penalty_states: States | None = None,
+        step_refinement: StepRefinement | None = None,
+        film_error: FilmError | None = None,
+        slow_bath_states: States | None = None,
     ):
         self.budgets: list[ErrorBudget] = []
-        self.coarser_run = companion
-        self._step_refinement = ways
-        self._film_error = film
-        self._bath_states = None if bath is None else states_by_step(bath)
-        self._coarse_states = companion.states_by_step
-        self._soft_states = None if soft is None else states_by_step(soft)
+        self.coarser_run = coarser_run
+        self._step_refinement = step_refinement
+        self._film_error = film_error
+        self._bath_states = None if slow_bath_states is None else states_by_step(slow_bath_states)
+        self._coarse_states = coarser_run.states_by_step
+        self._soft_states = (
+            None if half_penalty_states is None else states_by_step(half_penalty_states)
+        )
         self._run_states: StatesByStep = {}
         self._scene = scene
         self._physics = scene.physics
@@ -124,14 +130,14 @@ class ErrorBars:
             scene.physics.material.E_star * ridge_excess * self._scales.pressure
         )
         law = scene.physics.contact
-        coarse_law = (companion.scene or scene).physics.contact
+        coarse_law = (coarser_run.scene or scene).physics.contact
         # The coarser run may be a previous refinement level with another penalty stiffness.
         self._stiffness_ratio = 1.0
         if isinstance(law, Penalty) and isinstance(coarse_law, Penalty):
             self._stiffness_ratio = law.stiffness / coarse_law.stiffness
 
     def add_error_estimate(self, state: State) -> State:
-        """Return the state with its error estimates; NaN where the coarser run lacks the step."""
+        """Return the state with its error estimates; NaN if the coarser run lacks the step."""
         self._run_states[state.step] = state
         force_parts = (
             self._missed_contact_parts(state)
@@ -154,7 +160,7 @@ class ErrorBars:
     # ---- force
 
     def _force_error_parts(self, state: State) -> dict[str, float]:
-        """Parts of the error of the force [force], named as in `ErrorBudget`."""
+        """Return the parts of the error of the force [force], named as in `ErrorBudget`."""
         force = abs(state.force)
         return {
             "discretisation": self._discretisation_error(state),
@@ -167,10 +173,11 @@ class ErrorBars:
         }
 
     def _discretisation_error(self, state: State) -> float:
-        """Error of the force by the mesh [force].
+        """Return the error of the force due to the mesh [force].
 
-        Errors that are known relative to a force are relative to its compressive and its adhesive
-        part, which counts SAFETY_FACTOR times: its rim moves from element to element.
+        Errors known relative to a force are multiplied by the sum of the compressive force and
+        SAFETY_FACTOR times the adhesive force: the rim of an adhesive contact moves from element to
+        element.
         """
         force = abs(state.force) + SAFETY_FACTOR * self._jkr_adhesive_force(state)
         dim = self._physics.domain.dim
@@ -192,12 +199,13 @@ class ErrorBars:
         )
 
     def _jkr_adhesive_force(self, state: State) -> float:
-        """Adhesive part of the contact force in the limit of JKR [force], >= 0; 0 without adhesion.
+        """Return the adhesive part of the contact force in the JKR limit [force], >= 0.
 
-        A flat contact of radius a whose edge has the energy release rate K_I^2/(2 E*) = w carries
-        the tensile force (8 pi w E* a^3)^(1/2), in plane strain (2 pi w E* a)^(1/2) per length. An
-        adhesion with a finite range has a smaller one. The contact force is the difference between
-        a compressive part and this one; where it passes zero, the errors of the two parts do not.
+        It is 0 without adhesion. A flat contact of radius a whose edge has the energy release rate
+        K_I^2/(2 E*) = w carries the tensile force (8 pi w E* a^3)^(1/2), in plane strain (2 pi w E*
+        a)^(1/2) per length. An adhesion with a finite range has a smaller force. The contact force
+        is the difference between a compressive and this adhesive part. At zero contact force the
+        errors of both parts remain.
 
         Johnson, Kendall, Roberts, Proc. R. Soc. A 324, 301 (1971); Maugis, J. Colloid Interface
         Sci. 150, 243 (1992). Coverage with and without it: scripts/make_error_bar_table --only
@@ -212,12 +220,13 @@ class ErrorBars:
         return sqrt(8 * pi * adhesion.work * modulus * state.a**3)
 
     def _slope_discontinuity_error(self, state: State) -> float:
-        """Relative error of a contact that ends within an element of the tip's slope discontinuity.
+        """Return the relative error of a contact that ends near a slope discontinuity of the tip.
 
-        The contact of elements that end there is narrower or wider than the true one, as at the
-        edge of a sharp punch: the error is EDGE_ERROR times the ratio of their size and the radius.
-        Under profiles and rounded punches errors of 0.02 to 0.1 of that ratio were measured
-        (tests/physics/test_accuracy.py). Elements at the edge of a sharp punch are refined.
+        It applies if the contact ends within an element of the discontinuity. The computed contact
+        is then narrower or wider than the exact one, as at the edge of a sharp punch: the error is
+        EDGE_ERROR times the ratio of element size and radius. Under profiles and rounded punches
+        errors of 0.02 to 0.1 of that ratio were measured (tests/physics/test_accuracy.py). Elements
+        at the edge of a sharp punch are refined.
         """
         tip = self._physics.indenter
         a = state.a / self._scales.length
@@ -229,12 +238,12 @@ class ErrorBars:
         return error
 
     def _elements_in_radius(self, state: State) -> float:
-        """Elements in the contact radius, without the refinement near an edge or a corner."""
+        """Return the elements in the contact radius without refinement at edges or corners."""
         regular_sizes = replace(self._sizes, corners=(), punch_edge=None)
         return regular_sizes.elements_in_contact(state.a / self._scales.length)
 
     def _force_difference(self, step: int) -> float:
-        """Distance of the coarser run's force at the same depth; NaN if the step is missing."""
+        """Return |F_q - F| at the same depth; NaN if the coarser run lacks the step."""
         run_states = self._run_states
         coarse_states = self._coarse_states
         if step not in run_states or step not in coarse_states:
@@ -247,9 +256,9 @@ class ErrorBars:
         return abs(interpolate_force(coarse_state, state.delta, coarse_states) - state.force)
 
     def _transient_force_difference(self, state: State, coarse_state: State) -> float:
-        """Force difference of a time-dependent row, by the linearised force at its depth.
+        """Return the force difference of a time-dependent row, with forces linearised in the depth.
 
-        The error by drainage films is known on both meshes and is a part of its own.
+        The error due to drainage films is known on both meshes and excluded here.
         """
         difference = (
             coarse_state.force
@@ -263,7 +272,7 @@ class ErrorBars:
         return abs(difference)
 
     def _penalty_error(self, step: int) -> float:
-        """Relative error by the penalty stiffness: 1/F is linear in 1/epsilon_n."""
+        """Return the relative error due to the penalty stiffness: 1/F is linear in 1/epsilon_n."""
         if self._soft_states is None:
             return 0.0
         stiff_state = self._coarse_states.get(step)
@@ -277,7 +286,7 @@ class ErrorBars:
         return abs(1 / inverse - 1) / self._stiffness_ratio if inverse > 0 else inf
 
     def _geometry_error(self, state: State) -> float:
-        """Relative error by the truncation of a half-space and by flat facets of a curved surface.
+        """Return the relative error due to truncation of a half-space and flat facets of a surface.
 
         Facets reduce the effective depth by their sagitta.
         """
@@ -289,24 +298,24 @@ class ErrorBars:
         return self._truncation + facet_error
 
     def _theory_distance(self, state: State) -> float:
-        """|F - F_theory| [force] where theory is exact for the body at this depth, else 0."""
+        """Return |F - F_theory| [force] if theory is exact for the body at this depth, else 0."""
         if self._scene.exact_theory is None or state.delta <= 0:
             return 0.0
         solution = self._scene.theory_solution(state.delta / self._scales.depth)
         return abs(state.force - solution.force * self._scales.force) if solution else 0.0
 
     def _depth_error(self, state: State, error: float) -> float | None:
-        """Error of a computed depth from that of the force; None where depths are prescribed."""
+        """Return the error of a computed depth from that of the force, else None."""
         if not self._has_prescribed_forces:
             return None
         slope = self._force_slope(state)
         return error / slope if slope > 0 else error
 
     def _force_slope(self, state: State) -> float:
-        """Slope dF/ddelta of the coarser run.
+        """Return the slope dF/ddelta of the coarser run.
 
-        For a time-dependent body, at fixed time, the larger one of the slope of a paraboloid, F ~
-        delta^1.5, and of a flat punch on a half-space.
+        For a time-dependent body it is taken at fixed time, as the larger of the slopes of a
+        paraboloid, F ~ delta^1.5, and of a flat punch on a half-space.
         """
         if self._physics.is_time_dependent:
             contact_stiffness = self._physics.material.E_star * self._scales.pressure
@@ -326,13 +335,12 @@ class ErrorBars:
     # ---- contact radius, pressure, stick radius, dissipation
 
     def _secondary_names(self, state: State) -> list[str]:
-        """Columns other than the force that the row has."""
-        # Columns other than the force that have error bars.
+        """Return the columns of the row other than the force that have error estimates."""
         columns = ("a", "p_max", "stick_radius", "dissipation")
         return [name for name in columns if getattr(state, name) is not None]
 
     def _secondary_error(self, state: State, name: str) -> float:
-        """Error of a number other than the force."""
+        """Return the error of a quantity other than the force."""
         if self._is_contact_missed(state):
             return self._shallowest_value(state, name)
         value = abs(getattr(state, name))
@@ -347,7 +355,7 @@ class ErrorBars:
         return sum(contributions)
 
     def _secondary_mesh_error(self, state: State, name: str) -> float:
-        """Error of a number other than the force by the mesh."""
+        """Return the error of a quantity other than the force due to the mesh."""
         L = self._scales.length
         end_element = self._sizes.surface_size(state.a / L) * L if state.a > 0 else 0.0
         if name == "a":
@@ -366,10 +374,10 @@ class ErrorBars:
         return float(np.max([estimate, min_error]))  # NaN if either is
 
     def _relative_peak_size(self, state: State, end_element: float) -> float:
-        """Ratio of the element at the end of the contact and the width that carries the peak.
+        """Return the ratio of the element at the end of the contact and the peak's width.
 
-        The width is the contact radius, or its part on the arc where the contact ends at a punch's
-        rounded edge.
+        The width of the peak is the contact radius, or the part of it on the arc if the contact
+        ends at a punch's rounded edge.
 
         Parameters
         ----------
@@ -386,7 +394,7 @@ class ErrorBars:
         return end_element / max(width, min(end_element, state.a))
 
     def _secondary_penalty_error(self, step: int, name: str) -> float:
-        """Error of a number by the penalty stiffness; it is linear in 1/epsilon_n."""
+        """Return the error of a quantity due to the penalty; it is linear in 1/epsilon_n."""
         if self._soft_states is None:
             return 0.0
         return (
@@ -397,7 +405,7 @@ class ErrorBars:
     # ---- load increments and time steps
 
     def _step_error(self, state: State, name: str) -> float:
-        """Error of a number by the load increments or time steps.
+        """Return the error of a quantity due to the load increments or time steps.
 
         For a prescribed force it follows from the error of the depth.
         """
@@ -411,10 +419,10 @@ class ErrorBars:
         return self._step_refinement.error(state, name) + unresolved_error
 
     def _bath_error(self, state: State, name: str) -> float:
-        """Error of a number by the finite time in which a suddenly applied bath rises.
+        """Return the error of a quantity due to the finite duration of the bath ramp.
 
-        A bath that rises for twice as long changes a number as much as this one does, once it has
-        risen. For a prescribed force the error follows from that of the depth.
+        After the ramp, doubling its duration changes a quantity as much as replacing a sudden
+        change by the ramp. For a prescribed force the error follows from that of the depth.
         """
         if self._bath_states is None:
             return 0.0
@@ -429,10 +437,10 @@ class ErrorBars:
         )
 
     def _long_step_error(self, state: State, name: str) -> float:
-        """Error of the slip by a long increment that halving the increment may not show.
+        """Return the error of the slip due to a long increment, which halving it may not show.
 
-        It is the relative change of the contact radius in the increment, for the dissipation (per
-        area) the square of it. Neither is known after one increment from rest.
+        It is the relative change of the contact radius in the increment, and for the dissipation
+        (per area) the square of it. Neither is known after a single increment from rest.
         """
         previous = self._run_states.get(state.step - 1)
         value = getattr(state, name)
@@ -446,7 +454,7 @@ class ErrorBars:
         return 0.0
 
     def _unresolved_stick(self, stick: float) -> float:
-        """Length that an element cannot resolve of a stick zone narrower than itself [length]."""
+        """Return the part [length] of a narrow stick zone that an element cannot resolve."""
         r = stick / self._scales.length
         return max(self._sizes.surface_size(r) - r, 0.0) / 2 * self._scales.length
 
@@ -457,13 +465,14 @@ class ErrorBars:
         return state.delta > 0 and state.force == 0 and not self._physics.is_time_dependent
 
     def _missed_contact_parts(self, state: State) -> dict[str, float]:
-        """The error budget of such a row."""
+        """Return the error budget of a row whose contact the mesh misses."""
         return {"discretisation": self._shallowest_value(state, "force")}
 
     def _shallowest_value(self, state: State, name: str) -> float:
-        """Value of the shallowest contact on the coarser mesh at this depth or deeper.
+        """Return the value at the smallest of the depths of the coarser run that are not smaller.
 
-        It is an upper bound of a number that grows with the depth; NaN if there is none.
+        Only rows in contact count. It is an upper bound of a quantity that grows with the depth;
+        NaN if there is no such row.
         """
         deeper_states = (
             coarse_state
@@ -475,9 +484,10 @@ class ErrorBars:
 
 
 class TheoryBars:
-    """Error bars of a scene that theory solves: the stated error of the theory, for every number.
+    """Error estimates of a scene that is solved by theory: the stated error of the theory.
 
-    Where the theoretical contact contains tension, contact radius and pressure are unknown.
+    If the contact pressure of the theory is tensile somewhere, the errors of contact radius and
+    pressure are unknown (NaN).
     """
 
     coarser_run: CoarserRun | None = None
@@ -503,15 +513,15 @@ AnyErrorBars = ErrorBars | TheoryBars
 
 
 def _relative_change(old: float, new: float) -> float:
-    """Absolute change relative to the larger of two lengths."""
+    """Return the absolute change of a length, relative to the larger of the two lengths."""
     return abs(new - old) / (max(old, new) or 1.0)
 
 
 def interpolate_force(state: State, delta: float, curve: StatesByStep) -> float:
-    """Force of a curve at a depth near one of its states, F (delta/delta_state)^m.
+    """Return the force of a curve at a depth near one of its states, F (delta/delta_state)^m.
 
-    m is the slope dlnF/dlndelta there. At the depth of the state the force is exactly that of the
-    state.
+    m is the slope dlnF/dlndelta of the curve at the state. At the depth of the state the force is
+    exactly that of the state.
 
     Parameters
     ----------
@@ -528,7 +538,7 @@ def interpolate_force(state: State, delta: float, curve: StatesByStep) -> float:
 
 
 def _log_slope(state: State, curve: StatesByStep) -> float:
-    """Slope dlnF/dlndelta between the neighbours of a state; 1.5, a paraboloid's, without any."""
+    """Return the slope dlnF/dlndelta between the neighbours of a state; 1.5 without neighbours."""
     neighbours = [curve[k] for k in (state.step - 1, state.step, state.step + 1) if k in curve]
     first = min(neighbours, key=lambda s: s.delta)
     last = max(neighbours, key=lambda s: s.delta)

@@ -1,4 +1,4 @@
-"""Error budget of a row, and the grid convergence index from which its parts follow."""
+"""Error budget of a row, and the grid convergence index."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ SAFETY_FACTOR = 3.0  # Roache's factor of safety for two meshes
 
 @dataclass(frozen=True)
 class ErrorBudget:
-    """Parts of the half-width of the error bar of a row's force [force].
+    """Parts of the error estimate of a row's force [force].
 
     Attributes
     ----------
@@ -55,24 +55,24 @@ class ErrorBudget:
 
     @property
     def estimated(self) -> float:
-        """The sum of the parts [force]."""
+        """Sum of the parts [force]."""
         return sum(self.parts.values())
 
     @property
     def total(self) -> float:
-        """Half-width [force]: the sum of the parts, at least the distance from exact theory."""
+        """Error estimate [force]: sum of the parts, at least the distance from exact theory."""
         return self.theory if self.theory > self.estimated else self.estimated
 
 
 def grid_convergence_index(difference: float, ratio: float, rate: float) -> float:
-    """Roache's grid convergence index: SAFETY_FACTOR difference/|ratio^rate - 1|.
+    """Return Roache's grid convergence index, SAFETY_FACTOR difference/|ratio^rate - 1|.
 
     Parameters
     ----------
     difference
-        Distance from the number with sizes (or steps) `ratio` times as large [any unit].
+        Change of a result [any unit] if sizes (or steps) are multiplied by `ratio`.
     ratio
-        Grid refinement ratio; below 1 where the other mesh is finer.
+        Grid refinement ratio; below 1 if the other mesh is finer.
     rate
         Order of convergence: the error falls as h^rate.
     """
@@ -80,7 +80,7 @@ def grid_convergence_index(difference: float, ratio: float, rate: float) -> floa
 
 
 def ridge_pressure(turn: float, refinements: int) -> float:
-    """Largest excess pressure over E* at the ridges of a faceted mesh of a curved surface.
+    """Return the largest excess pressure at the ridges of a faceted surface, divided by E*.
 
     For a tip that is flat there, two facets that meet at the angle theta act as a cone of the slope
     theta/2, whose pressure grows as E* theta/4 arccosh(l/r) towards the ridge (Sneddon 1965, Int.
@@ -92,7 +92,7 @@ def ridge_pressure(turn: float, refinements: int) -> float:
     Parameters
     ----------
     turn
-        The angle theta [radians]; 0 where nothing is faceted.
+        The angle theta [radians]; 0 without facets.
     refinements
         Number of uniform refinements of each facet.
     """

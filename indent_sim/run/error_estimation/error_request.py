@@ -1,4 +1,4 @@
-"""Error estimates with which a run was started."""
+"""Error estimates that a run was requested to compute."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from indent_sim.process.errors import ConfigError
 
 @dataclass(frozen=True)
 class ErrorRequest:
-    """Error estimates that a run was started with: error bars, and an accuracy."""
+    """Request of a run for error estimates: error bars, and an accuracy."""
 
     error_bars: bool
     accuracy: float | None
@@ -24,9 +24,9 @@ class ErrorRequest:
 
 
 def error_request_of(report: Mapping[str, Any]) -> ErrorRequest:
-    """The error estimates that the run of a run.json was started with.
+    """Return the error estimates that were requested for the run of a run.json.
 
-    A run.json of an older version shows them by its other entries.
+    A run.json of an older version does not state them; they follow from its other entries.
     """
     target = (report.get("accuracy") or {}).get("target")
     telltale_keys = {"stick"} if target else {"stick", "error_budget"}
@@ -37,11 +37,11 @@ def error_request_of(report: Mapping[str, Any]) -> ErrorRequest:
 
 
 def check_same_request(previous: ErrorRequest, request: ErrorRequest, folder: Path) -> None:
-    """Raise ConfigError if a run cannot be resumed since it had other error estimates."""
+    """Raise ConfigError if a run cannot be resumed because other error estimates were requested."""
     if request.has_error_bars and not previous.has_error_bars:
         raise ConfigError(
             "",
-            f"{folder} holds a run without error bars",
+            f"{folder} contains a run without error bars",
             "give --overwrite in place of --resume to replace it",
         )
     if previous.accuracy != request.accuracy:
@@ -49,7 +49,7 @@ def check_same_request(previous: ErrorRequest, request: ErrorRequest, folder: Pa
             f"accuracy {accuracy:g}" if accuracy else "no accuracy"
             for accuracy in (previous.accuracy, request.accuracy)
         )
-        problem = f"{folder} holds a run with {old_text}, this one has {new_text}"
+        problem = f"{folder} contains a run with {old_text}, this one has {new_text}"
         raise ConfigError(
             "accuracy", problem, "give --overwrite in place of --resume to replace it"
         )

@@ -1,4 +1,4 @@
-"""Error of the force by unresolved drainage films beside drained faces.
+"""Error of the force due to unresolved drainage films (boundary layers) at drained faces.
 
 The error follows from one undrained equilibrium on the mesh of the run. At the moment of loading
 nothing has drained, and the fluid pressure p at the drained faces is known from this mesh. Elements
@@ -29,9 +29,9 @@ from indent_sim.scene.scene import Scene
 
 @dataclass(frozen=True)
 class FilmError:
-    """Error of the force of each row by drainage films [force].
+    """Error of the force of each row due to drainage films [force].
 
-    All but the losses is nondimensional.
+    All attributes except `force_losses` are nondimensional.
 
     Attributes
     ----------
@@ -42,10 +42,10 @@ class FilmError:
     element_heights
         Height of the elements at each vertex of a drained face [length].
     force_losses
-        Force that is lost per `excess_length` at each vertex, at the largest value of the history
+        Loss of force per `excess_length` at each vertex, at the largest value of the history
         [force/length].
     is_draining_column
-        Whether the body deforms only by drainage.
+        True if the body deforms only by drainage.
     """
 
     rows: Sequence[PathRow]
@@ -55,7 +55,7 @@ class FilmError:
     is_draining_column: bool = False
 
     def force_error(self, state: State, coarser: float = 1.0) -> float:
-        """Error of a row's force at its depth [force], on elements `coarser` times as large."""
+        """Return the error of a row's force [force] on elements `coarser` times as large."""
         row = self.rows[state.step - 1]
         heights = coarser * self.element_heights
         if self.is_draining_column:
@@ -63,7 +63,7 @@ class FilmError:
         return float(self.force_losses @ row.excess_length(heights, self.diffusivity))
 
     def _column_error(self, row: PathRow, state: State, heights: np.ndarray) -> float:
-        """Error of a column that deforms only by drainage, from its excess drained length."""
+        """Return the error of a column that deforms only by drainage."""
         drained = row.drained_length(self.diffusivity)
         excess = float(np.max(row.excess_length(heights, self.diffusivity), initial=0.0))
         return abs(state.force) * excess / drained if drained else 0.0
@@ -84,7 +84,7 @@ def estimate_film_error(
     Returns
     -------
     FilmError or None
-        None without films: no fluid, or a gel that swells in its bath. NaN errors where the
+        None without films: no fluid, or a gel that swells in its bath. The errors are NaN if the
         undrained body has no equilibrium.
     """
     physics = scene.physics
@@ -115,7 +115,7 @@ def estimate_film_error(
 
 
 def _has_films(scene: Scene) -> bool:
-    """True if drainage films cost accuracy; those of a gel that swells in its bath do not."""
+    """True if drainage films cause an error. The films of a gel that swells in its bath do not."""
     physics = scene.physics
     path = scene.physics.path
     return (
@@ -127,9 +127,10 @@ def _has_films(scene: Scene) -> bool:
 
 
 def sudden_load_scene(scene: Scene) -> Scene | None:
-    """The scene whose largest depth or force is applied at once, in two steps.
+    """Return the scene with its largest depth or force applied at once, in two steps.
 
-    None where it is not needed: without films, or for a column that has no undrained equilibrium.
+    It is None if it is not needed: without films, or for a column that has no undrained
+    equilibrium.
     """
     path = scene.physics.path
     if not _has_films(scene) or is_undrained_incompressible(scene.physics):

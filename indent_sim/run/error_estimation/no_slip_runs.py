@@ -1,4 +1,4 @@
-"""Change of a scene's force if the surface could not slip on the tip, solved after a run."""
+"""Change of the force if the surface could not slip on the tip, computed after a run."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from indent_sim.scene.scene import Scene
 
 
 def solve_no_slip_effect(run: CoarserRun, follow: Callable[[Scene], States]) -> NoSlipEffect | None:
-    """Change of the largest force of a run by no slip instead of no friction, on the same mesh.
+    """Return the change of the largest force if the contact has no slip, on the same mesh.
 
-    The slip reference `mid` gives the value; the smallest and the largest value of all slip
-    references are its bounds.
+    The change is relative to the contact without friction. The slip reference `mid` gives the
+    value; the results of all slip references give the bounds.
 
     Parameters
     ----------
@@ -37,8 +37,8 @@ def solve_no_slip_effect(run: CoarserRun, follow: Callable[[Scene], States]) -> 
     Returns
     -------
     NoSlipEffect or None
-        None where the effect is not defined (friction or adhesion in the scene, no contact, a body
-        that is held by pins alone) or where one of the runs fails.
+        None if the effect is not defined (friction or adhesion in the scene, no contact, a body
+        that is held only by pins) or if one of the runs fails.
     """
     deepest = max((state.delta for state in run.states_by_step.values()), default=0.0)
     if run.scene is None:
@@ -52,9 +52,9 @@ def solve_no_slip_effect(run: CoarserRun, follow: Callable[[Scene], States]) -> 
 
 
 def no_slip_scenes(scene: Scene, depth: float) -> list[Scene]:
-    """Scenes that determine the no-slip effect at a depth: frictionless, and each slip reference.
+    """Return the scenes for the no-slip effect at a depth: frictionless, and each slip reference.
 
-    An empty list where the effect is not defined.
+    The list is empty if the effect is not defined.
     """
     frictionless = _frictionless_scene(scene) if depth > 0 else None
     if frictionless is None:
@@ -69,13 +69,13 @@ def no_slip_scenes(scene: Scene, depth: float) -> list[Scene]:
 
 
 def no_slip_base_run(run: CoarserRun, coarser_run: CoarserRun | None) -> CoarserRun:
-    """The run on whose mesh the no-slip effect is solved: in 3D the coarser one."""
+    """Return the run whose mesh is used for the no-slip effect: in 3D the coarser one."""
     is_three_dimensional = run.scene is not None and run.scene.physics.domain.dim == 3
     return coarser_run if coarser_run is not None and is_three_dimensional else run
 
 
 def _frictionless_scene(scene: Scene) -> Scene | None:
-    """The frictionless scene with a contact law that allows friction; None where none does."""
+    """Return the frictionless scene with a law that allows friction; None without one."""
     physics = scene.physics
     if physics.is_path_dependent or physics.domain.pins:
         return None
@@ -110,9 +110,9 @@ def _direct_solver_scene(scene: Scene) -> Scene | None:
 
 
 def _sticking_scene(scene: Scene) -> Scene:
-    """The frictionless scene without slip.
+    """Return the frictionless scene with complete stick instead.
 
-    The whole body is solved where its tangential surface compliance would be too large.
+    The full model is solved if its tangential surface compliance would be too large.
     """
     law = scene.physics.contact
     domain = scene.physics.domain

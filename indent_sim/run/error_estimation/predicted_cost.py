@@ -27,14 +27,14 @@ from indent_sim.scene.scene import Scene
 
 
 def predict_total_cost(scene: Scene, error_bars: bool = False) -> Scene:
-    """The scene with the predicted processor time and memory of its whole run.
+    """Return the scene with the predicted processor time and memory of its whole run.
 
     Parameters
     ----------
     scene
         The scene of the run.
     error_bars
-        Whether error bars are requested in addition to `accuracy`.
+        True if error bars are requested in addition to `accuracy`.
     """
     if not scene.is_meshed or not (error_bars or scene.plan.resolution):
         return scene
@@ -51,7 +51,7 @@ def predict_total_cost(scene: Scene, error_bars: bool = False) -> Scene:
 
 
 def study_seconds(scene: Scene, error_bars: bool = False) -> float:
-    """Expected processor time [s] of a run in a process whose libraries are loaded.
+    """Return the expected processor time [s] of a run in a process that has imported the libraries.
 
     It is comparable with `cpu_s` of study.csv.
     """
@@ -70,7 +70,7 @@ def study_seconds(scene: Scene, error_bars: bool = False) -> float:
 
 
 def _auxiliary_costs(scene: Scene, error_bars: bool) -> list[Cost]:
-    """Cost of each auxiliary scene of the error estimate and of each finer mesh."""
+    """Return the cost of each auxiliary scene of the error estimate and of each finer mesh."""
     meshes = [scene, *(refine_scene(scene, ratio) for ratio in _expected_refinement_ratios(scene))]
     scenes = auxiliary_scenes(scene, error_bars)
     for coarser, finer in pairwise(meshes):
@@ -79,14 +79,14 @@ def _auxiliary_costs(scene: Scene, error_bars: bool) -> list[Cost]:
 
 
 def auxiliary_scenes(scene: Scene, no_slip: bool) -> list[Scene]:
-    """All scenes that a run solves in addition to its first mesh.
+    """Return all scenes that a run solves in addition to its first mesh.
 
     Parameters
     ----------
     scene
         The scene of the run.
     no_slip
-        Whether the no-slip effect is solved, too.
+        True if the no-slip effect is solved, too.
     """
     ratio, coarse_scene = coarser_scene(scene)
     base_scene = (
@@ -98,13 +98,13 @@ def auxiliary_scenes(scene: Scene, no_slip: bool) -> list[Scene]:
 
 
 def _undrained_scenes(scene: Scene) -> list[Scene]:
-    """The scene of the film error on its own mesh, if the scene has films."""
+    """Return the scene of the film error on its own mesh, if the scene has films."""
     undrained = sudden_load_scene(scene)
     return [] if undrained is None else [undrained]
 
 
 def _expected_refinement_ratios(scene: Scene) -> list[float]:
-    """Expected ratios of element sizes between the first mesh and each finer one."""
+    """Return the expected ratios of element sizes between the first mesh and each finer one."""
     physics = scene.physics
     resolution = scene.plan.resolution
     if resolution is None:

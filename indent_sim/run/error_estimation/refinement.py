@@ -32,7 +32,7 @@ log = logging.getLogger("indent_sim")
 
 @dataclass
 class RefinementLevel:
-    """Mesh of adaptive refinement.
+    """One mesh of an adaptive refinement, with its assessment.
 
     Attributes
     ----------
@@ -41,11 +41,12 @@ class RefinementLevel:
     previous_resolutions
         Elements in the contact radius of the previous levels, in order.
     coarser_run
-        The previous level as the coarser run of this one; None: a coarser run has to be solved.
+        The run on the previous mesh, used as the coarser run of this one; None if a coarser run has
+        to be solved.
     failure
-        Why the accuracy is not reached; "" if it is.
+        Reason why the accuracy is not reached; "" if it is reached.
     next_level
-        The next finer level; None if there is none or none would help.
+        The next finer level; None if no finer mesh is needed, possible or useful.
     """
 
     scene: Scene
@@ -64,7 +65,7 @@ class RefinementLevel:
         states
             The rows of this level [user's units].
         error_bars
-            Their error estimates.
+            Error estimates of the rows.
         """
         relative_errors = [
             (budget.total / force, budget)
@@ -106,14 +107,14 @@ class RefinementLevel:
 def adaptive_refinement(
     resolve: Resolve, elements: float | None = None, previous_resolutions: Sequence[float] = ()
 ) -> Iterator[RefinementLevel]:
-    """Yield a scene and successively finer ones until one is judged accurate enough.
+    """Yield successively finer levels until one has the requested accuracy.
 
     Parameters
     ----------
     resolve
         Returns the scene with a given number of elements in the contact radius.
     elements
-        Elements in the contact radius of the first level; those of the last level of a resumed run.
+        Elements in the contact radius of the first level; for a resumed run, of its last level.
     previous_resolutions
         Elements in the contact radius of the levels before the first.
     """
@@ -126,7 +127,7 @@ def adaptive_refinement(
 
 
 def refinement_ratio(error_ratio: float) -> float:
-    """Ratio of element sizes that reduces the error to `error_ratio` times its value."""
+    """Return the ratio of element sizes that multiplies the error by `error_ratio`."""
     # Factor by which the next mesh is finer than the estimate requires.
     refinement_margin = 1.1
     return float(
@@ -140,9 +141,9 @@ def refinement_ratio(error_ratio: float) -> float:
 def forceless_row_warnings(
     scene: Scene, states: Sequence[State], error_bars: AnyErrorBars
 ) -> list[str]:
-    """Warn of rows without a significant force whose error exceeds the requested accuracy.
+    """Return warnings about rows without a significant force whose error exceeds the accuracy.
 
-    Such rows are not held to the accuracy.
+    Such rows are excluded from the requested accuracy.
     """
     threshold = _force_threshold(states)
     resolution = scene.plan.resolution
@@ -168,14 +169,14 @@ def forceless_row_warnings(
 
 
 def _force_threshold(states: Sequence[State]) -> float:
-    """Force up to which a row is not held to the accuracy."""
+    """Return the force up to which a row is excluded from the requested accuracy."""
     return MIN_FORCE_FRACTION * max((abs(state.force) for state in states), default=0.0)
 
 
 def _loaded_rows(
     states: Sequence[State], budgets: Sequence[ErrorBudget]
 ) -> Iterator[tuple[float, ErrorBudget]]:
-    """Pairs of the absolute force and the error budget of every row with a significant force."""
+    """Yield the absolute force and the error budget of every row with a significant force."""
     threshold = _force_threshold(states)
     forces = (abs(state.force) for state in states)
     return (
@@ -200,18 +201,18 @@ def _next_refinement(
     resolution
         The resolution of this level.
     error
-        The largest relative error of its rows.
+        The largest relative error of the rows of this level.
     worst
-        The error budget of that row.
+        The error budget of the row with the largest relative error.
     first_step_error
-        The relative error of the first row by the load increments.
+        The relative error of the first row due to the load increments.
     level_count
         Number of levels up to this one.
 
     Returns
     -------
     scene, reason
-        The scene and "", or None and the reason.
+        The scene and "", or None and the reason why there is no next level.
     """
     allowed = resolution.target * worst.total / error
     if worst.enforcement >= allowed and resolution.stiffness_given:
@@ -222,7 +223,7 @@ def _next_refinement(
         )
     if worst.path >= allowed:
         advice = (
-            "more of them may help"
+            "more increments may help"
             if first_step_error < resolution.target
             else f"{first_step_error:.2g} at the first row, which is a single step from rest with "
             "any number of steps"
@@ -260,9 +261,9 @@ def _next_refinement(
 def accuracy_entry(
     config: Config, resolution: MeshResolution | None, previous_resolutions: Sequence[float]
 ) -> dict[str, Any] | None:
-    """Entry `accuracy` of run.json: target and elements in the contact radius, now and before.
+    """Return the entry `accuracy` of run.json; None if no accuracy is requested.
 
-    None where no accuracy is requested.
+    It contains the target and the elements in the contact radius of this and the previous levels.
     """
     target = target_error(config.accuracy)
     mesh_entries = (

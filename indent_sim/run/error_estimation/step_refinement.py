@@ -1,4 +1,4 @@
-"""Error by the load increments or time steps, from increments half as long."""
+"""Error due to the load increments or time steps, from increments half as long."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from indent_sim.scene.scene import Scene
 
 @dataclass(frozen=True)
 class StepRefinement:
-    """The load path of a scene in its own increments and in increments half as long."""
+    """Results of a scene with its own increments and with increments half as long."""
 
     full_steps: StatesByStep
     half_steps: StatesByStep
 
     def error(self, state: State, name: str) -> float:
-        """Error of a number of a step: SAFETY_FACTOR times its change by halved increments.
+        """Return the error of a quantity: SAFETY_FACTOR times its change by halved increments.
 
-        Twice that change is Richardson's estimate for order 1, 2.6 times for order 0.7, with which
-        a path converges whose new contact sticks where the increment began. NaN if the step is
-        missing.
+        Richardson's estimate is twice the change for order 1 and 2.6 times the change for order
+        0.7. Order 0.7 was observed for paths on which new contact sticks at the position at the
+        beginning of the increment. NaN if the step is missing.
         """
         return SAFETY_FACTOR * value_difference(self.full_steps, self.half_steps, state.step, name)
 
@@ -40,7 +40,7 @@ class StepRefinement:
 def step_refinement(
     base_run: CoarserRun, follow: Callable[[Scene], States]
 ) -> StepRefinement | None:
-    """Solve a run with increments half as long; None where the result does not depend on them."""
+    """Solve a run with halved increments; return None if the result does not depend on them."""
     half_increment_scene = halve_increments(base_run.scene) if base_run.scene else None
     if base_run.scene is None or half_increment_scene is None:
         return None
@@ -57,7 +57,7 @@ def step_refinement(
 
 
 def value_difference(first: StatesByStep, second: StatesByStep, step: int, name: str) -> float:
-    """Distance of a number of a step between two runs; NaN if a run lacks the step."""
+    """Return the difference of a quantity between two runs; NaN if one lacks the step."""
     if step not in first or step not in second:
         return nan
     return float(abs(getattr(second[step], name) - getattr(first[step], name)))

@@ -1,8 +1,8 @@
 """Table of the effects that a model may neglect.
 
-An entry has the name of an effect and its cases; see `effects`. Texts and functions of a case refer
-to the variants v of the scene (`SceneVariants`) and, in a search, to the value x of its variable. A
-new effect is a new entry, and `find_effect` evaluates all of them.
+An entry has the name of an effect and its cases; see `effects`. Functions of a case take the
+variants v of the scene (`SceneVariants`) and, in a search, the value x of the varied parameter.
+`find_effect` evaluates an entry.
 """
 
 from __future__ import annotations
@@ -59,27 +59,27 @@ SUBSTRATE_NU = 0.3
 
 
 def _layer_source(v: SceneVariants) -> str:
-    """Description of the comparison of a layer with a half-space."""
+    """Return the description of the comparison of a layer with a half-space."""
     if not v.is_isotropic:
         return "a layer relative to a half-space"
     return f"theory of a layer relative to that of a half-space{v.stand_in_text}"
 
 
 def _radius_at_depth(v: SceneVariants) -> float:
-    """Radius of the tip's section at the largest depth [length]."""
+    """Return the radius of the tip's section at the largest depth [length]."""
     scales = v.scene.physics.scales
     return v.scene.physics.indenter.radius_at(v.delta / scales.depth) * scales.length
 
 
 def _wall_variant(v: SceneVariants, x: float) -> Config:
-    """The layer with a frictionless wall of radius 1/x."""
+    """Return the scene of the layer with a frictionless wall of radius 1/x."""
     layer: Any = v.plain_scene.body
     cylinder = Cylinder(1 / x, layer.height, base=layer.base, sides="roller", layers=layer.layers)
     return replace_sections(v.plain_scene, body=cylinder)
 
 
 def _largest_inverse_wall_radius(v: SceneVariants) -> float:
-    """Inverse radius of the smallest wall in which the tip fits."""
+    """Return the inverse radius of the smallest wall in which the tip fits."""
     # Smallest radius of a wall around a flat punch, relative to that of the punch. At a ratio
     # of 1 the whole body is compressed, which is another problem.
     min_wall_ratio = 1.01
@@ -87,7 +87,7 @@ def _largest_inverse_wall_radius(v: SceneVariants) -> float:
 
 
 def _strip_with_distant_walls(v: SceneVariants) -> Config:
-    """The strip with frictionless walls far from the tip."""
+    """Return the scene of the strip with frictionless walls far from the tip."""
     strip: Any = v.plain_scene.body
     sides = StripSides("roller", "roller")
     wide_strip = replace(strip, width=2 * strip.width + 20 * strip.height, sides=sides)
@@ -95,9 +95,10 @@ def _strip_with_distant_walls(v: SceneVariants) -> Config:
 
 
 def _side_wall_change(v: SceneVariants, sides: Any) -> float:
-    """Relative change of the force by sides.
+    """Return the relative change of the force due to the side walls `sides`.
 
-    Roller sides are compared with none by theory, and other sides with rollers on one mesh.
+    Roller walls are compared with a layer without walls by theory. Other walls are compared with
+    roller walls on the same mesh.
     """
     supported, rollers = (v.replace_plain_body(sides=side) for side in (sides, "roller"))
     support_ratio = 1.0
@@ -108,13 +109,16 @@ def _side_wall_change(v: SceneVariants, sides: Any) -> float:
 
 
 def _side_wall_range(v: SceneVariants) -> tuple[float, float, None]:
-    """Range of the change of the force by sides that enclose those of the body."""
+    """Return bounds of the change of the force due to the side walls of the body.
+
+    The bounds are the changes due to simpler side walls.
+    """
     changes = [_side_wall_change(v, sides) for sides in v.side_supports]
     return min(0.0, *changes), max(0.0, *changes), None
 
 
 def _substrate_modulus(v: SceneVariants, x: float) -> float:
-    """Modulus of a substrate, 1000 E/x."""
+    """Return the modulus of a substrate, 1000 E/x."""
     material: Any = v.config.layers[0].material
     # The modulus of a substrate is varied downwards from this multiple of that of the layer.
     max_ratio = 1e3
@@ -122,7 +126,7 @@ def _substrate_modulus(v: SceneVariants, x: float) -> float:
 
 
 def _substrate_variant(v: SceneVariants, x: float) -> Config:
-    """The layer on a half-space of that modulus."""
+    """Return the scene with its layer on a half-space of modulus `_substrate_modulus(v, x)`."""
     scene: Any = v.layer_scene
     film = Layer(scene.body.height, scene.layers[0].material)
     substrate = Layer(None, LinearElastic(E=_substrate_modulus(v, x), nu=SUBSTRATE_NU))
@@ -130,7 +134,7 @@ def _substrate_variant(v: SceneVariants, x: float) -> Config:
 
 
 def _homogeneous_variant(v: SceneVariants) -> Config:
-    """The plain scene with the material that the tip touches everywhere."""
+    """Return the plain scene with the material under the tip in the whole body."""
     law: Any = v.touched_material
     if not isinstance(v.config.body, MeshFromFile):
         law = linear_law(v.config.layers[0].material)  # type: ignore[arg-type]
@@ -138,20 +142,23 @@ def _homogeneous_variant(v: SceneVariants) -> Config:
 
 
 def _inclusion_variant(v: SceneVariants) -> Config:
-    """The linear scene with its inclusions, in three dimensions if the stand-in has none."""
+    """Return the linear scene with its inclusions.
+
+    The scene is three-dimensional if the axisymmetric replacement of the body has no inclusions.
+    """
     if v.linear_scene.body.inclusions:
         return v.contact_variant()
     return replace_sections(change_materials(v.single_step_scene, linear_law), mesh=v.config.mesh)
 
 
 def _inclusion_source(v: SceneVariants) -> str:
-    """Description of the comparison with a body without inclusions."""
+    """Return the description of the comparison with a body without inclusions."""
     place = v.stand_in_text if v.linear_scene.body.inclusions else ", in three dimensions"
     return f"the body with its inclusions relative to one without, on one mesh{place}"
 
 
 def _finite_strain_tip(v: SceneVariants) -> Indenter:
-    """The tip; a sharp flat punch has a rounded edge."""
+    """Return the tip; a sharp flat punch gets a rounded edge."""
     tip = v.tip
     if isinstance(tip, FlatPunch) and tip.edge_radius < EDGE_ROUNDING * tip.radius:
         return v.rounded_tip(EDGE_ROUNDING * tip.radius)
@@ -159,7 +166,7 @@ def _finite_strain_tip(v: SceneVariants) -> Indenter:
 
 
 def _strain_source(v: SceneVariants) -> str:
-    """Description of the comparison of finite with small strain."""
+    """Return the description of the comparison of finite with small strain."""
     law = "neo-Hookean" if v.scene.physics.small_strain else "its own law"
     edge = f", the punch's edge rounded by {EDGE_ROUNDING:g} of its radius in both"
     return (
@@ -169,7 +176,7 @@ def _strain_source(v: SceneVariants) -> str:
 
 
 def _strain_variant(v: SceneVariants, scene: Config, **contact: Any) -> Config:
-    """A scene with the friction or adhesion of the contact, on the common mesh."""
+    """Return a scene with the friction or adhesion of the contact, on the common mesh."""
     scene = replace_sections(scene, indenter=_finite_strain_tip(v))
     return v.meshed_variant(scene, **contact, **v.friction_or_adhesion)
 
@@ -181,19 +188,19 @@ def _has_rounding_theory(v: SceneVariants) -> bool:
 
 
 def _largest_rounding(v: SceneVariants) -> float:
-    """Largest rounding of the tip that is tried [length]."""
+    """Return the largest rounding radius of the tip in the search for the threshold [length]."""
     return 0.999 * v.tip.radius if isinstance(v.tip, FlatPunch) else inf
 
 
 def _tension_ratio(v: SceneVariants, tension: float) -> float:
-    """Force with a surface tension, relative to that without."""
+    """Return the force with a surface tension, divided by the force without it."""
     scene: Any = v.layer_scene or v.half_space_scene
     body = replace(scene.body, surface_tension=tension)
     return v.theory_ratio(replace_sections(scene, body=body), scene)
 
 
 def _first_tension(v: SceneVariants) -> float:
-    """Surface tension at which the search of the threshold begins."""
+    """Return the surface tension at which the search for the threshold begins."""
     physics = v.scene.physics
     # The search for a significant surface tension begins at this fraction of E* delta.
     first_tension_fraction = 0.01
@@ -201,7 +208,7 @@ def _first_tension(v: SceneVariants) -> float:
 
 
 def _no_slip_source(v: SceneVariants) -> str:
-    """Description of the solution without slip, by the plan if theory knows its effect."""
+    """Return the description of the solution without slip; the plan's text if theory knows it."""
     source = f"on one mesh{v.stand_in_text}"
     if v.known_no_slip:
         source = v.known_no_slip.source
@@ -212,7 +219,7 @@ def _no_slip_source(v: SceneVariants) -> str:
 
 
 def _no_slip_range(v: SceneVariants) -> tuple[float, float, float]:
-    """Range of the change of the force by any friction, and the change without slip."""
+    """Return bounds of the change of the force due to any friction, and the change without slip."""
     changes = [
         v.force_ratio(v.contact_variant(friction=friction), v.contact_variant()) - 1
         for friction in SAMPLE_FRICTIONS
@@ -227,7 +234,7 @@ def _no_slip_range(v: SceneVariants) -> tuple[float, float, float]:
 
 
 def _jkr_source(v: SceneVariants) -> str:
-    """Description of the solution with the adhesion of the experiment."""
+    """Return the description of the solution with the adhesion of the experiment."""
     report = v.solver.history(v.history_variant("adhesion")).report["adhesion"]
     pull_off = report["pull_off"]["force_control"]["force"]
     tabor = f", Tabor number {report['tabor']:.2g}" if "tabor" in report else ""
@@ -238,9 +245,9 @@ def _jkr_source(v: SceneVariants) -> str:
 
 
 def _relaxation_source(v: SceneVariants) -> str:
-    """Description of the relaxing history, with its Deborah number.
+    """Return the description of the relaxing history, with its Deborah number.
 
-    That is the mean relaxation time over the time to the deepest point.
+    The Deborah number is the mean relaxation time divided by the time to the largest depth.
     """
     points = v.config.loading.prescribed_history.points  # type: ignore[union-attr]
     terms = v.relaxation.prony or ()  # type: ignore[union-attr]
@@ -254,30 +261,30 @@ def _relaxation_source(v: SceneVariants) -> str:
 
 
 def _stiffness_needs(v: SceneVariants) -> str:
-    """Stiffness of a cantilever whose bending changes the force by the tolerance."""
+    """Return text on the cantilever stiffness whose bending changes the force by the tolerance."""
     stiffness = (1 - v.tolerance) * v.scene_force / v.tolerated_depth_error
     return f"above {v.percent:g} % from stiffness = {stiffness:.2g} or less"
 
 
 def _calibration(v: SceneVariants) -> Calibration | None:
-    """Uncertainties of the instrument that the scene states."""
+    """Return the uncertainties of the instrument that the scene states."""
     return v.config.experiment.calibration if v.config.experiment else None
 
 
 def _calibration_source(v: SceneVariants) -> str:
-    """Description of the effect of the uncertainties of spring constant and tip radius."""
+    """Return the description of the effect of uncertain spring constant and tip radius."""
     radius = f"; force ~ R^{v.radius_exponent:.2g}" if v.tip_radius is not None else ""
     return f"a relative error of the spring constant is one of the force{radius}"
 
 
 def _calibration_needs(v: SceneVariants) -> str:
-    """Uncertainties from which on the force is uncertain by the tolerance."""
+    """Return text on the calibration uncertainties that change the force by the tolerance."""
     radius = f" or R = {v.tolerance / v.radius_exponent:.2g}" if v.radius_exponent else ""
     return f"above {v.percent:g} % from calibration.stiffness = {v.tolerance:.2g}{radius}"
 
 
 def _calibration_range(v: SceneVariants) -> tuple[float, float, None]:
-    """Uncertainty of the force by those of the instrument that the scene states."""
+    """Return the uncertainty of the force due to the stated uncertainties of the instrument."""
     calibration: Any = _calibration(v)
     uncertainty = hypot(calibration.stiffness, v.radius_exponent * calibration.R)
     return -uncertainty, uncertainty, None
@@ -369,7 +376,7 @@ EFFECTS: dict[str, Cases] = {
             when=lambda v: v.layer_scene is None,
         ),
         Comparison(
-            "theory of all layers relative to a half-space of the first{v.stand_in_text}",
+            "theory of all layers relative to a half-space of the first layer{v.stand_in_text}",
             lambda v: v.layer_scene,
             lambda v: replace_sections(
                 v.layer_scene, body=HalfSpace(), material=v.layer_scene.layers[0].material
@@ -503,12 +510,12 @@ EFFECTS: dict[str, Cases] = {
     "friction": (
         Absent("the scene has no friction", when=lambda v: not v.friction),
         Change(
-            "friction {v.friction} relative to none: exact solution of a half-space",
+            "friction {v.friction} relative to no friction: exact solution of a half-space",
             lambda v: v.scene.plan.friction.force - 1,
             when=lambda v: v.scene.plan.friction,
         ),
         Comparison(
-            "friction {v.friction} relative to none, on one mesh{v.stand_in_text}",
+            "friction {v.friction} relative to no friction, on one mesh{v.stand_in_text}",
             lambda v: v.contact_variant(friction=v.friction),
             lambda v: v.contact_variant(),
         ),
@@ -573,7 +580,7 @@ EFFECTS: dict[str, Cases] = {
             when=lambda v: v.config.loading.prescribed_history,
         ),
         Unknown(
-            "the modulus of a power law depends on time, which the scene lacks",
+            "the modulus of a power law depends on time, but the scene has no loading history",
             when=lambda v: v.relaxation.power_law,
         ),
         Range(

@@ -5,9 +5,9 @@ Both are solutions of scenes: by theory if it is exact for both, otherwise on th
 discretisation error largely cancels. If the scene does not have the effect, its parameter is varied
 up to the threshold at which the effect exceeds the tolerance.
 
-A table of effects is data: each entry has the cases of an effect in the order of preference, each
-of which states for which scenes it applies, what is compared there, and the sentence that describes
-it. `find_effect` evaluates the first case that applies.
+A table of effects has one entry per effect, with its cases in the order of preference. A case
+states the scenes to which it applies, what is compared, and a description. `find_effect` evaluates
+the first case that applies.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class Case:
-    """A way to find an effect, for the scenes to which it applies.
+    """Method to compute an effect, for the scenes to which it applies.
 
     Attributes
     ----------
@@ -100,19 +100,19 @@ class Case:
 
 
 class Absent(Case):
-    """The scene cannot have the effect."""
+    """Case in which the scene cannot have the effect."""
 
 
 @dataclass(frozen=True)
 class Unknown(Case):
-    """The force with or without the effect is unknown; `needs` as in Effect."""
+    """Case in which the force with or without the effect is unknown; `needs` as in `Effect`."""
 
     needs: Text = field(default="", kw_only=True)
 
 
 @dataclass(frozen=True)
 class Comparison(Case):
-    """The effect is the ratio of the forces of two variants, one with the effect, one without."""
+    """Case in which two variants of the scene are compared, with and without the effect."""
 
     with_effect: FromVariants[Config]
     without_effect: FromVariants[Config]
@@ -120,17 +120,17 @@ class Comparison(Case):
 
 @dataclass(frozen=True)
 class Change(Case):
-    """The effect is a relative change of the force that is computed in another way."""
+    """Case in which the relative change of the force is computed by a function."""
 
     find: FromVariants[float]
 
 
 @dataclass(frozen=True)
 class Range(Case):
-    """The effect has bounds.
+    """Case in which only bounds of the effect are computed.
 
-    `find` gives the lower and upper bound of the relative change of the force, and the change
-    itself, or None if only the bounds are known.
+    `find` returns the lower and the upper bound of the relative change of the force, and the change
+    itself or None.
     """
 
     find: FromVariants[tuple[float, float, float | None]]
@@ -138,7 +138,7 @@ class Range(Case):
 
 @dataclass(frozen=True)
 class Threshold(Case):
-    """The scene does not have the effect, and a parameter is varied up to its threshold.
+    """Case in which the scene lacks the effect, and a parameter is varied up to a threshold.
 
     The effect is a function of a variable x > 0 and vanishes as x tends to 0.
 
@@ -157,7 +157,8 @@ class Threshold(Case):
     max_value
         Largest value of x.
     digits
-        Digits of the first threshold in texts; further ones have one more.
+        Number of significant digits of the first threshold in texts; further thresholds have one
+        more.
     """
 
     parameter: Text
@@ -175,7 +176,7 @@ Cases = tuple[Case, ...]
 
 
 def find_effect(name: str, cases: Cases, v: Any) -> Effect:
-    """Evaluate an entry of a table of effects.
+    """Return the effect of an entry of a table of effects.
 
     Parameters
     ----------
@@ -199,7 +200,7 @@ def find_effect(name: str, cases: Cases, v: Any) -> Effect:
 
 
 def _evaluate(name: str, case: Case, source: str, v: Any) -> Effect:
-    """Evaluate a case."""
+    """Return the effect by one case."""
     low = high = 0.0
     change: float | None = 0.0
     match case:
@@ -217,17 +218,20 @@ def _evaluate(name: str, case: Case, source: str, v: Any) -> Effect:
 
 
 def _text(text: Text, v: Any) -> str:
-    """A text about the variants v."""
+    """Return a text of the table with the values of the variants v inserted."""
     return text.format(v=v) if isinstance(text, str) else text(v)
 
 
 def _threshold_effect(name: str, case: Threshold, source: str, v: Any) -> Effect:
-    """Effect whose thresholds are known, and ranges beyond them in which it is small again."""
+    """Return an effect with the thresholds of its parameter.
+
+    Ranges beyond a threshold in which the effect is small again are stated, too.
+    """
     search = _ThresholdSearch(case, v)
     samples, stop_reason = search.sample_changes()
 
     def displayed(x: float, digits: int) -> str:
-        """Value of the parameter as text."""
+        """Return the value of the parameter as text."""
         return f"{case.displayed_value(v, x):.{digits}g}"
 
     last_text = displayed(samples[-1][0], case.digits)
@@ -245,7 +249,7 @@ def _threshold_effect(name: str, case: Threshold, source: str, v: Any) -> Effect
     )
     if small_ranges:
         needs += f", except {small_ranges}"
-    source = f"{source}, tried as far as {last_text}{stop_reason}"
+    source = f"{source}, tried up to {last_text}{stop_reason}"
     return Effect(name, None, None, None, source, needs)
 
 
@@ -264,10 +268,10 @@ class _ThresholdSearch:
         self._tolerance = v.tolerance
 
     def sample_changes(self) -> tuple[list[Sample], str]:
-        """Samples of the change, and a text on the scene that could not be solved, if any.
+        """Return samples of the change, and a text on the scene that could not be solved, if any.
 
-        Samples begin where the change is below the tolerance, and end where it exceeds
-        50 %, where x has its largest value, or where a scene cannot be solved.
+        The first sample is below the tolerance. The last one exceeds 50 %, has the largest value of
+        x, or precedes a scene that cannot be solved.
         """
         x = self._initial
         stop_reason = ""
@@ -310,7 +314,7 @@ class _ThresholdSearch:
         return samples, stop_reason
 
     def crossings(self, samples: list[Sample]) -> list[float]:
-        """Values of x, ascending, at which the absolute change passes the tolerance."""
+        """Return the values of x, ascending, at which the absolute change passes the tolerance."""
         return sorted(
             self._bisect(level, low, high)
             for low, high in pairwise(samples)
@@ -319,7 +323,7 @@ class _ThresholdSearch:
         )
 
     def _bisect(self, level: float, low: Sample, high: Sample) -> float:
-        """Value of x at which the change passes a level between two samples.
+        """Return the value of x at which the change passes a level between two samples.
 
         The interval is bisected to 1 %, and the change is interpolated in it.
         """

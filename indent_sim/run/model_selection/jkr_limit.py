@@ -1,4 +1,4 @@
-"""JKR limit of the adhesion of a scene: force at its deepest row for any work of adhesion."""
+"""JKR limit of a scene: force at the largest depth for any work of adhesion."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from indent_sim.theory.roots import increasing_root
 
 
 class JkrLimit:
-    """The JKR limit of a scene that theory solves as a layer."""
+    """JKR limit of a scene that is solved by the layer theory."""
 
     def __init__(self, scene: Scene, contact: Layer):
         self._delta = scene.physics.deltas[-1]
@@ -19,7 +19,7 @@ class JkrLimit:
         self._nonadhesive = contact.solutions_at_depths([self._delta])[0]
 
     def force_ratio(self, work: float) -> float:
-        """Force with a work of adhesion, relative to that without, at the same depth."""
+        """Return the force with a work of adhesion divided by the force without it."""
         jkr = Jkr(self._punches, work / self._work_unit)
         # The search for the contact radius with adhesion begins above that without, by
         # this fraction.
@@ -36,5 +36,5 @@ class JkrLimit:
         return jkr.equilibrium_at(radius).force / self._nonadhesive.force
 
     def work_of_force(self, fraction: float) -> float:
-        """Work of adhesion [force/length]: a fraction of the force over the contact radius."""
+        """Return a work of adhesion [force/length]: a fraction of the force per contact radius."""
         return fraction * self._nonadhesive.force * self._work_unit / self._nonadhesive.a

@@ -1,4 +1,4 @@
-"""Requirements of a scene: the effects on its force, and the simplest model within a tolerance."""
+"""Model requirements of a scene: effects on its force, and the simplest sufficient model."""
 
 from __future__ import annotations
 
@@ -52,17 +52,17 @@ EXPERIMENT_PARTS = {
 
 @dataclass(frozen=True)
 class Requirements:
-    """Requirements of a scene.
+    """Effects on the force of a scene, and the recommended model.
 
     Attributes
     ----------
     effects
-        Effects on its force.
+        Effects on the force of the scene.
     config
         Recommended model: the simplest one within the tolerance, as a scene.
     percent
-        Deviation of its force from that with all effects that a model can have [per cent]; None if
-        only a range is known.
+        Deviation of the force of the recommended model from that with all effects that a model can
+        have [per cent]; None if only a range is known.
     words
         Sentences on the recommended model.
     """
@@ -73,7 +73,7 @@ class Requirements:
     words: str
 
     def as_json(self) -> Document:
-        """The requirements as one JSON object."""
+        """Return the requirements as a JSON object."""
         effects = [dataclasses.asdict(effect) for effect in self.effects]
         recommended = {"config": self.config, "percent": self.percent}
         return {"effects": effects, "recommended": recommended, "words": self.words}
@@ -117,7 +117,13 @@ def require(config: Config, within: float = 0.01) -> Requirements:
 
 
 def _elastic_effects(v: SceneVariants, names: tuple[str, ...]) -> dict[str, Effect]:
-    """Effects on the force of an elastic body; ConfigError if the tip never touches it."""
+    """Return the effects on the force of an elastic body.
+
+    Raises
+    ------
+    ConfigError
+        If the tip never touches the body.
+    """
     if v.delta <= 0:
         problem = "never presses the tip into the body, so that there is no force to compare"
         raise ConfigError("loading", problem, "give a depth > 0")
@@ -125,9 +131,9 @@ def _elastic_effects(v: SceneVariants, names: tuple[str, ...]) -> dict[str, Effe
 
 
 def _transient_requirements(v: TransientVariants) -> Requirements:
-    """Requirements of a scene whose body drains, swells or relaxes in shear.
+    """Return the requirements of a scene whose body drains, swells or relaxes in shear.
 
-    Effects that do not concern time are those of the nearest elastic limits. If no elastic model is
+    Effects that do not concern time are those on the nearest elastic limits. If no elastic model is
     within the tolerance, the scene itself is recommended.
     """
     limit_effects = _limit_effects(v)
@@ -159,7 +165,7 @@ def _transient_requirements(v: TransientVariants) -> Requirements:
 
 
 def _limit_effects(v: TransientVariants) -> dict[str, Effect]:
-    """Effects on the nearest elastic limit of a scene, at the depth of its largest force."""
+    """Return the effects on the nearest elastic limits at the depth of the largest force."""
     names = tuple(name for name in EFFECTS if name not in v.time_effects)
     if v.has_bath:
         source = f"not solved: {BATH_TEXT}"
@@ -174,7 +180,7 @@ def _limit_effects(v: TransientVariants) -> dict[str, Effect]:
 
 
 def _limit_sentence(v: TransientVariants) -> str:
-    """Sentence on the deviations of the elastic limits from the scene."""
+    """Return a sentence on the deviations of the elastic limits from the scene."""
     if v.has_bath:
         return f"{BATH_TEXT[0].upper()}{BATH_TEXT[1:]}."
     deviations = [
@@ -186,7 +192,7 @@ def _limit_sentence(v: TransientVariants) -> str:
 
 
 def _limit_deviation_text(change: float | None) -> str:
-    """Deviation of the force of an elastic limit from that of the scene, such as "by +5 %"."""
+    """Return the deviation of an elastic limit's force from the scene's, such as "by +5 %"."""
     if change is None or change <= -100:
         return "by an unknown amount"
     return f"by {100 * (100 / (100 + change) - 1):+.2g} %"
@@ -195,10 +201,10 @@ def _limit_deviation_text(change: float | None) -> str:
 def _simplest_model(
     config: Config, effects: Mapping[str, Effect], neglected: tuple[Effect, ...], tolerance: float
 ) -> tuple[_Model, Config]:
-    """The simplest model within the tolerance, and its scene.
+    """Return the simplest model within the tolerance, and its scene.
 
-    If no model is within the tolerance, it is the one with most effects that can be run. The scene
-    itself already neglects some effects.
+    If no model is within the tolerance, the model with the most effects that can be run is
+    returned. `neglected` are the effects that the scene itself neglects.
     """
     model = _Model(neglected_effects=neglected)
     model_scene = config
@@ -213,14 +219,14 @@ def _simplest_model(
 
 @dataclass(frozen=True)
 class _Model:
-    """A model of a scene.
+    """Model of a scene that neglects some effects.
 
     Attributes
     ----------
     neglected_effects
-        The effects that it neglects.
+        The effects that the model neglects.
     changes
-        Changes of the scene that make the model of it.
+        Sections of the config that are changed to obtain the model.
     body
         Key of BODY_MODELS.
     """
@@ -231,10 +237,10 @@ class _Model:
 
     @property
     def percent(self) -> float | None:
-        """Deviation of its force from that with all neglected effects [per cent].
+        """Deviation of the model's force from that with all neglected effects [per cent].
 
-        Effects are multiplied, F_model/F = prod 1/(1 + effect). It is None if only a range of one
-        of them is known.
+        Effects are multiplied, F_model/F = prod 1/(1 + effect). It is None if only a range of an
+        effect is known.
         """
         if any(effect.percent is None for effect in self.neglected_effects):
             return None
@@ -242,7 +248,7 @@ class _Model:
         return float(100 * (np.prod(factors) - 1))
 
     def is_within(self, tolerance: float) -> bool:
-        """True if the neglected effects are below a relative tolerance, each and all together."""
+        """True if each neglected effect and all of them together are below a relative tolerance."""
         changes = [effect.max_change for effect in self.neglected_effects]
         if self.percent is None:
             return sum(changes) <= 100 * tolerance
@@ -250,7 +256,7 @@ class _Model:
         return abs(self.percent) <= 100 * tolerance and max(changes, default=0.0) <= 100 * tolerance
 
     def apply(self, config: Config) -> Config | None:
-        """The scene with this model; None if it cannot be run."""
+        """Return the scene with this model; None if it cannot be run."""
         with suppress(ConfigError):
             for change in self.changes:
                 config = change(config)
@@ -260,7 +266,7 @@ class _Model:
 
 
 def _remove_mesh(config: Config) -> Config:
-    """The scene without settings of a mesh: theory solves it."""
+    """Return the scene without mesh settings, so that it can be solved by theory."""
     return replace_sections(
         config,
         solver=SolverSettings(),
@@ -272,22 +278,22 @@ def _remove_mesh(config: Config) -> Config:
 
 
 def _use_sphere(config: Config) -> Config:
-    """The scene with a sphere in place of a paraboloid."""
+    """Return the scene with a sphere in place of a paraboloid."""
     assert isinstance(config.indenter, Paraboloid)
     return replace_sections(config, indenter=Sphere(config.indenter.R))
 
 
 def _use_plain_contact(config: Config) -> Config:
-    """The scene without friction and adhesion of the contact law."""
+    """Return the scene without friction and adhesion of the contact law."""
     return replace_sections(config, contact=AutoContact())
 
 
 def _candidate_models(
     config: Config, effects: Mapping[str, Effect], neglected: tuple[Effect, ...]
 ) -> Iterator[_Model]:
-    """The models of a scene in the order of their cost.
+    """Yield the models of a scene in the order of their cost.
 
-    The last one has every effect that a model can have, except those that the scene itself
+    The last model has every effect that a model can have, except those that the scene itself
     neglects.
     """
     is_finite = not all(layer.material.is_small_strain for layer in config.layers if layer.material)
@@ -352,7 +358,7 @@ def _candidate_models(
 
 
 def _effects_on_curve(config: Config, names: tuple[str, ...]) -> list[str]:
-    """Those of several effects that parts of the scene have on its elastic load curve."""
+    """Return which of the named effects the scene has on its elastic load curve."""
     parts = {name for name, value in vars(config.experiment or Experiment()).items() if value}
     if any(material.relaxation for _, material in config.materials()):
         parts.add("relaxation")
@@ -372,7 +378,7 @@ def _is_simpler_body(body: str, config: Config) -> bool:
 def _recommendation_text(
     model: _Model, config: Config, effects: Mapping[str, Effect], tolerance: float
 ) -> str:
-    """Sentences on the recommended model, its deviation, and effects that no model has.
+    """Return sentences on the recommended model, its deviation, and effects that it neglects.
 
     `config` is the scene of the model, `effects` are those on the original scene.
     """
@@ -407,22 +413,21 @@ def _recommendation_text(
     ]
     computed = _effects_on_curve(config, tuple(significant))
     if computed:
-        text += f" Its experiment adds the effects of {_joined_names(computed)}."
+        text += f" The experiment section adds the effects of {_joined_names(computed)}."
     if unknown := [name for name in significant if name not in computed]:
         text += (
-            f" Effects that it does not have may exceed {100 * tolerance:g} %: "
-            f"{_joined_names(unknown)}."
+            f" Effects that it neglects may exceed {100 * tolerance:g} %: {_joined_names(unknown)}."
         )
     return text
 
 
 def _deviation_text(model: _Model) -> str:
-    """Deviation of the force of a model as text."""
+    """Return the deviation of the force of a model as text."""
     if model.percent is None:
         return "its force is off by less than the tolerance"
     return f"its force is off by {model.percent:+.2g} %"
 
 
 def _joined_names(names: list[str]) -> str:
-    """Names of effects in a sentence."""
+    """Return the names of effects joined for a sentence."""
     return ", ".join(names).replace("_", " ")

@@ -41,9 +41,9 @@ PATH_STEPS = {"friction": 20, "adhesion": 2}
 
 
 class SceneVariants:
-    """Variants of a scene at its deepest row, and their forces, in the user's units.
+    """Variants of a scene at its largest depth, and their forces, in the user's units.
 
-    Bodies and tips that need a three-dimensional mesh are replaced by axisymmetric ones, the
+    Bodies and tips that need a three-dimensional mesh are replaced by axisymmetric ones, called
     stand-ins.
 
     Attributes
@@ -51,27 +51,28 @@ class SceneVariants:
     config, scene
         The scene.
     tolerance, percent
-        Change of the force from which on an effect matters, relative and in per cent.
+        Change of the force from which on an effect is significant, relative and in per cent.
     solver
         Solves the variants.
     delta
         Largest depth [length].
     materials, is_isotropic
-        All materials of the scene; all are isotropic.
+        All materials of the scene; True if all of them are isotropic.
     friction_or_adhesion, friction
-        Friction or adhesion of the contact law by its key, empty without both; the friction alone.
+        Friction and adhesion of the contact law by key (empty without both); the friction
+        coefficient.
     compliance
         Compliance of cantilever and frame [length/force].
     known_no_slip
         Effect of no slip if theory knows it.
     has_cylinder_stand_in
-        A box, or a cylinder under an off-axis tip, is replaced by a cylinder that ends at the
-        nearest side.
+        True if a box, or a cylinder under an off-axis tip, is replaced by a cylinder that ends at
+        the nearest side.
     tip, tip_name, rounding_key
-        The tip, or the cone with the cross-sections of a pyramid; the shape of the tip in texts;
-        the key that rounds its apex or edge, empty for a tip without one.
+        The tip (for a pyramid, the cone with the same cross-sections); the name of its shape in
+        texts; the key that rounds its apex or edge, empty if there is none.
     stand_in_text
-        Text on the stand-ins, to be appended to the source of an effect; empty without any.
+        Text on the stand-ins for the source of an effect; empty without stand-ins.
     """
 
     def __init__(
@@ -115,7 +116,7 @@ class SceneVariants:
         self.rounding_key = next((key for key in keys if hasattr(tip, key)), "")
 
     def rounded_tip(self, radius: float) -> Indenter:
-        """The tip with another rounding of its apex or of its edge [length]."""
+        """Return the tip with another rounding radius of its apex or edge [length]."""
         changes: dict[str, Any] = {self.rounding_key: radius}
         return replace(self.tip, **changes)
 
@@ -123,7 +124,8 @@ class SceneVariants:
     def tip_radius(self) -> float | None:
         """Radius of a round tip or of a hyperboloid [length]; None for other tips.
 
-        It is that of the sphere through its apex and its section at the largest depth.
+        It is the radius of the sphere through the apex and the section of the tip at the largest
+        depth.
         """
         return self.tip.radius_scale(self.tip.radius_at(self.delta))
 
@@ -131,7 +133,8 @@ class SceneVariants:
     def side_supports(self) -> tuple[Support, ...]:
         """Supports of the sides of a cylinder or box; empty for other bodies.
 
-        There are two if a stand-in cannot have the supports of the body: they enclose its effect.
+        There are two if no stand-in has the supports of the body; the effects of the two are
+        bounds.
         """
         match self.config.body:
             case Cylinder(sides=sides):
@@ -145,7 +148,7 @@ class SceneVariants:
 
     @cached_property
     def single_step_scene(self) -> Config:
-        """The scene in a single step to its deepest row, with default contact, mesh and solver."""
+        """Scene in a single step to the largest depth, with default contact and mesh."""
         config = self.config
         loading = Loading(delta=self.delta, steps=1)
         config = change_materials(
@@ -167,7 +170,7 @@ class SceneVariants:
         return self.replace_body(self.single_step_scene)
 
     def replace_body(self, scene: Config) -> Config:
-        """A scene of this body on a stand-in that does not need a three-dimensional mesh.
+        """Return a scene of this body on a stand-in that does not need a three-dimensional mesh.
 
         A box is replaced by a cylinder up to its nearest side. Inclusions that are not axisymmetric
         about the tip are removed.
@@ -206,12 +209,12 @@ class SceneVariants:
 
     @cached_property
     def hyperelastic_scene(self) -> Config:
-        """The single-step scene on its stand-in with finite-strain laws, its own or neo-Hookean."""
+        """Single-step scene on the stand-in with finite-strain laws (given laws or neo-Hookean)."""
         return change_materials(self._stand_in_scene, variants.hyperelastic_law)
 
     @cached_property
     def layer_scene(self) -> Config | None:
-        """The plain scene on its body without sides; None if that is not a layer or half-space."""
+        """Plain scene without side walls; None if the body is not a layer or half-space."""
         if isinstance(self.plain_scene.body, HalfSpace):
             return half_space_variant(self.plain_scene)
         if isinstance(self.plain_scene.body, Cylinder | InfiniteLayer):
@@ -220,9 +223,9 @@ class SceneVariants:
 
     @cached_property
     def half_space_scene(self) -> Config | None:
-        """The scene on a half-space of the material that the tip touches; None in plane strain.
+        """Scene on a half-space of the material under the tip; None in plane strain.
 
-        The curvature of a spherical body is taken into account by the tip.
+        The curvature of a spherical body is added to that of the tip.
         """
         body = self.config.body
         tip = self.tip
@@ -251,22 +254,23 @@ class SceneVariants:
         return LinearElastic(E=float(f"{E * physics.scales.pressure:.12g}"), nu=nu)
 
     def replace_tip(self, tip: Indenter) -> Config:
-        """The plain scene under another tip."""
+        """Return the plain scene with another tip."""
         return replace_sections(self.plain_scene, indenter=tip)
 
     def replace_plain_body(self, **changes: Any) -> Config:
-        """The plain scene on its body with some of its attributes changed."""
+        """Return the plain scene with changed attributes of its body."""
         return replace_sections(self.plain_scene, body=replace(self.plain_scene.body, **changes))
 
     def meshed_variant(self, config: Config, **contact: Any) -> Config:
-        """A variant that is solved on the common mesh of all variants, and not by theory.
+        """Return a variant that is solved on the common mesh of all variants, not by theory.
 
         Parameters
         ----------
         config
             The variant.
         **contact
-            Settings of the contact law; friction and adhesion are loaded in several steps.
+            Settings of the contact law. With friction or adhesion the load is applied in several
+            steps.
         """
         steps = max((count for name, count in PATH_STEPS.items() if contact.get(name)), default=1)
         sections: dict[str, Any] = {}
@@ -277,7 +281,7 @@ class SceneVariants:
         return replace_sections(config, contact=AugmentedLagrangian(**contact), **sections)
 
     def contact_variant(self, **contact: Any) -> Config:
-        """The linear scene on the common mesh, with settings of the contact law."""
+        """Return the linear scene on the common mesh, with settings of the contact law."""
         return self.meshed_variant(self.linear_scene, **contact)
 
     @cached_property
@@ -288,9 +292,9 @@ class SceneVariants:
         return scene.sizes.h_contact * scene.physics.scales.length
 
     def history_variant(self, *part_names: str) -> Config:
-        """The linear scene along its history, with some parts of its experiment.
+        """Return the linear scene along its history, with some parts of its experiment.
 
-        A scene without a history is loaded at a constant rate to the deepest row.
+        A scene without a history is loaded at a constant rate to the largest depth.
 
         Parameters
         ----------
@@ -313,7 +317,7 @@ class SceneVariants:
 
     @cached_property
     def theory_variant(self) -> Config | None:
-        """The plain scene on its body, a layer or a half-space: the first that theory solves."""
+        """Plain scene on its own body, a layer or a half-space, whichever theory solves first."""
         for candidate in (self.plain_scene, self.layer_scene, self.half_space_scene):
             if candidate is not None and self.solver.theory_scene(candidate) is not None:
                 return candidate
@@ -326,17 +330,17 @@ class SceneVariants:
 
     @cached_property
     def scene_force(self) -> float:
-        """Force of the linear scene; NotConverged if it is not positive."""
+        """Force of the linear scene; raise NotConverged if it is not positive."""
         force = self.solver.force(self.linear_scene)
         if not 0 < force < inf:
             raise NotConverged("the force at the deepest row is not positive")
         return force
 
     def force_ratio(self, with_effect: Config, without_effect: Config) -> float:
-        """Ratio of the forces of two variants.
+        """Return the ratio of the forces of two variants.
 
-        Both are solved by theory if that is exact for both, otherwise on the same mesh. Histories
-        are compared at the row of the largest force.
+        Both are solved by theory if it is exact for both, otherwise on the same mesh. Histories are
+        compared at the row of the largest force.
 
         Parameters
         ----------
@@ -359,18 +363,22 @@ class SceneVariants:
         return _positive_ratio(self.solver.force(with_effect), self.solver.force(without_effect))
 
     def theory_ratio(self, with_effect: Config, without_effect: Config) -> float:
-        """Ratio of forces as `force_ratio`, for one of many values of a parameter.
+        """Return the ratio of forces as `force_ratio`, for one of many values of a parameter.
 
-        NotConverged unless theory solves the variant without the effect: many meshes take too long.
+        Raises
+        ------
+        NotConverged
+            If theory does not solve the variant without the effect: many meshes would take too
+            long.
         """
         if self.solver.theory_scene(without_effect) is None:
             raise NotConverged("there is no theory of this body")
         return self.force_ratio(with_effect, without_effect)
 
     def _history_ratio(self, with_effect: Config, without_effect: Config) -> float:
-        """Ratio of the forces of two histories at the row of the largest force.
+        """Return the ratio of the forces of two histories at the row of the largest force.
 
-        Under prescribed forces it is relative to the elastic force at the depth of this row.
+        If forces are prescribed, it is relative to the elastic force at the depth of this row.
         """
         rows = self.solver.history(with_effect).rows
         top_row = max(rows, key=lambda row: row.force)
@@ -387,13 +395,14 @@ class SceneVariants:
         return _positive_ratio(top_row.force, reference_row.force)
 
     def _linear_scene_at(self, delta: float) -> Config:
-        """The linear scene in a single step to another depth [length]."""
+        """Return the linear scene in a single step to another depth [length]."""
         return replace_sections(self.linear_scene, loading=Loading(delta=delta, steps=1))
 
     def _force_at_depth(self, delta: float) -> float:
-        """Force of the linear scene at a depth [length], interpolated from that of the deepest row.
+        """Return the force of the linear scene at a depth [length].
 
-        The load curve has the shape of that of theory, or is a power law through two forces.
+        It is scaled from the force at the largest depth with the load curve of the theory, or with
+        a power law through two forces if there is no theory.
         """
         depth_ratio = delta / self.delta
         scene = self._theory_scene
@@ -413,7 +422,7 @@ class SceneVariants:
 
     @cached_property
     def tolerated_depth_error(self) -> float:
-        """Error of the depth that changes the force by the tolerance [length]."""
+        """Return the error of the depth that changes the force by the tolerance [length]."""
         force_fraction = 1 - self.tolerance
         # Hertz: the force grows with the depth to the power 3/2.
         initial_depth = self.delta * force_fraction ** (2 / 3)
@@ -434,7 +443,7 @@ class SceneVariants:
 
     @cached_property
     def radius_exponent(self) -> float:
-        """Exponent n = d ln F/d ln R for the radius of the tip; 0 for a tip without radius."""
+        """Exponent n = d ln F/d ln R for the tip's radius; 0 for a tip without radius."""
         if self.tip_radius is None:
             return 0.0
         # Relative change of the size of the tip for the derivative of the force.
@@ -445,7 +454,7 @@ class SceneVariants:
 
 
 def _positive_ratio(numerator: float, denominator: float) -> float:
-    """Ratio of forces; NotConverged if the denominator is not positive."""
+    """Return the ratio of forces; raise NotConverged if the denominator is not positive."""
     if not (isfinite(numerator) and 0 < denominator < inf):
         raise NotConverged("the force without the effect is not positive")
     return numerator / denominator

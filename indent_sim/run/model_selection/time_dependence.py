@@ -1,9 +1,10 @@
 """Effects of drainage and of relaxation in shear on the force, and their elastic limits.
 
-The scene is solved along its history, and its elastic limits at the depth of the row with the
-largest force, all on one mesh and without friction. The limits of the effect `drainage` are the
-drained and the undrained body, those of `rate` the unrelaxed and the relaxed body. An effect is
-100 (F/F_first - 1), with the force F of the scene and F_first of the first limit.
+The scene is solved along its history. Its elastic limits are solved at the depth of the row with
+the largest force. All solutions use the same mesh and no friction. The limits of the effect
+`drainage` are the drained and the undrained body, those of `rate` the unrelaxed and the relaxed
+body. An effect is 100 (F/F_first - 1), with the force F of the scene and F_first of the first
+limit.
 """
 
 from __future__ import annotations
@@ -40,20 +41,20 @@ from indent_sim.scene.scene import Scene, resolve
 TIME_EFFECTS: dict[str, Cases] = {
     "drainage": (
         Range(
-            "the scene relative to its swelling equilibrium, the range from the body before any "
-            "flow{v.row_text}",
+            "the scene relative to its swelling equilibrium; the range includes the body before "
+            "any flow{v.row_text}",
             lambda v: v.swelling_range,
             when=lambda v: v.has_bath,
         ),
         Range(
-            "the scene relative to its drained body, the range up to its undrained body"
+            "the scene relative to its drained body; the range includes its undrained body"
             "{v.row_text}",
             lambda v: v.drainage_range,
         ),
     ),
     "rate": (
         Range(
-            "the scene relative to its unrelaxed body, the range down to its relaxed body"
+            "the scene relative to its unrelaxed body; the range includes its relaxed body"
             "{v.row_text}",
             lambda v: v.relaxation_range,
         ),
@@ -62,12 +63,12 @@ TIME_EFFECTS: dict[str, Cases] = {
 
 
 class TransientVariants(SceneVariants):
-    """Variants of a scene that depends on time, of which the solver solves each once.
+    """Variants of a time-dependent scene; the solver solves each variant once.
 
     Attributes
     ----------
     has_bath
-        A bath swells or shrinks the body, which then has no elastic limits.
+        True if a bath swells or shrinks the body, which then has no elastic limits.
     """
 
     def __init__(self, config: Config, scene: Scene, tolerance: float = 0.01):
@@ -85,7 +86,7 @@ class TransientVariants(SceneVariants):
 
     @cached_property
     def time_effects(self) -> dict[str, Effect]:
-        """The effects "drainage" and "rate", if the body drains or relaxes in shear."""
+        """Return the effects "drainage" and "rate", if the body drains or relaxes in shear."""
         regions: dict[str, Sequence[object]] = {
             "drainage": self.physics.permeable_regions,
             "rate": self.physics.relaxing_regions,
@@ -98,9 +99,10 @@ class TransientVariants(SceneVariants):
 
     @property
     def nearest_limits(self) -> dict[str, Effect]:
-        """The limit of each effect whose force is nearest to that of the scene.
+        """Return the elastic limit of each effect whose force is nearest to that of the scene.
 
-        They are given by name, with the effect that a model of this elastic body neglects.
+        The keys are the names of the limits, the values the effects that an elastic model in this
+        limit neglects.
         """
         limits = {}
         for effect in self.time_effects.values():
@@ -116,7 +118,7 @@ class TransientVariants(SceneVariants):
 
     @property
     def elastic_variant(self) -> Config:
-        """The scene with the elastic laws of the nearest limits."""
+        """Return the scene with the elastic laws of the nearest limits."""
         variant = self._replace_laws(self.config, tuple(self.nearest_limits))
         return replace_sections(
             variant,
@@ -126,7 +128,7 @@ class TransientVariants(SceneVariants):
 
     @property
     def variant_at_depth(self) -> Config:
-        """The elastic variant in a single step to the depth of the largest force."""
+        """Return the elastic variant in a single step to the depth of the largest force."""
         try:
             delta = self._largest_force_row.delta
         except NotConverged:
@@ -135,7 +137,7 @@ class TransientVariants(SceneVariants):
 
     @property
     def drainage_range(self) -> tuple[float, float, float]:
-        """The force of the scene relative to its drained body."""
+        """Return bounds and value of the change of the force relative to the drained body."""
         return _range_of_limits(
             self._largest_force_row.force,
             self._limit_force("drained"),
@@ -144,7 +146,10 @@ class TransientVariants(SceneVariants):
 
     @property
     def swelling_range(self) -> tuple[float, float, float]:
-        """The force relative to swelling equilibrium in the bath of the row, at the same depth."""
+        """Return bounds and value of the change of the force relative to swelling equilibrium.
+
+        Both forces are at the same depth, in the bath of the row.
+        """
         equilibrated = self._equilibrated_force
         instantaneous = self._limit_force("undrained") if self._largest_force_row.delta > 0 else 0.0
         if not equilibrated > 0:
@@ -153,7 +158,10 @@ class TransientVariants(SceneVariants):
 
     @property
     def relaxation_range(self) -> tuple[float, float, float]:
-        """The force of the scene, or of its drained body, relative to its unrelaxed body."""
+        """Return bounds and value of the change of the force relative to the unrelaxed body.
+
+        If the body also drains, the drained body is compared.
+        """
         drained = ("drained",) if self.physics.permeable_regions else ()
         return _range_of_limits(
             self._limit_force(*drained) if drained else self._largest_force_row.force,
@@ -163,7 +171,7 @@ class TransientVariants(SceneVariants):
 
     @property
     def row_text(self) -> str:
-        """Text on the row of the largest force, to be appended to the source of an effect."""
+        """Text on time and depth of the row with the largest force, for the source of an effect."""
         row = self._largest_force_row
         friction_text = ", without friction" if self.friction_or_adhesion else ""
         return (
@@ -173,10 +181,10 @@ class TransientVariants(SceneVariants):
 
     @cached_property
     def _transient_scene(self) -> Config:
-        """The scene on the stand-in for its body, up to the last rise of its load path.
+        """Return the scene on the stand-in for its body, up to the last increase of its load.
 
-        Contact, solver and output have default settings. The element size at the contact is that
-        of the scene, and its mesh otherwise has default settings.
+        Contact, solver and output have default settings. The mesh has default settings except for
+        the element size at the contact, which is that of the scene.
         """
         config = self.config
         transient = replace_sections(
@@ -201,7 +209,7 @@ class TransientVariants(SceneVariants):
         return replace_sections(transient, mesh=MeshSettings(h_contact=h_contact))
 
     def _rows(self, config: Config) -> list[State]:
-        """The rows of a variant; NotConverged if one of them does not converge."""
+        """Return the rows of a variant; raise NotConverged if one of them does not converge."""
         rows = self.solver.rows(config)
         if not rows[-1].converged:
             raise NotConverged(rows[-1].reason)
@@ -209,7 +217,13 @@ class TransientVariants(SceneVariants):
 
     @cached_property
     def _largest_force_row(self) -> State:
-        """The first row of the largest force; NotConverged if the force is not positive."""
+        """Return the first row with the largest force.
+
+        Raises
+        ------
+        NotConverged
+            If the force is not positive.
+        """
         rows = self._rows(self._transient_scene)
         max_force = max(row.force for row in rows)
         # Forces that agree to this relative tolerance count as equal. The first row of the largest
@@ -222,7 +236,7 @@ class TransientVariants(SceneVariants):
         return largest_row
 
     def _limit_force(self, *limits: str) -> float:
-        """Force of the body with the laws of limits, at the row of the largest force.
+        """Return the force at the row of the largest force, with the laws of elastic limits.
 
         A body that still depends on time follows the history up to this row.
         """
@@ -237,7 +251,7 @@ class TransientVariants(SceneVariants):
 
     @property
     def _equilibrated_force(self) -> float:
-        """Force in swelling equilibrium, at the depth and in the bath of the largest force."""
+        """Return the force in swelling equilibrium, at the depth of the largest force."""
         t = self._largest_force_row.t
         delta = self._largest_force_row.delta
         drainage = self._transient_scene.drainage or Drainage()
@@ -252,11 +266,11 @@ class TransientVariants(SceneVariants):
         return self._rows(scene)[-1].force
 
     def _replace_laws(self, config: Config, limits: tuple[str, ...]) -> Config:
-        """A scene with the material laws of limits."""
+        """Return a scene with the material laws of elastic limits."""
         history = self.config.loading.prescribed_history
 
         def relax(law: Material) -> Material:
-            """The law with the modulus that remains at the end of the history."""
+            """Return the law with the modulus that remains at the end of the history."""
             return relaxed_law(law.canonical(), remaining_modulus_fraction(law.relaxation, history))
 
         limit_laws = {
@@ -267,7 +281,7 @@ class TransientVariants(SceneVariants):
         }
 
         def replace_law(law: Material) -> Material:
-            """The law in all limits."""
+            """Return the law in all given limits."""
             for limit in limits:
                 law = rounded_law(limit_laws[limit](law))
             return law
@@ -283,7 +297,13 @@ class TransientVariants(SceneVariants):
         )
 
     def _loading_to_row(self) -> Loading:
-        """Depth history up to the row of the largest force; NotConverged for prescribed forces."""
+        """Return the depth history up to the row of the largest force.
+
+        Raises
+        ------
+        NotConverged
+            If forces are prescribed.
+        """
         loading = self._transient_scene.loading
         row = self._largest_force_row
         if loading.history is None or row.t is None:
@@ -301,15 +321,16 @@ class TransientVariants(SceneVariants):
 
 
 def _range_of_limits(force: float, first: float, second: float) -> tuple[float, float, float]:
-    """Bounds of the relative change of the force from the first limit, and the change itself."""
+    """Return bounds and value of the relative change of the force from the first limit."""
     low, high = sorted((0.0, second / first - 1))
     return low, high, force / first - 1
 
 
 def elastic_limit_changes(effect: Effect) -> dict[str, float | None]:
-    """100 (F/F_limit - 1) for both limits of an effect "drainage" or "rate" by their names.
+    """Return 100 (F/F_limit - 1) for both limits of an effect "drainage" or "rate".
 
-    F is the force of the scene and F_limit that of the limit; None if it is unknown.
+    The keys are the names of the limits. F is the force of the scene and F_limit that of the limit;
+    a value is None if it is unknown.
     """
     # First and second elastic limit of each effect.
     limits = {"drainage": ("drained", "undrained"), "rate": ("unrelaxed", "relaxed")}
@@ -323,7 +344,7 @@ def elastic_limit_changes(effect: Effect) -> dict[str, float | None]:
 
 
 def _cut_after_last_rise(loading: Loading) -> Loading:
-    """A loading in time up to the last rise of its value, after which the force is not larger."""
+    """Return a loading in time up to the last increase of its value."""
     (quantity,) = loading.given_path_keys
     points = getattr(loading, quantity)
     rises = [k for k, (previous, point) in enumerate(pairwise(points), 1) if point[1] > previous[1]]

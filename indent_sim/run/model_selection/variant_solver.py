@@ -1,4 +1,4 @@
-"""Solver of the variants of a scene, which solves every variant once."""
+"""Solver of the variants of a scene with a cache of their results."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ T = TypeVar("T")
 class VariantSolver:
     """Solver of the variants of a scene.
 
-    Every variant is solved once, by theory if that is exact for it, otherwise on a mesh. Two
-    configs that resolve to the same problem are one variant. A variant that cannot be solved raises
-    NotConverged whenever it is asked for.
+    Every variant is solved once, by theory if it is exact, otherwise on a mesh. Two configs that
+    resolve to the same problem are one variant. A variant that cannot be solved raises NotConverged
+    at every request.
     """
 
     def __init__(self) -> None:
         self._results: dict[str, Any] = {}
 
     def force(self, config: Config) -> float:
-        """Force of an elastic variant at its last row [force]."""
+        """Return the force of an elastic variant at its last row [force]."""
         if isinstance(config.body, MeshFromFile) and config.body.kinematics == "3d":
             raise NotConverged("there is no axisymmetric stand-in for a three-dimensional mesh")
         last_row = self.rows(config)[-1]
@@ -43,23 +43,26 @@ class VariantSolver:
         return last_row.force
 
     def rows(self, config: Config) -> list[State]:
-        """Rows of a variant; the last one is not converged if the path was not solved to its end.
+        """Return the rows of a variant; the last one is not converged if the path ended early.
 
-        NotConverged if the run would take too long.
+        Raises
+        ------
+        NotConverged
+            If the run would take too long.
         """
         return self._solve_variant("rows", config, _solve_path)
 
     def history(self, config: Config) -> HistoryResult:
-        """Rows and report of the history of a variant, on its elastic load curve."""
+        """Return the rows and the report of the history of a variant, on its elastic load curve."""
         return self._solve_variant("history", config, _evaluate_history)
 
     def theory_scene(self, config: Config) -> Scene | None:
-        """The variant solved by theory; None if theory is not exact for it."""
+        """Return the variant as a scene that is solved by theory; None if theory is not exact."""
         if not is_fully_automatic(config):
             return None
 
         def resolve_by_theory() -> Scene | None:
-            """The scene, if the method "theory" accepts it."""
+            """Return the scene if the method "theory" accepts it."""
             by_theory = replace(config.solver, method="theory")
             with suppress(ConfigError):
                 return resolve(replace_sections(config, solver=by_theory))
@@ -68,10 +71,10 @@ class VariantSolver:
         return self._compute_once(f"theory {config!r}", resolve_by_theory)
 
     def _solve_variant(self, kind: str, config: Config, solve: Callable[[Scene], T]) -> T:
-        """A kind of result of a variant."""
+        """Return the cached result `solve(scene)` of a variant, such as its states or history."""
 
         def solve_scene() -> T:
-            """The result of the resolved variant."""
+            """Return the result of the resolved variant."""
             scene = self.theory_scene(config) or resolve(config)
             # Parts of a resolved scene on which its solution depends.
             problem_parts = (
@@ -88,9 +91,9 @@ class VariantSolver:
         return self._compute_once(f"{kind} {config!r}", solve_scene)
 
     def _compute_once(self, key: str, compute: Callable[[], T]) -> T:
-        """Result of `compute`, which is called once for each key.
+        """Return the result of `compute`, which is called once for each key.
 
-        Its failures, except BackendError, are stored as well, and raised as NotConverged.
+        Failures of `compute`, except BackendError, are stored as well, and raised as NotConverged.
         """
         if key not in self._results:
             try:
@@ -107,7 +110,7 @@ class VariantSolver:
 
 
 def _solve_path(scene: Scene) -> list[State]:
-    """Rows of a scene; NotConverged if a table of effects cannot wait for them."""
+    """Return the rows of a scene; raise NotConverged if the solution would take too long."""
     seconds = scene.plan.prediction.get("seconds", 0.0)
     # Longest run of a variant in time, and of an elastic one in three dimensions [s]: a table of
     # effects should not take more than a few minutes.
@@ -128,7 +131,7 @@ def _solve_path(scene: Scene) -> list[State]:
 
 
 def _evaluate_history(scene: Scene) -> HistoryResult:
-    """History of a scene on its elastic load curve."""
+    """Return the history of a scene on its elastic load curve."""
     return evaluate_with_units(scene, condense(scene).equilibrium if scene.is_meshed else None)
 
 

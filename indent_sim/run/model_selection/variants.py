@@ -27,7 +27,7 @@ LawChange = Callable[[Material], Material]
 
 
 def replace_sections(config: Config, **changes: Any) -> Config:
-    """The config with some sections replaced.
+    """Return the config with some sections replaced.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def replace_sections(config: Config, **changes: Any) -> Config:
     Raises
     ------
     ConfigError
-        If the scene cannot exist; it is checked as that of a file.
+        If the new scene is invalid; it is checked like a scene from a file.
     """
     variant = Config(**{name: getattr(config, name) for name in Config.model_fields} | changes)
     variant._source = Source(config.source.name)
@@ -47,20 +47,21 @@ def replace_sections(config: Config, **changes: Any) -> Config:
 
 
 def change_materials(config: Config, change: LawChange, **sections: Any) -> Config:
-    """The config with all of its materials changed.
+    """Return the config with all of its materials changed.
 
     Parameters
     ----------
     config
         The scene.
     change
-        Applied to the materials of the section `material`, the layers, inclusions and regions.
+        Function that is applied to the materials of the section `material`, the layers, inclusions
+        and regions.
     **sections
         Other sections to replace, by name.
     """
 
     def change_item(item: Layer | Inclusion) -> Layer | Inclusion:
-        """Change the material of a layer or an inclusion, if it has one of its own."""
+        """Return a layer or an inclusion with a changed material, if it has its own material."""
         return replace(item, material=change(item.material)) if item.material else item
 
     item_lists = {name: getattr(config.body, name) for name in ("layers", "inclusions")}
@@ -75,7 +76,7 @@ def change_materials(config: Config, change: LawChange, **sections: Any) -> Conf
 
 
 def set_gel_stretch(config: Config) -> Config:
-    """The config with the stretch of its gels as a number, by default that in the first bath."""
+    """Return the config with numerical stretches of its gels, by default for the first bath."""
     bath = config.initial_bath
     return change_materials(
         config, lambda law: law.with_free_swelling(bath) if isinstance(law, Gel) else law
@@ -83,29 +84,29 @@ def set_gel_stretch(config: Config) -> Config:
 
 
 def instantaneous_law(material: Material) -> Material:
-    """The material without relaxation, with its instantaneous constants."""
+    """Return the material without relaxation, with its instantaneous constants."""
     return replace(material, relaxation=None)
 
 
 def drained_law(material: Material) -> Material:
-    """The drained elastic material of a poroelastic one."""
+    """Return the drained elastic law of a poroelastic material."""
     return replace(material, flow=None)
 
 
 def undrained_law(material: Material) -> Material:
-    """The undrained elastic material of a poroelastic one; other materials stay as they are."""
+    """Return the undrained elastic law of a poroelastic material; other materials are unchanged."""
     return elastic_limit_laws.undrained_law(material.canonical()) if material.flow else material
 
 
 def rounded_law(material: Material) -> Material:
-    """The material with its numbers rounded to twelve digits."""
+    """Return the material with its numbers rounded to twelve digits."""
     numbers = {field.name: getattr(material, field.name) for field in fields(material)}
     rounded = {name: float(f"{x:.12g}") for name, x in numbers.items() if isinstance(x, float)}
     return replace(material, **rounded)  # type: ignore[arg-type]
 
 
 def linear_law(material: Material) -> Material:
-    """The linear elastic material with the same E and nu; an anisotropic one stays as it is."""
+    """Return the linear elastic material with the same E and nu; anisotropic laws are unchanged."""
     law = material.canonical()
     if law.is_small_strain and not law.is_isotropic:
         return law
@@ -113,31 +114,31 @@ def linear_law(material: Material) -> Material:
 
 
 def hyperelastic_law(material: Material) -> Material:
-    """The finite-strain law of a material: its own, or neo-Hookean with the same E and nu."""
+    """Return the finite-strain law of a material, by default neo-Hookean."""
     law = material.canonical()
     return NeoHookean(**_rounded_constants(law)) if law.is_small_strain else material
 
 
 def isotropic_law(material: Material) -> Material:
-    """The isotropic material with the E and nu in the plane of isotropy of an anisotropic one."""
+    """Return the isotropic material with E and nu of the plane of isotropy."""
     law = material.canonical()
     return LinearElastic(E=law.E, nu=law.nu) if isinstance(law, TransverselyIsotropic) else material
 
 
 def incompressible_law(material: Material, nu_deficit: float = 0.0) -> Material:
-    """The linear elastic material with the same E and nu = 0.5 - nu_deficit."""
+    """Return the linear elastic material with the same E and nu = 0.5 - nu_deficit."""
     return LinearElastic(E=material.canonical().constants.E, nu=0.5 - nu_deficit)
 
 
 def _rounded_constants(law: Material) -> dict[str, Any]:
-    """E and nu to twelve digits, without the rounding errors of their conversion."""
+    """Return E and nu rounded to twelve digits, without the rounding errors of their conversion."""
     return {
         name: float(f"{value:.12g}") for name, value in zip(("E", "nu"), law.constants, strict=True)
     }
 
 
 def remove_inclusions(config: Config) -> Config:
-    """The scene without its inclusions."""
+    """Return the scene without its inclusions."""
     if not config.body.inclusions:
         return config
     mesh = replace(config.mesh, h_inclusions=None)
@@ -145,12 +146,12 @@ def remove_inclusions(config: Config) -> Config:
 
 
 def remove_inclusion_contrast(config: Config) -> Config:
-    """The scene with inclusions of the surrounding material, so that its mesh stays the same."""
+    """Return the scene with inclusions of the surrounding material, on the same mesh."""
     body: Any = config.body
     interface_depths = list(accumulate(layer.thickness or inf for layer in config.layers))
 
     def replace_material(inclusion: Inclusion) -> Inclusion:
-        """The inclusion with the material of the layer that contains its center."""
+        """Return the inclusion with the material of the layer that contains its center."""
         depth = (
             body.spherical_body.wall_clearance(inclusion)
             if isinstance(body, Cap | Ball)
@@ -165,7 +166,7 @@ def remove_inclusion_contrast(config: Config) -> Config:
 
 
 def half_space_variant(config: Config) -> Config:
-    """The scene on a half-space of the same materials, whose last layer is infinitely thick."""
+    """Return the scene on a half-space, whose last layer is infinitely thick."""
     layers = config.body.layers
     tension = config.body.surface_tension
     half_space_layers = layers and (*layers[:-1], replace(layers[-1], thickness=None))
@@ -177,7 +178,7 @@ def half_space_variant(config: Config) -> Config:
 
 
 def layer_variant(config: Config) -> Config:
-    """The scene on an infinitely wide layer, which is its body without sides."""
+    """Return the scene on an infinitely wide layer: its body without side walls."""
     body: Any = config.body
     layer = InfiniteLayer(
         body.height, base=body.base, layers=body.layers, surface_tension=body.surface_tension
@@ -186,7 +187,7 @@ def layer_variant(config: Config) -> Config:
 
 
 def finite_strain_variant(config: Config) -> Config:
-    """The scene with materials and gap of finite strain.
+    """Return the scene with materials and gap of finite strain.
 
     It has default solver settings, and no experiment, which needs an elastic load curve.
     """
@@ -196,12 +197,12 @@ def finite_strain_variant(config: Config) -> Config:
 
 
 def small_strain_variant(config: Config) -> Config:
-    """The scene with materials and gap of small strain."""
+    """Return the scene with materials and gap of small strain."""
     return _reset_gap(change_materials(config, linear_law))
 
 
 def _reset_gap(config: Config) -> Config:
-    """The scene with the default gap of its materials."""
+    """Return the scene with the default gap of its materials."""
     has_gap = any(field.name == "gap" for field in fields(config.contact))
     if not has_gap:
         return config
@@ -209,7 +210,7 @@ def _reset_gap(config: Config) -> Config:
 
 
 def minimal_document(config: Config) -> Document:
-    """The scene as in its file, without sections that have only default values."""
+    """Return the scene as in its file, without sections that have only default values."""
     defaults = {name: section.default for name, section in Config.model_fields.items()}
     return {
         name: section

@@ -30,11 +30,11 @@ class ElasticForces:
     forces
         Forces at the depths, shape (n,).
     theory_forces
-        Forces of theory, shape (n,); None where theory does not reach all depths.
+        Forces of theory, shape (n,); None if theory does not reach all depths.
     contact_radius
         Contact radius at the largest depth.
     error
-        Largest relative half-width of the error bars of the deep rows.
+        Largest relative error estimate of the rows at large depths.
     """
 
     forces: np.ndarray
@@ -44,15 +44,15 @@ class ElasticForces:
 
 
 def elastic_forces(prospect: PlannedRun, depths: np.ndarray) -> ElasticForces:
-    """Forces of an elastic scene at depths.
+    """Return the forces of an elastic scene at depths.
 
     Parameters
     ----------
     prospect
         The planned run of the scene.
     depths
-        Increasing depths, shape (n,). A scene that neither theory nor a condensed body solves has
-        those of its load path.
+        Increasing depths, shape (n,). If neither theory nor a condensed body solves the scene, they
+        must be the depths of its load path.
 
     Raises
     ------
@@ -89,14 +89,14 @@ def elastic_forces(prospect: PlannedRun, depths: np.ndarray) -> ElasticForces:
 
 
 def _solve_depths(scene: Scene, depths: np.ndarray) -> list[State]:
-    """States at depths, by the condensed body or along the load path of the scene."""
+    """Return states at depths, by the condensed body or along the load path of the scene."""
     if scene.solver.method == "condensed":
         return condense(scene).states(deltas=list(map(float, depths)))
     return list(states(scene, with_surface=False))
 
 
 def _relative_error(scene: Scene, states_found: list[State], depths: np.ndarray) -> float:
-    """Relative error bar of the deep forces, from a coarser mesh."""
+    """Return the relative error of the forces at large depths, from a coarser mesh."""
     ratio, coarse_scene = coarser_scene(scene)
     soft_scene = halve_penalty(coarse_scene)
     error_bars = ErrorBars(
@@ -119,7 +119,7 @@ def _relative_error(scene: Scene, states_found: list[State], depths: np.ndarray)
 def flat_punches(
     prospect: PlannedRun, deepest: float, min_ratio: float
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Flat punches under the tip, up to the contact radius with adhesion at a depth.
+    """Return flat punches under the tip, up to the contact radius with adhesion at a depth.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def flat_punches(
     deepest
         The depth.
     min_ratio
-        Least radius relative to the largest one.
+        Smallest radius relative to the largest one.
 
     Returns
     -------
@@ -177,9 +177,9 @@ def flat_punches(
 
 
 def half_space_modulus(prospect: PlannedRun, delta: np.ndarray, force: np.ndarray) -> float | None:
-    """Young's modulus of a least-squares fit of the half-space formula to a curve.
+    """Return the modulus of a least-squares fit of the half-space formula to a curve.
 
-    None where there is no formula or no contact.
+    It is Young's modulus, or None if there is no formula or no contact.
 
     Parameters
     ----------

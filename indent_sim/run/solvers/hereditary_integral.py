@@ -1,4 +1,4 @@
-"""Solution of a history on the elastic curve of a scene."""
+"""Solver of a history by hereditary integrals on the elastic curve of a scene."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ERROR_SOURCES = {"force_error": "force", "a_error": "a", "delta_error": "delta"}
 class HereditaryIntegralSolver:
     """Solver of a history, with the interface of the load stepper of a meshed scene.
 
-    All rows follow at once from the elastic curve; a resumed run computes them again.
+    All rows are computed at once from the elastic curve; a resumed run computes them again.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class HereditaryIntegralSolver:
     elastic
         Solver of the same scene along its elastic curve, on a mesh or by theory.
     started
-        Time at which the clock of the rows started [s].
+        Reading of the clock at the start of the rows [s].
     """
 
     points = ()
@@ -51,13 +51,16 @@ class HereditaryIntegralSolver:
         return self._elastic_solver.equilibrium if self.scene.is_meshed else None
 
     def resume(self, saved: Any, depths: Any) -> bool:
-        """Nothing has to be restored; returns True."""
+        """Return True, since there is nothing to restore."""
         return True
 
     def solve(self, error_bars: AnyErrorBars | None = None) -> None:
-        """Compute all rows, and the error bars of the elastic curve.
+        """Compute all rows and the error estimates of the elastic curve.
 
-        Raises NotConverged if the elastic curve cannot be computed.
+        Raises
+        ------
+        NotConverged
+            If the elastic curve cannot be computed.
         """
         # Imported here since it loads scipy.optimize, which other scenes do not need.
         from indent_sim.run.history_on_curve import evaluate_history
@@ -78,7 +81,7 @@ class HereditaryIntegralSolver:
     def states(
         self, path: LoadPath, wants_surface: Callable[[int], bool], done: int = 0
     ) -> Iterator[State]:
-        """Yield one State per row after the first `done` rows; `solve` comes first."""
+        """Yield one State per row after the first `done` rows; `solve` must have been called."""
         has_base = "z" in self.scene.columns
         for step, row in enumerate(self.history_result.rows[done:], start=done + 1):
             numbers = (row.delta, row.force, row.a, nan, nan, nan, 0, self._seconds)

@@ -22,7 +22,7 @@ from indent_sim.theory.solution import Solution
 class SemiAnalyticSolver:
     """Solver by theory, row by row, with the interface of the load stepper of a meshed scene.
 
-    Only rank 0 computes. No row depends on another, so a checkpoint is empty (`points`).
+    Only rank 0 computes. Rows are independent, so that a checkpoint (`points`) is empty.
     """
 
     points = ()
@@ -39,7 +39,7 @@ class SemiAnalyticSolver:
     ) -> Iterator[State]:
         """Yield one State per requested value after the first `done` rows.
 
-        The first value that theory does not reach is the last one.
+        The path ends at the first value that theory does not reach, with a state not converged.
         """
         solutions = run_on_root(self._comm, self._solve_all, path.values) or [None] * len(
             path.values
@@ -55,9 +55,9 @@ class SemiAnalyticSolver:
                 return
 
     def _solve_all(self, values: Sequence[float]) -> Sequence[Solution | None] | None:
-        """The contacts of all rows at once, which is hardly more expensive than a few of them.
+        """Return the contacts of all rows at once; None if theory does not reach one of them.
 
-        None where theory does not reach one of them.
+        All contacts together are hardly more expensive than a few of them.
         """
         return (
             self.theory.solutions_at_forces(values)
@@ -70,7 +70,7 @@ class SemiAnalyticSolver:
         return self.scene.physics.path.control == "force"
 
     def _solve_one(self, value: float) -> Solution | None:
-        """The contact at one depth or force; None where theory does not reach it."""
+        """Return the contact at one depth or force; None if theory does not reach it."""
         depth: float | None = value
         if self._has_prescribed_forces:
             depth = self.theory.depth_of_force(value, inf) if value > 0 else 0.0
@@ -83,7 +83,7 @@ class SemiAnalyticSolver:
         cached_solution: Solution | None,
         wants_surface: Callable[[int], bool],
     ) -> State:
-        """The state of one row."""
+        """Return the state of one row."""
         solution = cached_solution or self._solve_one(value)
         seconds = time.perf_counter() - self._started
         if solution is None:
@@ -103,7 +103,7 @@ class SemiAnalyticSolver:
         return surface_radii(self.scene)
 
     def _surface(self, solution: Solution) -> Surface:
-        """Pressure (NaN where it is infinite), u_z and gap; theory does not give u_x."""
+        """Return the surface: pressure (NaN where infinite), u_z and gap, but no u_x."""
         r = self._radii
         tip = self.scene.physics.indenter
         p = np.asarray(solution.pressure(r))
@@ -117,7 +117,7 @@ class SemiAnalyticSolver:
 
 
 def surface_radii(scene: Scene) -> np.ndarray:
-    """Distances from the tip's axis at which the surface is written.
+    """Return the distances from the tip's axis at which the surface is written.
 
     They extend to the end of the body or to ten radii of the largest contact, and
     contain the end of that contact.

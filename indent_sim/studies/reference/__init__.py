@@ -1,1 +1,1 @@
-"""References of a study: theory, its finest run, a result, or published values."""
+"""References of a study: theory, the finest run, another result, or published values."""

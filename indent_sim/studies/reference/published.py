@@ -1,4 +1,4 @@
-"""Published values: what a source states about a scene, and how the exact value is known."""
+"""Published values of a source for a scene, and the corresponding exact values."""
 
 from __future__ import annotations
 
@@ -20,9 +20,15 @@ QUANTITIES = (*RESULT_COLUMNS, PULL_OFF)
 class PublishedValue:
     """Published value of one row of a scene, in the user's units.
 
-    row_key: column (delta, t or step) and number of the row, None for the last row; claimed_kind:
-    what the source says the value is; claimed_error: relative error that the source itself allows,
-    None if it does not say: then the value is compared but not judged.
+    Attributes
+    ----------
+    row_key
+        Column (delta, t or step) and value that identify the row; None for the last row.
+    claimed_kind
+        Kind of the value according to the source: "exact", "fit" or "elements".
+    claimed_error
+        Relative error that the source claims; None if the source states no accuracy. The value is
+        then compared without a verdict.
     """
 
     quantity: str
@@ -35,9 +41,9 @@ class PublishedValue:
 
 @dataclass(frozen=True)
 class ExactValue:
-    """Exact value where no theory gives it: a number, or the case whose run computes it.
+    """Exact value without a theory: a number, or the case whose run computes it.
 
-    method: the second method in words.
+    `method` is a text on the second method.
     """
 
     method: str
@@ -46,7 +52,10 @@ class ExactValue:
 
 
 def read_published(raw_section: Any, keys: KeyPath) -> PublishedValue:
-    """Return the section `published` of a case; its ConfigError has no file and line."""
+    """Read and check the section `published` of a case.
+
+    ConfigErrors have no file and line, which the caller adds.
+    """
     allowed_keys = ("quantity", "at", "value", "claims", "within", "source")
     required_keys = ("quantity", "value", "claims", "source")
     section = _check_section(raw_section, keys, allowed_keys, required_keys)
@@ -66,7 +75,7 @@ def read_published(raw_section: Any, keys: KeyPath) -> PublishedValue:
     if claims not in valid_claims:
         raise _config_error(
             (*keys, "claims"),
-            "is none of exact, fit, elements",
+            "must be exact, fit or elements",
             "say what kind of value the source gives",
         )
     claimed_error = (
@@ -90,7 +99,10 @@ def read_published(raw_section: Any, keys: KeyPath) -> PublishedValue:
 
 
 def read_exact(raw_section: Any, keys: KeyPath) -> ExactValue:
-    """Return the section `exact` of a case; its ConfigError has no file and line."""
+    """Read and check the section `exact` of a case.
+
+    ConfigErrors have no file and line, which the caller adds.
+    """
     allowed_keys = ("value", "case", "by")
     section = _check_section(raw_section, keys, allowed_keys, ("by",))
     if ("value" in section) == ("case" in section):

@@ -1,4 +1,4 @@
-"""Reference solution of a study: theory, its finest run, a force, or another result."""
+"""Reference solution of a study: theory, the finest run, a force, or another result."""
 
 from __future__ import annotations
 
@@ -27,9 +27,13 @@ DEPTH_TOLERANCE = 1e-9  # relative
 class ReferenceCurve:
     """Force, contact radius and peak pressure over depth, in the user's units; NaN if unknown.
 
-    is_interpolated: the run is force controlled. Its depths result from the solution and differ
-    slightly from those of the reference, so that power laws interpolate between the points.
-    is_measured: the points are a measured curve, which is interpolated linearly.
+    Attributes
+    ----------
+    is_interpolated
+        True if the compared run is force controlled. Its depths are results and differ slightly
+        from those of the reference, so that power laws interpolate between the points.
+    is_measured
+        True if the points are a measured curve, which is interpolated linearly.
     """
 
     delta: np.ndarray
@@ -80,7 +84,7 @@ def _interpolate_power_law(x: float, known_x: np.ndarray, values: np.ndarray) ->
 class ReferenceSolution:
     """Reference of each case of a study.
 
-    name: the reference in words; notes: what a reader of the comparison should know.
+    `notes` are remarks for readers of the comparison.
     """
 
     def __init__(self, study: StudyFile, cases: Sequence[Case]):
@@ -105,7 +109,7 @@ class ReferenceSolution:
             if any(case.planned_run.has_prescribed_forces for case in cases):
                 raise _config_error(
                     location,
-                    "one force is no reference for runs with prescribed forces",
+                    "a single force cannot be the reference for runs with prescribed forces",
                     "give theory, finest or a result",
                 )
         elif not isinstance(self._compare_to, str):
@@ -143,7 +147,7 @@ class ReferenceSolution:
 
     @property
     def name(self) -> str:
-        """The reference in words."""
+        """Name of the reference for texts."""
         if isinstance(self._compare_to, float):
             return f"{self._compare_to:g}"
         if len(self._finest_cases) == 1:
@@ -158,7 +162,7 @@ class ReferenceSolution:
     def reference_name(self, case: Case) -> str | None:
         """Return the reference of a case: id of a run, "theory", a force, or the name of a result.
 
-        None if the case is compared with nothing.
+        The result is None if the case has no reference.
         """
         if self._compare_to == "finest":
             finest_case = self._finest_cases.get(case.problem_key)
@@ -197,8 +201,8 @@ class ReferenceSolution:
         }
         if cases_by_problem and not self._finest_cases and not self._has_named_cases:
             note = (
-                "every run solves another problem, so that no run is compared with another; "
-                "curves.csv and curves.png have the curves"
+                "all runs solve different problems and are not compared; curves.csv and curves.png "
+                "contain their curves"
             )
             self.notes = (note,)
         if len(self._finest_cases) == 1:
@@ -245,7 +249,7 @@ def _adapt_to_case(case: Case, curve: ReferenceCurve) -> ReferenceCurve:
 
 
 def theory_curve(case: Case) -> ReferenceCurve | None:
-    """Return theory at the depths of a case; None if no theory applies.
+    """Return the curve of the theory at the depths of a case; None if no theory applies.
 
     At most 200 depths are evaluated. If forces are prescribed, the depths cover a range
     around the predicted ones.
@@ -290,7 +294,7 @@ def _read_result(path: Path, cases: Sequence[Case]) -> Results:
     Raises
     ------
     UsageError
-        The result is in other units.
+        If the result is in other units.
     """
     results = reader.read(path)
     if not cases:
@@ -339,7 +343,7 @@ def _peak_pressure(solution: Any) -> float:
 
 
 def _resolution_order(case: Case, results_by_id: Mapping[str, Results]) -> tuple[Any, ...]:
-    """Return a sort key from coarse to fine; among equal meshes the least penetration is last."""
+    """Return a sort key from coarse to fine, then from large to small penetration."""
     scene = case.planned_run.scene
     results = results_by_id[case.id]
     dofs = results.report.get("dofs", 0) if scene.is_meshed else math.inf

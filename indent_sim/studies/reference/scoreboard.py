@@ -1,7 +1,7 @@
-"""Scoreboard of published values: published, exact and computed values, and which are wrong.
+"""Scoreboard: published, exact and computed values, and which of them are wrong.
 
-A row per case with a published value. The exact value comes from a second method: the theory of the
-same body for a finite-element run, the run of another case, or a number with its derivation.
+It has a row per case with a published value. The exact value comes from a second method: the theory
+of the same body for a finite-element run, the run of another case, or a number with its derivation.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ Row = dict[str, Any]
 class VerifiedValue:
     """Number in the user's units with its error estimate.
 
-    error: half width of the error bar, None if unknown; method: how the number was found.
+    `error` is the half-width of the error bar, or None; `method` is the method of the solution.
     """
 
     number: float
@@ -93,8 +93,8 @@ def rows(
 ) -> list[Row]:
     """Return the scoreboard: one row per case with a published value, in the order of the file.
 
-    difference and ours_difference are in per cent of the exact value; `wrong` is nobody, published,
-    ours, both or unknown. Unknown cells are None.
+    The columns `difference` and `ours_difference` are in per cent of the exact value; `wrong` is
+    nobody, published, ours, both or unknown. Unknown cells are None.
     """
     case_results = {
         str(case.values.get(CASE_COLUMN)): (case, results_by_id.get(case.id)) for case in cases
@@ -107,7 +107,7 @@ def rows(
 
 
 def read_row(row: Mapping[str, str]) -> Row:
-    """Return a row from the cells of verification.csv; KeyError or ValueError if it is invalid."""
+    """Return a row from verification.csv; raise KeyError or ValueError if it is invalid."""
     cells = {name: row[name] for name in SCOREBOARD_COLUMNS}
     return {name: _parse_cell(name, text) for name, text in cells.items()}
 
@@ -120,21 +120,24 @@ def _parse_cell(name: str, text: str) -> str | float | None:
 
 
 def read(text: str) -> list[Row]:
-    """Return the scoreboard from verification.csv; KeyError or ValueError if it is invalid."""
+    """Return the scoreboard from verification.csv; raise KeyError or ValueError if invalid."""
     return [read_row(row) for row in csv.DictReader(io.StringIO(text))]
 
 
 def verdict_text(row: Row) -> str:
-    """Return who is wrong and by how much, in per cent of the exact value."""
+    """Return a text on which values are wrong, with differences in per cent of the exact value."""
     if row["wrong"] == UNKNOWN:
         return "no exact value known" if row["ours"] is not None else "the run failed"
     parts = []
     if row["wrong"] in (PUBLISHED, BOTH):
-        parts.append(f"published by {row['difference']:+.2g} %, claims {100 * row['within']:.2g} %")
+        parts.append(
+            f"published value: off by {row['difference']:+.2g} %, "
+            f"claimed accuracy {100 * row['within']:.2g} %"
+        )
     if row["wrong"] in (OURS, BOTH):
-        parts.append(f"ours by {row['ours_difference']:+.2g} %")
+        parts.append(f"computed value: off by {row['ours_difference']:+.2g} %")
     if row["within"] is None:
-        parts.append(f"published is {row['difference']:+.2g} % off, claims no accuracy")
+        parts.append(f"published value: off by {row['difference']:+.2g} %, no accuracy claimed")
     return "; ".join(parts) or NOBODY
 
 
@@ -174,7 +177,7 @@ def _scoreboard_row(
 def _wrong_side(
     published: PublishedValue, exact: VerifiedValue | None, computed: VerifiedValue | None
 ) -> str:
-    """Return who is wrong: the source beyond the error it claims, we beyond our error bar."""
+    """Return which values are outside their claimed error or error bar."""
     if exact is None:
         return UNKNOWN
     # Relative rounding error of an exact value.
@@ -246,8 +249,8 @@ def _row_index(published: PublishedValue, results: Results) -> int | None:
 def _pull_off(results: Results) -> VerifiedValue | None:
     """Return the pull-off force under force control, < 0.
 
-    In the JKR limit it is that of the elastic curve. With a cohesive law it is the one found
-    between rows, or the force of the row with the largest tension.
+    In the JKR limit it is the pull-off force of the elastic curve. With a cohesive law it is the
+    result of the search between rows, or the largest tensile force of a row.
     """
     experiment, adhesion = (results.report.get(name) or {} for name in ("experiment", "adhesion"))
     jkr_pull_off = ((experiment.get("adhesion") or {}).get(PULL_OFF) or {}).get("force_control")
@@ -266,9 +269,9 @@ def _pull_off(results: Results) -> VerifiedValue | None:
 def _pull_off_error(force: float, step: int | None, results: Results) -> float | None:
     """Return the discretisation error of a pull-off force; None without error estimates.
 
-    With a cohesive law it is the relative force error of the row with the largest tension (step),
-    in the JKR limit (step None) the largest relative force error of the elastic curve, times the
-    force.
+    With a cohesive law it is the force multiplied by the relative error of the row with the largest
+    tension (`step`). In the JKR limit (`step` is None) it is the force multiplied by the largest
+    relative error of the elastic curve.
     """
     if "force_error" not in results.table or not len(results):
         return None
@@ -288,7 +291,7 @@ def _pull_off_error(force: float, step: int | None, results: Results) -> float |
 def _theory_value(
     published: PublishedValue, case: Case | None, results: Results | None
 ) -> VerifiedValue | None:
-    """Return the exact theory of the same body for a row of a finite-element run, else None."""
+    """Return the value of an exact theory of the same body for a row of a mesh run, or None."""
     if (
         case is None
         or results is None

@@ -158,7 +158,7 @@ HYPERELASTIC = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
             "needs an elastic curve",
         ),
         ({"history": [[0, 0], [1, 2.0]]}, {}, "loading", "beyond the body's thickness"),
-        ({"adhesion": {"work": 1e15}}, {}, "experiment.adhesion", "wider than the theory"),
+        ({"adhesion": {"work": 1e15}}, {}, "experiment.adhesion", "beyond the range of the theory"),
         (
             {"adhesion": {"work": 1e-12}},
             {"solver": {"method": "condensed"}},

@@ -192,7 +192,12 @@ MALFORMED = [
     # types
     (edited("R: 1.0", "R: '1.0'"), 14, "indenter.R", "must be a number > 0, got '1.0'"),
     (edited("R: 1.0", "R: 1.0 mmm"), 14, "indenter.R", "there is no unit 'mmm'; did you mean mm?"),
-    (edited("R: 1.0", "R: 1,5"), 14, "indenter.R", "a comma is no decimal point: '1,5'; write 1.5"),
+    (
+        edited("R: 1.0", "R: 1,5"),
+        14,
+        "indenter.R",
+        "a comma is not a decimal point: '1,5'; write 1.5",
+    ),
     (edited("R: 1.0", "R: true"), 14, "indenter.R", "must be a number > 0, got true"),
     (edited("R: 1.0", "R:"), 14, "indenter.R", "must be a number > 0, got nothing"),
     (edited("R: 1.0", "R: [1.0]"), 14, "indenter.R", "must be a number > 0, got [1.0]"),

@@ -99,8 +99,8 @@ def test_mixed_units_give_the_digits_of_one_system(seed):
 @pytest.mark.parametrize(
     ("override", "key", "problem", "remedy"),
     [
-        ("material.E=1,0", "material.E", "a comma is no decimal point", "write 1.0"),
-        ("material.E='1,5 kPa'", "material.E", "a comma is no decimal point", "write 1.5 kPa"),
+        ("material.E=1,0", "material.E", "a comma is not a decimal point", "write 1.0"),
+        ("material.E='1,5 kPa'", "material.E", "a comma is not a decimal point", "write 1.5 kPa"),
         ("material.E=1 kpa", "material.E", "no unit 'kpa'", "did you mean kPa?"),
         ("material.E=1 um", "material.E", "a length, not a pressure", "for example 1 kPa"),
         ("material.E=1 N", "material.E", "a force, not a pressure", "for example 1 kPa"),
@@ -112,7 +112,7 @@ def test_mixed_units_give_the_digits_of_one_system(seed):
         ("body.height=10 um^2", "body.height", "length^2, not a length", "for example 2.5 um"),
         ("body.height=10 um*um", "body.height", "length^2, not a length", "for example 2.5 um"),
         ("body.height=10 deg", "body.height", "an angle, not a length", "for example 2.5 um"),
-        ("indenter.half_angle=70 um", "indenter.half_angle", "is no angle", "70 deg"),
+        ("indenter.half_angle=70 um", "indenter.half_angle", "is not an angle", "70 deg"),
         ("loading={force: 3 Pa}", "loading.force", "a pressure, not a force", "for example 3 nN"),
         (
             "loading={deltas: [0.1, 2 s]}",

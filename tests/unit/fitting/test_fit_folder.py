@@ -103,7 +103,7 @@ def test_a_folder_goes_on_with_what_is_new_or_changed(curves, tmp_path):
 
 def test_another_scene_or_a_foreign_folder_is_refused(curves, tmp_path):
     fitted([curves / "c0.csv"], tmp_path / "fit")
-    with pytest.raises(UsageError, match="holds the fit of another scene"):
+    with pytest.raises(UsageError, match="contains the fit of another scene"):
         fitted([curves / "c0.csv"], tmp_path / "fit", replace(REQUEST, curve_part="all"))
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.txt").write_text("years")

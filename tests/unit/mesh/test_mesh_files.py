@@ -528,7 +528,7 @@ def test_a_malformed_mesh_has_its_message(
         ),
         ("mesh.h_contact=0.1", "mesh.h_contact", "is for bodies that the program meshes"),
         ("mesh.symmetry=full", "mesh.symmetry", "is for bodies that the program meshes"),
-        ("body.hash=0123456789abcdef", "body.hash", "'part.msh' holds another mesh"),
+        ("body.hash=0123456789abcdef", "body.hash", "'part.msh' is not the mesh of this scene"),
         ("body.file=other.msh", "body.file", "cannot read the mesh 'other.msh': No such file"),
         (
             "body.file=scene.yaml",

@@ -93,7 +93,7 @@ def test_a_threshold_is_the_root_of_the_change(tolerance: float, x: str) -> None
     """
     found = of(1.0, tolerance=tolerance)
     assert found.needs == f"above {100 * tolerance:g} % from spring.x = {x}"
-    last = float(found.source.removeprefix("in parallel, tried as far as "))
+    last = float(found.source.removeprefix("in parallel, tried up to "))
     assert 0.5**0.5 < last < 1.5**2 * 0.5**0.5
 
 
@@ -117,7 +117,7 @@ def test_a_parameter_stops_where_nothing_is_solved() -> None:
     found = of(1.0, (Threshold("in parallel", "x", ratio, initial=lambda v: 0.003),))
     assert found.needs == "x: below 1 % at all values that were tried"
     assert found.source.endswith("; beyond that not solved: too stiff")
-    last = float(found.source.split("as far as ")[1].split(";")[0])
+    last = float(found.source.split("tried up to ")[1].split(";")[0])
     assert 0.05 / 1.1 < last <= 0.05  # steps shrink to factors of less than 1.1
 
 

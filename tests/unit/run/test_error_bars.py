@@ -379,7 +379,9 @@ def test_films_are_counted_once() -> None:
 
     film: Any = SimpleNamespace(force_error=film_error)
     base = with_theory(scene(**DRAINING), None)
-    bars = ErrorBars(base, CoarserRun(REFINEMENT_RATIO, states(-lost[REFINEMENT_RATIO])), film=film)
+    bars = ErrorBars(
+        base, CoarserRun(REFINEMENT_RATIO, states(-lost[REFINEMENT_RATIO])), film_error=film
+    )
     alike = ErrorBars(base, CoarserRun(REFINEMENT_RATIO, states(-lost[1.0])))
     for state in states(-lost[1.0]):
         bars.add_error_estimate(state)
@@ -392,7 +394,9 @@ def test_films_are_counted_once() -> None:
 def test_a_bath_that_comes_in_twice_the_time_says_what_its_ramp_costs() -> None:
     """A bath ramp of twice the time changes the force by the error of the ramp, of first order."""
     base = with_theory(scene(**DRAINING), None)
-    bars = ErrorBars(base, CoarserRun(REFINEMENT_RATIO, states(0.0)), bath=states(-0.02))
+    bars = ErrorBars(
+        base, CoarserRun(REFINEMENT_RATIO, states(0.0)), slow_bath_states=states(-0.02)
+    )
     for state in states(0.0):
         bars.add_error_estimate(state)
         assert bars.budgets[-1].bath == pytest.approx(
@@ -468,7 +472,7 @@ def test_sizes_that_do_not_fit_the_scene(mesh: dict[str, float], key: str) -> No
 
 @pytest.mark.parametrize(
     ("paths", "said"),
-    [((0.02, 0.05), "single step from rest"), ((0.001, 0.05), "more of them may")],
+    [((0.02, 0.05), "single step from rest"), ((0.001, 0.05), "more increments may")],
 )
 def test_more_steps_are_advised_where_they_help(paths: tuple[float, float], said: str) -> None:
     """More increments are advised, except for the error of the first one."""

@@ -20,7 +20,7 @@ def test_an_elastic_path_that_ends_in_contact_has_no_loop() -> None:
     """An elastic path that ends in contact has no loop: the work is stored."""
     loop = hysteresis_loop(path((1, 1), (2, 2), (3, 3), (2, 2), (1.5, 1.5)))
     assert loop is not None and loop.end_depth == 1.5
-    assert loop.area == pytest.approx(0, abs=1e-12) and loop.way_in == pytest.approx(4.5)
+    assert loop.area == pytest.approx(0, abs=1e-12) and loop.loading_work == pytest.approx(4.5)
 
 
 def test_the_loop_of_a_path_that_ends_in_contact_is_that_beyond_its_end() -> None:

@@ -62,7 +62,7 @@ def test_epsilon_t_without_friction_is_refused() -> None:
 
 
 def test_a_body_that_may_slide_away_is_refused() -> None:
-    with pytest.raises(ConfigError, match="no support holds it there") as refusal:
+    with pytest.raises(ConfigError, match="no support prevents sliding") as refusal:
         scene(
             {"friction": 0.3},
             body=STRIP,

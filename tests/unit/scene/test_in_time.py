@@ -78,8 +78,8 @@ def test_the_elastic_body_that_is_near(share: float, word: str) -> None:
     found = of(history=[[0, 0], [share * contact, DEPTH]])
     assert f"{share:.2g} of a^2/D: {word}" in found.words
     assert (
-        found.about is not None
-        and found.limits["drained"] <= found.about <= found.limits["undrained"]
+        found.expected is not None
+        and found.limits["drained"] <= found.expected <= found.limits["undrained"]
     )
 
 
@@ -97,7 +97,7 @@ def test_a_hold_drains() -> None:
 
 def test_surfaces_that_nobody_tabled_have_no_estimate() -> None:
     found = of(drainage={"surface": "sealed", "sides": "drained"})
-    assert found.about is None and "`require`" in found.words
+    assert found.expected is None and "`require`" in found.words
 
 
 def test_times_of_a_body_that_relaxes() -> None:

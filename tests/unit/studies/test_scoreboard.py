@@ -1,4 +1,4 @@
-"""Published values in a study: the keys of its file, and who is wrong; nothing is solved."""
+"""Published values in a study: the keys of its file, and wrong value; nothing is solved."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def found(force: float, error: float = 1e-6) -> dict[str, list[float]]:
 def test_who_is_wrong_is_judged_by_theory_of_the_same_body(
     published: float, ours: float, wrong: str, tmp_path: Path
 ) -> None:
-    """Theory of the same body decides who is wrong, by the stated errors of both.
+    """Theory of the same body decides wrong value, by the stated errors of both.
 
     The source claims 1e-4, and the run's error bar is 1e-6.
     """
@@ -109,7 +109,7 @@ def test_a_source_that_claims_no_accuracy_is_not_judged(tmp_path: Path) -> None:
     (row,) = board(
         study(tmp_path, "{quantity: force, value: 2.0e-3, claims: fit, source: x}"), **found(HERTZ)
     )
-    assert row["wrong"] == "nobody" and "claims no accuracy" in scoreboard.verdict_text(row)
+    assert row["wrong"] == "nobody" and "no accuracy claimed" in scoreboard.verdict_text(row)
 
 
 def test_a_number_may_be_the_exact_one(tmp_path: Path) -> None:
@@ -141,7 +141,7 @@ def test_rows_are_read_back_as_they_were(tmp_path: Path) -> None:
         (
             PUBLISHED.replace("exact", "true"),
             "",
-            r":9: cases\[0\].published.claims: is none of exact, fit, elements",
+            r":9: cases\[0\].published.claims: must be exact, fit or elements",
         ),
         (
             PUBLISHED.replace("1.0e-4", "2"),
