@@ -185,7 +185,7 @@ def run(
 @click.option(
     "--overwrite",
     is_flag=True,
-    help="Replace finished runs in the folder that STUDY does not contain.",
+    help="Also replace finished runs in the folder that do not belong to STUDY.",
 )
 @click.option(
     "--shard",

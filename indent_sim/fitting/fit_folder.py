@@ -156,7 +156,7 @@ def fit_curves(
 
 
 class _Writer:
-    """Writer of a fit, which updates the files with the entries every few seconds."""
+    """Writer of fit.json and fit.csv, which are updated every few seconds with all entries."""
 
     def __init__(self, directory: Path, request: FitRequest, earlier_entries: list[Entry]):
         self.directory = directory

@@ -82,7 +82,7 @@ class MeshFile:
         listed_names = _quote(", ".join(names[:max_names])) + (
             " and more" if len(names) > max_names else ""
         )
-        return f"the file has {listed_names}" if names else "the file has no names"
+        return f"the file has {listed_names}" if names else "the file has no named groups"
 
 
 @dataclass(frozen=True)

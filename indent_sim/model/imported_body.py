@@ -39,9 +39,9 @@ class MeshFromFile:
     r = 0. The tip's axis is at x = 0, y = 0 of the file unless `indenter.center` is given. Faces in
     none of `surfaces` are free; a surface without a name is recognized by its orientation, or the
     file is rejected. `regions` gives the material of each named region; other cells have the
-    material of the scene. sides "auto" means free, but an error asks for the support if a face lies
-    in a plane through the tip's axis, which may be a mirror plane (roller) of half a body or a free
-    end of a whole body.
+    material of the scene. sides "auto" means free. The support of a face in a plane through the
+    tip's axis must be given, since the face may be a mirror plane of half a body (roller) or a free
+    face of a whole body.
     """
 
     file: str

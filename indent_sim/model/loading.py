@@ -65,7 +65,7 @@ class Loading:
 
     @property
     def prescribed_history(self) -> History | None:
-        """Prescribed history; None for a loading without time."""
+        """Prescribed history; None for a time-independent loading."""
         points = self.history or self.force_history
         times = () if isinstance(self.times, str) else self.times
         if not points:
@@ -74,7 +74,7 @@ class Loading:
         return History(control, points, times)  # type: ignore[arg-type]
 
     def path(self) -> LoadPath:
-        """Return the load path of a loading without time."""
+        """Return the load path of a time-independent loading."""
         (key,) = self.given_path_keys
         prescribed = getattr(self, key)
         values = (

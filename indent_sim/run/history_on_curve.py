@@ -235,7 +235,7 @@ class _HistoryEvaluation:
             raise ValueError(f"the depth {failed_depth:g} was not reached: {equilibrium.failure}")
 
     def _curve_from_equilibria(self, top: float) -> ElasticCurve:
-        """Compute samples of the elastic curve by equilibria on the mesh."""
+        """Return the elastic curve through equilibria on the mesh at depths up to `top`."""
         samples: list[tuple[float, float, float]] = []
         # Least number of elements in the contact of a sample.
         min_elements = 2.0

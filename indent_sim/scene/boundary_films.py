@@ -29,7 +29,7 @@ import numpy as np
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.drainage import Conductance
 from indent_sim.scene.depth_limits import RIM_TOLERANCE
-from indent_sim.scene.elastic_limit_laws import undrained_law
+from indent_sim.scene.limiting_elastic_laws import undrained_law
 from indent_sim.scene.path_rows import PathRow, path_rows
 from indent_sim.scene.problem_definition import ProblemDefinition, is_undrained_incompressible
 from indent_sim.scene.problem_setup import ProblemSetup

@@ -118,7 +118,7 @@ def _memory_and_seconds(
 
 
 def _iterative_cost(work: SolverWork, dofs: float) -> tuple[float, float]:
-    """Return the cost of assembly and Krylov iterations in every iteration of Newton's method."""
+    """Return memory [bytes] and time [s] of all Newton iterations with a Krylov solver."""
     # The contact edge crosses more elements per step on a finer mesh.
     newton = 4.0 * (work.steps + 1) * max(1.0, dofs / 2e4) ** 0.13
     seconds_per_dof = (8e-6 if work.is_nonlinear else 8e-7) + KRYLOV_ITERATIONS * KRYLOV_SECONDS
@@ -126,7 +126,7 @@ def _iterative_cost(work: SolverWork, dofs: float) -> tuple[float, float]:
 
 
 def _newton_cost(dim: int, work: SolverWork, dofs: float) -> tuple[float, float]:
-    """Return the cost of assembly and factorisation in every iteration of Newton's method."""
+    """Return memory [bytes] and time [s] of all Newton iterations, each with a factorisation."""
     # Linear solves of a step in which the tip stands still.
     hold_solves = 1.2
     # While the tip stands still no contact is new, and most steps use the last factorisation.

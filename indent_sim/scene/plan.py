@@ -38,7 +38,7 @@ class Plan:
     jkr : Jkr or None
         The nondimensional JKR contact of the same tip.
     time : TimePrediction or None
-        Characteristic times and elastic limits of a scene with a history.
+        Characteristic times and elastic limiting cases of a scene with a history.
     """
 
     title: str

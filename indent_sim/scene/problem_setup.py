@@ -32,12 +32,12 @@ from indent_sim.scene.depth_limits import (
     path_to_max_depth,
 )
 from indent_sim.scene.domain_truncation import Truncation, expected_depth, truncate
-from indent_sim.scene.elastic_limit_laws import relaxed_law, undrained_law
 from indent_sim.scene.imported_body import (
     imported_model_domain,
     position_imported_mesh,
     read_mesh_file,
 )
+from indent_sim.scene.limiting_elastic_laws import relaxed_law, undrained_law
 from indent_sim.scene.prescribed_history import (
     needs_time_stepping,
     remaining_modulus_fraction,

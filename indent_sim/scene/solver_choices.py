@@ -259,11 +259,11 @@ def config_obstacle(config: Config) -> str:
         (not all(material.is_small_strain for material in materials), "the material is not linear"),
         (
             any(material.flow for _, material in config.materials()),
-            "theory has no pore fluid",
+            "the theory does not include pore fluid",
         ),
         (
             any(material.has_shear_relaxation for _, material in config.materials()),
-            "theory has no relaxation of the shear modulus alone",
+            "the theory does not include relaxation of the shear modulus alone",
         ),
         (bool(config.body.inclusions), NO_INCLUSIONS),
         (

@@ -1,4 +1,4 @@
-"""Prediction of diffusion times, relaxation times and elastic limits of a scene with a history."""
+"""Diffusion times, relaxation times and elastic limiting cases of a scene with a history."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from indent_sim.model.materials import Material
 from indent_sim.scene.diffusion_times import DiffusionTimes
-from indent_sim.scene.elastic_limit_laws import relaxed_law, undrained_law
+from indent_sim.scene.limiting_elastic_laws import relaxed_law, undrained_law
 from indent_sim.scene.no_slip_effect import profile_exponent
 from indent_sim.scene.prescribed_history import remaining_modulus_fraction
 from indent_sim.scene.problem_definition import ProblemDefinition, largest_diffusivity
@@ -43,13 +43,13 @@ class TimePrediction:
     stages : int or None
         Number of equilibria of a run without cutbacks; None on the elastic load curve.
     limits : dict of str to float or None
-        Largest force, or depth at the largest prescribed force, in the elastic limits `undrained`
-        and `drained`, or `unrelaxed` and `relaxed`; None without a theory.
+        Largest force, or depth at the largest prescribed force, in the elastic limiting cases
+        `undrained` and `drained`, or `unrelaxed` and `relaxed`; None without a theory.
     expected : float or None
         Expected value of the same quantity, between the two limits.
     words : str
-        Sentence that names the nearest elastic limit at the end of loading and of the history;
-        empty without limits.
+        Sentence that names the nearest elastic limiting case at the end of loading and of the
+        history; empty without limits.
     """
 
     way: str
@@ -68,7 +68,7 @@ class TimePrediction:
         return {name: value for name, value in vars(self).items() if name != "expected"}
 
     def prediction(self, quantity: str) -> dict[str, float]:
-        """Return the expected value and the elastic limits of a quantity, "force" or "delta"."""
+        """Return the expected value of "force" or "delta" and its values in the limiting cases."""
         limit_values = {
             f"{quantity}_{name}": value for name, value in self.limits.items() if value is not None
         }
@@ -168,7 +168,7 @@ def _relaxation_times(setup: ProblemSetup, physics: ProblemDefinition) -> list[f
 
 @dataclass(frozen=True)
 class _LimitTransition:
-    """Transition of a body from its first elastic limit to its last one.
+    """Transition of a body from its first elastic limiting case to its last one.
 
     Attributes
     ----------
@@ -203,7 +203,7 @@ class _LimitTransition:
         return last + self.remaining_fraction * (first - last)  # type: ignore[operator]
 
     def description(self, times: Mapping[str, float]) -> str:
-        """Return text on the nearest elastic limit at the end of loading and of the history."""
+        """Return text on the nearest limiting case at the end of loading and of the history."""
         (name, time_text) = self.slowest_time
         t = times["way_in"]
         time_ratio_text = f", {t / times[name]:.2g} of {time_text}" if times.get(name) else ""
@@ -214,12 +214,12 @@ class _LimitTransition:
         return text
 
     def _nearest_limit_text(self, remaining_fraction: float | None) -> str:
-        """Return the nearest elastic limit as text, or the differences to both limits."""
+        """Return as text the nearest limiting case, or how far the force is from both cases."""
         if remaining_fraction is None:
-            return "`require` computes which elastic limit is near"
+            return "`require` computes which elastic limiting case is near"
         percent_below = 100 * (1 - 1 / self.force_ratio) * (1 - remaining_fraction)
         percent_above = 100 * (self.force_ratio - 1) * remaining_fraction
-        # Difference from an elastic limit up to which a body counts as being at this limit [%].
+        # Difference up to which a body counts as being in a limiting case [%].
         near_limit_percent = 2.0
         if min(percent_below, percent_above) > near_limit_percent:
             limits_text = (
@@ -347,7 +347,7 @@ def _ramp_fraction(x: float) -> float:
 
 
 def _limit_value(setup: ProblemSetup, law: Callable[[Material], Material]) -> float | None:
-    """Return the largest force, or the depth at the largest prescribed force, in an elastic limit.
+    """Return the largest force, or the depth at the largest force, in a limiting case.
 
     The value is in the user's units; it is None if no theory exists. The function `law` maps a
     material to its elastic law in this limit.

@@ -331,7 +331,7 @@ class _StudyReader:
         """Return one of the cases."""
         if not isinstance(raw_case, dict):
             raise self.config_error(
-                case_keys, "must be a section of keys", f"it has {', '.join(CASE_KEYS)}"
+                case_keys, "must be a section of keys", f"its keys are {', '.join(CASE_KEYS)}"
             )
         if unknown := [key for key in raw_case if key not in CASE_KEYS]:
             match = closest_match(unknown[0], CASE_KEYS)

@@ -1,4 +1,4 @@
-"""Poroelastic bodies against exact solutions, elastic limits and the balance of the fluid.
+"""Poroelastic bodies against exact solutions, elastic limiting cases and the balance of the fluid.
 
 Every increment is solved and accepted here, one after another; load stepping takes part only in the
 last section.
@@ -645,7 +645,7 @@ def sticky(h: float = 0.025, **sections: Any) -> Scene:
 
 
 def test_a_tip_that_adheres_comes_off_a_body_that_drains() -> None:
-    """An adhesive tip on a draining body has the elastic limits, and the elastic pull-off.
+    """An adhesive tip on a draining body has the elastic limiting cases, and the elastic pull-off.
 
     At first it is the incompressible body to 1e-3, since the pore pressure is linear in an element.
     Pulled off over a hundred times of drainage, the force is that of the elastic body on the same

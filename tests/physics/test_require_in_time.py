@@ -20,7 +20,7 @@ from indent_sim.run.model_selection.effect_table import EFFECTS
 from indent_sim.run.model_selection.effects import Effect, find_effect
 from indent_sim.run.model_selection.recommended_model import require
 from indent_sim.run.model_selection.scene_variants import SceneVariants
-from indent_sim.run.model_selection.time_dependence import TransientVariants, elastic_limit_changes
+from indent_sim.run.model_selection.time_dependence import TransientVariants, limiting_case_changes
 from indent_sim.run.pipeline import simulate, states
 from indent_sim.scene.scene import resolve
 
@@ -194,7 +194,7 @@ def test_the_elastic_body_within_the_tolerance_is_recommended(
         - 1
     )
     name = "undrained" if nu == 0.5 else "drained"
-    change = elastic_limit_changes(found.effects[-1])[name]
+    change = limiting_case_changes(found.effects[-1])[name]
     assert change is not None and 100 * off == pytest.approx(
         100 * (100 / (100 + change) - 1), abs=0.4
     )

@@ -32,7 +32,8 @@ def contact_area(
     X : ndarray, (facets, points, dim - 1)
         Undeformed horizontal positions of the lattice points of the facets [length].
     positions : ndarray, (facets, points, dim - 1)
-        Horizontal positions at which the area is measured [length].
+        Horizontal positions of these points in the configuration in which the area is measured
+        [length]: X, or X + u if the gap is `current`.
     trial_pressure : ndarray, (facets, points)
         Trial pressure p_hat [pressure].
 

@@ -311,7 +311,10 @@ def _depth_exponent(depths: np.ndarray, forces: np.ndarray) -> float:
 
 
 def _punch_coefficients(planned_run: PlannedRun, max_depth: float) -> tuple[np.ndarray, float]:
-    """Return the coefficients of ln delta_1, ln F_1, ln K, ln K' over ln a, and the largest a."""
+    """Return Chebyshev coefficients of flat punches of radius a, and the largest radius.
+
+    They are those of the logarithms of depth, force, stiffness K and dK/da as functions of ln a.
+    """
     radius_fractions, columns, max_radius = flat_punches(
         planned_run, max_depth, MIN_RADIUS_FRACTION
     )

@@ -51,7 +51,7 @@ RelaxationOperator = Callable[[np.ndarray], Callable[[np.ndarray], np.ndarray]]
 
 @dataclass(frozen=True)
 class ExperimentSettings:
-    """Experiment at given parameter values.
+    """Parameter values, sorted by their role in the forward model.
 
     Attributes
     ----------
@@ -59,8 +59,15 @@ class ExperimentSettings:
         Factor of the force.
     shape_coordinates
         Transformed values (theta) of the shape parameters.
+    adhesion_work
+        Work of adhesion [force/length].
+    compliance
+        Compliance of cantilever and frame [length/force].
+    relaxation
+        Relaxation of the force; None if the material does not relax.
     extra_exponent
-        Exponent of an additional power of the depth.
+        Exponent n of the factor (depth/reference depth)^n of the force, which is not 0 in the
+        alternative model of another tip only.
     """
 
     scale: float

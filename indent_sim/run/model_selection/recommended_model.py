@@ -25,7 +25,7 @@ from indent_sim.run.model_selection import variants
 from indent_sim.run.model_selection.effect_table import EFFECTS
 from indent_sim.run.model_selection.effects import Effect, find_effect
 from indent_sim.run.model_selection.scene_variants import SceneVariants
-from indent_sim.run.model_selection.time_dependence import TransientVariants, elastic_limit_changes
+from indent_sim.run.model_selection.time_dependence import TransientVariants, limiting_case_changes
 from indent_sim.run.model_selection.variants import Document, replace_sections
 from indent_sim.scene.regions import remove_unused_material
 from indent_sim.scene.scene import resolve
@@ -133,8 +133,8 @@ def _elastic_effects(v: SceneVariants, names: tuple[str, ...]) -> dict[str, Effe
 def _transient_requirements(v: TransientVariants) -> Requirements:
     """Return the requirements of a scene whose body drains, swells or relaxes in shear.
 
-    Effects that do not concern time are those on the nearest elastic limits. If no elastic model is
-    within the tolerance, the scene itself is recommended.
+    Effects that do not concern time are those on the nearest elastic limiting cases. If no elastic
+    model is within the tolerance, the scene itself is recommended.
     """
     limit_effects = _limit_effects(v)
     ordered = dict.fromkeys(EFFECTS) | limit_effects | v.time_effects
@@ -165,7 +165,7 @@ def _transient_requirements(v: TransientVariants) -> Requirements:
 
 
 def _limit_effects(v: TransientVariants) -> dict[str, Effect]:
-    """Return the effects on the nearest elastic limits at the depth of the largest force."""
+    """Return the effects on the nearest limiting cases at the depth of the largest force."""
     names = tuple(name for name in EFFECTS if name not in v.time_effects)
     if v.has_bath:
         source = f"not solved: {BATH_TEXT}"
@@ -180,19 +180,19 @@ def _limit_effects(v: TransientVariants) -> dict[str, Effect]:
 
 
 def _limit_sentence(v: TransientVariants) -> str:
-    """Return a sentence on the deviations of the elastic limits from the scene."""
+    """Return a sentence on the deviations of the elastic limiting cases from the scene."""
     if v.has_bath:
         return f"{BATH_TEXT[0].upper()}{BATH_TEXT[1:]}."
     deviations = [
         f"the {name} body {_limit_deviation_text(change)}"
         for effect in v.time_effects.values()
-        for name, change in elastic_limit_changes(effect).items()
+        for name, change in limiting_case_changes(effect).items()
     ]
     return f"Elastic bodies deviate from the force of the scene: {', '.join(deviations)}."
 
 
 def _limit_deviation_text(change: float | None) -> str:
-    """Return the deviation of an elastic limit's force from the scene's, such as "by +5 %"."""
+    """Return as text how far the force of a limiting elastic body is off, such as "by +5 %"."""
     if change is None or change <= -100:
         return "by an unknown amount"
     return f"by {100 * (100 / (100 + change) - 1):+.2g} %"

@@ -254,11 +254,11 @@ class SceneVariants:
         return LinearElastic(E=float(f"{E * physics.scales.pressure:.12g}"), nu=nu)
 
     def replace_tip(self, tip: Indenter) -> Config:
-        """Return the plain scene with another tip."""
+        """Return the linear elastic scene without inclusions (`plain_scene`) with another tip."""
         return replace_sections(self.plain_scene, indenter=tip)
 
     def replace_plain_body(self, **changes: Any) -> Config:
-        """Return the plain scene with changed attributes of its body."""
+        """Return the linear elastic scene (`plain_scene`) with changed attributes of its body."""
         return replace_sections(self.plain_scene, body=replace(self.plain_scene.body, **changes))
 
     def meshed_variant(self, config: Config, **contact: Any) -> Config:

@@ -1,8 +1,8 @@
-"""Effects of drainage and of relaxation in shear on the force, and their elastic limits.
+"""Effects of drainage and of relaxation in shear on the force, and their elastic limiting cases.
 
-The scene is solved along its history. Its elastic limits are solved at the depth of the row with
-the largest force. All solutions use the same mesh and no friction. The limits of the effect
-`drainage` are the drained and the undrained body, those of `rate` the unrelaxed and the relaxed
+The scene is solved along its history. Its elastic limiting cases are solved at the depth of the
+row with the largest force. All solutions use the same mesh and no friction. The limits of the
+effect `drainage` are the drained and the undrained body, those of `rate` the unrelaxed and the relaxed
 body. An effect is 100 (F/F_first - 1), with the force F of the scene and F_first of the first
 limit.
 """
@@ -33,7 +33,7 @@ from indent_sim.run.model_selection.variants import (
     rounded_law,
     undrained_law,
 )
-from indent_sim.scene.elastic_limit_laws import relaxed_law
+from indent_sim.scene.limiting_elastic_laws import relaxed_law
 from indent_sim.scene.prescribed_history import remaining_modulus_fraction
 from indent_sim.scene.problem_definition import largest_diffusivity
 from indent_sim.scene.scene import Scene, resolve
@@ -68,7 +68,7 @@ class TransientVariants(SceneVariants):
     Attributes
     ----------
     has_bath
-        True if a bath swells or shrinks the body, which then has no elastic limits.
+        True if a bath swells or shrinks the body, which then has no elastic limiting cases.
     """
 
     def __init__(self, config: Config, scene: Scene, tolerance: float = 0.01):
@@ -99,14 +99,14 @@ class TransientVariants(SceneVariants):
 
     @property
     def nearest_limits(self) -> dict[str, Effect]:
-        """Return the elastic limit of each effect whose force is nearest to that of the scene.
+        """Return the limiting case of each effect whose force is nearest to that of the scene.
 
         The keys are the names of the limits, the values the effects that an elastic model in this
         limit neglects.
         """
         limits = {}
         for effect in self.time_effects.values():
-            changes = elastic_limit_changes(effect)
+            changes = limiting_case_changes(effect)
             neglected = [
                 Effect(effect.name, change, change, change, f"the {name} body")
                 for name, change in changes.items()
@@ -236,7 +236,7 @@ class TransientVariants(SceneVariants):
         return largest_row
 
     def _limit_force(self, *limits: str) -> float:
-        """Return the force at the row of the largest force, with the laws of elastic limits.
+        """Return the force at the row of the largest force, with the laws of limiting cases.
 
         A body that still depends on time follows the history up to this row.
         """
@@ -266,7 +266,7 @@ class TransientVariants(SceneVariants):
         return self._rows(scene)[-1].force
 
     def _replace_laws(self, config: Config, limits: tuple[str, ...]) -> Config:
-        """Return a scene with the material laws of elastic limits."""
+        """Return a scene with the material laws of elastic limiting cases."""
         history = self.config.loading.prescribed_history
 
         def relax(law: Material) -> Material:
@@ -326,13 +326,13 @@ def _range_of_limits(force: float, first: float, second: float) -> tuple[float, 
     return low, high, force / first - 1
 
 
-def elastic_limit_changes(effect: Effect) -> dict[str, float | None]:
+def limiting_case_changes(effect: Effect) -> dict[str, float | None]:
     """Return 100 (F/F_limit - 1) for both limits of an effect "drainage" or "rate".
 
     The keys are the names of the limits. F is the force of the scene and F_limit that of the limit;
     a value is None if it is unknown.
     """
-    # First and second elastic limit of each effect.
+    # First and second elastic limiting case of each effect.
     limits = {"drainage": ("drained", "undrained"), "rate": ("unrelaxed", "relaxed")}
     first, second = limits[effect.name]
     second_percent = None

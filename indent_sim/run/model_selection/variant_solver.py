@@ -119,8 +119,8 @@ def _solve_path(scene: Scene) -> list[State]:
     if scene.physics.is_time_dependent:
         if seconds > max_seconds_in_time:
             raise NotConverged(
-                f"the run would take about {seconds:.2g} s; run the scene and its elastic limits "
-                "instead"
+                f"the run would take about {seconds:.2g} s and is skipped; run the scene and its "
+                "elastic limiting cases yourself"
             )
     elif scene.is_meshed and scene.physics.domain.dim == 3 and seconds > max_seconds_3d:
         raise NotConverged(

@@ -19,7 +19,7 @@ from indent_sim.model.linear_elasticity import LinearElastic, TransverselyIsotro
 from indent_sim.model.materials import Material
 from indent_sim.model.spherical_bodies import Ball, Cap
 from indent_sim.model.unbounded_bodies import HalfSpace, InfiniteLayer
-from indent_sim.scene import elastic_limit_laws
+from indent_sim.scene import limiting_elastic_laws
 
 # A scene as nested mappings, as in its file.
 Document = dict[str, Any]
@@ -95,7 +95,7 @@ def drained_law(material: Material) -> Material:
 
 def undrained_law(material: Material) -> Material:
     """Return the undrained elastic law of a poroelastic material; other materials are unchanged."""
-    return elastic_limit_laws.undrained_law(material.canonical()) if material.flow else material
+    return limiting_elastic_laws.undrained_law(material.canonical()) if material.flow else material
 
 
 def rounded_law(material: Material) -> Material:

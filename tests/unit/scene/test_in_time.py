@@ -12,7 +12,7 @@ from indent_sim.model.linear_elasticity import LinearElastic, TransverselyIsotro
 from indent_sim.model.materials import Material
 from indent_sim.model.pore_flow import Flow
 from indent_sim.model.relaxation import Relaxation
-from indent_sim.scene.elastic_limit_laws import relaxed_law, undrained_law
+from indent_sim.scene.limiting_elastic_laws import relaxed_law, undrained_law
 from indent_sim.scene.scene import resolve
 from indent_sim.scene.time_prediction import TimePrediction
 from indent_sim.theory.half_space import E_star, paraboloid_force

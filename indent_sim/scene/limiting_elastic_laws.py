@@ -1,4 +1,4 @@
-"""Elastic limits of time-dependent materials: undrained and drained, unrelaxed and relaxed."""
+"""Limiting elastic laws of time-dependent materials: undrained, drained, unrelaxed, relaxed."""
 
 from __future__ import annotations
 
