@@ -2,9 +2,9 @@
 
 The scene is solved along its history. Its elastic limiting cases are solved at the depth of the
 row with the largest force. All solutions use the same mesh and no friction. The limits of the
-effect `drainage` are the drained and the undrained body, those of `rate` the unrelaxed and the relaxed
-body. An effect is 100 (F/F_first - 1), with the force F of the scene and F_first of the first
-limit.
+effect `drainage` are the drained and the undrained body, those of `rate` the unrelaxed and the
+relaxed body. An effect is 100 (F/F_first - 1), with the force F of the scene and F_first of the
+first limit.
 """
 
 from __future__ import annotations

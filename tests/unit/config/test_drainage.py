@@ -74,7 +74,7 @@ SCENE: dict[str, Any] = {
             "contact.method",
             "nitsche uses the stress of the",
         ),
-        ({"solver": {"method": "theory"}}, "solver.method", "theory has no pore fluid"),
+        ({"solver": {"method": "theory"}}, "solver.method", "theory does not include pore fluid"),
         ({"solver": {"method": "condensed"}}, "solver.method", "inside the body"),
         (
             {"experiment": {"adhesion": {"work": 1e-3}}},

@@ -42,7 +42,11 @@ TWO = [{"thickness": 0.5, "material": SOFT | {"relaxation": ALL}}, {"thickness":
             "contact.adhesion",
             "not verified",
         ),
-        ({"solver": {"method": "theory"}}, "solver.method", "no relaxation of the shear modulus"),
+        (
+            {"solver": {"method": "theory"}},
+            "solver.method",
+            "not include relaxation of the shear modulus",
+        ),
         ({"solver": {"method": "condensed"}}, "solver.method", "bulk modulus does not"),
         (
             {"experiment": {"frequencies": [1.0]}},
