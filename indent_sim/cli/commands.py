@@ -93,7 +93,7 @@ class Program(click.Group):
     def make_context(
         self, info_name: str | None, args: list[str], *rest: Any, **extra: Any
     ) -> click.Context:
-        """Read the options before the command."""
+        """Parse the options of the program; a usage error is text, or JSON with --json."""
         options = args[: args.index("--")] if "--" in args else args
         output_format: OutputFormat = "json" if "--json" in options else "text"
         try:
@@ -948,7 +948,7 @@ def _simulate(
 
 @contextmanager
 def _quiet_libraries(level: int) -> Iterator[None]:
-    """Print the program's messages of at least a level, and warnings of libraries, to stderr."""
+    """Print messages of the program from a level on, and warnings of libraries, to stderr."""
     own_logger = logging.getLogger("indent_sim")
     root_logger = logging.getLogger()
     own_handler = StderrHandler(logging.INFO)

@@ -197,13 +197,13 @@ def _unsupported_inclusion(body: AnyBody, inclusion: Inclusion) -> tuple[str, st
             "set y to 0",
         )
     if isinstance(body, Cap | Ball) and not inclusion.is_axisymmetric_about((0.0, 0.0)):
-        reason = "it is off the axis"
+        reason = "the inclusion is off the axis"
         if isinstance(inclusion, BoxInclusion):
             reason = "a box is not axisymmetric"
         elif isinstance(inclusion, EllipsoidInclusion):
             along_x, along_y, _ = inclusion.semi_axes
             if along_x != along_y:
-                reason = f"its semi-axes {along_x:g} along x and {along_y:g} along y differ"
+                reason = f"the semi-axes {along_x:g} along x and {along_y:g} along y differ"
         remedy = "use a ball, a cylinder or an ellipsoid of equal x and y semi-axes at x = y = 0"
         return f"a {body.shape} is modelled as axisymmetric: {reason}", remedy
     return None

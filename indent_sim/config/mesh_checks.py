@@ -27,7 +27,9 @@ def accuracy_errors(config: SceneSections) -> list[ConfigError]:
     """Return an error for every given element size that `accuracy` would choose."""
     given = _given_mesh_keys(config.mesh, "refinements") if config.accuracy is not None else []
     return [
-        ConfigError(key, "contradicts accuracy, which chooses it", "give one of the two")
+        ConfigError(
+            key, "cannot be combined with accuracy, which determines it", "give one of the two"
+        )
         for key in given
     ]
 

@@ -1,8 +1,8 @@
 """Measured constants of the finite-element solver, with their source.
 
 Each entry gives the unit, the measured quantity and the scenes, and the test that repeats the
-measurement ("Again") or checks a consequence of it ("Checked"). Tolerances and limits that were
-chosen rather than measured are defined where they are used.
+measurement ("Repeated by") or checks a consequence of it ("Checked"). Tolerances and limits that
+were chosen rather than measured are defined where they are used.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 # Quadrature degree [-] in the volume, by dimension. In three dimensions four points per cell are
 # exact for the strain energy of linear bodies. In hyperelastic bodies they change the force by a
 # thirtieth of its discretisation error, and 14 points would cost three times as much. In two
-# dimensions the factors r and u_r/r need a higher degree. Again:
+# dimensions the factors r and u_r/r need a higher degree. Repeated by:
 # tests/physics/test_hyperelastic.py.
 VOLUME_DEGREE = {2: 4, 3: 2}
 
@@ -45,7 +45,7 @@ LARGEST_HOLE = {3: 4, 6: 12}
 # The punch that a mesh represents is larger than the radius of its last vertex, by this part [-] of
 # the element inside the edge: (value at nu = 0, decrease per nu), by formulation. Measured against
 # theory on half-spaces and layers: 0.111 at nu = 0 and 0.092 at 0.3 (displacement), 0.059 at 0.45
-# and 0.050 at 0.5 (mixed), to 0.004 each. Again: tests/physics/test_measured_constants.py.
+# and 0.050 at 0.5 (mixed), to 0.004 each. Repeated by tests/physics/test_measured_constants.py.
 RADIUS_SHIFT = {"displacement": (0.111, 0.063), "mixed": (0.140, 0.180)}
 
 # Longest increment of an adhesive tip, and the longest one in which it may snap in or off, in units
@@ -60,27 +60,27 @@ SNAP_STEP_RANGES = 0.25
 # elements in the cohesive zone or in the contact radius, whichever is smaller, and at most
 # LARGEST_RIPPLE. Measured as the largest deviation from a polynomial of degree 6 over 60 rows
 # around pull-off: factors of 0.002 to 0.02 with 0.7 to 11 elements at Maugis' lambda 0.5 to 2.5.
-# Again: tests/physics/test_pull_off.py.
+# Repeated by tests/physics/test_pull_off.py.
 RIPPLE_FACTOR = 0.02
 LARGEST_RIPPLE = 0.008
 # The search for the pull-off need not be finer than this, relative [-] to the largest pull: with 11
 # elements in the cohesive zone the force is known to 2e-4 (docs/verification.md).
 FINEST_TOLERANCE = 1e-4
-# Next to a fold the part of the bracket before the best point is divided only where it is so many
-# times [-] as long as the part beyond. With 1 a search takes a third more equilibria, with 8 a
+# Next to a fold the interval before the best point is divided only if it is more than so many times
+# [-] as long as the interval after it. With 1 a search takes a third more equilibria, with 8 a
 # twentieth fewer, on the curves with a fold of tests/unit/fe/test_pull_off.py.
 FOLD_LENGTH_RATIO = 4.0
 
 # Conductance of a drained vertex, relative [-] to that of its own cells. The pressure there is 1e-8
 # of that of a sealed vertex. Forces agree to 1e-7 for factors from 1e6 on, and no digits are lost
-# up to 1e10. Again: tests/physics/test_measured_constants.py.
+# up to 1e10. Repeated by tests/physics/test_measured_constants.py.
 OPEN_CONDUCTANCE_FACTOR = 1e8
 
 # Shear modulus of a drop's surface membrane, as a fraction [-] of gamma. It increases the force by
 # 0.45 times this fraction. Measured on a ball between plates with 10 to 20 elements in the contact
 # radius: without a membrane no row converges below mu = 1.7e-3 gamma/R; with 3e-4 three of four
 # rows converge at mu = 1e-3 gamma/R; with 1e-3 all of them do, and three of four at 1e-4 gamma/R.
-# Again: tests/physics/test_drops.py.
+# Repeated by tests/physics/test_drops.py.
 MEMBRANE_STIFFNESS = 1e-3
 
 # Stiffness of the body to the shortest waves of its surface, in units of E*/h_contact [-], in the

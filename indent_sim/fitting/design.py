@@ -150,7 +150,15 @@ class _PlannedMeasurement:
     t: np.ndarray
 
     def build_model(self, points: int, baseline: float) -> CurveModel:
-        """Return the model of a curve with equally spaced samples and a baseline [depths]."""
+        """Return the model of a curve of equally spaced samples after a baseline.
+
+        Parameters
+        ----------
+        points
+            Number of samples.
+        baseline
+            Length of the baseline, relative to the largest depth.
+        """
         deepest_index = int(np.argmax(self.x))
         # The baseline before a jump has the speed of an approach that takes this fraction of the
         # history.
@@ -318,7 +326,7 @@ def _adequate_assessment(measurement: _PlannedMeasurement, estimate: Estimate) -
 
 
 def _stated_intervals(assessment: ModelAssessment) -> dict[str, Interval]:
-    """Return the stated intervals of the varied keys."""
+    """Return the reported 95 % interval of each varied key."""
     return {
         key: assessment.stated_interval(k)
         for k, key in enumerate(assessment.estimate.model.forward_model.varied_keys)

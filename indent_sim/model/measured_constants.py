@@ -5,9 +5,9 @@ Each entry gives the unit, the measured quantity, and the test or page that repe
 
 from __future__ import annotations
 
-# Poisson's ratio [-] from which on displacement elements lock: p_max of a squeezed thin layer is
-# off by up to 2 % at 0.45 and by 10 % at 0.49, with mixed elements by 0.5 % at most. Again:
-# tests/physics/test_beside_the_force.py.
+# Smallest Poisson's ratio [-] at which displacement elements lock: p_max of a compressed thin layer
+# is off by up to 2 % at 0.45 and by 10 % at 0.49, with mixed elements by 0.5 % at most. Repeated
+# by: tests/physics/test_beside_the_force.py.
 LOCKING_POISSON_RATIO = 0.45
 
 # A point with an initial gap comes into contact after the fraction CLOSING_FRACTION [-]
@@ -20,6 +20,6 @@ CLOSING_EXPONENT = 1 / 3
 
 # Largest difference [kT] of two chemical potentials that count as equal. The potential of a free
 # stretch that was found for a bath differs from the bath's by up to 3e-16 (300 random gels of chi 0
-# to 0.7, n_omega 1e-4 to 0.03, baths 0 and -1e-6 to -0.1). Again: tests/unit/model/test_gel.py, for
-# some gels.
+# to 0.7, n_omega 1e-4 to 0.03, baths 0 and -1e-6 to -0.1). Repeated by
+# tests/unit/model/test_gel.py, for some gels.
 SWELLING_ROUNDING = 1e-14

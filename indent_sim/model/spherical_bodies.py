@@ -73,7 +73,7 @@ class Cap(CenteredBody):
     Either `height` or `contact_angle` [degrees] is given, the angle between base and surface inside
     the body: height = base_radius tan(contact_angle/2). Beyond 90 degrees the body is wider than
     the base. Layers are concentric coatings of constant thickness from the curved surface inwards;
-    the last one, the core, has no thickness.
+    the last one is the core and takes no thickness.
     """
 
     base_radius: Length

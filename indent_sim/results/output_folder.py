@@ -112,7 +112,7 @@ class OutputFolder:
     def rename_into_place(self) -> None:
         """Rename the staging folder to the target, and keep foreign files of an old folder."""
         self._refuse_target()
-        # A process whose working directory were renamed and deleted could not go on in it.
+        # The working directory and its parents must not be renamed and deleted.
         if self._old_folder.parent != self.target and self.target not in (
             working_directory := Path.cwd(),
             *working_directory.parents,

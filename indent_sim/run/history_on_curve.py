@@ -542,7 +542,7 @@ class _HistoryEvaluation:
         """
         radius_exponent = 0.0
         if calibration.R:
-            # Relative change of the tip's radius for the exponent of the force.
+            # Relative change of R for the finite difference d ln F/d ln R.
             variation = 0.05
             smaller_force, larger_force = (
                 self._force_with_radius(R) for R in (1.0 - variation, 1.0 + variation)

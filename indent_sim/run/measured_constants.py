@@ -1,8 +1,8 @@
 """Measured constants of runs: numbers from runs and comparisons, with their source.
 
 Each entry names the unit, what was measured on which scenes, and the test or script that measures
-it again ("Again") or checks what follows from it ("Checked"). Tolerances and limits that are a
-choice stand where they are used.
+it again ("Repeated by") or checks what follows from it ("Checked"). Tolerances and limits that are
+a choice stand where they are used.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ LEAST_ROUNDING = 0.2
 
 # Rows are reported whose contact pressure oscillates from node to node by more than this fraction
 # [-] of p_max. It is 0.002 to 0.02 where the pressure is smooth and 0.09 to 0.5 in a saw-tooth
-# (docs/decisions/0053). Again: `python tests/rubber_with_friction.py`.
+# (docs/decisions/0053). Repeated by `python tests/rubber_with_friction.py`.
 MAX_ROUGHNESS = 0.03
 # Rows are reported whose stick radius or dissipation may be wrong by more than this fraction [-]
 # because of a long step. Measured with 1, 2, 5, 10 and 40 even steps under a paraboloid (thick

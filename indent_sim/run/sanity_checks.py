@@ -105,7 +105,7 @@ def _check_finite(scene: Scene, state: State, earlier: PreviousRows) -> str | No
         *(("energy",) if scene.is_meshed and not scene.physics.relaxing_regions else ()),
     )
     infinite_names = [name for name in names if not isfinite(getattr(state, name))]
-    return f"{', '.join(infinite_names)} is not a number" if infinite_names else None
+    return f"not finite: {', '.join(infinite_names)}" if infinite_names else None
 
 
 def _check_no_tension(scene: Scene, state: State, earlier: PreviousRows) -> str | None:

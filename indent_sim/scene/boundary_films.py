@@ -196,18 +196,21 @@ class UnresolvedFilm:
 def unresolved_film(
     setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes, negligible: float
 ) -> UnresolvedFilm | None:
-    """Return the unresolved film with the largest error of the force; None if all are resolved.
+    """Return the unresolved boundary layer with the largest error of the force.
+
+    It is a layer at a drained face in which the pore pressure changes and which is thinner than the
+    elements. None if the mesh resolves all of these layers.
 
     Parameters
     ----------
     setup : ProblemSetup
         The problem setup.
     physics : ProblemDefinition
-        The problem with its path in time.
+        The problem with its load path.
     sizes : Sizes
         Element sizes.
     negligible : float
-        Error, divided by the largest force, up to which a film counts as resolved.
+        Error, divided by the largest force, up to which a layer counts as resolved.
 
     Returns
     -------

@@ -219,8 +219,8 @@ def mesh(
         ("h_edge", "the pressure is singular at the sharp edge of the punch"),
         (
             "h_corner",
-            "bonded corners, or the gap between the contact and a side, affect the contact: "
-            "sizes grow from this value with the distance",
+            "bonded corners, or a narrow gap between contact and side, affect the contact: sizes "
+            "grow with the distance from there",
         ),
         (
             "h_film",

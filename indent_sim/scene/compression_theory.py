@@ -145,8 +145,8 @@ def _bonded_formulas(
     if isinstance(body, Box) or len(layers) > 1 or layers[0].material is None:
         return {}
     E, nu = layers[0].material.constants
-    # Poisson's ratio from which the formula for bonded rubber blocks is compared with the
-    # run.
+    # Smallest Poisson's ratio for which the run is compared with the formula for bonded rubber
+    # blocks.
     nearly_incompressible = 0.49
     if nu < nearly_incompressible:
         return {}

@@ -212,7 +212,8 @@ def _element_warnings(
             sizes, f"give h_contact at most {1 / DOUBTFUL_ELEMENTS:.2g} of the contact radius"
         )
         wrong_text = (
-            f"the force may be wrong by {error_text(force_error)}, a by up to 5 %; {advice}"
+            f"the force may be wrong by {error_text(force_error)}, the contact radius by up to "
+            f"5 %; {advice}"
         )
         message = (
             f"only {a / sizes.h_contact:.2g} elements in the expected contact radius: {wrong_text}"
@@ -221,10 +222,10 @@ def _element_warnings(
         not sizes.is_resolved(shallowest)
         and (shallow_error := expected_force_error(sizes, shallowest, nu)) >= UNDERRESOLVED_ERROR
     ):
-        element_text = f"only {shallowest / sizes.h_contact:.2g} of them are in the contact radius"
+        element_text = f"only {shallowest / sizes.h_contact:.2g} elements are in the contact radius"
         wrong_text = f"the force there may be wrong by {error_text(shallow_error)}"
         message = (
-            "the elements suit the deepest contact; at the shallowest "
+            "the elements resolve the largest contact; in the smallest one "
             f"{element_text}, and {wrong_text}"
         )
     if message or last_row_error:

@@ -19,7 +19,7 @@ from indent_sim.theory.theory import Theory
 FORCE_DEPTH_EXPONENT = 1.5
 # Expected error of the force below which a scene gets no warning.
 NEGLIGIBLE_ERROR = 0.005
-# Poisson's ratio from which a body counts as nearly incompressible.
+# Smallest Poisson's ratio of a body that counts as nearly incompressible.
 NEARLY_INCOMPRESSIBLE_NU = 0.45
 
 

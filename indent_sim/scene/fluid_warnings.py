@@ -82,8 +82,8 @@ def _locking_warnings(physics: ProblemDefinition) -> Iterator[ModelWarning]:
     )
     if largest_nu > DRAINED_LOCKING_NU:
         message = (
-            f"the drained gel has nu = {largest_nu:g}: displacement elements are 1 % too stiff at "
-            "0.4999"
+            f"the drained gel has nu = {largest_nu:g}, at which displacement elements lock: at "
+            "0.4999 the force is 1 % too large"
         )
         yield ModelWarning("locking", message, LOCKING_ERROR)
 

@@ -1,14 +1,14 @@
 """Measured constants of planning: numbers from runs and meshes, with their source.
 
 Each entry names the unit, what was measured on which scenes, and the test or script that measures
-it again ("Again") or checks what follows from it ("Checked"). Tolerances and limits that are a
-choice stand where they are used.
+it again ("Repeated by") or checks what follows from it ("Checked"). Tolerances and limits that are
+a choice stand where they are used.
 """
 
 from __future__ import annotations
 
 # The error estimate of the force is about ERROR_CONSTANT n^-ORDER_OF_CONVERGENCE [-] at the worst
-# step with n elements in the contact radius, by dimension. Again:
+# step with n elements in the contact radius, by dimension. Repeated by:
 # `python -m pytest -m verify tests/physics/test_accuracy.py -s` prints it for every scene.
 ERROR_CONSTANT = {2: 0.65, 3: 0.33}
 ORDER_OF_CONVERGENCE = 2.5
@@ -31,8 +31,8 @@ COLUMN_GRADING_ERROR = 0.02
 EDGE_SIZE_FACTOR = {2: 0.3, 3: 1.2}
 # Relative error of the force, at most, divided by the element size at a punch's sharp edge relative
 # to its radius [-]. It was 0.09 to 0.22 on 25 quarter cylinders, and 0.65 on sections of nearly
-# incompressible bodies: INCOMPRESSIBLE_EDGE_FACTOR times as much. Again, on the quarter cylinders:
-# scripts/make_error_bar_table.
+# incompressible bodies: INCOMPRESSIBLE_EDGE_FACTOR times as much. Repeated, on the quarter
+# cylinders, by: scripts/make_error_bar_table.
 EDGE_ERROR = 0.25
 INCOMPRESSIBLE_EDGE_FACTOR = 2.6
 # The sensitivity of the force to a punch's radius next to a wall is this times (1 + radius/gap)
@@ -54,7 +54,8 @@ NOTCH_ERROR = 0.1
 DECAY_ONSET = 0.5
 DECAY_RATE = 1.25
 
-# Elements [-] across a coating. Again: tests/physics/test_skins.py measures the error of the force.
+# Elements [-] across a coating. tests/physics/test_skins.py measures the error of the
+# force.
 ELEMENTS_PER_COATING = 1.5
 # Relative change of the force by a missing part of an inclusion, at most [-], and the factor of the
 # elements in an inclusion with flat faces, of which no part is missing. The force was within 0.02
@@ -118,7 +119,7 @@ ELEMENT_DRAINAGE_FACTOR = 6.0
 # Least number [-] of time steps between a change of the tip's speed and the next output row. The
 # boundary layer of pore pressure beside a drained face grows with the square root of that time. In
 # one step the force of a row was 6 % wrong with an error bar of 20 %, in eight steps 0.3 %, of
-# confined columns. Again: `python tests/early_times.py --kinds column --accuracy 0.01`.
+# confined columns. Repeated by `python tests/early_times.py --kinds column --accuracy 0.01`.
 STEPS_TO_ROW = 8.0
 
 # Ratio of Young's moduli [-] up to which layer theory keeps the error THEORY_ERROR; beyond it the

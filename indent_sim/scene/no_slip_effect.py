@@ -232,8 +232,10 @@ def tensile_rim_width(tip: Indenter, nu: float, sizes: Sizes, dim: int) -> float
     ):
         return 0.0
     rim_width = 2 * sizes.punch_edge * exp(-(pi**2) / log(3 - 4 * nu))
-    # Poisson's ratio from which on tetrahedra, whose facets cross the edge, do not resolve
-    # the rim; at nu = 0.1 they do.
-    min_safe_nu = 0.3
-    is_resolved = sizes.h_edge <= MAX_RIM_ELEMENTS * rim_width or (dim == 3 and nu < min_safe_nu)
+    # Tetrahedra, whose facets cross the edge, resolve the rim only below this Poisson's ratio; at
+    # nu = 0.1 they do.
+    max_resolved_nu = 0.3
+    is_resolved = sizes.h_edge <= MAX_RIM_ELEMENTS * rim_width or (
+        dim == 3 and nu < max_resolved_nu
+    )
     return rim_width if is_resolved else 0.0

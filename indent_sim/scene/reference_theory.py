@@ -119,8 +119,8 @@ def layer_theory(
 ) -> Theory | None:
     """Return the layer theory of a bounded body; None if there is none.
 
-    No theory exists for a body from a mesh file, for layers with nu < 0, and for tips without a
-    theoretical shape. The parameters are those of `theory_of`.
+    No theory exists for a body from a mesh file, for layers with nu < 0, and for tips whose profile
+    no theory includes. Parameters as in `theory_of`.
     """
     if isinstance(body, ImportedBody):
         return None

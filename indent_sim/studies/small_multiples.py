@@ -520,7 +520,9 @@ def draw_column_into(axes: Axes, curve_groups: CurveGroups, column: str) -> None
 
 
 def _keys_of_panels(curve_groups: CurveGroups, column: str) -> list[tuple[str, ...]]:
-    """Return the varied numbers of each panel of a column: one, or two for a map.
+    """Return the varied numeric keys on the axes of each panel of a column.
+
+    A panel of lines has one key, a map two.
 
     Raises UsageError if there are none, or no run has the column.
     """

@@ -328,7 +328,7 @@ class _StudyReader:
         )
 
     def read_named_case(self, raw_case: Any, case_keys: KeyPath) -> NamedCase:
-        """Return one of the cases."""
+        """Read one entry of `cases`; raise ConfigError if it is not a section with known keys."""
         if not isinstance(raw_case, dict):
             raise self.config_error(
                 case_keys, "must be a section of keys", f"its keys are {', '.join(CASE_KEYS)}"

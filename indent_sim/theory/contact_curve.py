@@ -35,7 +35,7 @@ from indent_sim.theory.solution import (
 )
 from indent_sim.theory.stack import Stack
 
-FEWEST_DEPTHS = 8  # Number of depths from which on interpolation pays.
+FEWEST_DEPTHS = 8  # Smallest number of depths for which interpolation is faster.
 # A polynomial has converged when its last coefficients, this many, are this small relative to the
 # largest one.
 TAIL_TOLERANCE = 2e-13

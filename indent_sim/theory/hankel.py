@@ -248,7 +248,8 @@ def _cylinder_kernel(max_radius: float, clearance: float, stack: Stack, wall: fl
 def _wall_modes(clearance: float) -> tuple[np.ndarray, np.ndarray, float]:
     """Return nodes z = yW and weights of (2/pi) ∫_0^inf [K1/I1 cosh cosh - 2/z^2] dz.
 
-    The third value is the constant part of the double pole 2/z^2, which the nodes do not include.
+    The singular part 2/z^2 is subtracted and integrated analytically; the third value is its
+    constant contribution.
     """
     from scipy.special import i1e, k1e
 

@@ -13,8 +13,8 @@ import math
 # (rows) and contact radius over thickness (columns), for the exponents of a paraboloid, a cone and
 # a flat punch. Paraboloid and cone are as deep as the frictionless tip with that contact radius.
 # Finite element solutions of the scenes in configs/studies/friction in twenty load steps, rounded
-# to three decimals. Again: scripts/make_friction_page, which fails where one differs by more than
-# MAP_ERROR; tests/physics/test_friction.py solves some of them.
+# to three decimals. Repeated by scripts/make_friction_page, which fails where one differs by more
+# than MAP_ERROR; tests/physics/test_friction.py solves some of them.
 MAPPED_SLENDERNESS = (0.1, 0.3, 1.0, 2.0, 3.0, 5.0, 10.0)
 MAPPED_POISSON_RATIOS = (0.0, 0.3, 0.4, 0.45, 0.49, 0.5)
 LAYER_FORCE_RATIOS = {
@@ -44,16 +44,17 @@ LAYER_FORCE_RATIOS = {
     ),
 }
 MAP_ERROR = 0.005  # Relative error of a force ratio of the map [-].
-# Range inside a cell of the map beyond that of its corners [-]: upwards as a fraction of the
-# largest change of the force, downwards of the force, where the slip changes its direction. Against
-# solutions between the lines of the map. Again: scripts/make_friction_page.
+# Inside a cell of the map the force ratio may leave the range of its four corners: upwards by
+# CELL_PEAK [-] of the largest change of the force, downwards by CELL_DIP [-] of the force, where
+# the slip reverses. Measured with solutions between the lines of the map. Repeated by:
+# scripts/make_friction_page.
 CELL_PEAK = 0.02
 CELL_DIP = 0.004
 
 # Fraction (F - F(inf))/(F(0+) - F(inf)) [-] of the force of a paraboloid at the times tau = D t/a^2
 # [-] after a step of the depth, and at the end of a ramp of that duration, for a sealed and a
 # drained tip. Finite element solutions for a/h = 0.16 and nu = 0.2 with a drained surface outside
-# the contact. Again, to 0.02: tests/physics/test_measured_constants.py.
+# the contact. Repeated, to 0.02, by tests/physics/test_measured_constants.py.
 DRAINAGE_TIMES = (0.01, 0.1, 1.0, 10.0, 100.0)
 DRAINAGE_STEP_FRACTIONS = {
     "sealed": (0.964, 0.745, 0.228, 0.0369, 1e-3),
@@ -65,17 +66,17 @@ DRAINAGE_RAMP_FRACTIONS = {
 }
 
 # Constant C [-] of the force C E* tan(beta) delta^2 of a square pyramid on a half-space: a boundary
-# element solution with an uncertainty of 2e-5; the often quoted 0.7453 is 1 % too high. Again, by
-# finite elements to 1 %: tests/physics/test_tips.py.
+# element solution with an uncertainty of 2e-5; the often quoted 0.7453 is 1 % too high. Repeated,
+# by finite elements to 1 %: tests/physics/test_tips.py.
 PYRAMID_CONSTANT = 0.73762
 
 # Stated relative error [-] of the force of layers and stacks: ten times the largest change with
-# finer quadrature. Again: tests/unit/theory/test_stack.py.
+# finer quadrature. Repeated by tests/unit/theory/test_stack.py.
 THEORY_ERROR = 1e-8
 
 # Stated relative errors [-] of the force on a layer with surface tension. Against three times as
 # many basis functions the largest differences were 1.4e-4 under a tip with slope discontinuities (a
-# polygon), 3e-6 under a sharp punch and 3e-9 under smooth tips. Again:
+# polygon), 3e-6 under a sharp punch and 3e-9 under smooth tips. Repeated by:
 # tests/physics/test_surface_tension.py.
 TENSION_ERROR_OF_KINKED_TIPS = 5e-4
 TENSION_ERROR_OF_PUNCHES = 1e-5

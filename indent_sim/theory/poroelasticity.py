@@ -238,7 +238,7 @@ def _wave_nodes() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         ),
     ]
     parts = [
-        # The phase k x of a panel needs further Gauss points.
+        # Wide panels, in which cos(k x) oscillates, have more Gauss points.
         gauss_legendre(low, high, 24 + math.ceil(0.7 * (high - low)))
         for low, high in pairwise(edges)
     ]

@@ -37,7 +37,7 @@ class SearchNotConverged(ArithmeticError):
 
 @dataclass(frozen=True)
 class RelaxingSurface:
-    """Compliance of a surface at weighted points, and heights of the tip above the points.
+    """Discretized contact problem: compliance of weighted points, and heights of the tip there.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class RelaxingSurface:
         Distance of the contact edge beyond the zero of the edge pressures, divided by the distance
         of the points.
     has_only_discs
-        Whether the unknowns represent pressure and gap only if the contact is a disc.
+        Whether the formulation is valid only for a circular contact area.
     max_radius
         Radius [L] at which tip and points end, so that all points may touch.
     """

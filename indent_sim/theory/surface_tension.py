@@ -71,7 +71,10 @@ class LinearSolution(NamedTuple):
 
     @property
     def indentation_of_radius(self) -> float:
-        """Depth [h] of a smooth tip with this contact radius, at which the line force is 0."""
+        """Depth of a smooth tip with this contact radius, in thicknesses of the layer.
+
+        The force along the contact line is zero at this depth.
+        """
         return float(self.tip_shape[0] / self.unit_depth[0])
 
 

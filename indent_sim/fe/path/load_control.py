@@ -48,7 +48,7 @@ class LoadControl:
         *,
         starts_from_row: bool = False,
     ):
-        # Why the last force was not found; "" if a trial depth was not reached
+        # Reason why the last force was not found; empty if a trial depth had no equilibrium
         self.failure = ""
         self._go_to_depth = go_to_depth
         self._deepest = deepest

@@ -69,8 +69,8 @@ def overlap_depth(body: ObservedBody, positions: np.ndarray, gap: np.ndarray) ->
         return 0.0
     inside, distance = _depth_inside_tip(body, positions)
     inside = np.where(gap < 0, np.minimum(inside, -gap), inside)
-    # Only points within half of the tip's radius count: no tip is steep there, and a ball has its
-    # stem above the outer half.
+    # Only points within half of the tip's radius count: farther out a tip may be steep, and a
+    # sphere has its stem.
     is_under = distance < 0.5 * body.scene.physics.indenter.radius_at(
         body.scene.physics.body.height
     )

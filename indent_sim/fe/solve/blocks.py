@@ -32,7 +32,7 @@ from indent_sim.fe.terms.term import Term
 
 
 class DisplacementStiffness:
-    """Tangent of the displacements in a function space.
+    """Displacement block of the tangent matrix, in a space of linear or quadratic elements.
 
     The bulk part is assembled once if it is linear, the contact part every time.
 
@@ -43,8 +43,8 @@ class DisplacementStiffness:
     space
         Space of the displacements, quadratic or linear.
     kind
-        PETSc's matrix type. "sbaij" stores only the upper half, which halves the time of a product,
-        because this time is spent on reading the matrix.
+        PETSc's matrix type. "sbaij" stores only the upper half, which halves the time of
+        a matrix-vector product, which is spent on reading the matrix.
     """
 
     def __init__(self, problem: Problem, space: fem.FunctionSpace, kind: str):

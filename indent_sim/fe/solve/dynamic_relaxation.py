@@ -51,8 +51,8 @@ def dynamic_relaxation(newton: Newton, regularization: ViscousRegularization) ->
         ):
             return True
         traction = drag * distance
-        # Three times the curvature of the instability keeps the minimum of the next step nearby,
-        # although that curvature still grows.
+        # The drag must exceed the negative curvature for a minimum to exist; the factor 3 allows
+        # for the growth of this curvature in the next step.
         drag = min(max(0.5 * drag, 3.0 * unstable_curvature), drag_increase * drag)
     problem.set_trial_state(state_before)
     return False

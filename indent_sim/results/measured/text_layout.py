@@ -240,7 +240,9 @@ def find_columns(layout: TextLayout, requested: Sequence[str] | None, file: str)
 
 
 def _columns_by_unit(layout: TextLayout) -> dict[str, int]:
-    """Return the columns of depth, force and time whose kind of unit occurs only once.
+    """Return the columns of depth, force and time that are recognized by their units.
+
+    A column is recognized if it is the only one with a unit of length, force or time.
 
     This works for titles in any language.
     """

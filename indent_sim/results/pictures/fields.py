@@ -332,7 +332,10 @@ class FieldRow:
 
     @cached_property
     def frame(self) -> np.ndarray:
-        """View (left, right, bottom, top) [length] of the contacts, or of a small body."""
+        """Limits (left, right, bottom, top) [length] of the axes.
+
+        They enclose the surroundings of the contacts, or the whole body if it is small.
+        """
         points = np.concatenate([section.points for section in self.sections])
         (left, bottom) = points.min(axis=0)
         (right, top) = points.max(axis=0)

@@ -643,5 +643,5 @@ def _requested_steps(run: Results, request: PlotRequest, panel_kind: str) -> lis
     if missing := [step for step in steps if step not in available]:
         available_text = ", ".join(map(str, available))
         problem = f"{run.path} has no {key} of step {missing[0]}, only of {available_text}"
-        raise UsageError(f"{problem}; output.{key}: all keeps every step")
+        raise UsageError(f"{problem}; run with --set output.{key}=all to keep every step")
     return [float(step) for step in steps]

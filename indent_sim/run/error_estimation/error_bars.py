@@ -14,15 +14,16 @@ general.
     a        RADIUS_ERROR times the size of the element in which the contact ends
     p_max    max(SAFETY_FACTOR |p_q - p|/(q^2 - 1), PEAK_ERROR n^-2 p), 2 = PRESSURE_ORDER
 
-n is the number of elements in the contact radius of the row (for p_max under a punch's rounded
-edge: in the part of the contact on the arc), F_a the adhesive force (see
-`ErrorBars._jkr_adhesive_force`). The rule
-has eight numbers: the refinement ratio q, SAFETY_FACTOR, ORDER_OF_CONVERGENCE, MIN_ERROR_FRACTION,
-RADIUS_ERROR, PRESSURE_ORDER, PEAK_ERROR, and EDGE_ERROR of `model_warnings` for the edge of a sharp
-punch in three dimensions or a contact that ends where the tip's slope jumps. ERROR_CONSTANT is also
-used to choose the mesh for a requested `accuracy`. Errors that do not depend on the mesh are added;
-each is computed by an auxiliary run or known in advance, see `ErrorBudget`. The estimate for a
-force is at least its distance from a theory that is exact for the body.
+n is the number of elements in the contact radius of the row. For p_max under the rounded edge of a
+punch it is the number of elements in the part of the contact on the arc. F_a is the adhesive force
+(see `ErrorBars._jkr_adhesive_force`), `edge` the relative error by the sharp edge of a punch or by
+a contact that ends where the slope of the tip jumps, and `corners` the error by bonded corners. The
+rule has eight numbers: the refinement ratio q, SAFETY_FACTOR, ORDER_OF_CONVERGENCE,
+MIN_ERROR_FRACTION, RADIUS_ERROR, PRESSURE_ORDER, PEAK_ERROR, and EDGE_ERROR of
+`scene.measured_constants` for `edge` in three dimensions. ERROR_CONSTANT is also used
+to choose the mesh for a requested `accuracy`. Errors that do not depend on the mesh are added; each
+is computed by an auxiliary run or known in advance, see `ErrorBudget`. The estimate for a force is
+at least its distance from a theory that is exact for the body.
 `scripts/make_error_bar_table` measures coverage and width of the error bars with and without each
 of these numbers.
 
@@ -469,7 +470,7 @@ class ErrorBars:
         return {"discretisation": self._shallowest_value(state, "force")}
 
     def _shallowest_value(self, state: State, name: str) -> float:
-        """Return the value at the smallest of the depths of the coarser run that are not smaller.
+        """Return the value at the next larger, or equal, depth of the coarser run.
 
         Only rows in contact count. It is an upper bound of a quantity that grows with the depth;
         NaN if there is no such row.

@@ -224,8 +224,8 @@ def _no_slip_range(v: SceneVariants) -> tuple[float, float, float]:
         v.force_ratio(v.contact_variant(friction=friction), v.contact_variant()) - 1
         for friction in SAMPLE_FRICTIONS
     ]
-    # The range of friction extends beyond the sampled one by half of its width and this
-    # relative force.
+    # The reported range of force changes is the sampled one, widened on both sides by half of its
+    # width and this relative change.
     range_margin = 1e-3
     half_range = (max(changes) - min(changes)) / 2 + range_margin
     known: Any = v.known_no_slip

@@ -84,7 +84,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class Case:
-    """Method to compute an effect, for the scenes to which it applies.
+    """Method to compute an effect, with the condition for its use.
 
     Attributes
     ----------

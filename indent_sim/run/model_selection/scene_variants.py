@@ -51,7 +51,7 @@ class SceneVariants:
     config, scene
         The scene.
     tolerance, percent
-        Change of the force from which on an effect is significant, relative and in per cent.
+        Smallest change of the force that is significant, relative and in per cent.
     solver
         Solves the variants.
     delta

@@ -76,7 +76,10 @@ def change_materials(config: Config, change: LawChange, **sections: Any) -> Conf
 
 
 def set_gel_stretch(config: Config) -> Config:
-    """Return the config with numerical stretches of its gels, by default for the first bath."""
+    """Return the config with a numerical initial stretch of every gel.
+
+    A stretch that is not given is that of free swelling in the first bath.
+    """
     bath = config.initial_bath
     return change_materials(
         config, lambda law: law.with_free_swelling(bath) if isinstance(law, Gel) else law

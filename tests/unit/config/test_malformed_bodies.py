@@ -232,7 +232,7 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
         "body.inclusions[0]",
         "semi-axes 0.3 along x and 0.2 along y differ",
     ),
-    (holding(CAP, egg(0.1, 0, -0.5, 0.2, 0.2, 0.1)), "body.inclusions[0]", "it is off the axis"),
+    (holding(CAP, egg(0.1, 0, -0.5, 0.2, 0.2, 0.1)), "body.inclusions[0]", "is off the axis"),
     (
         holding(STRIP, egg(2.0, 0.1, -0.5, 0.2, 0.2, 0.1)),
         "body.inclusions[0]",
@@ -332,7 +332,7 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
     (
         holding(CAP, ball(0.1, 0, -0.5)),
         "body.inclusions[0]",
-        "a cap is modelled as axisymmetric: it is off the axis",
+        "a cap is modelled as axisymmetric: the inclusion is off the axis",
     ),
     (
         holding(CAP, brick(0, 0, -0.5, 0.1, 0.1, 0.1)),

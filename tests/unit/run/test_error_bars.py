@@ -445,7 +445,7 @@ def test_a_penalty_left_open_is_stiff_enough() -> None:
 
 @pytest.mark.parametrize("key", ["h_contact", "h_far", "h_axis", "h_edge", "grading"])
 def test_accuracy_and_sizes_contradict_each_other(key: str) -> None:
-    with pytest.raises(ConfigError, match=f"mesh.{key}: contradicts accuracy"):
+    with pytest.raises(ConfigError, match=f"mesh.{key}: cannot be combined with accuracy"):
         config_from_mapping(SCENE | {"accuracy": 0.01, "mesh": {key: 0.01}})
 
 

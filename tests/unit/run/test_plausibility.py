@@ -121,7 +121,7 @@ def test_first_touch_on_a_mesh_for_the_deepest_contact(tip: str) -> None:
 # ---- each kind of wrong state
 
 WRONG: dict[str, tuple[dict[str, Any], str]] = {
-    "nan": ({"a": float("nan")}, "a is not a number"),
+    "nan": ({"a": float("nan")}, "not finite: a"),
     "pulls": ({"force": -0.6}, "the force is -0.6, tensile without adhesion"),
     "from afar": ({"delta": -0.02}, "the tip is above the body"),
     "no force": ({"force": 0.0}, "there is no force"),

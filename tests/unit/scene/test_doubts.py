@@ -120,7 +120,7 @@ def test_only_rows_are_too_shallow(name: str, first_depth: float | None) -> None
     )
     if found.history_on_curve and first_depth is None:
         pytest.skip("its rows are interpolated between points of the curve")
-    said = [warning for warning in found.plan.warnings if "at the shallowest" in warning]
+    said = [warning for warning in found.plan.warnings if "in the smallest one" in warning]
     if first_depth in (None, deepest):
         assert said == []
         return
