@@ -117,7 +117,7 @@ FLAGGED: dict[str, Any] = {
     ),
     "a last depth that the mesh cannot see": (
         lambda: layer(loading={"deltas": [0.3, 1e-6]}, mesh={"h_contact": 0.0647}),
-        "at the shallowest",
+        "in the smallest one",
     ),
 }
 
