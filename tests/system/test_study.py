@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import study_runs
+import yaml
 from click.testing import CliRunner
 from command_line import environment
 
@@ -973,19 +974,31 @@ cases:
         done = CliRunner().invoke(commands.program, ["run", str(written(self.CASES))])
         assert done.exit_code == 3 and "this is a study, not a scene" in done.stderr
 
+    TESTED_ELSEWHERE = (
+        "Lai-Hu",
+        "Hu, ",
+        "punch by the active set",
+        "ball by the active set",
+        "Reissner",
+        "shell by",
+        "small tip",
+    )
+
     @pytest.mark.verify
     def test_our_numbers_are_within_their_bars_of_the_exact_ones(self, tmp_path):
         """Published values are reproduced to 1 %, except those that are known to be wrong.
 
-        Wrong are the pyramid's factor and Hayes' table. docs/verification.md compares to 0.2 %.
+        Wrong are the pyramid's factor and Hayes' table. docs/verification.md compares all cases, to
+        0.2 %. Cases that tests/physics/test_flow.py and test_skins.py test are left out here.
         """
         shutil.copytree(ROOT / "configs", tmp_path / "configs")
         path = tmp_path / "configs" / "studies" / "verification" / "published.yaml"
-        text = path.read_text(encoding="utf-8")
-        assert "set: {accuracy: 0.002}" in text
-        path.write_text(
-            text.replace("set: {accuracy: 0.002}", "set: {accuracy: 0.01}"), encoding="utf-8"
-        )
+        study = yaml.safe_load(path.read_text(encoding="utf-8"))
+        study["set"] = {"accuracy": 0.01}
+        study["cases"] = [
+            case for case in study["cases"] if not case["name"].startswith(self.TESTED_ELSEWHERE)
+        ]
+        path.write_text(yaml.safe_dump(study), encoding="utf-8")
         board = studies.execute_study(path, output=tmp_path / "out", jobs=2).scoreboard
         assert [row["case"] for row in board if row["wrong"] in ("ours", "both", "unknown")] == []
         assert [row["case"] for row in board if row["ours"] is None] == []
