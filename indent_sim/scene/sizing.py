@@ -45,17 +45,18 @@ if TYPE_CHECKING:
 
 # Radius of the fine patch in expected contact radii.
 PATCH_FACTOR = 1.15
-# Smallest contact radius of the last step that still gets as many elements as the largest one,
-# relative to that.
-MIN_LAST_RADIUS = 1e-4
-# A contact that reaches this part of the radius at which a tip ends, ends there as under a punch.
+# A contact that is smaller than the largest one gets as many elements as that, by smaller elements
+# at the axis, down to this ratio of the two radii.
+MIN_RADIUS_RATIO = 1e-4
+# A contact counts as ending at the edge of the tip if its radius exceeds this fraction of the
+# radius of the edge. The pressure is then singular there, as under a flat punch.
 END_FRACTION = 0.999
 
 
 def surface_point_sizes(setup: ProblemSetup) -> Sizes:
-    """Return the distances between the surface points of the output of a theory.
+    """Return the distances between the points at which theory is evaluated for `surface.csv`.
 
-    Every contact radius has the same number of points.
+    The smallest and the largest contact radius of the path have the same number of points.
     """
     depths = [delta for delta in setup.physics.deltas if delta > 0]
     # The contact radius grows with the depth.
@@ -65,10 +66,9 @@ def surface_point_sizes(setup: ProblemSetup) -> Sizes:
         else [setup.a]
     )
     a = round_length(max(radii))
-    # Points of the surface by theory in every contact radius.
-    surface_points = 40
-    h = round_length(max(radii) / surface_points)
-    h_axis = round_length(max(min(radii), MIN_LAST_RADIUS * a) / surface_points)
+    points_per_radius = 40
+    h = round_length(max(radii) / points_per_radius)
+    h_axis = round_length(max(min(radii), MIN_RADIUS_RATIO * a) / points_per_radius)
     return Sizes(
         h, inf, a, GRADING, h_axis=h_axis if h_axis < h else None, a=a, axis=setup.physics.center
     )
@@ -95,6 +95,8 @@ def mesh_resolution(
     refinements = 0
     if target is None:
         return None
+    # A path without positive depths, of an adhesive tip for example, has the largest depth in
+    # place of them, and any depth if all are zero.
     positive_depths = [delta for delta in physics.deltas if delta > 0] or [
         max(map(abs, physics.deltas)) or 1.0
     ]
@@ -107,12 +109,14 @@ def mesh_resolution(
         halvings = log2(
             (per_radius or required_elements(target, physics.domain.dim)) / initial_elements
         )
+        # A number of elements that follows from a measured error is met as closely as possible,
+        # one that is only expected to suffice is not fallen short of.
         refinements = max(1, round(halvings) if per_radius else ceil(halvings))
         n = initial_elements * 2.0**refinements
     else:
-        # A layer is confined rather than indented if the contact is wider than its height. Then a
-        # nearly incompressible one can only move to the sides. A sharp edge determines where such
-        # a contact ends.
+        # A layer is compressed rather than indented if the contact is wider than the height. If it
+        # is nearly incompressible as well, the material can only flow to the sides, and the force
+        # depends strongly on the contact radius, unless a sharp edge determines this radius.
         is_wide = max(a for _, a, _ in contacts) >= physics.body.height
         is_squeezed = is_wide and physics.largest_nu >= NEARLY_INCOMPRESSIBLE_NU
         is_confined = is_squeezed and not _is_sharp(physics.indenter)
@@ -139,7 +143,10 @@ def _is_sharp(tip: Indenter) -> bool:
 
 
 def _contact_state(setup: ProblemSetup, delta: float) -> tuple[float, float, float]:
-    """Return depth, expected contact radius and mean pressure, by theory or for a flat punch."""
+    """Return depth, expected contact radius, and mean pressure by theory.
+
+    Without a theory the mean pressure is taken as E* delta/(2 a).
+    """
     a = setup.expected_radius(delta)
     solution = setup.solution(delta)
     area = setup.physics.domain.kinematics.contact_area(a)
@@ -161,12 +168,14 @@ def _edge_radius(setup: ProblemSetup, gap: str, has_edge_size: bool) -> float | 
         return a if has_edge_size else None
     if isinstance(tip, FlatPunch):
         if setup.physics.domain.top_radius and a < END_FRACTION * tip.radius:
-            # The contact ends on the curved top.
+            # The contact ends on the curved top before it reaches the edge of the punch.
             return None
         if not _is_sharp(tip):
             return None
+        # Under a rounded edge the pressure has its peak where the contact ends.
         return a if tip.edge_radius else tip.radius
-    # The body goes around the end if the gap is evaluated at the deformed point.
+    # If the gap is evaluated at the deformed point, the body bends around the end of the tip, and
+    # the pressure is finite.
     return max_radius(tip) if gap == "reference" and a >= END_FRACTION * max_radius(tip) else None
 
 
@@ -175,8 +184,9 @@ def sizes(
 ) -> Sizes:
     """Return the element sizes of a scene.
 
-    Sizes from the config take precedence over sizes from the mesh resolution and over default
-    sizes.
+    The order of precedence is: sizes for a requested accuracy, sizes of the config, the number of
+    elements that time stepping, adhesion or a deep tip require, default sizes for the expected
+    contact. Corners, inclusions, coatings and drained faces are refined afterwards.
 
     Parameters
     ----------
@@ -256,7 +266,8 @@ def _default_sizes(
     h_contact = round_length(
         fixed_sizes.h_contact or min(a / (anisotropy * ELEMENTS_PER_RADIUS[dim]), domain.height / 4)
     )
-    # The corners at the base influence a wide contact, which gets smaller elements everywhere.
+    # Largest size: a quarter of the body. The corners at the base influence a contact that is wider
+    # than half of the body, for which the size decreases to a tenth.
     width_excess = min(max(a / domain.max_width - 0.5, 0.0), 0.5)
     max_size = (0.25 - 0.3 * width_excess) * max(domain.height, domain.max_width)
     if wall_radius := domain.wall_radius or domain.top_radius:
@@ -264,16 +275,18 @@ def _default_sizes(
         # the force of an incompressible body between roller walls changes by as much.
         elements_per_wall_radius = 8.0
         max_size = min(max_size, wall_radius / elements_per_wall_radius)
-    # The pressure is singular at a punch's sharp edge. In three dimensions a further refinement of
-    # the edge would cost too much.
+    # The pressure is singular at a punch's sharp edge, whose elements are smaller by this ratio. In
+    # three dimensions a ratio of 20 would cost too much.
     edge_ratio = {2: 20.0, 3: 4.0}[dim] * (edge_refinement if dim == 2 else 1.0)
+    # The contact of the last row, which is small after unloading, gets as many elements as the
+    # largest one, by smaller elements at the axis.
     last_radius = setup.expected_radius(last_depth) if last_depth > 0 and edge is None else a
     last_radius_ratio = last_radius / a
     axis_size = h_contact
     if fixed_sizes.h_axis:
         axis_size = fixed_sizes.h_axis
     elif not fixed_sizes.h_contact:
-        axis_size = h_contact * max(last_radius_ratio, MIN_LAST_RADIUS)
+        axis_size = h_contact * max(last_radius_ratio, MIN_RADIUS_RATIO)
     axis_size = round_length(axis_size)
     h_far = round_length(fixed_sizes.h_far or max(h_contact, max_size))
     patch = round_length(PATCH_FACTOR * a + 2 * h_contact)
@@ -319,15 +332,17 @@ def _imported_mesh_sizes(
 
 
 def _edge_refinement_factor(setup: ProblemSetup, edge: float | None) -> float:
-    """Return the sensitivity of the force to the radius of a sharp punch near a wall.
+    """Return the factor by which the elements at a sharp edge are smaller because of a side wall.
 
-    It is divided by the sensitivity for a body without a wall.
+    It is the sensitivity of the force to the punch's radius relative to that without a wall, at
+    least 1. A narrow gap between punch and wall increases it, by up to 1 + radius/gap, if the wall
+    confines a nearly incompressible body or holds it in shear. It is 1 without a sharp edge, and 0
+    for a tip that covers the top, under which the edge of the body ends the contact.
     """
     physics = setup.physics
     if edge is None:
         return 1.0
     if physics.is_compressed:
-        # The edge of the body ends the contact, wherever elements end.
         return 0.0
     side_supports = [support for name, support in physics.domain.supports.items() if name != "base"]
     gap = max(physics.body.lateral_extent(physics.center) - edge, 1e-9 * edge)

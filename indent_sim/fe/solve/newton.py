@@ -41,7 +41,8 @@ class Newton:
     def __init__(self, problem: Problem):
         self.problem = problem
         settings = problem.scene.solver
-        # The last Newton step ends only just below the tolerance of an iterative linear solver.
+        # An iterative linear solver ends as soon as Newton's tolerance is met, while a direct one
+        # leaves residuals far below it. A smaller tolerance gives both the same accuracy.
         largest_rtol = 1e-10 if settings.linear == "iterative" else 1.0
         self.rtol = self._tolerance = min(settings.rtol, largest_rtol)
         self.max_iterations = settings.max_iterations
@@ -108,21 +109,27 @@ class Newton:
         problem.b.copy(f)
 
     def _evaluate_tangent(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, P: PETSc.Mat) -> None:
-        if not self._can_reuse_tangent():
+        if not self._is_tangent_up_to_date():
             self._assemble_tangent(P, self._forcing_term() if self._iterative else 0.0)
 
-    def _can_reuse_tangent(self) -> bool:
-        """Return whether the last factored tangent still reduces the residual quickly enough."""
+    def _is_tangent_up_to_date(self) -> bool:
+        """Return whether the last factored tangent can be used once more.
+
+        It is tried in the first iteration of every solve, and kept as long as it reduces the
+        residual quickly enough.
+        """
         if not (
             self._has_tangent
             and self.problem.can_reuse_tangent
             and self._tangent_parameters == self.problem.tangent_parameters
         ):
             return False
+        # An iteration that leaves more than this fraction of the residual costs more than a new
+        # factorisation.
+        largest_reduction = 0.05
         return (
             self.snes.getIterationNumber() == 0
-            # A step that leaves more than this share of the residual costs more than a new factor
-            or self._residual <= 0.05 * self._previous_residual
+            or self._residual <= largest_reduction * self._previous_residual
         )
 
     def _assemble_tangent(self, tangent: PETSc.Mat, rtol: float) -> None:
@@ -157,8 +164,8 @@ class Newton:
         reasons = PETSc.SNES.ConvergedReason
         if not np.isfinite([residual, self._reaction]).all():
             return compat.SNES_RESIDUAL_NOT_FINITE
-        # Fluid flow needs at least one iteration: the residuals of the fluid's balance that many
-        # steps left behind would add up.
+        # With fluid flow, every time step makes at least one iteration: otherwise the residuals of
+        # the fluid's mass balance would accumulate over many steps.
         is_first_of_flow = self.problem.has_flow and iteration == 0
         if (
             not is_first_of_flow
@@ -199,7 +206,7 @@ class Newton:
             max_it=min(max_iterations or self.max_iterations, self.max_iterations)
         )
         solved = self._solve(rtol) or self._solve_by_continuation()
-        # PETSc keeps vectors that Python has released until this is called, on one rank, too
+        # PETSc frees vectors that Python has released only in this call, also on a single rank.
         PETSc.garbage_cleanup(self.problem.x.comm)
         if solved:
             self._last_solved_depth = self.problem.depth
@@ -208,9 +215,9 @@ class Newton:
     def approach_stiff_contact(self, after_each: Callable[[], object] = lambda: None) -> bool:
         """Approach the equilibrium of a stiff contact by solving softer contacts to a low accuracy.
 
-        This needs fewer iterations than solving the stiff contact directly, where Newton's method
-        (at 100 E*/h_contact) moves the contact edge point by point. On failure the solution is
-        restored.
+        This needs fewer iterations than solving the stiff contact directly: with a stiffness of 100
+        E*/h_contact Newton's method moves the contact edge by one point in each iteration. On
+        failure the solution is restored.
 
         Parameters
         ----------
@@ -227,7 +234,8 @@ class Newton:
         has_converged = True
         # After so small a change of depth the contact is nearly that of the last solution
         is_close = abs(problem.depth - self._last_solved_depth) <= 0.01 * abs(problem.depth)
-        for factor in [] if is_close else approach_factors(problem.law, problem.scene):
+        factors = [] if is_close else approach_factors(problem.law, problem.scene)
+        for factor in factors:
             problem.set_continuation_factor(factor)
             has_converged = self._solve(0.1)  # a rough solution is a sufficient initial guess
             if not has_converged:
@@ -287,7 +295,8 @@ class Newton:
         reason = self.snes.getConvergedReason()
         reasons = PETSc.SNES.ConvergedReason
         unit = problem.scene.physics.material.E_star / problem.scene.sizes.h_contact
-        # The first Newton step may invert elements at any depth beyond 1e5 E*/h_contact.
+        # With a contact stiffness beyond 1e5 E*/h_contact the first Newton step may invert
+        # elements, whatever the depth.
         is_overshooting = (
             reason == compat.SNES_RESIDUAL_NOT_FINITE
             and stiffness_scale(problem.scene) > 1e5 * unit
@@ -298,13 +307,16 @@ class Newton:
         if problem.law.may_snap_through or not (is_stuck or is_overshooting):
             return False
         start = problem.x.copy()
+        # The last of the factors is 1.
         factors = stiffness_continuation(problem.law, problem.scene)
+        has_converged = bool(factors)
         for factor in factors:
             problem.set_continuation_factor(factor)
-            if not self._solve():
+            has_converged = self._solve()
+            if not has_converged:
                 break
-        else:
-            return bool(factors)
+        if has_converged:
+            return True
         problem.set_continuation_factor(1.0)
         problem.body.set_solution(start)
         self.failure = failure
@@ -357,7 +369,7 @@ class Newton:
         start = problem.x.copy()
         depth = problem.depth
         force = problem.force()
-        # Over this change of depth the residual is linear, and ten of its digits are left
+        # Over this change of depth the residual is linear, and its difference still has ten digits.
         step = 1e-6 * max(abs(depth), problem.law.adhesion_range)
         is_converged = False
         first_residual = 0.0
@@ -371,7 +383,9 @@ class Newton:
         try:
             self._evaluate_residual(self.snes, start, start_residual)
             problem.delta.value = depth + step
-            for _ in range(6):  # corrections; an old factor that needs more is discarded
+            # An old factor that needs more corrections than this is of no use for the stiffness.
+            max_corrections = 6
+            for _ in range(max_corrections):
                 self._evaluate_residual(self.snes, start + step * derivative, remaining)
                 remaining.axpy(-1.0, start_residual)
                 stiffness = (
@@ -388,7 +402,8 @@ class Newton:
                     break
                 self.snes.getKSP().solve(remaining, correction)
                 derivative.axpy(-1.0 / step, correction)
-        finally:  # the run goes on without a stiffness after an error
+        finally:
+            # The state is restored even after an error, since the run goes on without a stiffness.
             problem.delta.value = depth
             problem.body.set_solution(start)
         return stiffness if is_converged else nan
@@ -429,11 +444,11 @@ class Newton:
 
 
 def _reaction_floor(problem: Problem) -> float:
-    """Return the reaction [force] that sets the level of round-off before any was computed.
+    """Return the least reaction [force] to which residuals are compared.
 
-    It is zero without fluid flow. A body that swells freely has no reactions; 100 E times the
-    square of its height (of the contact radius, if the body only drains) is used instead, of which
-    REACTION_ROUNDOFF allows 1e-12.
+    It is zero without fluid flow. A body that swells freely has no reactions, so that a residual
+    relative to them could not converge. The floor is 100 E L^2 (100 E L in two dimensions), with
+    the height L of a gel, and the smaller of contact radius and height of a body that only drains.
     """
     physics = problem.scene.physics
     E = max(region.material.constants.E for region in physics.domain.regions)

@@ -116,6 +116,7 @@ class ErrorBars:
         self._sizes = scene.sizes
         self._scales = scene.physics.scales
         self._has_prescribed_forces = scene.physics.path.control == "force"
+        # The error by an artificial outer boundary is known in advance, and stated in a warning.
         self._truncation = sum(
             warning.force_error
             for warning in scene.plan.model_warnings
@@ -123,7 +124,9 @@ class ErrorBars:
         )
         domain = scene.physics.domain
         contact_place = scene.physics.center, scene.sizes.a, scene.sizes.refinements or 0
-        self._sag = domain.facet_sagitta(*contact_place)
+        # Flat facets of an imported mesh, instead of a curved surface, lie below it by their
+        # sagitta and have ridges between them, at which the pressure is too large.
+        self._sagitta = domain.facet_sagitta(*contact_place)
         ridge_excess = ridge_pressure(
             domain.facet_angle(*contact_place), scene.sizes.refinements or 0
         )
@@ -251,7 +254,7 @@ class ErrorBars:
             return nan
         state = run_states[step]
         coarse_state = coarse_states[step]
-        # The curve of a time-dependent row contains no other row to interpolate from.
+        # Rows of a time-dependent scene cannot be interpolated in the depth: each has another time.
         if self._physics.is_time_dependent:
             return self._transient_force_difference(state, coarse_state)
         return abs(interpolate_force(coarse_state, state.delta, coarse_states) - state.force)
@@ -283,6 +286,8 @@ class ErrorBars:
         soft_force = interpolate_force(soft_state, stiff_state.delta, self._soft_states)
         if stiff_state.force == soft_force:
             return 0.0
+        # The compliances of body and penalty are in series: 1/F is linear in 1/epsilon_n, and
+        # F_stiff/F_rigid = 2 - F_stiff/F_soft for half the stiffness.
         inverse = 2 - stiff_state.force / soft_force if soft_force else -1.0
         return abs(1 / inverse - 1) / self._stiffness_ratio if inverse > 0 else inf
 
@@ -292,7 +297,7 @@ class ErrorBars:
         Facets reduce the effective depth by their sagitta.
         """
         facet_error = (
-            FORCE_DEPTH_EXPONENT * self._sag * self._scales.depth / state.delta
+            FORCE_DEPTH_EXPONENT * self._sagitta * self._scales.depth / state.delta
             if state.delta > 0
             else 0.0
         )
@@ -306,11 +311,16 @@ class ErrorBars:
         return abs(state.force - solution.force * self._scales.force) if solution else 0.0
 
     def _depth_error(self, state: State, error: float) -> float | None:
-        """Return the error of a computed depth from that of the force, else None."""
+        """Return the error of a computed depth, from the error of the force and the slope.
+
+        None if depths are prescribed; NaN (unknown) if the force does not increase with the depth.
+        """
         if not self._has_prescribed_forces:
             return None
         slope = self._force_slope(state)
-        return error / slope if slope > 0 else error
+        if slope > 0:
+            return error / slope
+        return nan if error > 0 else 0.0
 
     def _force_slope(self, state: State) -> float:
         """Return the slope dF/ddelta of the coarser run.
@@ -364,7 +374,8 @@ class ErrorBars:
         value = abs(getattr(state, name))
         min_error = RADIUS_ERROR * end_element / state.a * value if state.a > 0 else 0.0
         if name == "p_max":
-            # The pressure is that of the element that closed last, which no other mesh shares.
+            # The largest pressure is that of the element that came into contact last. Other meshes
+            # have other elements there.
             if self._physics.is_closed_by_swelling(state.delta / self._scales.depth, state.a / L):
                 return nan
             min_error = (
@@ -441,7 +452,7 @@ class ErrorBars:
         """Return the error of the slip due to a long increment, which halving it may not show.
 
         It is the relative change of the contact radius in the increment, and for the dissipation
-        (per area) the square of it. Neither is known after a single increment from rest.
+        (per area) the square of it. A single increment from rest has the relative change 1.
         """
         previous = self._run_states.get(state.step - 1)
         value = getattr(state, name)
@@ -455,7 +466,10 @@ class ErrorBars:
         return 0.0
 
     def _unresolved_stick(self, stick: float) -> float:
-        """Return the part [length] of a narrow stick zone that an element cannot resolve."""
+        """Return the error [length] of the radius of a stick zone that is narrower than an element.
+
+        It is half of the excess of the element size over the radius.
+        """
         r = stick / self._scales.length
         return max(self._sizes.surface_size(r) - r, 0.0) / 2 * self._scales.length
 
