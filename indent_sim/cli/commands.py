@@ -923,7 +923,7 @@ def abort_all_ranks_together(comm: Any) -> Iterator[None]:
 def _simulate(
     settings: Config, comm: Any, directory: Path, verbosity: Verbosity, **options: Any
 ) -> Outcome:
-    """Simulate a scene with progress on stderr; after a failure, print the folder of its rows."""
+    """Simulate a scene with progress on stderr; print the result folder after a failure."""
     from indent_sim.run.pipeline import simulate as simulate
 
     progress_context: AbstractContextManager[Any] = nullcontext()

@@ -86,8 +86,8 @@ def history_errors(config: SceneSections) -> Iterator[ConfigError]:
     )
     if lowest_force < 0 and config.contact.may_snap_through:
         problem = (
-            f"a force of {lowest_force:g} pulls, but the depths of a history of tensile forces "
-            "are not unique"
+            f"contains the tensile force {lowest_force:g}, but the depth under a prescribed "
+            "tensile force is not unique"
         )
         yield ConfigError(key, problem, "give loading.history, of depths, or forces >= 0")
     elif lowest_force < 0 and not (config.experiment and config.experiment.adhesion):

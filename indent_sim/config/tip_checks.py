@@ -104,7 +104,7 @@ def tip_errors(config: SceneSections) -> list[ConfigError]:
 
 
 def experiment_errors(config: SceneSections) -> Iterator[ConfigError]:
-    """Yield errors in an experiment that are known before the solution."""
+    """Yield errors in the section `experiment` that are found without solving the scene."""
     experiment = config.experiment
     if experiment is None:
         return

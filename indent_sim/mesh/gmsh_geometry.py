@@ -81,7 +81,10 @@ def _add_ellipsoid(
 
 
 def draw_section(gmsh: Gmsh, domain: ModelDomain, sizes: Sizes) -> None:
-    """Draw a section, split at the tip's axis, a punch's edge and the interfaces between layers."""
+    """Create the geometry of a two-dimensional domain.
+
+    Its outline is split at the tip's axis, at the edge of a punch and at the interfaces of layers.
+    """
     geo = _cad_kernel(gmsh, domain)
     split_points = [
         (_round_point(position), z, side)

@@ -44,11 +44,11 @@ class ConfinedSwelling(NamedTuple):
 class Gel(ElasticLaw):
     """Polymer network swollen by a solvent (Flory & Rehner 1943).
 
-    The reference state has swollen freely by the stretch l from the dry state. G = N kT [pressure]
-    is the modulus of the dry network of N chains per volume; n_omega = n = N Omega [1], Omega the
-    volume of a solvent molecule; chi [1] is Flory's parameter. With J0 = l^3, a = J0/(J0 - 1), e =
-    J - 1, r(x) = x - ln(1 + x), and J and I1 of the deformation from the reference state, the
-    energy per volume of the reference state is
+    In the reference state the gel has swollen freely by the stretch l from the dry state. G = N kT
+    [pressure] is the modulus of the dry network of N chains per volume; n_omega = n = N Omega [1],
+    Omega the volume of a solvent molecule; chi [1] is Flory's parameter. With J0 = l^3, a = J0/(J0
+    - 1), e = J - 1, r(x) = x - ln(1 + x), and J and I1 of the deformation from the reference state,
+    the energy per volume of the reference state is
 
         psi = (G/l)((I1 - 3)/2 - ln J) - G (1/l - 1/J0) r(e)
               + G/(n J0) {(J0 - 1)[r(e) - r(a e) + a e (ln(1 + a e) - ln(1 + e))]

@@ -115,7 +115,9 @@ def checked_report(folder: Path) -> Report:
     """
     report = read_report(folder)
     if not report and os.path.lexists(folder / REPORT):
-        raise _damaged_report(folder, f"it is not a JSON object with program: {PROGRAM}")
+        raise _damaged_report(
+            folder, f'it is not a JSON object whose entry "program" is "{PROGRAM}"'
+        )
     try:
         _report_schema().validate_python(report, strict=True)
         _check_theory(report.get("theory") or {})

@@ -589,7 +589,8 @@ def condense(scene: Scene, comm: Comm = None) -> CondensedBody:
         raise ConfigError(
             "solver.method",
             "this scene cannot be condensed",
-            "linear elastic, reference gap, no Nitsche",
+            "static condensation needs a linear elastic body, the reference gap, and a contact "
+            "method other than nitsche",
         )
     fe = backend()
     comm = comm if comm is not None else mpi().COMM_SELF

@@ -155,7 +155,7 @@ def _check_side_contact(scene: Scene, state: State, earlier: PreviousRows) -> st
 def _check_new_solution(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
     """Check that a new depth has a new solution.
 
-        A solution without iterations is accepted only if the extrapolated state was correct and the
+    A solution without iterations is accepted only if the extrapolated state was correct and the
     force differs from the previous one.
     """
     previous = earlier.last

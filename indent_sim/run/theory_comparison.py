@@ -30,10 +30,10 @@ def theory_comparison(
 ) -> dict[str, Any] | None:
     """Compare a run with small-strain theory at the largest depth; None without theory.
 
-        Theory is evaluated at the depth of the run, or at its force if forces are prescribed, with
-        the friction of the scene if its effect is known. `force_deviation` or `delta_deviation` is
-    run / theory - 1; `exact` is true when the body is that of the theory. With adhesion the theory
-    is JKR's.
+    Theory is evaluated at the depth of the run, or at its force if forces are prescribed, with the
+    friction of the scene if its effect is known. `force_deviation` or `delta_deviation` is run /
+    theory - 1; `exact` is true when the body is that of the theory. With adhesion the theory is
+    JKR's.
 
     Parameters
     ----------

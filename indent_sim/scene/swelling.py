@@ -79,5 +79,7 @@ def _confined_swelling_stretch(law: Gel, bath: float) -> float:
         return law.confined_swelling(law.bath_pressure(bath)).stretch
     except ValueError as error:
         raise ConfigError(
-            "drainage.bath", str(error), "closer to the potential of free swelling"
+            "drainage.bath",
+            str(error),
+            "give a bath closer to the chemical potential of free swelling",
         ) from None

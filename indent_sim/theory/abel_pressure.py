@@ -233,6 +233,9 @@ def _geometric_edges(size: float, start: float, stop: float) -> list[float]:
 
 
 def _graded_nodes(lo: float, hi: float, count: int) -> Nodes:
-    """Return Gauss nodes and weights on [lo, hi] in v with x = lo + (hi - lo) v^2."""
+    """Return nodes and weights on [lo, hi], graded towards lo.
+
+    They are those of a Gauss rule in v on [0, 1] with x = lo + (hi - lo) v^2.
+    """
     v, w = gauss_legendre(0.0, 1.0, count)
     return lo + (hi - lo) * v**2, 2.0 * (hi - lo) * v * w

@@ -49,7 +49,7 @@ class Jkr:
     """Equilibria of an adhesive tip as functions of the contact radius.
 
     In methods with the argument `compliance` [L/F], the tip is loaded through a spring whose base
-    is displaced by z = delta + compliance force [L]. A compliance of 0 is depth control; infinity
+    is displaced by z = delta + compliance * force [L]. A compliance of 0 is depth control; infinity
     is force control, where z is the force [F].
 
     `pull_off(compliance=0.0)` is the last stable equilibrium of unloading, where dF/ddelta =
@@ -58,7 +58,8 @@ class Jkr:
     Parameters
     ----------
     punches
-        Flat punches of the body and contacts of the tip without adhesion.
+        Stiffness of flat punches on the body, and contact of the tip without adhesion, as functions
+        of the contact radius.
     work
         Work of adhesion [F/L], > 0.
     """

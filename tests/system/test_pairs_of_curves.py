@@ -192,7 +192,7 @@ def study_of(scene: str, reference: str) -> None:
         )
         assert done.exit_code == 3 and said in done.stderr, done.output
     elif off is None:
-        assert done.exit_code == 3 and "has no depth" in done.stderr, done.output
+        assert done.exit_code == 3 and "does not reach the depth" in done.stderr, done.output
     else:
         assert np.isfinite(off).all(), (scene, reference, off)
         if (

@@ -845,7 +845,9 @@ class TestComparison:
     def test_a_file_without_the_depth(self, written, tmp_path):
         (tmp_path / "known.csv").write_text("step,delta,force,a\n1,0.02,1,1\n")
         path = written("base: scene.yaml\ncompare_to: known.csv\nvary: {mesh.h_far: [0.4, 0.5]}\n")
-        with pytest.raises(ConfigError, match=r"STUDY.yaml:2: compare_to: has no depth 0.01"):
+        with pytest.raises(
+            ConfigError, match=r"STUDY.yaml:2: compare_to: does not reach the depth 0.01"
+        ):
             studies.execute_study(path, output=tmp_path / "out")
 
     def test_finest_of_each_problem(self, written, tmp_path):

@@ -431,7 +431,7 @@ def _build_path_forces(
 
 
 def _bound_height(parameter: Parameter, contact_radius: float) -> Parameter:
-    """Return a height with bounds in contact radii [length]; others are unchanged."""
+    """Return the parameter; a height or thickness with bounds relative to the contact radius."""
     if parameter.key.rpartition(".")[2] not in ("height", "thickness"):
         return parameter
     # Bounds of a height in contact radii: a thicker body behaves as a half-space, a thinner one

@@ -317,7 +317,7 @@ def refuse_foreign_picture(path: Path) -> None:
 def picture_format(path: Path) -> str:
     """Return png, svg or pdf by the suffix of a file; raise UsageError for other suffixes."""
     if path.suffix.lower() not in PICTURE_FORMATS:
-        raise UsageError(f"{path}: a picture ends in {', '.join(PICTURE_FORMATS)}")
+        raise UsageError(f"{path}: the name of a picture must end in {', '.join(PICTURE_FORMATS)}")
     return path.suffix.lower()[1:]
 
 

@@ -260,9 +260,10 @@ class ErrorBars:
         return abs(interpolate_force(coarse_state, state.delta, coarse_states) - state.force)
 
     def _transient_force_difference(self, state: State, coarse_state: State) -> float:
-        """Return the force difference of a time-dependent row, with forces linearised in the depth.
+        """Return |F_q - F| of a time-dependent row at the same depth.
 
-        The error due to drainage films is known on both meshes and excluded here.
+        A difference of the depths is corrected with the slope of the load curve. The errors due to
+        unresolved drainage films are estimated separately and subtracted from both forces.
         """
         difference = (
             coarse_state.force

@@ -134,7 +134,7 @@ def _substrate_variant(v: SceneVariants, x: float) -> Config:
 
 
 def _homogeneous_variant(v: SceneVariants) -> Config:
-    """Return the plain scene with the material under the tip in the whole body."""
+    """Return the plain scene with a homogeneous body of the material under the tip."""
     law: Any = v.touched_material
     if not isinstance(v.config.body, MeshFromFile):
         law = linear_law(v.config.layers[0].material)  # type: ignore[arg-type]

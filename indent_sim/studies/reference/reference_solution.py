@@ -142,12 +142,14 @@ class ReferenceSolution:
                 first_case = uncovered_cases[0]
                 raise _config_error(
                     location,
-                    f"has no depth {first_case.last_depth:g}, the last of {first_case.label}",
+                    f"does not reach the depth {first_case.last_depth:g}, the last one of the run "
+                    f"{first_case.label}",
+                    "compare with a longer curve, with theory or with finest",
                 )
 
     @property
     def name(self) -> str:
-        """Name of the reference for texts."""
+        """Name of the reference in messages, tables and legends."""
         if isinstance(self._compare_to, float):
             return f"{self._compare_to:g}"
         if len(self._finest_cases) == 1:
