@@ -66,7 +66,8 @@ else:
 def kernel_folder() -> Path:
     """Return the program's own folder for compiled kernels, a subfolder of dolfinx's cache.
 
-    Every version of Python has its own. The first call reads the settings of dolfinx and FFCx.
+    Each version of Python has a separate folder. The first call reads the settings of dolfinx and
+    FFCx.
     """
     name = "options" if DOLFINX_VERSION >= (0, 6) else "parameters"
     settings = getattr(dolfinx.jit, f"get_{name}")()
@@ -243,7 +244,7 @@ class _ComponentSimplifier(MultiFunction):
 
 
 class _IndexReplacement(MultiFunction):
-    """UFL transformation that replaces free indices by others."""
+    """UFL transformation that substitutes free indices of an expression."""
 
     expr = MultiFunction.reuse_if_untouched
 
@@ -252,11 +253,11 @@ class _IndexReplacement(MultiFunction):
         self._replacements = replacements
 
     def multi_index(self, index: MultiIndex) -> MultiIndex:
-        """Return the indices with their replacements."""
+        """Return the multi-index after the substitution of its free indices."""
         return MultiIndex(tuple(self._replacements.get(i, i) for i in index))
 
     def zero(self, zero: Zero) -> Zero:
-        """Return zero without the replaced free indices."""
+        """Return a zero that no longer has the replaced indices as free indices."""
         pairs = zip(zero.ufl_free_indices, zero.ufl_index_dimensions, strict=True)
         bound = {index.count() for index in self._replacements}
         remaining = [(count, dim) for count, dim in pairs if count not in bound]
@@ -286,7 +287,7 @@ def interpolation_matrix(coarse: fem.FunctionSpace, fine: fem.FunctionSpace) -> 
 
 
 def create_vector(form: fem.Form, space: fem.FunctionSpace) -> PETSc.Vec:
-    """Create a ghosted PETSc vector into which a form of a space is assembled."""
+    """Create a ghosted PETSc vector for the assembly of a linear form on a function space."""
     return (
         fem_petsc.create_vector(space)
         if DOLFINX_VERSION >= (0, 10)

@@ -57,7 +57,7 @@ class Body:
     support_shares : dict
         Dofs and shares of each support, see `find_support_shares`.
     active_dof_count : int
-        Number of dofs on all ranks, without the constrained ones of the additional fields.
+        Number of dofs on all ranks, not counting constrained dofs of the additional fields.
     """
 
     def __init__(self, scene: Scene, body_mesh: BodyMesh, additional_fields: Sequence[Field] = ()):
@@ -113,7 +113,7 @@ class Body:
         self.now.t.value = float((self._before or self.now).t.value) + elapsed
 
     def accept(self) -> None:
-        """Make the current state the accepted one."""
+        """Make the current state the accepted state."""
         if self._before:
             self._before.function.x.array[:] = self.now.function.x.array
             self._before.delta.value = self.now.delta.value
@@ -141,7 +141,7 @@ class Body:
         )
 
     def region_integral(self, density: Expr, region: Region) -> ufl.Form:
-        """Integral of a density over a region, a UFL form, with 2 pi r if axisymmetric."""
+        """UFL form of the integral of a density over a region, with 2 pi r if axisymmetric."""
         return density * self.weight * self.region_measure(region)
 
     def region_measure(self, region: Region) -> ufl.Measure:
@@ -158,19 +158,19 @@ class Body:
         )
 
     def field_domain_integral(self, field: Field, density: Expr) -> ufl.Form:
-        """Integral of a density over the domain of a field, a UFL form."""
+        """UFL form of the integral of a density over the domain of a field."""
         if isinstance(field.domain, str):
             return self.surface_integral(field.domain, density)
         return reduce(add, (self.region_integral(density, region) for region in field.domain))
 
     def contact_integral(self, integrand: Expr) -> ufl.Form:
-        """Integral of an expression over the contact surface, a UFL form."""
+        """UFL form of the integral of an expression over the contact surface."""
         return self.surface_integral("top", integrand, QUADRATURE_DEGREE[self.body_mesh.dim])
 
     def surface_integral(
         self, name: str, integrand: Expr, degree: int = 2 * DISPLACEMENT_ORDER
     ) -> ufl.Form:
-        """Integral of an expression over a named surface, with a quadrature degree, a UFL form."""
+        """UFL form of the integral over a named surface, with a quadrature of a given degree."""
         metadata = {"quadrature_degree": degree}
         measure = ufl.ds(
             self._tags[name], domain=self.mesh, subdomain_data=self._facet_tags, metadata=metadata
@@ -247,7 +247,7 @@ class Body:
             self._prescribed_values.append((dofs, value))
 
     def apply_prescribed_values(self) -> None:
-        """Set the dofs with non-zero prescribed values, which Newton's method then keeps."""
+        """Write non-zero prescribed values into the solution; Newton's method keeps them."""
         for dofs, value in self._prescribed_values:
             self.local_array()[dofs] = value
 

@@ -95,7 +95,7 @@ def _choose_folders() -> None:
 
 
 def _environment_folder(variable: str, inside_home: str) -> Path | None:
-    """Folder of an environment variable, else one in the home folder; None without a home."""
+    """Folder given by an environment variable, else `inside_home`; None without a home folder."""
     if given := os.environ.get(variable):
         return Path(given).absolute()
     try:
@@ -115,7 +115,7 @@ def _is_writable(folder: Path) -> bool:
 
 
 def _is_searchable(folder: Path) -> bool:
-    """Return whether a path in the folder can be looked up; it need not exist."""
+    """Return whether paths in the folder can be looked up, whether they exist or not."""
     try:
         (folder / "ffcx").stat()
     except OSError as error:

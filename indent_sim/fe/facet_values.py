@@ -35,7 +35,7 @@ def facet_nodes(mesh: Mesh, space: fem.FunctionSpace, facets: np.ndarray) -> np.
 
 
 def cell_heights(mesh: Mesh, facets: np.ndarray) -> np.ndarray:
-    """Return the height (facets,) of each cell above its facet [length]: dim volume/area."""
+    """Return the height (facets,) of each cell above its facet [length]: dim * volume/area."""
     dim = mesh.topology.dim
     cells, local = adjacent_cells(mesh, facets)
     corners = mesh.geometry.x[compat.cell_dofs(mesh.geometry.dofmap)[cells][:, : dim + 1], :dim]

@@ -167,7 +167,7 @@ def _layer_interfaces(
 
 
 def _match_facets(facets: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Return a mask (n,) of the facets (n, dim) that are in `wanted`, points in any order."""
+    """Return a mask (n,) of the facets (n, dim) that are in `wanted`, in any vertex order."""
     first, *later_columns = np.sort(np.concatenate([wanted, facets]).astype(np.int64), axis=1).T
     facet_number = first
     # Numbers are built column by column, because sorting whole rows takes ten times as long

@@ -136,7 +136,7 @@ class Problem:
 
     @property
     def tangent_parameters(self) -> tuple[float, ...]:
-        """Quantities other than the state on which the tangent depends.
+        """Quantities on which the tangent depends, other than the state.
 
         While they are unchanged, an earlier tangent is a good preconditioner.
         """
@@ -208,7 +208,7 @@ class Problem:
             term.end_stage(stage)
 
     def accept(self) -> None:
-        """Make the current state the accepted one, from which the next increment starts."""
+        """Make the current state the accepted state, from which the next increment starts."""
         for term in self.terms:
             term.accept()
         self.body.accept()

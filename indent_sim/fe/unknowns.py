@@ -33,7 +33,7 @@ class Field:
         Polynomial order.
     axes : tuple of int
         Axes of the components, empty for a scalar. A component is constrained where the
-        displacement along the same axis is.
+        displacement along the same axis is constrained.
     domain : tuple of Region or str
         Regions, or name of the surface, on which the field is defined; empty for the whole body.
     weight : float
@@ -74,7 +74,7 @@ class TimeLevel:
 
 
 class Unknowns:
-    """Function space, solution vector and dof numbering of all fields, the first of which is u.
+    """Function space, solution vector and dof numbering of all fields; u is the first field.
 
     Attributes
     ----------

@@ -11,9 +11,9 @@ def solve_complementarity(
 ) -> tuple[np.ndarray, int]:
     """Solve p >= 0, G = open_gap + A p >= 0, p G = 0.
 
-    A primal-dual active set method is used. If an active set returns, the method would cycle; the
-    equivalent problem of non-negative least squares, which cannot cycle, is solved instead (Lawson
-    & Hanson 1974, Solving Least Squares Problems, chapter 23).
+    A primal-dual active set method is used. If an active set recurs, the method would cycle; then
+    the equivalent problem of non-negative least squares, which cannot cycle, is solved (Lawson &
+    Hanson 1974, Solving Least Squares Problems, chapter 23).
 
     Parameters
     ----------

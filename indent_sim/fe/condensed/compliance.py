@@ -87,8 +87,9 @@ class Compliance:
 class Condenser:
     """Factors the stiffness matrix of a linear body once and condenses it to parts of its surface.
 
-    Each of several ranks factors the whole body and solves for its share of the unit forces; if the
-    memory does not suffice for that, all ranks factor it together and solve for all of them.
+    With several ranks, each rank factors the whole body and solves for its share of the unit
+    forces. If the memory does not suffice, all ranks factor the body together and solve for all
+    unit forces.
 
     Attributes
     ----------

@@ -97,7 +97,7 @@ class CondensedContact:
             self.friction.accept()
 
     def dissipation(self) -> float:
-        """Return the energy dissipated in the present increment, of the model domain."""
+        """Return the energy dissipated in the model domain in the present increment."""
         return self.friction.dissipation() if self.friction else 0.0
 
     def trial_pressure(self) -> np.ndarray:
@@ -118,7 +118,7 @@ class CondensedContact:
         self._predicted_active_set = trial > 0
 
     def _initial_active_set(self, active: np.ndarray) -> np.ndarray:
-        """Return the predicted active set, or `active` without one, and discard the prediction."""
+        """Return the predicted active set, or `active` if there is none; discard the prediction."""
         predicted = self._predicted_active_set
         self._predicted_active_set = None
         return active if predicted is None else predicted
@@ -239,7 +239,7 @@ class CondensedContact:
         return False
 
     def update_multiplier(self, mixing: uzawa.Mixing) -> float:
-        """Update the multiplier; return the relative difference from its projection before."""
+        """Update the multiplier; return its previous relative difference from the projection."""
         before = self.lam
         image = self.project(self.F)
         change = np.linalg.norm(image - before)
@@ -249,7 +249,7 @@ class CondensedContact:
         return 0.0 if change <= zero_change else float(change / magnitude)
 
     def _iterate_newton(self, epsilon_n: float, inverse_mass: np.ndarray | float) -> bool:
-        """Iterate with one stiffness; return whether the method converged."""
+        """Run Newton's method with the stiffness `epsilon_n`; return whether it converged."""
         N, _, height = self.quadrature
         D = inverse_mass - epsilon_n * self.compliance.C
         offset = -epsilon_n * (height - self.depth)
@@ -375,10 +375,10 @@ class CondensedContact:
 
     @cached_property
     def _weighted_gap_matrices(self) -> tuple[np.ndarray, ...]:
-        """Vectors and matrices of the contact with nodal pressures.
+        """Vectors and matrices of the equations for the nodal pressures.
 
-        Returned are the nodes with an area, the forces per nodal pressure Q, the weighted heights,
-        the areas, and the compliance of the weighted gaps Q' C Q.
+        These are the nodes with an area, the matrix Q of forces per nodal pressure, the weighted
+        heights, the areas, and the compliance Q' C Q of the weighted gaps.
         """
         points, weights = split_quadrature(self.compliance.trace.dim)
         W, height = self.quadrature_rule(points, weights)
@@ -403,7 +403,7 @@ class CondensedContact:
     def weighted_gap_system(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return positions (n, dim - 1) [length], weighted heights, areas and compliance A.
 
-        They belong to the n nodes with a pressure unknown p. The weighted gaps are heights - delta
+        They refer to the n nodes with a pressure unknown p. The weighted gaps are heights - delta *
         areas + A p >= 0, and areas . p is the force of the model domain.
         """
         carriers, _, heights, areas, A = self._weighted_gap_matrices
@@ -415,7 +415,7 @@ class CondensedContact:
     def solve_active_set(self) -> bool:
         """Solve the complementarity problem of the nodal pressures p; return True.
 
-        The problem is p >= 0, p G = 0 and weighted gaps G = heights - delta areas + A p >= 0.
+        The problem is p >= 0, p G = 0 and weighted gaps G = heights - delta * areas + A p >= 0.
         """
         carriers, Q, heights, areas, A = self._weighted_gap_matrices
         p, solves = solve_complementarity(
@@ -430,7 +430,7 @@ class CondensedContact:
         return True
 
     def _nodal_trial_pressure(self) -> np.ndarray:
-        """Return the trial pressure of the nodal pressures, with the stiffness E*/h_contact."""
+        """Return the trial pressure at the nodes of the pressure, with the stiffness E*/h_contact."""
         carriers, _, heights, areas, A = self._weighted_gap_matrices
         p = self.lam[self.candidates[carriers]]
         scale = self.scene.physics.material.E_star / self.scene.sizes.h_contact

@@ -74,7 +74,7 @@ class CondensedEquilibrium(Equilibrium):
         self._condense(min(self._initial_radius(), self._largest_radius))
 
     def _initial_radius(self) -> float:
-        """Return the radius around the tip's axis of the first set of candidates [length]."""
+        """Return the distance from the tip's axis [length] to which the first candidates extend."""
         scene = self.scene
         patch = scene.sizes.fine_radius + CANDIDATE_MARGIN * scene.sizes.h_contact
         a = scene.plan.prediction["a"] / scene.physics.scales.length
@@ -316,7 +316,7 @@ class RecoveredBody(WholeBody):
     def pressure_at(self, points: np.ndarray) -> np.ndarray:
         """Return the contact pressure for output (facets, points) [pressure].
 
-        On triangles it lacks the oscillation of the multiplier at the vertices.
+        On triangles it is free of the oscillation that the multiplier has at the vertices.
         """
         return self._interpolate(self._equilibrium.contact_state.nodal_pressure(), points)
 

@@ -21,7 +21,7 @@ from indent_sim.fe.measured_constants import RADIUS_SHIFT
 
 
 def punches(contact: CondensedContact) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return radii, stiffnesses and forces of the flat punches that end at a vertex.
+    """Return radii, stiffnesses and forces of bonded punches, one ending at each vertex.
 
     The smallest punch ends at the first vertex off the axis, the largest one at the last vertex of
     the condensed surface that can move.
@@ -29,8 +29,8 @@ def punches(contact: CondensedContact) -> tuple[np.ndarray, np.ndarray, np.ndarr
     Returns
     -------
     a, K, P
-        Radii [length], stiffnesses K [force/length] and the forces P [force] in F = K delta - P, of
-        the model domain.
+        Radii [length], and the stiffnesses K [force/length] and forces P [force] in the force F = K
+        delta - P of the model domain.
     """
     compliance = contact.compliance
     physics = contact.scene.physics

@@ -137,10 +137,10 @@ class CondensedFriction:
         )
 
     def solve_newton(self, stiffness_factor: float) -> bool:
-        """Solve X = [int p N, int t N] by a semismooth Newton method from the present forces.
+        """Solve for the nodal forces X = [int p N, int t N] by a semismooth Newton method.
 
-        Both penalty stiffnesses of the law are multiplied by `stiffness_factor`. Returns True if
-        the method converged.
+        The iteration starts from the present forces. Both penalty stiffnesses of the law are
+        multiplied by `stiffness_factor`. Returns True if the method converged.
         """
         contact = self._contact
         stiffnesses = np.repeat(
@@ -180,7 +180,7 @@ class CondensedFriction:
 
     @cached_property
     def _inverse_masses(self) -> np.ndarray:
-        """Block diagonal matrix of M^-1 and the M_k^-1 of the candidates [1/area]."""
+        """Block diagonal matrix of M^-1 and all M_k^-1, restricted to the candidates [1/area]."""
         candidates = self._contact.candidates
         inverse_masses = np.zeros_like(self._compliance.matrix)
         unit = np.eye(self._node_count)
@@ -311,7 +311,7 @@ class CondensedFriction:
         return self._compliance.trace.interpolate(nodal[self._contact.nodes], points)
 
     def dissipation(self) -> float:
-        """Return the energy dissipated by slip in the present increment, of the model domain."""
+        """Return the energy dissipated by slip in the model domain in the present increment."""
         law = self._law
         N, W, _ = self._contact.quadrature
         if law.is_bonded:

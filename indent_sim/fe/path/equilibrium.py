@@ -44,7 +44,7 @@ class Equilibrium(Protocol):
         """Force of the whole body on the tip [force]."""
 
     def tighten_tolerance(self) -> float:
-        """Tighten the tolerance to round-off; return the relative error that a force then has.
+        """Tighten the tolerance to round-off; return the resulting relative error of a force.
 
         The contact seal, which changes discontinuously with the depth, is frozen until
         `is_seal_consistent` is called.
@@ -73,14 +73,14 @@ class Equilibrium(Protocol):
         Returns
         -------
         bool
-            True if it converged; otherwise the unknowns are as they were.
+            True if the solution converged; otherwise the unknowns are restored.
         """
 
     def relax_to_stable_state(self, depth: float, dt: float = 0.0) -> bool:
-        """Find the stable state at a depth to which the present state relaxes.
+        """Find the stable state to which the present state relaxes at a given depth.
 
-        It is found by dynamic relaxation, which is followed by a time step of length `dt`.
-        Parameters and result are those of `solve`.
+        Dynamic relaxation is followed by a time step of length `dt`. Parameters and return value
+        are the same as for `solve`.
         """
         return False
 
@@ -114,7 +114,7 @@ class Equilibrium(Protocol):
 def state_reactions(
     part: ModelDomain, support_reactions: Mapping[SurfaceComponent, float]
 ) -> dict[str, Any]:
-    """Return the reactions [force] for a `State`: their sum along z, and each support's.
+    """Return the reactions [force] of a `State`: the sum along z, and that of each support.
 
     Parameters
     ----------

@@ -193,7 +193,7 @@ class LoadControl:
     ) -> bool:
         """Return whether no further trial depth can succeed.
 
-        The reason is stored in `failure`, unless it is an equilibrium that was not found.
+        The reason is stored in `failure`; "" if an equilibrium was not found.
         """
         reached_force, reached_depth = last_point
         is_blocked_out = (

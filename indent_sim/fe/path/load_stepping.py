@@ -173,7 +173,7 @@ class LoadStepper:
 
     @property
     def pull_off_points(self) -> dict[int, PackedState]:
-        """Packed states around the largest pull, by their number on the path, for `resume`."""
+        """Packed states around the largest pull, keyed by load point number, for `resume`."""
         packed: dict[int, PackedState] = {}
         for point in self._unloading.search_points if self._unloading else ():
             packed[point.number] = point.delta, point.t, self.equilibrium.pack(point.state.state)
@@ -195,7 +195,7 @@ class LoadStepper:
         Parameters
         ----------
         points, pull_off_points
-            Values of the attributes of these names, stored in the checkpoint of the earlier run.
+            The attributes of the same names, from the checkpoint of the earlier run.
         later_load_points
             Depth [length] and time of each load point after the checkpoint.
         step
@@ -279,7 +279,7 @@ class LoadStepper:
         return True
 
     def _pull_point(self, point: EquilibriumPoint, number: int = 0) -> PullPoint:
-        """Return the present equilibrium `point` in the form needed by the pull-off search."""
+        """Return `point`, the present equilibrium, as a `PullPoint` for the pull-off search."""
         a = float(self.equilibrium.state_values()["a"])
         return PullPoint(point.delta, point.load_point.t, self.equilibrium.force, a, point, number)
 
@@ -289,7 +289,7 @@ class LoadStepper:
             self._unloading = self._unloading.with_point(self._pull_point(self._last_point))
 
     def find_pull_off(self) -> PullOff | None:
-        """Search for the smallest force during unloading, starting from the row with the smallest.
+        """Search for the smallest force during unloading, around the row with the smallest force.
 
         Afterwards the body is restored to the equilibrium of the last row.
 
@@ -340,7 +340,7 @@ class LoadStepper:
         )
 
     def _equilibrium_between(self, begin: PullPoint, end: PullPoint, delta: float) -> PullPoint:
-        """Solve the equilibrium at a depth between two others, starting from the first of them."""
+        """Solve the equilibrium at a depth between `begin` and `end`, starting from `begin`."""
         fraction = (delta - begin.delta) / (end.delta - begin.delta)
         load_point = LoadPoint(delta, begin.t + fraction * (end.t - begin.t))
         self._points = [begin.state]

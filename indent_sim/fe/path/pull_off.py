@@ -104,7 +104,7 @@ class UnloadingBranch:
 
     @property
     def search_points(self) -> tuple[PullPoint, ...]:
-        """Those of `before`, `lowest` and `after` that are not None, for a checkpoint."""
+        """The points `before`, `lowest` and `after`, omitting None, for a checkpoint."""
         points = (self.before, self.lowest, self.after)
         return tuple(point for point in points if point is not None)
 
@@ -167,7 +167,8 @@ def find_largest_pull(
     before, lowest, after
         Three equilibria in the order of the path, the force of the middle one being the smallest.
     solve_between
-        Function that solves the equilibrium at a depth between two others, starting from the first.
+        Function that solves the equilibrium at a depth between two equilibria, starting from the
+        first.
     tolerance
         Function that returns the relative tolerance of the force for an equilibrium.
 
@@ -227,10 +228,11 @@ class _Bracket:
 
     @property
     def _end_of_longer_part(self) -> float:
-        """Outer end of the part of the bracket that is divided next [length].
+        """Depth of `inner` or `outer`, whichever bounds the part to be divided next [length].
 
-        The longer part is divided; next to a fold, the inner part only if it is FOLD_LENGTH_RATIO
-        times as long.
+        `best` divides the bracket into two parts, of which the longer one is divided next. If the
+        tip snaps off in the outer part, the inner part is divided only if it is FOLD_LENGTH_RATIO
+        times as long as the outer part.
         """
         inner = self.inner.delta
         best = self.best.delta
@@ -240,7 +242,7 @@ class _Bracket:
 
     @property
     def midpoint(self) -> float:
-        """Depth of the middle of the part of the bracket that is divided next [length]."""
+        """Depth at the middle of the part to be divided next [length]."""
         return (self.best.delta + self._end_of_longer_part) / 2
 
     @property
@@ -271,8 +273,8 @@ class _Bracket:
     def error_bound(self, point: PullPoint, predicted: _Parabola | None) -> float:
         """Return a bound on the difference of `best` from the true smallest force [force].
 
-        For a smooth force it is the depth of the parabola's minimum below `best`, plus the error of
-        the previous parabola at the equilibrium that was solved last.
+        For a smooth force it is the difference of `best` from the parabola's minimum, plus the
+        error of the previous parabola at the equilibrium that was solved last.
 
         Parameters
         ----------

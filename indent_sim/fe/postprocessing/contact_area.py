@@ -147,7 +147,7 @@ def area_in_circle(corners: np.ndarray, radius: float) -> np.ndarray:
 
 
 def _turn_angle(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Signed angle [radians] from the first to the second of plane vectors (*, 2)."""
+    """Signed angle [radians] from the first to the second plane vector (*, 2)."""
     return np.arctan2(_cross_product(first, second), (first * second).sum(axis=-1))
 
 
@@ -259,7 +259,7 @@ def stick_radius(
     a : float
         Contact radius [length].
     sample : ContactSample
-        Contact fields, at the lattice points first.
+        Contact fields; the lattice points are the first points.
     positions : ndarray, (facets, points, dim)
         Positions at which the area is measured [length].
     grid : ndarray, (lattice points, dim - 1)

@@ -32,8 +32,8 @@ class ObservedBody(Protocol):
     friction : object or None
         `shear_at(points)` is the tangential multiplier tau (facets, points, axes) [pressure].
         `stick_margin_at(points)` is friction p - |t_hat| (facets, points) [pressure], >= 0 where
-        the surface sticks; only `contact_values` needs it. A condensed body has it on its candidate
-        nodes (`CondensedState`), but not after its recovery for tables and fields.
+        the surface sticks; only `contact_values` needs this method. `CondensedState` has it, but
+        not the whole body recovered for tables and fields.
     fluid : object or None
         `pressure_at(points)` is the pore pressure (facets, points) relative to the bath [pressure].
     """
@@ -117,8 +117,8 @@ def touching_corners(body: ObservedBody) -> np.ndarray:
 def _edge_stiffness(body: ObservedBody) -> np.ndarray:
     """Stiffness (facets, 1) [pressure/length] in the trial pressure that locates the contact edge.
 
-    A combination of both is used because the multiplier oscillates outside of the contact and the
-    gap is noisy inside.
+    Multiplier and gap are combined, because the multiplier oscillates outside of the contact and
+    the gap is noisy inside.
     """
     region = body.scene.physics.domain.regions[0]
     return EDGE_STIFFNESS_FACTOR[region.formulation] * body.E_star / body.trace.facet_sizes[:, None]

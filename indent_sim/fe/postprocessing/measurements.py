@@ -119,7 +119,7 @@ def _may_touch_unindented(body: ObservedBody, pressure: np.ndarray) -> bool:
 def _roughness_amplitude(
     body: ObservedBody, sample: ContactSample, positions: np.ndarray, first_node: int
 ) -> float:
-    """Amplitude of the pressure's oscillation [pressure] on rank 0, 0 on others (collective).
+    """Amplitude of the pressure's oscillation [pressure] on rank 0, else 0 (collective).
 
     Parameters
     ----------

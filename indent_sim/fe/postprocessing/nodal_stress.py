@@ -44,7 +44,7 @@ class _CellStress(NamedTuple):
 
 
 def total_stress(body: Any, strain: Any) -> Expr:
-    """Total Cauchy stress (3, 3) of a region, of solid and pore fluid, a UFL tensor [pressure].
+    """Total Cauchy stress (3, 3) of solid and pore fluid in a region, a UFL tensor [pressure].
 
     Parameters
     ----------

@@ -43,8 +43,8 @@ class DisplacementStiffness:
     space
         Space of the displacements, quadratic or linear.
     kind
-        PETSc's matrix type. "sbaij" stores only the upper half, which halves the time of
-        a matrix-vector product, which is spent on reading the matrix.
+        PETSc's matrix type. "sbaij" stores only the upper half. This halves the time of a
+        matrix-vector product, which is limited by reading the matrix.
     """
 
     def __init__(self, problem: Problem, space: fem.FunctionSpace, kind: str):
@@ -101,8 +101,8 @@ class FieldBlocks:
         (alpha + (1 - alpha)/(1 + gamma k^2))/eps,   alpha = eps/(eps + s),
         s = SURFACE_STIFFNESS E*/h_contact,
 
-    which is exact for k = 0, and where it equals the geometric mean of its values for K = 0 and K =
-    s. A constant instead needs 1.5 times as many iterations.
+    which is exact for k = 0, and for the k at which the factor is the geometric mean of its values
+    for K = 0 and K = s. A constant factor needs 1.5 times as many iterations.
 
     Parameters
     ----------

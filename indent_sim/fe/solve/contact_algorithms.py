@@ -35,7 +35,7 @@ def _newton_with_continuation(newton: Newton, contact: ContactTerms) -> Callable
 
 
 def contact_algorithm(newton: Newton, contact: ContactTerms) -> Callable[[], bool]:
-    """Return the algorithm of a scene's contact method; it returns True if it converged."""
+    """Return a function that solves by the contact method and returns True if it converged."""
     algorithm = ALGORITHMS[newton.problem.law.multiplier](newton, contact)
     if newton.problem.has_membrane:
         algorithm = membrane_continuation(newton, algorithm)
@@ -50,9 +50,9 @@ def _friction_passes(
     """Return an algorithm that solves a frictional increment in one or two passes.
 
     The slip reference determines the number of passes. The first of two passes only locates new
-    contact points. Its error changes the force by a few per cent of the error, so that its
-    tolerance is 1e3 times Newton's, at most 1e-6. In a search for the depth of a force, which
-    depends on differences of forces, both passes have Newton's tolerance.
+    contact points. Only a few per cent of its error reach the force, so that its tolerance is 1e3
+    times the tolerance of Newton's method, at most 1e-6. A search for the depth of a force depends
+    on differences of forces; then both passes have the tolerance of Newton's method.
     """
     problem = newton.problem
     tolerance_factor = 1.0 if problem.scene.physics.path.control == "force" else 1e3

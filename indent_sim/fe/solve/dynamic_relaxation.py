@@ -17,8 +17,8 @@ def dynamic_relaxation(newton: Newton, regularization: ViscousRegularization) ->
         u_k+1 = argmin  Pi(u; delta) + drag/2 int |u - u_k|^2 dGamma   next to u_k .
 
     The energy decreases in each step, as it does after a snap, so that the steps lead to the stable
-    state in whose basin of attraction the body was. The initial drag is above the curvature
-    work/range^2 of the attraction, so that a step has a single minimum. The change of the
+    state whose basin of attraction contains the initial state. The initial drag is above the
+    curvature work/range^2 of the attraction, so that a step has a single minimum. The change of the
     displacement from one step to the next gives the curvature of the energy along the path, which
     is negative at first and positive near the stable state. The drag is omitted as soon as the body
     is stiffer than the drag.
@@ -26,7 +26,7 @@ def dynamic_relaxation(newton: Newton, regularization: ViscousRegularization) ->
     Returns
     -------
     bool
-        True if a stable equilibrium was found; otherwise the state is as it was.
+        True if a stable equilibrium was found; otherwise the state is restored.
     """
     problem = newton.problem
     law = newton.problem.law.adhesion

@@ -86,7 +86,7 @@ class BodyEquilibrium:
         return self.newton.stiffness()
 
     def tighten_tolerance(self) -> float:
-        """Tighten the tolerance to round-off; return the relative error that a force then has.
+        """Tighten the tolerance to round-off; return the resulting relative error of a force.
 
         The contact seal is frozen until `is_seal_consistent` is called, because the force is
         discontinuous where the seal changes.
@@ -116,8 +116,8 @@ class BodyEquilibrium:
         Returns
         -------
         bool
-            True if every stage converged to an admissible state; otherwise the unknowns are as they
-            were.
+            True if every stage converged to an admissible state; otherwise the unknowns are
+            restored.
         """
         start_depth = self.problem.body.accepted_depth
         state_before = self.problem.trial_state()
@@ -204,7 +204,7 @@ class BodyEquilibrium:
     def relax_to_stable_state(self, depth: float, dt: float = 0.0) -> bool:
         """Find the stable state at a depth by dynamic relaxation, then make a time step `dt`.
 
-        The snap itself takes no time. Parameters and result are those of `solve`.
+        The snap itself takes no time. Parameters and return value are the same as for `solve`.
         """
         regularization = self.contact_terms.regularization
         instant = Stage(0.0)

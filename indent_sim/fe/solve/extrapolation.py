@@ -19,7 +19,7 @@ CUT_ELEMENT_PRESSURE = 0.01
 
 
 def lagrange_weights(depths: Sequence[float], depth: float) -> list[float]:
-    """Return the weights of values at `depths` in their Lagrange interpolation at a depth."""
+    """Return the weights with which values at `depths` are interpolated to a depth (Lagrange)."""
     return [
         prod((depth - depth_j) / (depth_k - depth_j) for depth_j in depths if depth_j != depth_k)
         for depth_k in depths
@@ -64,7 +64,7 @@ def _edge_distance(trial: np.ndarray) -> np.ndarray:
 
 
 def _trial_pressure(distance: np.ndarray) -> np.ndarray:
-    """Return the trial pressure of an edge distance: the inverse of `_edge_distance`."""
+    """Return the trial pressure from the edge distance, the inverse of `_edge_distance`."""
     inside = np.maximum(distance, 0.0)
     outside = np.maximum(-distance, 0.0)
     shifted = outside + CUT_ELEMENT_PRESSURE ** (2 / 3)

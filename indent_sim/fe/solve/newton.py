@@ -115,8 +115,8 @@ class Newton:
     def _is_tangent_up_to_date(self) -> bool:
         """Return whether the last factored tangent can be used once more.
 
-        It is tried in the first iteration of every solve, and kept as long as it reduces the
-        residual quickly enough.
+        The last tangent is tried in the first iteration of every solve, and kept as long as it
+        reduces the residual quickly enough.
         """
         if not (
             self._has_tangent
@@ -133,7 +133,7 @@ class Newton:
         )
 
     def _assemble_tangent(self, tangent: PETSc.Mat, rtol: float) -> None:
-        """Assemble the tangent at the present solution; `rtol` is that of an iterative solver."""
+        """Assemble the tangent at the present solution; an iterative solver gets tolerance `rtol`."""
         self._has_tangent = True
         self._tangent_parameters = self.problem.tangent_parameters
         if self._iterative:
@@ -144,8 +144,8 @@ class Newton:
     def _forcing_term(self) -> float:
         """Return the relative tolerance of the next linear system.
 
-        It follows Newton's own convergence: choice 2 of Eisenstat & Walker (1996, SIAM J. Sci.
-        Comput. 17).
+        It is adapted to the convergence of Newton's method by choice 2 of Eisenstat & Walker (1996,
+        SIAM J. Sci. Comput. 17).
         """
         sufficient = (
             0.3
@@ -447,8 +447,9 @@ def _reaction_floor(problem: Problem) -> float:
     """Return the least reaction [force] to which residuals are compared.
 
     It is zero without fluid flow. A body that swells freely has no reactions, so that a residual
-    relative to them could not converge. The floor is 100 E L^2 (100 E L in two dimensions), with
-    the height L of a gel, and the smaller of contact radius and height of a body that only drains.
+    relative to the reactions could not converge. With flow the floor is therefore 100 E L^2 (100 E
+    L in two dimensions). L is the height of a body that swells; for a body that only drains it is
+    the contact radius or the height, whichever is smaller.
     """
     physics = problem.scene.physics
     E = max(region.material.constants.E for region in physics.domain.regions)

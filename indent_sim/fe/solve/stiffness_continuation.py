@@ -16,7 +16,7 @@ def approach_factors(law: Any, scene: Scene) -> list[float]:
     """Return factors of the stiffness of a contact law, in half decades, all below 1.
 
     The first stiffness is 3 E*/h_contact, up to which Newton's method converges in a few
-    iterations. The list is empty if the stiffness of the law is not larger.
+    iterations. The list is empty if the law is not stiffer than this.
     """
     excess = law.stiffness * scene.sizes.h_contact / scene.physics.material.E_star / 3.0
     step_count = max(1, round(2 * log10(excess))) if excess > 1 else 0

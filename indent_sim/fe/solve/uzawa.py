@@ -22,8 +22,8 @@ MOST_ITERATIONS = 500
 class Mixing:
     """Anderson mixing: acceleration of a fixed-point iteration x <- G(x) (Walker & Ni 2011).
 
-    The next x is the combination of the last iterates with the smallest linear prediction of G(x) -
-    x. Vectors are this rank's parts; inner products are summed over `comm`.
+    The next x is the combination of the last iterates for which a linear prediction of G(x) - x is
+    smallest. Vectors are this rank's parts; inner products are summed over `comm`.
     """
 
     def __init__(self, comm: MPI.Comm):

@@ -201,8 +201,8 @@ class ContactSeal(Term):
         """Return the contact vertices with which the equilibrium iteration of a step starts.
 
         These are the contact vertices of the accepted state. If the tip covers the whole top and
-        has not touched it yet, all vertices of the top are returned, because with sealed walls the
-        tangent is singular while no fluid can leave through the tip.
+        has not touched it yet, all vertices of the top are returned, because in a body with sealed
+        walls the tangent is singular as long as no fluid can leave through the tip.
         """
         in_contact = self._in_contact.x.array > 0.5
         if self._covers_top and not self.body.comm.allreduce(bool(in_contact.any()), op=MPI.LOR):

@@ -194,10 +194,10 @@ class Flow(Term):
 
         If the boundary layer at a drained face is thinner than the elements, the discrete pressure
         oscillates: at the k-th vertex below the face it is p (1 - (-0.268)^k), which is 1.27 times
-        the exact value at the first one. The filtered pressure F p, the mean weighted with the
-        shape function of a vertex, is exact there. The largest value of 2 F p - F F p is returned,
-        which is 1.1 times the exact value at the first vertex and has an error of fourth order in
-        the element size for smooth p.
+        the exact value at the first one. The filtered pressure F p is the mean of p weighted with
+        the shape function of a vertex, and is exact at the first vertex. The largest value of 2 F p
+        - F F p is returned, which is 1.1 times the exact value at the first vertex and has an error
+        of fourth order in the element size for smooth p.
         """
         mass, areas = self._vertex_mass
         p = mass.createVecRight()

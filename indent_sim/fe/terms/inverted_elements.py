@@ -16,11 +16,11 @@ class InvertedElements:
     J : float
         Smallest volume ratio det F; elements are inverted where it is negative.
     X : tuple of float
-        Undeformed position of J [length].
+        Undeformed position of the point with the smallest J [length].
     stretch : float
         Largest principal stretch.
     X_stretched : tuple of float
-        Undeformed position of the largest stretch [length].
+        Undeformed position of the point with the largest stretch [length].
     """
 
     J: float
@@ -29,7 +29,7 @@ class InvertedElements:
     X_stretched: tuple[float, ...]
 
     def message(self, scene: Scene) -> str:
-        """Return both extremes and their positions in the user's length unit, to end a sentence."""
+        """Return both extremes and their positions as text, in the user's length unit."""
         axes = ", ".join(scene.physics.domain.kinematics.axes)
 
         def format_point(X: tuple[float, ...]) -> str:

@@ -90,7 +90,7 @@ class SurfaceTension(Term):
             )
 
     def set_membrane_stiffness(self, stiffness: float) -> None:
-        """Set the shear modulus of the membrane and the corresponding addition to that of the body.
+        """Set the shear modulus of the membrane, and what it adds to the shear modulus of the body.
 
         Parameters
         ----------
@@ -115,7 +115,7 @@ def _surface_strain(H: Expr, P: Expr) -> tuple[Expr, Expr]:
 
 
 def _area_growth(H: Expr, P: Expr) -> Expr:
-    """Relative growth of an area minus its first-order part tr(PH)."""
+    """Relative growth of a surface element, without the first-order part tr(PH)."""
     stretched = P * H.T * H * P
     C = P * (H + H.T) * P + stretched
     m = ufl.tr(stretched) + (ufl.tr(C) ** 2 - ufl.tr(C * C)) / 2

@@ -90,7 +90,7 @@ class Term:
         """Reset the data recorded during the previous solve."""
 
     def end_stage(self, stage: Stage) -> None:
-        """Evaluate the data that the next stage needs from the equilibrium of this stage."""
+        """Compute from the equilibrium of this stage the data that the next stage needs."""
 
     def accept(self) -> None:
         """Update the internal variables to the end of the increment."""

@@ -99,7 +99,7 @@ class ViscoelasticStrainEnergy(StrainEnergy):
         self.begin_stage(Stage(0.0))
 
     def _energy_densities(self, material: Material, H: Expr, q: Expr | None) -> tuple[Expr, Expr]:
-        """Return the stage's potential density with h at quadrature points, and with cell means."""
+        """Return the stage's potential density for h at quadrature points, and for its cell means."""
         assert isinstance(material, ShearRelaxingLaw)
         shear, theta = material.isochoric_parts(H)
         # The field q is defined by the relaxed body, so that its meaning does not change in time
@@ -189,10 +189,10 @@ class ViscoelasticStrainEnergy(StrainEnergy):
             self.E_star = self._relaxed_E_star(shear_fraction)
 
     def _remaining_stress_fraction(self, S: np.ndarray, relaxed: Sequence[np.ndarray]) -> float:
-        """Remaining fraction of the elastic shear stress over all quadrature points (collective).
+        """Fraction of the elastic shear stress that remains after relaxation (collective).
 
-        It is ((g_inf + sum g_k) S - sum g_k A_k) : S/(S : S). In an unstrained region it is the
-        factor that applies to a strain imposed now.
+        It is ((g_inf + sum g_k) S - sum g_k A_k) : S/(S : S), with sums over all quadrature points.
+        In an unstrained region, the fraction for a strain imposed now is returned.
 
         Parameters
         ----------

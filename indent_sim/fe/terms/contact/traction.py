@@ -73,9 +73,9 @@ class Traction(Term):
         )
 
     def _multiplier_expression(self, strain_energy: StrainEnergy) -> Expr:
-        """Return the multiplier in the potential, as the contact method requires.
+        """Return the UFL expression that the contact method uses as multiplier in the potential.
 
-        It is an unknown, a frozen function, the normal stress of the body, or zero.
+        This is an unknown, a frozen function, the normal stress of the body, or zero.
         """
         match self.law.multiplier:
             case "unknown" | "frozen":
