@@ -197,7 +197,7 @@ class Penalty(_NormalStiffness):
 
     @property
     def reason_not_condensable(self) -> str:
-        """Reason of `_StiffnessLaw`, or friction, which the condensed solver lacks for penalty."""
+        """Reason of the base class, or friction, which prevents condensation with a penalty."""
         friction_reason = (
             "" if self.is_conservative else "the condensed solver has no penalty with friction"
         )

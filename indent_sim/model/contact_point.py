@@ -135,9 +135,9 @@ def passed_gap(initial_gap: Expr, is_new: Expr, trial_pressure: Expr, stiffness:
 def step_fraction_at_contact(passed_gap: Expr, largest_gap: Expr) -> Expr:
     """Return the fraction of the increment that had passed when a point came into contact.
 
-    For a point that lost contact it is the remaining fraction. It is estimated as CLOSING_FRACTION
-    (passed_gap/largest_gap)^CLOSING_EXPONENT, where largest_gap is the largest gap closed in this
-    increment.
+    For a point that lost contact, the fraction that remained is returned. The fraction is estimated
+    as CLOSING_FRACTION * (passed_gap/largest_gap)^CLOSING_EXPONENT, where largest_gap is the
+    largest gap closed in this increment.
     """
     return (
         CLOSING_FRACTION * maximum(0.0, minimum(passed_gap / largest_gap, 1.0)) ** CLOSING_EXPONENT

@@ -77,7 +77,7 @@ class Drainage:
 
     @property
     def bath_values(self) -> tuple[float, ...]:
-        """Given values of the bath; its value at any time lies between them."""
+        """Values of the bath given by the scene, which bound its value at any time."""
         return (
             (float(self.bath),)
             if isinstance(self.bath, float | int)

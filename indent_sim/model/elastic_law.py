@@ -138,7 +138,7 @@ class ElasticLaw(ABC):
     def diffusivity(self) -> float:
         """Small-strain diffusivity D [length^2/time] of the pore pressure.
 
-        D = permeability/(storage + alpha^2/M_c), M_c the `confined_modulus`.
+        D = permeability/(storage + alpha^2/M_c) with the `confined_modulus` M_c.
 
         The flow must be given by its permeability (`flow_by_permeability`).
         """
@@ -149,7 +149,7 @@ class ElasticLaw(ABC):
 
     @property
     def flow_by_permeability(self) -> Flow | None:
-        """Flow given by its permeability, or None; raises ValueError as `Flow.canonical`."""
+        """Flow defined by its permeability, or None; ValueError as from `Flow.canonical`."""
         return self.flow and self.flow.canonical(self.confined_modulus)
 
     def volume_growth(self, H: Expr) -> Expr:

@@ -128,7 +128,7 @@ class Gel(ElasticLaw):
         return 1 + stretch_increment
 
     def bath_pressure(self, bath: float) -> float:
-        """Return p_b = (G/n)(mu_bath - mu(l)) [pressure] of a bath of a chemical potential [kT].
+        """Return p_b = (G/n)(mu_bath - mu(l)) [pressure] for the chemical potential of a bath [kT].
 
         It is > 0 if the gel swells, and 0 in the bath in which it has swollen freely.
         """
@@ -140,8 +140,9 @@ class Gel(ElasticLaw):
     def confined_swelling(self, bath_pressure: float) -> ConfinedSwelling:
         """Return the swelling equilibrium between fixed side walls in a bath.
 
-        The bath has the pressure p_b [pressure]. The distance of the walls is the width of the
-        reference state, and one axis is free. Raises ValueError if there is no equilibrium.
+        The argument is the pressure p_b [pressure] of the bath. The walls keep the gel at the width
+        of the reference state, so that it swells along one free axis only. Raises ValueError if
+        there is no equilibrium.
         """
         if bath_pressure == 0:
             return ConfinedSwelling(1.0, 0.0)

@@ -103,8 +103,8 @@ class History:
     def rows_per_segment(self) -> tuple[int, ...]:
         """Number of rows in each segment of `points_from_rest`; 1 for a jump.
 
-        200 rows are distributed in proportion to the duration of the segments; a segment has at
-        least 200 divided by the number of segments.
+        200 rows are distributed in proportion to the duration of the segments; then every segment
+        gets at least 200/(number of segments) rows.
         """
         spans = [end - start for (start, _), (end, _) in pairwise(self.points_from_rest)]
         fractions = [max(span / self.duration, 1.0 / len(spans)) for span in spans]
@@ -166,14 +166,14 @@ class History:
         first_step : float
             First time increment of each segment [time].
         per_doubling : int
-            Increments of each length before the length doubles. A segment with a moving tip has at
-            least five times as many.
+            Number of increments of each length before the length doubles. A segment with a moving
+            tip has at least 5 * per_doubling increments.
 
         Returns
         -------
         LoadPath
-            Path whose rows are all increments, or the given `times` with further increments
-            between.
+            Path with a row at the end of each increment, or only at the given `times`, with further
+            increments between the rows.
         """
 
         def step_fractions(span: float, moves: bool) -> list[float]:

@@ -58,7 +58,7 @@ class NeoHookean(TwoConstantLaw):
 class _IsochoricLaw(ElasticLaw):
     """Base class of laws psi = isochoric energy(J^-2/3 C) + kappa/2 (ln J)^2.
 
-    Besides the constants of the law, nu or kappa is given.
+    A material is defined by the constants of the law and by either nu or kappa.
     """
 
     nu: PoissonRatio | None = None
@@ -168,10 +168,11 @@ class _IsochoricLaw(ElasticLaw):
 
         The mean stress is q + k (I1 - 3), where k is the `poynting_coefficient`, but at least 0; to
         leading order I1 - 3 is gamma^2. Contact prescribes the normal stress on a surface, while
-        the shear gamma along it is discontinuous between elements. If q were the mean stress, which
-        then jumps too, the continuous q would make the contact pressure under friction oscillate
-        from node to node. The stationary point is that of the displacement law for any k, also if
-        the law is incompressible (docs/decisions/0048-a-mixed-pressure-that-shear-leaves-alone.md).
+        the shear gamma along the surface is discontinuous between elements, and so is then the mean
+        stress. A continuous q that approximated the mean stress would make the contact pressure
+        under friction oscillate from node to node. For any k, the energy is stationary in q at the
+        solution of the displacement formulation, also if the law is incompressible
+        (docs/decisions/0048-a-mixed-pressure-that-shear-leaves-alone.md).
 
         Parameters
         ----------
@@ -306,8 +307,8 @@ class Ogden(_IsochoricLaw):
     def canonical(self) -> Self:
         """Return the same material with nu instead of kappa.
 
-        Raises ValueError as the other isochoric laws, and if mu and alpha differ in length or an
-        alpha is zero.
+        Raises ValueError unless exactly one of nu and kappa is given, mu and alpha have the same
+        length, and every alpha is non-zero.
         """
         if len(self.mu) != len(self.alpha):
             raise ValueError(

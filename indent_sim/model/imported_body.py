@@ -20,10 +20,10 @@ from indent_sim.model.units import (
 
 @dataclass(frozen=True)
 class MeshSurfaces:
-    """Names in a mesh file of the contact surface, of the base and of the sides.
+    """Names that the contact surface, the base and the sides have in a mesh file.
 
-    Without names, the contact surface consists of the upward faces, the base of the horizontal
-    downward faces, and supported sides are the vertical faces.
+    If no names are given, the upward faces are the contact surface, the horizontal downward faces
+    are the base, and the vertical faces are the sides, if these are supported.
     """
 
     contact: str | None = None
@@ -36,12 +36,12 @@ class MeshFromFile:
     """Body whose mesh is read from a file, z up.
 
     The coordinates (x, y) of a two-dimensional file are (r, z) or (x, z); the axis of revolution is
-    r = 0. The tip's axis is at x = 0, y = 0 of the file unless `indenter.center` is given. Faces in
-    none of `surfaces` are free; a surface without a name is recognized by its orientation, or the
-    file is rejected. `regions` gives the material of each named region; other cells have the
-    material of the scene. sides "auto" means free. The support of a face in a plane through the
-    tip's axis must be given, since the face may be a mirror plane of half a body (roller) or a free
-    face of a whole body.
+    r = 0. The tip's axis is at x = 0, y = 0 of the file unless `indenter.center` is given. Faces
+    that belong to none of the `surfaces` are free. A surface whose name is not given is recognized
+    by its orientation; if this is impossible, the file is rejected. `regions` gives the material of
+    each named region; other cells have the material of the scene. sides "auto" means free. The
+    support of a face in a plane through the tip's axis must be given, since the face may be a
+    mirror plane of half a body (roller) or a free face of a whole body.
     """
 
     file: str
@@ -155,7 +155,7 @@ class ImportedBody:
         return x, y
 
     def _plan_coordinates(self, center: tuple[float, ...]) -> np.ndarray:
-        """Return the horizontal coordinates of a center, one or two as the mesh has."""
+        """Return the horizontal coordinates of a center: one in two dimensions, two in three."""
         return np.asarray(center[: self.facets.shape[2] - 1])
 
 

@@ -72,7 +72,7 @@ class _Inclusion(ABC):
 
     @abstractmethod
     def farthest_distance(self, point: Sequence[float], axes: Sequence[int] = ALL_AXES) -> float:
-        """Return the largest distance of a point from points of the inclusion, along given axes."""
+        """Return the distance, along some axes, from a point to the farthest inclusion point."""
 
     @property
     def min_half_width(self) -> float:
@@ -165,7 +165,7 @@ class _ProductInclusion(_Inclusion):
         return any({0, 1} <= set(axes) for axes, _ in self.spans) and self._is_centered_on(center)
 
     def measure_within_distance(self, distance: Expr, dim: int) -> Expr:
-        """Return the approximate size of the region within `distance`, without rounded corners."""
+        """Return the approximate size of the region within `distance`; corners are not rounded."""
         spans = self.spans if dim == 3 else [((axis,), self.half_width(axis)) for axis in (0, 2)]
         return np.prod(
             [
@@ -181,7 +181,7 @@ class _ProductInclusion(_Inclusion):
         return np.all(np.broadcast_arrays(*is_within), axis=0)
 
     def nearest_point(self, point: Sequence[Expr]) -> list[Expr]:
-        """Return the point of the inclusion nearest to (x, y, z) [length], nearest in each span."""
+        """Return the point of the inclusion nearest to (x, y, z) [length], found span by span."""
         coordinates = list(point)
         for axes, half in self.spans:
             scale = half / np.maximum(self._distance_from_center(point, axes), half)
@@ -190,7 +190,7 @@ class _ProductInclusion(_Inclusion):
         return coordinates
 
     def farthest_distance(self, point: Sequence[float], axes: Sequence[int] = ALL_AXES) -> float:
-        """Return the largest distance of a point from points of the inclusion, along given axes."""
+        """Return the distance, along some axes, from a point to the farthest inclusion point."""
         relevant_spans = [
             (tuple(axis for axis in span_axes if axis in axes), half)
             for span_axes, half in self.spans
@@ -280,7 +280,7 @@ class EllipsoidInclusion(_Inclusion):
         return isclose(a, b, rel_tol=POSITION_TOLERANCE) and self._is_centered_on(center)
 
     def measure_within_distance(self, distance: Expr, dim: int) -> Expr:
-        """Return the size of an ellipsoid whose semi-axes are longer by `distance`."""
+        """Return the size of the ellipsoid whose semi-axes are longer by `distance`."""
         halves = self.semi_axes if dim == 3 else self.semi_axes[::2]
         return UNIT_BALL_MEASURES[dim] * np.prod([half + distance for half in halves], axis=0)
 
@@ -297,8 +297,8 @@ class EllipsoidInclusion(_Inclusion):
     def nearest_point(self, point: Sequence[Expr]) -> list[Expr]:
         """Return the point of the inclusion nearest to a point (x, y, z) [length].
 
-        For a point center + v it is center + s^2 v/(t + s^2), with the t > 0 for which it lies on
-        the surface.
+        The point nearest to center + v is center + s^2 v/(t + s^2) with the semi-axes s; t > 0
+        follows from the condition that it lies on the surface.
         """
         offset = np.array(
             np.broadcast_arrays(*(p - c for p, c in zip(point, self.center, strict=True))),
@@ -311,10 +311,10 @@ class EllipsoidInclusion(_Inclusion):
         return [c + component for c, component in zip(self.center, surface_offset, strict=True)]
 
     def farthest_distance(self, point: Sequence[float], axes: Sequence[int] = ALL_AXES) -> float:
-        """Return the largest distance of a point from points of the inclusion, along given axes.
+        """Return the distance, along some axes, from a point to the farthest inclusion point.
 
         The formula of `nearest_point` with the smallest root t < 0 gives the farthest point, on the
-        other side of the center. With -t = max(s)^2 + x, x > 0.
+        other side of the center. The unknown of the root search is x > 0 in t = -max(s)^2 - x.
         """
         # This import takes 0.2 s, which bodies without an ellipsoid need not spend.
         from scipy.optimize import brentq
@@ -339,7 +339,8 @@ def _projection_multiplier(offset: np.ndarray, s: np.ndarray) -> np.ndarray:
     """Return the root t > 0 of sum (s offset/(t + s^2))^2 = 1 for points outside an ellipsoid.
 
     The sum is convex and decreases with t, so that Newton's method from below is monotone. The last
-    step is less than 1e-11 of the largest t, and the relative error about the square of this.
+    step is less than 1e-11 of the largest t; the remaining relative error is about the square of
+    1e-11.
     """
     # This import takes 0.2 s, which bodies without an ellipsoid need not spend.
     from scipy.optimize import newton

@@ -109,7 +109,8 @@ class TransverselyIsotropic(ElasticLaw):
     def constants(self) -> Constants:
         """Young's modulus [pressure] and Poisson's ratio of the equivalent isotropic material.
 
-        It has the same indentation modulus and the same compressibility, nu = (1 - d)/2.
+        The equivalent material has the same indentation modulus and nu = (1 - d)/2, which gives it
+        the same compressibility.
         """
         nu = min(max((1 - self._d) / 2, -0.99), 0.5)
         return Constants(self._indentation_modulus * (1 - nu * nu), nu)

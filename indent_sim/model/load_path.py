@@ -43,7 +43,8 @@ class LoadPath:
     def with_halved_increments(self) -> LoadPath:
         """Return the same path with all increments halved.
 
-        The mean of each two successive values is inserted, so that each row becomes two.
+        The mean of two successive values is inserted between them, so that each row becomes two
+        rows.
         """
         rows: list[tuple[float, float]] = []
         turns: list[tuple[tuple[float, float], ...]] = []
@@ -154,8 +155,8 @@ class LoadPath:
     def segment(self, step: int) -> tuple[tuple[float, float], ...]:
         """Return the values from the previous row to a row [from 1], each with its time.
 
-        The last one is the value of the row itself. Times are measured from the beginning of the
-        path; they are 0 for a body that is not time-dependent.
+        The last value belongs to the row itself. Times are measured from the beginning of the path;
+        they are 0 for a body that is not time-dependent.
         """
         values = (*(self.turns[step - 1] if self.turns else ()), self.values[step - 1])
         if self.start_time is None:
@@ -170,7 +171,7 @@ class LoadPath:
 
     @property
     def retained_rows(self) -> frozenset[int]:
-        """Numbers [from 1] of the rows whose states are kept: the last one and starts of unloading.
+        """Numbers [from 1] of the rows whose states are kept: unloading starts and the last row.
 
         Unloading starts at a row if the value decreases after it and no earlier value was larger.
         """

@@ -27,13 +27,14 @@ STEPPED_KEYS = ("delta", "force")
 class Loading:
     """Prescribed depths or forces, in order or in time.
 
-    Exactly one of: a final depth `delta` or force `force` that is reached in `steps` equal
-    increments, the depths `deltas` or the forces `forces` in order, or in time `history`, [t,
-    delta] (with a cantilever or a frame [t, z]), or `force_history`, [t, force]. A history is
-    linear between its points, two equal times are a jump, and before the first point the body is
-    undeformed. `times` are the times of the rows; "auto": every point, and enough rows between them
-    for a smooth curve. For a body that drains or whose shear modulus relaxes, every segment has
-    `per_doubling` time increments of equal length before the length doubles.
+    Exactly one of these is given: a final depth `delta` or force `force` that is reached in `steps`
+    equal increments; depths `deltas` or forces `forces` in order; or, as a function of time,
+    `history` with points [t, delta] (with a cantilever or a frame [t, z]) or `force_history` with
+    points [t, force]. A history is linear between its points, two equal times are a jump, and
+    before the first point the body is undeformed. `times` are the times of the rows; with "auto"
+    every point is a row, and enough rows are added between the points for a smooth curve. For a
+    body that drains or whose shear modulus relaxes, every segment has `per_doubling` time
+    increments of equal length before the length doubles.
 
     delta > 0 is indentation; negative values in `deltas` keep the tip clear of the body [length].
     Forces are those of the whole body (per unit length in plane strain). Negative forces require

@@ -21,8 +21,8 @@ from indent_sim.model.units import (
 class HolmesMow:
     """Permeability of pores that close as the volume shrinks.
 
-    k(J)/k(1) = ((J - phi0)/(1 - phi0))^alpha exp(M (J^2 - 1)/2), phi0 the volume fraction of the
-    solid in the undeformed body (Holmes & Mow 1990, J. Biomech. 23, 1145).
+    k(J)/k(1) = ((J - phi0)/(1 - phi0))^alpha exp(M (J^2 - 1)/2), where phi0 is the volume fraction
+    of the solid in the undeformed body (Holmes & Mow 1990, J. Biomech. 23, 1145).
     """
 
     phi0: Annotated[float, Ge(0), Lt(1)]

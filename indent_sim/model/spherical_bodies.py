@@ -103,10 +103,10 @@ class Ball(CenteredBody):
     """Ball whose highest point is the origin: -2 radius <= z <= 0 [length].
 
     base "roller": the plane through the center is a mirror plane, and an equal tip pushes up from
-    below. `delta` is the approach of the two tips; an inclusion is above that plane and mirrored,
-    or centered on it. base "fixed": the lower half of the surface is bonded to a rigid support.
-    Layers are concentric coatings from the surface inwards; the last one, the core, has no
-    thickness.
+    below. `delta` is the approach of the two tips; an inclusion lies above the mirror plane and has
+    a mirror image below it, or is centered on it. base "fixed": the lower half of the surface is
+    bonded to a rigid support. Layers are concentric coatings from the surface inwards; the last
+    one, the core, has no thickness.
     """
 
     radius: Length

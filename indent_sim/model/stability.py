@@ -90,7 +90,7 @@ def instability_warnings(material: Material, strain: float) -> list[str]:
 
 
 def _auxetic_instability(material: NeoHookean, strain: float) -> list[str]:
-    """Return a list with a warning for a neo-Hookean law with nu < 0 if it may become unstable.
+    """Return a warning, in a list, if a neo-Hookean law with nu < 0 may become unstable.
 
     psi is convex in the logarithmic strains e if sum exp(-2 e) < (2 nu - 1)/nu.
     """

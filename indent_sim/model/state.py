@@ -163,8 +163,8 @@ class State:
     unbalanced
         Error of the fluid balance (content plus outflow); zero in equilibrium [length^3].
     drained
-        For an increment without duration: element height and p^2 times area at each vertex of the
-        drained faces of the model domain, nondimensional.
+        Element height and p^2 * area at each vertex of the drained faces of the model domain,
+        nondimensional; only for an increment without duration.
     surface
         Contact surface.
     """
@@ -277,7 +277,7 @@ class PullOff:
 
 @cache
 def _field_units(scales: Scales) -> dict[str, float]:
-    """Return the unit, in terms of the scales, of each field of a State that has one."""
+    """Return the scale, in user units, of each field of a State that has a dimension."""
     L = scales.length
     P = scales.pressure
     F = scales.force

@@ -385,7 +385,7 @@ class Plate(_Tip):
 
 
 class RegularPyramid(_PointedTip):
-    """Regular pyramid f = cot(half_angle) max over the faces of x . n, n the horizontal normals.
+    """Regular pyramid f = cot(half_angle) * max(x . n) over the horizontal normals n of the faces.
 
     half_angle is the angle between axis and face. The normal of one face points along x, rotated by
     `rotation` degrees about z. With tip_radius > 0 the apex is rounded by a sphere and the edges by
@@ -416,7 +416,7 @@ class RegularPyramid(_PointedTip):
         )
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
-        """Return the gap: the distance from a sharp pyramid inside the tip minus tip_radius.
+        """Return the gap, which is the distance from a sharp inner pyramid, less tip_radius.
 
         The inner pyramid is the surface of the centers of the spheres that round the tip.
         """
@@ -440,8 +440,8 @@ class RegularPyramid(_PointedTip):
     def _sector_coordinates(self, x: Expr, y: Expr) -> tuple[Expr, Expr, Expr, Expr]:
         """Return coordinates (s, t, p, q) in the sector of the nearest face [length].
 
-        (s, t) are along and across the horizontal normal of the nearest face, (p, q) along and
-        across the nearest edge.
+        s and t are measured along and across the horizontal normal of the nearest face, p and q
+        along and across the nearest edge.
         """
         turn = 360 / self.faces
         turns = [
@@ -464,13 +464,13 @@ class RegularPyramid(_PointedTip):
         )
 
     def characteristic_strain(self, delta: float, a: float) -> tuple[float, str]:
-        """Return the characteristic strain for the cone of equal sections, and its formula."""
+        """Return the strain for the cone with equal section areas, and its formula as text."""
         strain = 0.2 / (self.equivalent_radius_ratio * tan(self.half_angle))
         return strain, "0.2 cot(half_angle of the cone of equal sections)"
 
     @property
     def equivalent_radius_ratio(self) -> float:
-        """Ratio of the radius of the circle of equal area to the inscribed radius of a section."""
+        """Radius of a circle with the area of a section, divided by the inscribed radius."""
         return float(sqrt(self.faces * tan(180 / self.faces) / pi))
 
     def has_mirror_plane(self, degrees: float) -> bool:
@@ -482,7 +482,7 @@ class RegularPyramid(_PointedTip):
 
 @dataclass(frozen=True)
 class Pyramid(RegularPyramid):
-    """Regular pyramid f = cot(half_angle) max over the faces of x . n.
+    """Regular pyramid f = cot(half_angle) * max(x . n) over the horizontal normals n of the faces.
 
     half_angle is the angle between axis and face.
     """
@@ -538,7 +538,7 @@ class CubeCorner(RegularPyramid):
 
 @dataclass(frozen=True)
 class Profile(_Tip):
-    """Convex tip of revolution, f linear between the points (r, z), ending at the last point.
+    """Convex tip of revolution: f is linear between the points (r, z) and ends at the last point.
 
     With tip_radius > 0, apex and corners are rounded by parabolic arcs of this radius of curvature.
     """
@@ -614,7 +614,7 @@ class Profile(_Tip):
         return where_less(max_radius * (1 + 1e-12), r, ENDED_TIP_HEIGHT * max_radius, distance)
 
     def radius_at(self, depth: float) -> float:
-        """Return the radius of the section at a height above the apex, ignoring arcs [length]."""
+        """Return the radius of the section `depth` above the apex, ignoring rounding [length]."""
         for (r_0, z_0), (r_1, z_1) in pairwise(self.points):
             if depth < z_1:
                 return r_0 + (r_1 - r_0) * (depth - z_0) / (z_1 - z_0)
@@ -630,8 +630,8 @@ class Profile(_Tip):
 def _punch_strain(delta: float, a: float) -> tuple[float, str]:
     """Return the characteristic strain of the contact of a flat punch, and its formula as text.
 
-    Since a punch has no slope, the ratio of strain and mean pressure of a ball (0.2 a/R and 4 E*
-    a/(3 pi R)) is applied to the mean pressure 2 E* delta/(pi a), within 1 %.
+    A punch has no slope. Its mean pressure 2 E* delta/(pi a) is therefore multiplied by the ratio
+    of strain to mean pressure of a ball, 0.2 a/R to 4 E* a/(3 pi R), which gives 0.3 delta/a.
     """
     return 0.3 * delta / a, "0.3 delta/a"
 

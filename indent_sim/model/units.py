@@ -67,7 +67,7 @@ class Unit:
 class UnitRow:
     """Dimensions of the entries of each row of a list, None for a dimensionless number.
 
-    If a single number is given instead of rows, it has the last dimension.
+    A single number given in place of the list has the dimension of the last entry.
     """
 
     units: tuple[Unit | None, ...]

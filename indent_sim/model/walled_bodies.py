@@ -75,7 +75,7 @@ class _WalledBody(ABC):
         )
 
     def mirrored_widths(self, center: tuple[float, ...]) -> tuple[float, ...]:
-        """Return the widths [length] of the body with its mirror images at planes at `center`."""
+        """Return the widths [length], doubled where a mirror plane passes through `center`."""
         widths: list[float] = []
         for axis, position, width in zip("xy", center, self.widths, strict=False):
             distances = {f"{axis}_min": position, f"{axis}_max": width - position}

@@ -430,7 +430,7 @@ class CondensedContact:
         return True
 
     def _nodal_trial_pressure(self) -> np.ndarray:
-        """Return the trial pressure at the nodes of the pressure, with the stiffness E*/h_contact."""
+        """Return the trial pressure at the pressure nodes, with the stiffness E*/h_contact."""
         carriers, _, heights, areas, A = self._weighted_gap_matrices
         p = self.lam[self.candidates[carriers]]
         scale = self.scene.physics.material.E_star / self.scene.sizes.h_contact

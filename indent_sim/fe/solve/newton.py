@@ -133,7 +133,7 @@ class Newton:
         )
 
     def _assemble_tangent(self, tangent: PETSc.Mat, rtol: float) -> None:
-        """Assemble the tangent at the present solution; an iterative solver gets tolerance `rtol`."""
+        """Assemble the tangent at the present solution; `rtol` is for an iterative solver."""
         self._has_tangent = True
         self._tangent_parameters = self.problem.tangent_parameters
         if self._iterative:

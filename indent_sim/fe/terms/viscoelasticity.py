@@ -99,7 +99,7 @@ class ViscoelasticStrainEnergy(StrainEnergy):
         self.begin_stage(Stage(0.0))
 
     def _energy_densities(self, material: Material, H: Expr, q: Expr | None) -> tuple[Expr, Expr]:
-        """Return the stage's potential density for h at quadrature points, and for its cell means."""
+        """Return the stage's potential density, with h at quadrature points and as cell means."""
         assert isinstance(material, ShearRelaxingLaw)
         shear, theta = material.isochoric_parts(H)
         # The field q is defined by the relaxed body, so that its meaning does not change in time
