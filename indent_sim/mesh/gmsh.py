@@ -50,7 +50,7 @@ def start_meshing(domain: ModelDomain, sizes: Sizes) -> Callable[[], Grid]:
 
 
 def mesh_domain(domain: ModelDomain, sizes: Sizes) -> Grid:
-    """Mesh a domain, with smaller random shifts of points if gmsh fails or leaves flat cells.
+    """Mesh a domain; retry with smaller random shifts of points if gmsh fails or leaves flat cells.
 
     If the domain cannot be meshed, the MeshError names other sizes at the contact that were tried,
     and whether they can be meshed.

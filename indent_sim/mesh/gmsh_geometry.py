@@ -152,7 +152,7 @@ def _split_corners(
 ) -> list[tuple[tuple[float, ...], float | None]]:
     """Return the points at which a side of a section begins or is split by interfaces.
 
-    The second value of each is the level of the interface, None if the point is on no interface.
+    Each point is paired with the level of its interface, or with None if it is on no interface.
     """
     if side.surface == "top":
         R = domain.top_radius
@@ -242,7 +242,7 @@ def _round_point(point: tuple[float, ...]) -> tuple[float, ...]:
 def prescribe_sizes(gmsh: Gmsh, sizes: Sizes, dim: int) -> None:
     """Set the element size to the minimum of fields for contact, inclusions, coatings and faces.
 
-    Separate fields are used because each minimum in a single formula doubles its length.
+    Separate fields are used because every minimum would double the length of a single formula.
     """
     field = gmsh.model.mesh.field
     tags = []

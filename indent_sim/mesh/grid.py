@@ -200,7 +200,8 @@ def iterate_facets(
     """Yield the facets (k, dim) of all cells, the cell (k,) of each and its opposite corner (k,).
 
     Each chunk has about `chunk_size` facets, sorted by their smallest point number, so that facets
-    with the same points are in the same chunk. The opposite corner is a column of `cells`.
+    with the same points are in the same chunk. The opposite corner is given as its column number in
+    `cells`.
     """
     m, corners = cells.shape
     smallest_corner, second_corner = np.partition(cells, 1, axis=1)[:, :2].T
@@ -240,7 +241,7 @@ def unit_normals(corners: np.ndarray) -> np.ndarray:
 
 
 def sort_and_match_rows(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the order (k,) that sorts rows, and a mask (k - 1,) of rows equal to the next."""
+    """Return the order (k,) that sorts rows, and if each sorted row equals the next (k - 1,)."""
     order = np.lexsort(table.T)
     return order, (table[order[1:]] == table[order[:-1]]).all(axis=1)
 

@@ -86,7 +86,7 @@ class ImportedDomain(ModelDomain):
         """Return the mean distance of contact facets from the arc through their corners [length].
 
         Facets of size h that meet at an angle t approximate an arc of radius h/t, and their
-        midpoints lie h t/8 inside it.
+        midpoints lie h * t/8 inside it.
 
         Parameters
         ----------
@@ -111,7 +111,8 @@ class ImportedDomain(ModelDomain):
     def facet_angle(self, center: Point, radius: float, refinements: int = 0) -> float:
         """Return the mean angle [radians] between adjacent contact facets near the tip.
 
-        Parameters are those of `facet_sagitta`. Without facets within the radius it is 0.
+        The parameters are those of `facet_sagitta`. The angle is 0 if no facet is within the
+        radius.
         """
         facets = self.mesh.grid.surfaces["top"]
         corners = self.mesh.facet_corners("top")
@@ -140,7 +141,7 @@ class ImportedDomain(ModelDomain):
         return self.normal_axes[surface]
 
     def mirror_walls(self, center: Point) -> set[str]:
-        """Return the names (x_min, y_max) of roller sides in a plane through the tip's axis."""
+        """Return the names, such as x_min, of roller sides in a plane through the tip's axis."""
         walls: set[str] = set()
         for surface, axis in self.normal_axes.items():
             is_roller_side = self.supports.get(surface) == "roller" and surface.startswith("sides_")
@@ -222,9 +223,9 @@ def first_contact_height(tip: Indenter, mesh: ImportedMesh, center: tuple[float,
 
 
 def end_at_axis(mesh: ImportedMesh, center: Point, axis: int) -> str:
-    """Return the end of a mesh that lies under the tip's axis: min, max, or "" for neither.
+    """Return which end of a mesh lies under the tip's axis: "min", "max", or "" for neither.
 
-    `axis` is the number of the horizontal axis along which the ends are taken.
+    `axis` is the number of the horizontal axis along which the mesh ends.
     """
     coordinates = mesh.grid.points[:, axis]
     tolerance = LEVEL_TOLERANCE * float(np.ptp(mesh.grid.points, axis=0).max())
@@ -245,7 +246,7 @@ def _is_in_axis_plane(
 
 
 def refuse_forgotten_mirrors(mesh: ImportedMesh, source: MeshFromFile, center: Point) -> None:
-    """Check that the support is given of a face in a plane through the tip's axis.
+    """Check that the scene gives the support of every face in a plane through the tip's axis.
 
     The face may be the mirror plane of half a body, which needs a roller. If it is left free by
     mistake, the force is too small by up to a third.

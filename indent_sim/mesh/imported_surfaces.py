@@ -31,8 +31,8 @@ def find_surfaces(
 ) -> dict[str, np.ndarray]:
     """Return the facets (k, dim) of the surfaces top, base and sides, and of the axis as r_min.
 
-    Surfaces with a name in the scene file are found by it, all others by the orientation of the
-    remaining facets.
+    A surface that is named in the scene file is found by its name, any other surface by the
+    orientation of the remaining facets.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def _vertical_components(
 def _facets_by_orientation(
     surface: str, vertical_component: np.ndarray, corners: np.ndarray
 ) -> np.ndarray:
-    """Return the rows of the outer facets that belong to a surface by their orientation.
+    """Return the indices of the outer facets that have the orientation of a surface.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def _naming_advice(name: str, dim: int) -> str:
 def _facets_by_name(
     file: MeshFile, name: str, surface: str, outer_facets: np.ndarray, used_points: np.ndarray
 ) -> np.ndarray:
-    """Return the rows of the outer facets of a surface with a name in the file.
+    """Return the indices of the outer facets of a surface that has a name in the file.
 
     The name is that of a group of facets, or of a set of points that contains all corners of the
     facets. `used_points` are the numbers of the body's points in the file.

@@ -371,7 +371,7 @@ def _refuse_several_vtu_pieces(version: MeshFileVersion) -> None:
 
 
 def _checked_points(mesh: Meshio, file: str) -> np.ndarray:
-    """Return the points (n, 3) of a mesh of meshio; MeshFileError if they are not real numbers."""
+    """Return the points (n, 3) of a meshio mesh; MeshFileError if they are not real numbers."""
     points = np.asarray(mesh.points)
     if (
         points.ndim != 2
@@ -393,7 +393,7 @@ def _checked_points(mesh: Meshio, file: str) -> np.ndarray:
 
 
 def _mesh_file_of(mesh: Meshio, file: str) -> MeshFile:
-    """Return the contents of a mesh of meshio; MeshFileError if it is malformed."""
+    """Return the contents of a meshio mesh; raise MeshFileError if it is malformed."""
     points = _checked_points(mesh, file)
     cells: dict[int, list[np.ndarray]] = {}
     edges: list[np.ndarray] = [np.empty((0, 2), dtype=np.int64)]

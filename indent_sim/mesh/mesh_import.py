@@ -216,7 +216,7 @@ def _folded_facets(points: np.ndarray, opposite: np.ndarray, facets: np.ndarray)
 
 
 def _connected_points(cells: np.ndarray, count: int) -> np.ndarray:
-    """Return the lowest number of all points connected to each point (count,)."""
+    """Return, for each point, the lowest number of all points connected to it (count,)."""
     label = np.arange(count)
     while True:
         smallest_label = label[cells].min(axis=1)

@@ -325,7 +325,7 @@ class ModelDomain:
         return {side.surface: float(side.inward_distance(x, y)) for side in walls}
 
     def mirror_walls(self, center: Point) -> set[str]:
-        """Return the walls that are mirror planes, which are rollers through the tip's axis."""
+        """Return the walls that act as mirror planes: roller walls through the tip's axis."""
         # A tip's axis at most this far [length] from a wall is in the plane of the wall;
         # coordinates are rounded to 12 digits.
         mirror_distance = 1e-12
@@ -364,8 +364,8 @@ class ModelDomain:
     def mirrored_body_count(self, center: Point) -> int:
         """Return the number of bodies that the tip indents: the body and its mirror images.
 
-        Rollers through the tip's axis are mirror planes. The number is 1, 2, or 4 at a corner, and
-        the force on the body is this fraction of the force on all of them.
+        Rollers through the tip's axis are mirror planes. The number is 1, 2, or 4 at a corner. The
+        force on the body is the total force of the tip divided by this number.
         """
         if self.kinematics.name == "axisymmetric":
             return 1
@@ -384,7 +384,7 @@ class ModelDomain:
         return 0.0
 
     def facet_angle(self, center: Point, radius: float, refinements: int = 0) -> float:
-        """Return the mean angle [radians] between adjacent facets near the tip; 0 here."""
+        """Return 0; the mean angle [radians] between facets matters for imported meshes only."""
         return 0.0
 
     def normal_component(self, surface: str) -> int | None:
@@ -398,7 +398,7 @@ class ModelDomain:
 
 
 def _interface_radius(top_radius: float, level: float, z: float) -> float:
-    """Return the r [length] at which a spherical interface has the height z; -1 if none."""
+    """Return the radius [length] at which a spherical interface has the height z; -1 if none."""
     r_squared = (top_radius + level) ** 2 - (top_radius + z) ** 2
     return r_squared**0.5 if r_squared > 0 else -1.0
 

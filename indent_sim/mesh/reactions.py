@@ -50,7 +50,8 @@ def reactions_of_whole_body(
     dict
         Reactions by the name of the support in the scene and the axis, such as `base_z` or
         `x_max_x`. For an axisymmetric body, `sides_r` is the integral of the radial traction over
-        the wall. `mirror_x` is the force along x of the other half of the body on the half x > c.
+        the wall. `mirror_x` is the x component of the force that the half x < c of the body exerts
+        on the half x > c.
     """
     axes = {"axisymmetric": "rz", "plane_strain": "xz"}.get(domain.kinematics.name, "xyz")
     reactions: dict[str, float] = {}

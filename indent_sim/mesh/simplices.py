@@ -18,7 +18,7 @@ def unique_edges(cells: np.ndarray) -> np.ndarray:
 
 
 def edge_keys(edges: np.ndarray) -> np.ndarray:
-    """Return one integer for each edge (k,), whose order is that of sorted edges."""
+    """Return an integer for each edge (k,); sorting the integers sorts the edges."""
     return np.asarray((edges[:, 0] << 32) + edges[:, 1])
 
 

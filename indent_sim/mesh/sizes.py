@@ -55,7 +55,7 @@ class Sizes:
         Radius of a sharp edge of the tip, and the element size there.
     h_axis, a
         Size at the axis and expected contact radius. If `h_axis` is given, the size for r < a is
-        h_contact r/a, but at least `h_axis`, so that contacts of all radii down to a
+        h_contact * r/a, but at least `h_axis`, so that contacts of all radii down to a *
         h_axis/h_contact have the same number of elements.
     corners, h_corner
         Corner singularities (r, depth), and the element size there.

@@ -68,7 +68,7 @@ def refined_once(mesh: ImportedMesh) -> ImportedMesh:
 def _split_simplices(
     points: np.ndarray, simplices: np.ndarray, find_midpoints: MidpointFinder
 ) -> np.ndarray:
-    """Return the parts of bisected segments, triangles or tetrahedra, all first parts first."""
+    """Return the parts of bisected simplices: the first part of each, then the second, etc."""
     corner_parts, midpoints = split_at_midpoints(list(simplices.T), find_midpoints)
     if len(simplices.T) < 4:
         return corner_parts

@@ -23,9 +23,9 @@ Equilibrium = Any
 class DerivedQuantities:
     """Computes the derived quantities of successive states, all nondimensional.
 
-    The stiffness is the tangent dF/ddelta. By theory, and on a condensed axisymmetric body, it is
-    the stiffness of a flat punch of the contact radius, because the tangent on a mesh jumps by a
-    per cent at every new contact point.
+    The stiffness is the tangent dF/ddelta. For a solution by theory and for a condensed
+    axisymmetric body, it is computed as the stiffness of a flat punch with the contact radius,
+    because the tangent on a mesh jumps by a per cent whenever a new point comes into contact.
 
     Parameters
     ----------
@@ -114,8 +114,8 @@ def punches_of(scene: Scene, equilibrium: Equilibrium = None) -> Punches:
     Raises
     ------
     ValueError
-        If the contact does not grow with the load, theory has no shape of the tip, or the contact
-        has too few elements.
+        If the contact does not grow with the load, the theory does not include the shape of the
+        tip, or the contact has too few elements.
     """
     theory = scene.plan.theory
     physics = scene.physics
@@ -135,8 +135,8 @@ def punches_of(scene: Scene, equilibrium: Equilibrium = None) -> Punches:
 def hertz_forces(scene: Scene, deltas: Iterable[float]) -> list[float | None]:
     """Return the nondimensional forces at depths by the half-space formula of the tip.
 
-    A force is None if there is no formula. With mirror planes the forces are the part that acts on
-    the body itself.
+    A force is None if there is no formula. If the body has mirror images, the forces include only
+    the part that acts on the body itself.
     """
     physics = scene.physics
     if physics.scales.dim == 2:

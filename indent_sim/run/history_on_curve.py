@@ -255,7 +255,7 @@ class _HistoryEvaluation:
         return _elastic_curve(samples[::-1])
 
     def relaxing_surface(self, top: float) -> RelaxingSurface:
-        """Return the surface system of viscoelastic time stepping, up to the contact at a depth."""
+        """Return the surface points and compliance for viscoelastic time stepping up to a depth."""
         if not self.scene.is_meshed:
             theory = self.scene.plan.theory
             assert theory is not None and isinstance(theory.contact, Layer)
@@ -315,7 +315,7 @@ class _HistoryEvaluation:
         return [last[t] for t in self.scene.history_on_curve.times]
 
     def _rows(self) -> list[HistoryRow]:
-        """Return the rows by the method for this history, adhesion and relaxation."""
+        """Compute the rows by the method that suits the history, adhesion and relaxation."""
         if self.history is None:
             return self._jkr_curve_rows(self.jkr) if self.jkr else self._elastic_curve_rows()
         if self.jkr:
@@ -553,7 +553,7 @@ class _HistoryEvaluation:
         return calibration.stiffness, hypot(calibration.stiffness, radius_exponent * calibration.R)
 
     def _force_with_radius(self, radius_ratio: float) -> float:
-        """Return the elastic force at the largest depth with the tip's radius times a factor."""
+        """Return the elastic force at the largest depth for a tip with its radius scaled."""
         theory = self.scene.plan.theory
         tip = self.scene.physics.indenter.scaled(radius_ratio)
         contact = theory.contact if theory else None
@@ -568,9 +568,9 @@ class _HistoryEvaluation:
         return float(equilibrium.force)
 
     def _dynamic_stiffness(self, rows: list[HistoryRow]) -> list[DynamicStiffness]:
-        """Return K(a) (G' + i G'') of the contact at the end of the history.
+        """Return the dynamic stiffness K(a) * (G' + i G'') at the end of the history.
 
-        If the contact has been lost by then, that of the largest depth is returned.
+        If the contact has been lost by then, the contact at the largest depth is used.
         """
         frequencies = self.experiment.frequencies or ()
         stiffness = 0.0

@@ -313,7 +313,7 @@ class SimulationDriver:
     ) -> Outcome | None:
         """Return the outcome of an earlier run if it is complete, else None.
 
-        Files of it that are missing or damaged are reported among its warnings.
+        Missing or damaged files of the earlier run are reported among its warnings.
         """
         comm = self.comm
         target = self.target
@@ -418,7 +418,7 @@ class SimulationDriver:
             return ErrorBars(level.scene, coarser_run, soft_states, half_steps, film, bath_states)
 
     def _no_slip_effect(self, run: CoarserRun, error_bars: AnyErrorBars) -> dict[str, Any] | None:
-        """Return the change of the largest force if nothing slips, as planned or solved."""
+        """Return the change of the largest force if nothing slips, from the plan or by solution."""
         assert run.scene is not None
         with self._clock.stage("companions"):
             planned_effect = run.scene.plan.stick

@@ -51,14 +51,14 @@ class PreviousRows:
         self.last = state
 
     def largest_shallower_force(self, delta: float) -> RowForce | None:
-        """Return the shallower row with the largest lower end of its error bar, or None."""
+        """Return the row at a smaller depth whose error bar has the largest lower end, or None."""
         if delta > self.max_depth:
             return self._largest_force_row
         depth, force, bar = self._columns[:, : self._count]
         return self._row_at_maximum(force - bar, depth < delta)
 
     def smallest_deeper_force(self, delta: float) -> RowForce | None:
-        """Return the deeper row with the smallest upper end of its error bar, or None."""
+        """Return the row at a larger depth whose error bar has the smallest upper end, or None."""
         if delta >= self.max_depth:
             return None
         depth, force, bar = self._columns[:, : self._count]

@@ -64,7 +64,7 @@ def remedies(config: Config, scene: Scene) -> list[Remedy]:
 
 
 def _edge_radii(config: Config, scene: Scene) -> list[float]:
-    """Return larger edge radii: twice the given (at least LEAST_ROUNDING), and a hemisphere."""
+    """Return larger edge radii: about twice the given one, and that of a hemispherical end."""
     tip = config.indenter
     if (
         not isinstance(tip, FlatPunch)

@@ -110,11 +110,11 @@ def oscillating_pressure_warnings(scene: Scene, states: Sequence[State]) -> list
 def long_step_warnings(scene: Scene, states: Sequence[State]) -> list[str]:
     """Return warnings about load increments that are too long to resolve the slip zone.
 
-        In an increment in which the contact radius grows from a_0 to a, all new contact slips at
-        once. The relative error of the stick radius is about (a - a_0)/a, that of the dissipation
-    half of (a - a_0)/(a - stick radius); that of the force is small. Rows with less than half of
-    the largest contact radius are left out, since the first row is a single increment from rest in
-    every run.
+    In an increment in which the contact radius grows from a_0 to a, all new contact slips at once.
+    The relative error of the stick radius is then about (a - a_0)/a, and the relative error of the
+    dissipation is about half of (a - a_0)/(a - stick radius); the error of the force is small. Rows
+    with less than half of the largest contact radius are left out, since the first row is a single
+    increment from rest in every run.
 
     Parameters
     ----------

@@ -257,7 +257,7 @@ def _check_force_growth(scene: Scene, state: State, earlier: PreviousRows) -> st
 
 
 def _check_against_theory(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Check the force against theory, to the error bar if exact, else to a factor."""
+    """Check that the force agrees with theory: within the error bar if exact, or a factor."""
     theory = scene.plan.theory
     scales = scene.physics.scales
     solution = scene.theory_solution(state.delta / scales.depth)
@@ -363,7 +363,7 @@ def _may_be_unstable(scene: Scene) -> bool:
 
 
 def _force_ratio_range(scene: Scene, theory: Solution) -> tuple[float, float]:
-    """Return the smallest and the largest admissible ratio of the force and that of theory."""
+    """Return the smallest and the largest admissible value of force divided by force of theory."""
     mesh_factor = 1 + expected_force_error(scene.sizes, theory.a, scene.physics.largest_nu)
     force_fraction = 1 - penalty_force_loss(
         scene.physics.contact, scene.physics.material, scene.plan.theory, theory.delta, theory.a

@@ -28,10 +28,10 @@ Derivatives = dict[str, dict[str, list[float]]]
 def sensitivities(config: Config, keys: Sequence[str], step: float = 0.02) -> Derivatives:
     """Return the derivatives dF/dkey at every row of a scene, in the user's units.
 
-    Differences over relative steps h and 2 h are extrapolated, D = (4 D_h - D_2h)/3. They are
+    Differences over relative steps h and 2 h are extrapolated, D = (4 * D_h - D_2h)/3. They are
     central if the scene exists on both sides, otherwise backward. The error is |D_h - D_2h|/3 plus
-    F/key times the relative error of the forces, which is 0.1 % if no accuracy is requested.
-    Depths and their number do not change.
+    F/key times the relative error of the forces, which is 0.1 % if no accuracy is requested. Depths
+    and their number do not change.
 
     Parameters
     ----------

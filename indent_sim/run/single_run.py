@@ -403,7 +403,8 @@ class SingleRun:
     def _record_state(self, state: State) -> None:
         """Check a converged state and write it.
 
-        Rows of a history are not checked, since the elastic curve on which they are based has been.
+        Rows of a history are not checked, since the elastic curve from which they are computed has
+        been checked.
         """
         state = (
             self._solver.add_error_estimate(state)

@@ -32,7 +32,7 @@ def theory_comparison(
 
     Theory is evaluated at the depth of the run, or at its force if forces are prescribed, with the
     friction of the scene if its effect is known. `force_deviation` or `delta_deviation` is run /
-    theory - 1; `exact` is true when the body is that of the theory. With adhesion the theory is
+    theory - 1; `exact` is true if the theory is exact for the body. With adhesion the theory is
     JKR's.
 
     Parameters

@@ -60,7 +60,8 @@ def hysteresis_loop(states: Sequence[State]) -> HysteresisLoop | None:
 
     If the path ends in contact, the loop is taken between the last and the largest depth. The area
     is enclosed by straight lines through the rows. Its error is of second order in the distance of
-    the rows and is a third of the change if every second row between turning points is left out.
+    the rows. It is estimated as a third of the change of the area if every second row between
+    turning points is left out.
     """
     rows = [(state.delta, state.force) for state in states]
     if rows[0][0] > 0:  # loading begins at first touch

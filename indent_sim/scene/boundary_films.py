@@ -172,7 +172,7 @@ def distance_weight(setup: ProblemSetup, distance: float) -> float:
 
 @dataclass(frozen=True)
 class UnresolvedFilm:
-    """Film at a drained face that the elements do not resolve.
+    """Film (thin drained boundary layer) at a drained face that the elements do not resolve.
 
     Attributes
     ----------

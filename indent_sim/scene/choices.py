@@ -108,7 +108,7 @@ def formulations(setup: ProblemSetup) -> Choices:
 
 
 def _formulation(region: Region, is_alone: bool) -> Choice:
-    """Return the formulation of a region as a choice; is_alone: the body has no other region."""
+    """Return the formulation of a region; `is_alone` is True if the body has no other region."""
     key = "material" if is_alone or region.name == "body" else f"body.{region.name}.material"
     key = f"body.{region.name}" if region.name.startswith("regions.") else key
     nu = region.softest_constants.nu

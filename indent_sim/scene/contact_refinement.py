@@ -39,7 +39,7 @@ def frictional_edge_width(
     setup : ProblemSetup
         The problem setup.
     edge : float or None
-        Radius at which the contact ends at the edge [length]; None if it does not.
+        Radius of the edge [length] if the contact ends there; otherwise None.
     gap : str
         The key `contact.gap`, "reference" or "current".
     """

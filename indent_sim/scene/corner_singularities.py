@@ -47,7 +47,7 @@ class Corner:
         return self.error_constant * (h / self.distance) ** SINGULARITY_RATE
 
     def size(self, error: float, n: float) -> float:
-        """Return the element size [length] for an error of the force; a gap has n elements."""
+        """Return the element size [length] for a permitted error; n elements span a narrow gap."""
         if self.error_constant:
             size = self.distance * (error / self.error_constant) ** (1 / SINGULARITY_RATE)
         else:

@@ -77,7 +77,7 @@ class SolverWork:
         return (4.0 if self.is_nonlinear else 1.5) * self.steps + 10.0 + snap_solves * self.snaps
 
     def step_time_factor(self, dim: int) -> float:
-        """Return the factor of the time per linear solve for friction and time dependence."""
+        """Return the factor by which friction and time dependence slow down a linear solve."""
         friction_factor = FRICTION_STEP_FACTOR[dim] if self.has_friction else 1.0
         return friction_factor * (TIME_DEPENDENT_STEP_FACTOR if self.is_time_dependent else 1.0)
 
@@ -146,7 +146,7 @@ def _condensed_cost(
 ) -> tuple[float, float]:
     """Return memory and time for one factorisation, n solves of the body and small dense systems.
 
-    n is the number of candidate nodes multiplied by their unknown components.
+    n is the number of candidate nodes times the number of displacement components per node.
     """
     dim = domain.dim
     n = candidate_count(sizes, domain) * (dim if work.has_friction else 1)

@@ -19,7 +19,7 @@ UNITS_REMEDY = "check that work, R and E are in consistent units"
 def curve(
     config: Config, setup: ProblemSetup, solver: Choice, follows_whole: bool = False
 ) -> Choices:
-    """Choices of how an experiment and a history are evaluated.
+    """Return the choices for the evaluation of an experiment and a history.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def curve(
 
 
 def _refuse_curve_features(setup: ProblemSetup, why: str) -> None:
-    """Raise ConfigError for properties that need an elastic curve; `why` is the reason for none."""
+    """Raise ConfigError if a property needs an elastic curve; `why` states why there is none."""
     if setup.relaxation:
         problem = f"all: applies to the elastic curve of a linear, frictionless contact: {why}"
         raise ConfigError(

@@ -316,7 +316,7 @@ def path_to_max_depth(
     E_star = least_modulus_fraction * min(layer_material(layer).E_star for layer in layers)
 
     def excess(depth: float) -> float:
-        """Return the base displacement at a depth minus the largest one of the history."""
+        """Return the base displacement at a depth minus the largest value of the history."""
         half_space_formula = half_space_force(tip, depth, E_star)
         radius = tip.radius_at(depth)
         if not half_space_formula and not isfinite(radius):

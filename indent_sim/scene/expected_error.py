@@ -26,9 +26,9 @@ NEARLY_INCOMPRESSIBLE_NU = 0.45
 def edge_error(sizes: Sizes) -> float:
     """Bound of the relative error of the force due to the elements at a punch's sharp edge.
 
-    It is EDGE_ERROR h_edge/radius multiplied by the sensitivity of the force to the radius; 0
-    without a sharp edge. The force is always too low, since elements that end at the edge represent
-    a narrower punch.
+    It is EDGE_ERROR * h_edge/radius multiplied by the relative sensitivity of the force to the
+    radius; 0 without a sharp edge. The force is always too low, since elements that end at the edge
+    represent a narrower punch.
     """
     if sizes.punch_edge is None or sizes.h_edge is None:
         return 0.0
@@ -38,7 +38,7 @@ def edge_error(sizes: Sizes) -> float:
 def expected_force_error(sizes: Sizes, a: float, nu: float) -> float:
     """Expected relative error of the force due to the elements in the contact radius or at an edge.
 
-    On a layer (axisymmetric, all contact methods) errors were measured of at most 0.3, 0.9, 2.3,
+    On a layer (axisymmetric, all contact methods) the measured errors were at most 0.3, 0.9, 2.3,
     2.4, 5.5, 15, 20 and 117 % with n = 3, 2, 1.5, 1, 0.7, 0.5, 0.3 and 0.1 elements in the contact
     radius; the formula is 7/n^2 %. Under a punch with a sharp edge it is `edge_error`, which is
     larger for nearly incompressible bodies.
@@ -67,10 +67,11 @@ def swelling_force_error(sizes: Sizes, a: float) -> float:
     """Expected relative error of the force on a tip that a swelling gel comes to touch.
 
     `a` is the contact radius [length]. The error is caused by the elements at the contact edge. It
-    was measured on a gel of chi = 0.6 under a ball with a radius equal to the thickness, on three
-    meshes at six times, against elements a sixth as long at the axis: at most 51, 36, 8, 5 and 1 %
-    with n = 2.3, 2.9, 3.7, 4.5 and 6.5 elements in the contact radius, which is 2.7/n^3 to 8.6/n^3.
-    `tests/physics/test_gel_scenes.py` measures one of the meshes again.
+    was measured on a gel with chi = 0.6 under a ball whose radius is the gel's thickness, on three
+    meshes and at six times. The reference mesh had elements a sixth as long at the axis. The error
+    was at most 51, 36, 8, 5 and 1 % with n = 2.3, 2.9, 3.7, 4.5 and 6.5 elements in the contact
+    radius, which is 2.7/n^3 to 8.6/n^3. `tests/physics/test_gel_scenes.py` measures one of the
+    meshes again.
     """
     return 0.0 if sizes.punch_edge is not None else 9.0 / sizes.elements_in_contact(a) ** 3
 
@@ -80,11 +81,12 @@ def penalty_force_loss(
 ) -> float:
     """Largest share of the force that the penetration of a penalty method can cost at a depth.
 
-    The penetration reduces the depth to s, with s + c p(s)/epsilon_n = delta and the mean pressure
-    p; the lost share is 1 - F(s)/F(delta). F and p are those of the reference theory, or of a
-    paraboloid on a half-space if there is none. The factor c, the integral of p dp/dF over p, is
-    0.69 for a cone and 0.75 for a paraboloid on a half-space; for a paraboloid on a thin layer it
-    is 1 if the layer is compressible and 1.5 if not.
+    The penetration reduces the depth to s, with s + c * p(s)/epsilon_n = delta and the mean
+    pressure p; the lost share is 1 - F(s)/F(delta). F and p are those of the reference theory, or
+    of a paraboloid on a half-space if there is none. The factor c is the integral of (local
+    pressure) * d(local pressure)/dF over the contact area, divided by p: 0.69 for a cone and 0.75
+    for a paraboloid on a half-space; for a paraboloid on a thin layer it is 1 if the layer is
+    compressible and 1.5 if not.
 
     Parameters
     ----------
@@ -161,10 +163,10 @@ def penalty_friction_loss(stiffness: float) -> float:
 
 
 def stick_force_change(multiple: float, elements: float) -> float:
-    """Relative change of the effect of stick on the force if epsilon_t = `multiple` E*/h_contact.
+    """Relative change of the effect of stick on the force if epsilon_t = `multiple` * E*/h_contact.
 
-    The reference is the effect with a multiple of 1. The change was measured for multiples from
-    0.01 to 1000 on thick bodies with nu = 0 and 0.3 and on thin layers with nu = 0.49 and 0.5:
+    The change is relative to the effect with `multiple` = 1. The change was measured for multiples
+    from 0.01 to 1000 on thick bodies with nu = 0 and 0.3 and on thin layers with nu = 0.49 and 0.5:
     0.05-0.06 per decade with 4 to 5 elements in the contact radius, 0.02-0.045 with 8 to 10.
     """
     return float(0.35 / elements * np.log10(multiple))

@@ -72,8 +72,8 @@ def _half_space_formula(
 ) -> tuple[str, ForceCurve | None]:
     """Return the name of the formula and the force curve of a tip on a half-space.
 
-    Without a closed form the force is a quadrature, with a length unit of about the contact radius
-    at `delta`.
+    Without a closed form the force is computed by quadrature, in which lengths are divided by about
+    the contact radius at `delta`.
     """
     if not delta > 0:
         return "", None

@@ -21,7 +21,7 @@ def undrained_law(material: Material) -> Material:
     Parameters
     ----------
     material : Material
-        A canonical material; one without pore fluid is returned unchanged.
+        A canonical material; a material without pore fluid is returned unchanged.
 
     Returns
     -------
@@ -52,8 +52,8 @@ def _undrained_anisotropic_law(law: TransverselyIsotropic) -> Material:
 
         S_u = S - a a^T/(alpha^T S alpha + storage)
 
-    (Woodbury identity). The components `across` and `along` are those of a normal to and along the
-    axis of symmetry.
+    (Woodbury identity). The vector a has the components `across` normal to the axis of symmetry,
+    and `along` parallel to it.
     """
     assert law.flow is not None
     E = law.E
@@ -81,7 +81,7 @@ def relaxed_law(material: Material, fraction_remaining: float) -> Material:
     Parameters
     ----------
     material : Material
-        A canonical material; one that does not relax is returned unchanged.
+        A canonical material; a material that does not relax is returned unchanged.
     fraction_remaining : float
         Remaining fraction of the instantaneous shear modulus. The bulk modulus has the same
         remaining fraction if the whole stress relaxes; otherwise it does not relax.

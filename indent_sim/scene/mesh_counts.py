@@ -67,7 +67,7 @@ def _inverse_square_integral(sizes: Sizes, domain: ModelDomain) -> float:
 
 
 def _inverse_size_integrals(sizes: Sizes, domain: ModelDomain) -> tuple[float, float]:
-    """Return the integral of 1/size^3 over the body and that of 1/size^2 over its surfaces.
+    """Return the integrals of 1/size^3 over the body and of 1/size^2 over its surfaces.
 
     The interfaces between layers count as surfaces.
     """
@@ -197,10 +197,9 @@ def candidate_count(sizes: Sizes, domain: ModelDomain) -> float:
 
 
 def _ring_weight(r: np.ndarray, dim: int, sectors: float) -> np.ndarray:
-    """Return the measure of the set of points at the distance r from the tip's axis.
+    """Return the length of the arc at the distance r from the tip's axis [length].
 
-    In three dimensions it is the length of the arc [length], in two dimensions the number of
-    points.
+    In two dimensions, return the number of points at this distance instead.
     """
     return pi / 2 * sectors * r if dim == 3 else np.full_like(r, sectors)
 

@@ -76,7 +76,8 @@ def no_slip_effect(
 
     The effect is exact on a half-space. For other bodies it is a range interpolated from computed
     bonded layers (`theory.no_slip`). At finite strain, or with the gap evaluated at the deformed
-    point, no number is known; an effect is returned only if that at small strain is noticeable.
+    point, no number is known; an effect is returned only if the effect at small strain is
+    noticeable.
 
     Parameters
     ----------

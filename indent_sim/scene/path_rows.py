@@ -59,13 +59,13 @@ class PathRow:
     def drained_length(self, diffusivity: float) -> float:
         """Return the drained thickness of the body [length], weighted with the load changes.
 
-        It is the sum of `drained_length` of the theory over all changes. A change counts in
-        proportion to its pressure, relative to that at the largest value of the path.
+        It is the sum of `drained_length` of the theory over all changes. Each change is weighted by
+        its pressure divided by the pressure at the largest value of the path.
         """
         return float(self.changes @ drained_length(diffusivity, self.elapsed, self.durations))
 
     def excess_length(self, h: np.ndarray, diffusivity: float) -> np.ndarray:
-        """Return the overestimate (m,) [length] of the drained length by elements of sizes h (m,).
+        """Return how much elements of sizes h (m,) overestimate the drained length (m,) [length].
 
         It is the sum of `excess_length` of the theory over all changes.
         """

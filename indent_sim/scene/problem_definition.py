@@ -113,9 +113,9 @@ class ProblemDefinition:
 
     @property
     def missing_side_forces(self) -> dict[str, bool]:
-        """Return the horizontal axes along which symmetry excludes a side force.
+        """Return the horizontal axes along which symmetry excludes a side force, with the cause.
 
-        The value is True if the mirror plane is a wall of the body itself; the mirror image then
+        The value is True if a wall of the body itself is the mirror plane, whose mirror image
         exerts an opposite force. It is False if the mirror plane only reduces the model domain.
         """
         return {
@@ -155,7 +155,7 @@ class ProblemDefinition:
         return kinematics.contact_radius(self.mirror_multiplicity * kinematics.contact_area(a))
 
     def row_contact_radius(self, a: float) -> float:
-        """Return the contact radius of a row [length] from one that includes mirror images."""
+        """Return the contact radius of a row [length] from the radius with mirror images."""
         kinematics = self.domain.kinematics
         if self.mirror_multiplicity == 1:
             return a
@@ -238,7 +238,7 @@ class ProblemDefinition:
         )
 
     def is_closed_by_swelling(self, depth: float, a: float) -> bool:
-        """True if swelling has widened a contact beyond the radius of the tip at its depth.
+        """True if swelling has widened a contact beyond the tip's cross-section at this depth.
 
         Parameters
         ----------
@@ -313,8 +313,8 @@ class ProblemDefinition:
     def largest_locking_nu(self) -> float:
         """Largest Poisson's ratio, over time, in regions with displacement elements and no fluid.
 
-        These elements lock if it is close to 0.5. In regions with pore fluid, the pore pressure
-        prevents locking.
+        Displacement elements lock if this ratio is close to 0.5. In regions with pore fluid, the
+        pore pressure prevents locking.
         """
         locking_regions = [
             candidate
@@ -357,7 +357,7 @@ class ProblemDefinition:
         return self.small_strain and self.gap == "reference"
 
     def solver_work(self, method: str, linear: str) -> SolverWork:
-        """Return the properties of the solution by a solver that determine its cost.
+        """Return the properties on which the cost of solving by a method depends.
 
         Parameters
         ----------

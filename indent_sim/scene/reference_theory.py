@@ -206,7 +206,7 @@ def adhesive_radii(
 
 
 def relative_tip(tip: Indenter, body: Body) -> Indenter:
-    """Return the tip that has the same gap over a flat body as this tip over the curved body.
+    """Return the tip that has the same gap over a flat body as the given tip over its body.
 
     To second order it is a paraboloid with the curvature 1/R + 1/radius. A sharp tip is returned
     unchanged, since the body is flat near its apex.
@@ -272,7 +272,7 @@ def stack_of(layers: Sequence[BodyLayer], base: str | None, size: float = 1.0) -
 
 
 def _assess_exactness(theory: Theory, layers: Sequence[BodyLayer], tip: Indenter) -> Theory:
-    """Return the theory with its error; it is inexact if it simplifies the materials or the tip."""
+    """Return the theory with its error; not exact if materials or tip are simplified."""
     assert isinstance(theory.contact, ContactCurve)
     materials = [layer.material for layer in layers if layer.material]
     # A transversely isotropic half-space indents as the isotropic one of its indentation modulus.
@@ -329,8 +329,8 @@ def _theory_layer(layer: BodyLayer) -> StackLayer:
 def _roller_wall(body: Body, center: tuple[float, ...]) -> tuple[float | None, bool, str]:
     """Return the radius [length] of a roller wall, whether the theory is exact, and the reason.
 
-    The theory either has a frictionless wall around the tip's axis or no wall; the radius is None
-    without a wall.
+    The reference theory has either a frictionless wall around the tip's axis or no wall. The radius
+    is None for a theory without a wall.
     """
     if isinstance(body, UnboundedBody):
         return None, True, "theory describes this infinitely wide layer exactly"

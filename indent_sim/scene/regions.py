@@ -43,8 +43,8 @@ def elastic_layers(config: Config) -> Layers:
 def instantaneous_law(config: Config, material: Material) -> Material:
     """Return the elastic law of a material with its instantaneous constants.
 
-    Relaxation that all materials share is left out here; it is applied to the elastic curve. A gel
-    without a given stretch is in its state of free swelling in the first bath.
+    Relaxation that all materials share is omitted, because it is applied to the elastic curve. A
+    gel without a given stretch is in its state of free swelling in the first bath.
     """
     if isinstance(material, Gel):
         return material.with_free_swelling(config.initial_bath).canonical()

@@ -212,7 +212,7 @@ def anisotropy_factor(decay: tuple[float, float]) -> float:
 
     A surface pressure of one wavenumber causes a displacement that decays with the depth. `decay`
     holds the slowest and the fastest rate of this decay, relative to an isotropic body. The error
-    is about proportional to the larger deviation.
+    is about proportional to the fastest rate, or to 1/(slowest rate) if that is larger.
     """
     slow, fast = decay
     return float(max(1 / slow, fast, 1.0) ** (1 / ORDER_OF_CONVERGENCE))

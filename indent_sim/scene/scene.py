@@ -243,7 +243,7 @@ class Scene:
         return tuple(sentence for sentence in sentences if sentence)
 
     def theory_solution(self, delta: float) -> Solution | None:
-        """Return the contact of the reference theory at a depth [length]; None if it has none.
+        """Return the contact of the reference theory at a depth [length]; None without a solution.
 
         Parameters
         ----------
@@ -257,7 +257,7 @@ class Scene:
 
     @cached_property
     def _prescribed_solutions(self) -> dict[float, Solution]:
-        """Contacts of the reference theory at all prescribed depths; empty if one has none."""
+        """Contacts of the reference theory at all prescribed depths; empty if one is missing."""
         if self.plan.theory is None or self.physics.path.control != "depth":
             return {}
         # Rows have depths in the user's units: the conversion and back repeats their round-off.

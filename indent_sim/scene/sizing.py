@@ -159,7 +159,7 @@ def _edge_radius(setup: ProblemSetup, gap: str, has_edge_size: bool) -> float | 
     """Return the radius of an edge at which the pressure is (nearly) singular, or None.
 
     It is the edge of a punch, or the end of a tip that the contact reaches. A plate has no edge.
-    The edge of a punch wider than the body touches nothing; if the config gives `h_edge`
+    The edge of a punch wider than the body touches nothing. If the config then gives `h_edge`
     (`has_edge_size`), this size applies to the edge of the body.
     """
     tip = setup.physics.indenter

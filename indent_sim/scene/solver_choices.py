@@ -42,7 +42,7 @@ def solver(config: Config, setup: ProblemSetup, physics: ProblemDefinition, node
     physics : ProblemDefinition
         The problem with its contact law and gap.
     nodes : float
-        Predicted number of candidate nodes of the contact, multiplied by their components.
+        Predicted number of candidate nodes of the contact, times displacement components per node.
 
     Returns
     -------

@@ -46,7 +46,7 @@ class TimePrediction:
         Largest force, or depth at the largest prescribed force, in the elastic limiting cases
         `undrained` and `drained`, or `unrelaxed` and `relaxed`; None without a theory.
     expected : float or None
-        Expected value of the same quantity, between the two limits.
+        Expected value of the quantity in `limits`, between the two limiting cases.
     words : str
         Sentence that names the nearest elastic limiting case at the end of loading and of the
         history; empty without limits.
@@ -192,7 +192,7 @@ class _LimitTransition:
     force_ratio: float
 
     def limits(self, setup: ProblemSetup) -> dict[str, float | None]:
-        """Return force, or depth at the largest prescribed force, in both limits [user's units]."""
+        """Return force (or depth if forces are prescribed) in both limits [user's units]."""
         return {name: _limit_value(setup, law) for name, law in (self.first_limit, self.last_limit)}
 
     def expected_force(self, setup: ProblemSetup) -> float | None:

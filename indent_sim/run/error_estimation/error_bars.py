@@ -179,9 +179,8 @@ class ErrorBars:
     def _discretisation_error(self, state: State) -> float:
         """Return the error of the force due to the mesh [force].
 
-        Errors known relative to a force are multiplied by the sum of the compressive force and
-        SAFETY_FACTOR times the adhesive force: the rim of an adhesive contact moves from element to
-        element.
+        Relative errors are multiplied by the sum of the compressive force and SAFETY_FACTOR times
+        the adhesive force, because the rim of an adhesive contact moves from element to element.
         """
         force = abs(state.force) + SAFETY_FACTOR * self._jkr_adhesive_force(state)
         dim = self._physics.domain.dim
@@ -277,7 +276,7 @@ class ErrorBars:
         return abs(difference)
 
     def _penalty_error(self, step: int) -> float:
-        """Return the relative error due to the penalty stiffness: 1/F is linear in 1/epsilon_n."""
+        """Return the relative error due to the penalty, assuming 1/F linear in 1/epsilon_n."""
         if self._soft_states is None:
             return 0.0
         stiff_state = self._coarse_states.get(step)
@@ -347,7 +346,7 @@ class ErrorBars:
     # ---- contact radius, pressure, stick radius, dissipation
 
     def _secondary_names(self, state: State) -> list[str]:
-        """Return the columns of the row other than the force that have error estimates."""
+        """Return the columns of the row that have error estimates, except the force."""
         columns = ("a", "p_max", "stick_radius", "dissipation")
         return [name for name in columns if getattr(state, name) is not None]
 
@@ -387,7 +386,7 @@ class ErrorBars:
         return float(np.max([estimate, min_error]))  # NaN if either is
 
     def _relative_peak_size(self, state: State, end_element: float) -> float:
-        """Return the ratio of the element at the end of the contact and the peak's width.
+        """Return the element size at the contact's end divided by the width of the pressure peak.
 
         The width of the peak is the contact radius, or the part of it on the arc if the contact
         ends at a punch's rounded edge.
@@ -407,7 +406,7 @@ class ErrorBars:
         return end_element / max(width, min(end_element, state.a))
 
     def _secondary_penalty_error(self, step: int, name: str) -> float:
-        """Return the error of a quantity due to the penalty; it is linear in 1/epsilon_n."""
+        """Return the error due to the penalty of a quantity that is linear in 1/epsilon_n."""
         if self._soft_states is None:
             return 0.0
         return (
@@ -450,10 +449,11 @@ class ErrorBars:
         )
 
     def _long_step_error(self, state: State, name: str) -> float:
-        """Return the error of the slip due to a long increment, which halving it may not show.
+        """Return the error of stick radius or dissipation due to a long increment, else 0.
 
-        It is the relative change of the contact radius in the increment, and for the dissipation
-        (per area) the square of it. A single increment from rest has the relative change 1.
+        Halving the increment may not show this error. The relative error of the dissipation (per
+        area) is the square of the relative change of the contact radius in the increment; that of
+        the stick radius is at least this change. An increment from rest has the relative change 1.
         """
         previous = self._run_states.get(state.step - 1)
         value = getattr(state, name)
@@ -469,7 +469,7 @@ class ErrorBars:
     def _unresolved_stick(self, stick: float) -> float:
         """Return the error [length] of the radius of a stick zone that is narrower than an element.
 
-        It is half of the excess of the element size over the radius.
+        The error is half of the difference between the element size and the radius.
         """
         r = stick / self._scales.length
         return max(self._sizes.surface_size(r) - r, 0.0) / 2 * self._scales.length
@@ -485,10 +485,10 @@ class ErrorBars:
         return {"discretisation": self._shallowest_value(state, "force")}
 
     def _shallowest_value(self, state: State, name: str) -> float:
-        """Return the value at the next larger, or equal, depth of the coarser run.
+        """Return the value at the smallest depth of the coarser run that is not below the row's.
 
-        Only rows in contact count. It is an upper bound of a quantity that grows with the depth;
-        NaN if there is no such row.
+        Only rows in contact are considered. The value is an upper bound of a quantity that grows
+        with the depth; it is NaN if there is no such row.
         """
         deeper_states = (
             coarse_state
@@ -536,8 +536,8 @@ def _relative_change(old: float, new: float) -> float:
 def interpolate_force(state: State, delta: float, curve: StatesByStep) -> float:
     """Return the force of a curve at a depth near one of its states, F (delta/delta_state)^m.
 
-    m is the slope dlnF/dlndelta of the curve at the state. At the depth of the state the force is
-    exactly that of the state.
+    m is the slope dlnF/dlndelta of the curve at the state. At the depth of the state, the result is
+    exactly its force.
 
     Parameters
     ----------

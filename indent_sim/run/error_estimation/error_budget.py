@@ -18,22 +18,22 @@ class ErrorBudget:
     step
         The row.
     discretisation
-        Error of the mesh.
+        Error due to the mesh.
     enforcement
-        Error of the penalty stiffness.
+        Error due to the penalty stiffness.
     truncation
-        Error of a finite body in place of a half-space, or of flat facets in place of a curved
+        Error due to a finite body in place of a half-space, or to flat facets in place of a curved
         surface.
     theory
         Distance from a theory that is exact for this body.
     path
-        Error of the load increments with friction.
+        Error due to the load increments with friction.
     time
-        Error of the time steps of a time-dependent body.
+        Error due to the time steps of a time-dependent body.
     film
-        Error of unresolved drainage films beside drained faces.
+        Error due to unresolved drainage films: thin drained layers at drained faces.
     bath
-        Error of the finite time in which a suddenly applied bath rises.
+        Error due to the ramp that replaces a sudden change of the bath.
     """
 
     step: int
@@ -65,7 +65,7 @@ class ErrorBudget:
 
 
 def grid_convergence_index(difference: float, ratio: float, rate: float) -> float:
-    """Return Roache's grid convergence index, SAFETY_FACTOR difference/|ratio^rate - 1|.
+    """Return Roache's grid convergence index, SAFETY_FACTOR * difference/|ratio^rate - 1|.
 
     Parameters
     ----------
@@ -82,12 +82,13 @@ def grid_convergence_index(difference: float, ratio: float, rate: float) -> floa
 def ridge_pressure(turn: float, refinements: int) -> float:
     """Return the largest excess pressure at the ridges of a faceted surface, divided by E*.
 
-    For a tip that is flat there, two facets that meet at the angle theta act as a cone of the slope
-    theta/2, whose pressure grows as E* theta/4 arccosh(l/r) towards the ridge (Sneddon 1965, Int.
-    J. Eng. Sci. 3, 47; Johnson, Contact Mechanics, 5.2). l is the length of a facet. No pressure is
-    evaluated nearer to the ridge than a quarter of an element, which gives the largest value. On
-    meshes of caps under balls and plates, refined one to three times, p_max was 0.57 to 0.67, 0.67
-    to 0.72 and 0.83 to 0.87 of E* theta too large; the formula gives 0.69, 0.87 and 1.04.
+    Under a tip that is flat at the ridge, two facets that meet at the angle theta act as a cone of
+    the slope theta/2, whose pressure grows as E* theta/4 * arccosh(l/r) towards the ridge (Sneddon
+    1965, Int. J. Eng. Sci. 3, 47; Johnson, Contact Mechanics, 5.2). l is the length of a facet. No
+    pressure is evaluated nearer to the ridge than a quarter of an element, which gives the largest
+    value. On meshes of caps under balls and plates, refined one to three times, p_max was too large
+    by 0.57 to 0.67, 0.67 to 0.72 and 0.83 to 0.87 times E* theta; the formula gives 0.69, 0.87 and
+    1.04.
 
     Parameters
     ----------

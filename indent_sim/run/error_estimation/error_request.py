@@ -12,7 +12,7 @@ from indent_sim.process.errors import ConfigError
 
 @dataclass(frozen=True)
 class ErrorRequest:
-    """Request of a run for error estimates: error bars, and an accuracy."""
+    """Error estimates that are requested for a run: error bars, an accuracy, or both."""
 
     error_bars: bool
     accuracy: float | None
@@ -24,7 +24,7 @@ class ErrorRequest:
 
 
 def error_request_of(report: Mapping[str, Any]) -> ErrorRequest:
-    """Return the error estimates that were requested for the run of a run.json.
+    """Return the error estimates that were requested for the run that a run.json describes.
 
     A run.json of an older version does not state them; they follow from its other entries.
     """

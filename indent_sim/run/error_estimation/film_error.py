@@ -31,6 +31,8 @@ from indent_sim.scene.scene import Scene
 class FilmError:
     """Error of the force of each row due to drainage films [force].
 
+    A drainage film is the thin drained layer at a drained face shortly after a change of the load.
+
     All attributes except `force_losses` are nondimensional.
 
     Attributes
@@ -84,8 +86,8 @@ def estimate_film_error(
     Returns
     -------
     FilmError or None
-        None without films: no fluid, or a gel that swells in its bath. The errors are NaN if the
-        undrained body has no equilibrium.
+        None if there are no films, or if they belong to a gel that swells in its bath. The errors
+        are NaN if the undrained body has no equilibrium.
     """
     physics = scene.physics
     if not _has_films(scene):

@@ -52,9 +52,10 @@ def solve_no_slip_effect(run: CoarserRun, follow: Callable[[Scene], States]) -> 
 
 
 def no_slip_scenes(scene: Scene, depth: float) -> list[Scene]:
-    """Return the scenes for the no-slip effect at a depth: frictionless, and each slip reference.
+    """Return the scenes for the no-slip effect at a depth.
 
-    The list is empty if the effect is not defined.
+    The first one is frictionless; the others stick, each with another slip reference. The list is
+    empty if the effect is not defined.
     """
     frictionless = _frictionless_scene(scene) if depth > 0 else None
     if frictionless is None:
@@ -69,13 +70,13 @@ def no_slip_scenes(scene: Scene, depth: float) -> list[Scene]:
 
 
 def no_slip_base_run(run: CoarserRun, coarser_run: CoarserRun | None) -> CoarserRun:
-    """Return the run whose mesh is used for the no-slip effect: in 3D the coarser one."""
+    """Return the run whose mesh is used for the no-slip effect: in 3D the coarser run, if any."""
     is_three_dimensional = run.scene is not None and run.scene.physics.domain.dim == 3
     return coarser_run if coarser_run is not None and is_three_dimensional else run
 
 
 def _frictionless_scene(scene: Scene) -> Scene | None:
-    """Return the frictionless scene with a law that allows friction; None without one."""
+    """Return the scene without friction, but with a contact law that allows friction, or None."""
     physics = scene.physics
     if physics.is_path_dependent or physics.domain.pins:
         return None
@@ -110,9 +111,9 @@ def _direct_solver_scene(scene: Scene) -> Scene | None:
 
 
 def _sticking_scene(scene: Scene) -> Scene:
-    """Return the frictionless scene with complete stick instead.
+    """Return a frictionless scene with complete stick added.
 
-    The full model is solved if its tangential surface compliance would be too large.
+    The body is not condensed if its surface compliance with tangential components is too large.
     """
     law = scene.physics.contact
     domain = scene.physics.domain

@@ -98,7 +98,7 @@ def auxiliary_scenes(scene: Scene, no_slip: bool) -> list[Scene]:
 
 
 def _undrained_scenes(scene: Scene) -> list[Scene]:
-    """Return the scene of the film error on its own mesh, if the scene has films."""
+    """Return the suddenly loaded scene for the film error on this mesh; empty if not needed."""
     undrained = sudden_load_scene(scene)
     return [] if undrained is None else [undrained]
 

@@ -28,7 +28,7 @@ class StepRefinement:
     half_steps: StatesByStep
 
     def error(self, state: State, name: str) -> float:
-        """Return the error of a quantity: SAFETY_FACTOR times its change by halved increments.
+        """Return the error of a quantity: SAFETY_FACTOR times its change if increments are halved.
 
         Richardson's estimate is twice the change for order 1 and 2.6 times the change for order
         0.7. Order 0.7 was observed for paths on which new contact sticks at the position at the

@@ -59,7 +59,7 @@ SUBSTRATE_NU = 0.3
 
 
 def _layer_source(v: SceneVariants) -> str:
-    """Return the description of the comparison of a layer with a half-space."""
+    """Describe which solutions are compared to find the difference of a layer from a half-space."""
     if not v.is_isotropic:
         return "a layer relative to a half-space"
     return f"theory of a layer relative to that of a half-space{v.stand_in_text}"
@@ -208,7 +208,7 @@ def _first_tension(v: SceneVariants) -> float:
 
 
 def _no_slip_source(v: SceneVariants) -> str:
-    """Return the description of the solution without slip; the plan's text if theory knows it."""
+    """Describe the solution without slip, by the plan's text if theory gives the effect."""
     source = f"on one mesh{v.stand_in_text}"
     if v.known_no_slip:
         source = v.known_no_slip.source
@@ -261,7 +261,7 @@ def _relaxation_source(v: SceneVariants) -> str:
 
 
 def _stiffness_needs(v: SceneVariants) -> str:
-    """Return text on the cantilever stiffness whose bending changes the force by the tolerance."""
+    """Return text on the cantilever stiffness that changes the force by the tolerance."""
     stiffness = (1 - v.tolerance) * v.scene_force / v.tolerated_depth_error
     return f"above {v.percent:g} % from stiffness = {stiffness:.2g} or less"
 

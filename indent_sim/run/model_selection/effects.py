@@ -176,19 +176,19 @@ Cases = tuple[Case, ...]
 
 
 def find_effect(name: str, cases: Cases, v: Any) -> Effect:
-    """Return the effect of an entry of a table of effects.
+    """Compute the effect that is defined by an entry of a table of effects.
 
     Parameters
     ----------
     name, cases
-        The entry.
+        The entry: name of the effect, and the cases in which it can be computed.
     v
         Variants of a scene.
 
     Returns
     -------
     Effect
-        If a variant cannot be solved, its source states the reason.
+        The effect. If a variant cannot be solved, `source` states the reason.
     """
     try:
         # Theories try depths beyond the end of a tip, where numbers are not finite.
@@ -200,7 +200,7 @@ def find_effect(name: str, cases: Cases, v: Any) -> Effect:
 
 
 def _evaluate(name: str, case: Case, source: str, v: Any) -> Effect:
-    """Return the effect by one case."""
+    """Compute the effect by the method of one case."""
     low = high = 0.0
     change: float | None = 0.0
     match case:

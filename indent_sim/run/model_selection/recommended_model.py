@@ -61,8 +61,8 @@ class Requirements:
     config
         Recommended model: the simplest one within the tolerance, as a scene.
     percent
-        Deviation of the force of the recommended model from that with all effects that a model can
-        have [per cent]; None if only a range is known.
+        Deviation of the recommended model's force from the force of the model with all possible
+        effects [per cent]; None if only a range is known.
     words
         Sentences on the recommended model.
     """
@@ -133,8 +133,8 @@ def _elastic_effects(v: SceneVariants, names: tuple[str, ...]) -> dict[str, Effe
 def _transient_requirements(v: TransientVariants) -> Requirements:
     """Return the requirements of a scene whose body drains, swells or relaxes in shear.
 
-    Effects that do not concern time are those on the nearest elastic limiting cases. If no elastic
-    model is within the tolerance, the scene itself is recommended.
+    All effects other than drainage and rate are computed for the nearest elastic limiting cases. If
+    no elastic model is within the tolerance, the scene itself is recommended.
     """
     limit_effects = _limit_effects(v)
     ordered = dict.fromkeys(EFFECTS) | limit_effects | v.time_effects
@@ -192,7 +192,7 @@ def _limit_sentence(v: TransientVariants) -> str:
 
 
 def _limit_deviation_text(change: float | None) -> str:
-    """Return as text how far the force of a limiting elastic body is off, such as "by +5 %"."""
+    """Return the deviation of the force of an elastic limiting case as text, such as "by +5 %"."""
     if change is None or change <= -100:
         return "by an unknown amount"
     return f"by {100 * (100 / (100 + change) - 1):+.2g} %"
@@ -237,10 +237,10 @@ class _Model:
 
     @property
     def percent(self) -> float | None:
-        """Deviation of the model's force from that with all neglected effects [per cent].
+        """Deviation of the model's force from the force with the neglected effects [per cent].
 
-        Effects are multiplied, F_model/F = prod 1/(1 + effect). It is None if only a range of an
-        effect is known.
+        The effects are multiplied: F_model/F is the product of 1/(1 + effect). The deviation is
+        None if only a range of an effect is known.
         """
         if any(effect.percent is None for effect in self.neglected_effects):
             return None

@@ -133,8 +133,8 @@ class SceneVariants:
     def side_supports(self) -> tuple[Support, ...]:
         """Supports of the sides of a cylinder or box; empty for other bodies.
 
-        There are two if no stand-in has the supports of the body; the effects of the two are
-        bounds.
+        If no stand-in can have the supports of the body, free and fixed sides are returned, whose
+        effects are bounds.
         """
         match self.config.body:
             case Cylinder(sides=sides):
@@ -317,7 +317,7 @@ class SceneVariants:
 
     @cached_property
     def theory_variant(self) -> Config | None:
-        """Plain scene on its own body, a layer or a half-space, whichever theory solves first."""
+        """First of plain, layer and half-space scene that theory solves; None if there is none."""
         for candidate in (self.plain_scene, self.layer_scene, self.half_space_scene):
             if candidate is not None and self.solver.theory_scene(candidate) is not None:
                 return candidate

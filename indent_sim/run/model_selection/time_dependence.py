@@ -99,10 +99,10 @@ class TransientVariants(SceneVariants):
 
     @property
     def nearest_limits(self) -> dict[str, Effect]:
-        """Return the limiting case of each effect whose force is nearest to that of the scene.
+        """Return, for each effect, the limiting case whose force is nearest to that of the scene.
 
-        The keys are the names of the limits, the values the effects that an elastic model in this
-        limit neglects.
+        The keys are the names of these limiting cases. The values are the effects that an elastic
+        model of the limiting case neglects.
         """
         limits = {}
         for effect in self.time_effects.values():

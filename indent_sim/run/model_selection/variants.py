@@ -76,9 +76,9 @@ def change_materials(config: Config, change: LawChange, **sections: Any) -> Conf
 
 
 def set_gel_stretch(config: Config) -> Config:
-    """Return the config with a numerical initial stretch of every gel.
+    """Return the config with the initial stretch of every gel as a number.
 
-    A stretch that is not given is that of free swelling in the first bath.
+    If the config does not give a stretch, the gel is assumed to swell freely in the first bath.
     """
     bath = config.initial_bath
     return change_materials(
