@@ -222,7 +222,7 @@ def _fit_and_assess(
 def _fit_load_curve(
     config: Config, request: FitRequest, samples: Samples, tables: ForwardModelCache
 ) -> Estimate:
-    """Fit an elastic scene; if the fitted depth exceeds the solved depth, solve deeper and refit."""
+    """Fit an elastic scene; solve deeper and refit if the fitted depth exceeds the solved one."""
     forward_model = _graded_forward_model(config, request.varied_keys, samples, tables)
     estimate = fit_model(forward_model, samples, request.origin)
     depth = _max_indentation(estimate)
