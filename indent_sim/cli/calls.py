@@ -238,7 +238,7 @@ def _plot_study(shown: Study, panel: str, ax: Axes | None) -> Figure:
 
 
 def _normalize_options(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the options of a picture as from the command line.
+    """Return the options of a picture in the form in which the command line gives them.
 
     Raises UsageError for an unknown option.
     """

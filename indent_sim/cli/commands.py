@@ -104,7 +104,7 @@ class Program(click.Group):
         return ctx
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the command; print a message for expected failures and a traceback for others."""
+        """Run the command; print a message for expected failures, else a traceback."""
         try:
             if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
                 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -867,7 +867,7 @@ def main() -> None:
 def _start_mesher(load_config: Callable[[], Config]) -> bool:
     """Start the mesher process on rank 0, before MPI is imported; return whether MPI is needed.
 
-    A scene that is solved by theory on a single rank needs neither.
+    A scene that is solved by theory on a single rank needs no mesher and no MPI.
     """
     from indent_sim.process.ranks import is_parallel, is_root
     from indent_sim.run.planned_run import start_mesher_if_needed

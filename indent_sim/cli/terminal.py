@@ -547,7 +547,7 @@ def _log_progress(
 
 
 def _error_estimate_lines(outcome: Outcome) -> list[str]:
-    """Return the line of the largest error estimate, relative to its force."""
+    """Return a line with the largest relative error estimate of the force."""
     states_with_error = (state for state in outcome.states if state.force_error and state.force)
     relative_errors = [
         ((state.force_error or 0.0) / abs(state.force), state.step) for state in states_with_error
@@ -570,7 +570,7 @@ def _computed_quantity_name(report: Report, theory: Report) -> str:
 
 
 def _theory_line(theory: Report, quantity: str) -> str:
-    """Return the line of theory, which computes `quantity`, and of the deviation of the run."""
+    """Return a line with the value of `quantity` by theory and the deviation of the run from it."""
     exactness = "exact for this body" if theory.get("exact") else theory.get("why", "")
     prescribed, computed = _prescribed_and_computed(theory)
     deviation = f"{theory[f'{computed}_deviation']:+.3%}"
@@ -579,7 +579,7 @@ def _theory_line(theory: Report, quantity: str) -> str:
 
 
 def _prescribed_and_computed(theory: Report) -> tuple[str, str]:
-    """Return the names of the prescribed quantity and of the one that theory computed."""
+    """Return the names of the prescribed quantity and of the quantity that theory computed."""
     return ("force", "delta") if "delta_deviation" in theory else ("delta", "force")
 
 
@@ -599,7 +599,7 @@ def _align_columns(rows: list[list[str]], side: str = ">") -> str:
 
 
 def _render(width: int, *parts: Any) -> str:
-    """Return tables and texts of rich as one text of this width."""
+    """Return tables and texts of the package rich as one text of the given width."""
     from rich.console import Console
 
     text = io.StringIO()

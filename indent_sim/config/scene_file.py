@@ -287,7 +287,7 @@ def _apply_overrides(document: Document, source: Source, overrides: Overrides) -
 def collect_errors(
     first: ConfigError, config: Config, check: Callable[[Config], object]
 ) -> ConfigError:
-    """Return an error of a config with all errors that remain after its repair.
+    """Return the first error of a config, combined with the errors that remain after its repair.
 
     Parameters
     ----------
@@ -505,8 +505,8 @@ def _parse_config(document: Document, source: Source) -> Config:
 def _config_fields(document: Document) -> Document:
     """Return the document with the structure of Config.
 
-    `center` is a field of Config, not of the tip; default tags and the words of all walls are
-    added.
+    `center` is a field of Config, not of the tip. Default tags are added, and a word such as
+    "fixed" for all walls is expanded to every wall.
     """
     if "center" in document:
         raise ConfigError("center", "unknown key", "it belongs in indenter")
@@ -517,7 +517,7 @@ def _config_fields(document: Document) -> Document:
 
 
 def _complete_defaults(node: schema.SchemaNode) -> Any:
-    """Return the value of a node with default tags and the words of all walls added."""
+    """Return the value of a node with default tags, and with a word for all walls expanded."""
     value = node.value
     if (
         isinstance(value, str)

@@ -222,7 +222,7 @@ def _fit_and_assess(
 def _fit_load_curve(
     config: Config, request: FitRequest, samples: Samples, tables: ForwardModelCache
 ) -> Estimate:
-    """Fit an elastic scene, again with a deeper solution if the fitted depth exceeds it."""
+    """Fit an elastic scene; solve deeper and refit if the fitted depth exceeds the solved one."""
     forward_model = _graded_forward_model(config, request.varied_keys, samples, tables)
     estimate = fit_model(forward_model, samples, request.origin)
     depth = _max_indentation(estimate)
@@ -240,8 +240,8 @@ def _fit_along_path(
 ) -> Estimate:
     """Fit a path-dependent scene along the measured load path.
 
-    The path begins at first contact, of which an elastic fit gives the first estimate. Path and fit
-    are repeated until the contact point converges (at most four times).
+    The path begins at first contact; an elastic fit gives the first estimate of this point. Path
+    and fit are repeated until the contact point converges (at most four times).
     """
     assert samples.t is not None
     compliance = config.experiment.compliance if config.experiment else 0.0
@@ -287,7 +287,7 @@ def _fit_along_path(
 def _elastic_contact_point(
     config: Config, request: FitRequest, approach: Samples, tables: ForwardModelCache
 ) -> float:
-    """Return the contact point of an elastic fit of the approach with a free first modulus.
+    """Return the contact point by an elastic fit to the approach, with the first modulus free.
 
     Raises
     ------
@@ -647,7 +647,7 @@ def format_value(key: str, config: Config, value: float, interval: Interval | No
 
 
 def _significant_digits(interval: Interval) -> int:
-    """Return the number of digits that shows two digits of an interval's width, at least 4."""
+    """Return the number of digits (at least 4) that resolves the interval's width to two digits."""
     width = (interval.high - interval.low) / max(abs(interval.high), abs(interval.low), 1e-300)
     return (
         min(max(MIN_DIGITS, 2 - math.floor(math.log10(width))), MAX_DIGITS)
@@ -681,7 +681,7 @@ def _summary(assessment: ModelAssessment, config: Config) -> str:
 
 
 def one_line_summary(entry: Mapping[str, Any], config: Config) -> str:
-    """Return the intervals of an entry, and the reasons against the scene, in one line."""
+    """Return one line with the intervals of an entry and the reasons for a misfit of the scene."""
     intervals = [
         format_interval(key, config, Interval(*map(numbers.get, INTERVAL_KEYS)))
         for key, numbers in entry["parameters"].items()

@@ -139,8 +139,8 @@ class Design:
 class _PlannedMeasurement:
     """Planned measurement with displacement x [length] over time t [s] from first contact.
 
-    x is the depth, or the displacement of the base behind a spring, and piecewise linear in time;
-    depth [length] is the largest depth.
+    x is the depth, or with a spring the displacement of its base; it is piecewise linear in time.
+    `depth` [length] is the largest depth.
     """
 
     config: Config
@@ -189,7 +189,7 @@ class _PlannedMeasurement:
     def expected_estimate(
         self, points: int, noise: float, baseline: float = BASELINE_DEPTHS
     ) -> Estimate:
-        """Return the estimate from a curve of the exact scene with white noise [force]."""
+        """Return the estimate to expect from a curve of this scene with white noise [force]."""
         model = self.build_model(points, baseline)
         p = self._initial_parameters
         model = replace(model, samples=replace(model.samples, force=model.contact_force(p)))
@@ -218,8 +218,8 @@ def design_measurement(config: Config, keys: Sequence[str], noise: float, points
     keys
         Keys of the parameters.
     noise
-        Standard deviation of a sample relative to the largest force. Changed scenes have the same
-        absolute noise.
+        Standard deviation of a sample relative to the largest force. Scenes with a changed
+        experiment have the same absolute noise.
     points
         Number of samples; half of them are the baseline.
 
@@ -267,7 +267,7 @@ def _evaluate_design(config: Config, keys: Sequence[str], noise: float, points: 
 def _plan_measurement(
     config: Config, keys: tuple[str, ...], tables: ForwardModelCache
 ) -> _PlannedMeasurement:
-    """Return the measurement along the path of the scene to the end of its largest depth."""
+    """Return the measurement along the path of a scene, up to the last time of largest depth."""
     for key in keys:
         number_at(config, key)
     if config.loading.force_history:

@@ -221,7 +221,7 @@ class _Writer:
 
 @contextmanager
 def _open_locked(directory: Path, request: FitRequest) -> Iterator[list[Entry]]:
-    """Yield the entries of an earlier call of the same request, with the folder locked.
+    """Lock the folder, and yield the entries of an earlier call with the same request.
 
     Raises
     ------
@@ -337,7 +337,7 @@ def _make_task(
 
 
 def _run_tasks(tasks: Iterator[Any], request: FitRequest, jobs: int) -> Iterator[Entry]:
-    """Yield the entries of all tasks; curves rejected while reading are entries already."""
+    """Yield the entries of all tasks; a curve rejected while reading already has its entry."""
     if jobs > 1:
         yield from _run_in_processes(tasks, request, jobs)
         return

@@ -81,7 +81,7 @@ def _fit_row(entry: Entry, keys: Sequence[str]) -> dict[str, Any]:
 
 
 def modulus_drift(entry: Entry, keys: Sequence[str]) -> float | str:
-    """Return the change of the first key by a fit to half the depth [%]; "" if unknown."""
+    """Return how much the first key changes [%] if only half the depth is fitted; "" if unknown."""
     windows = entry["window"]
     if not keys or windows[0]["upper"] != 0.5 or not windows[-1][keys[0]]:
         return ""

@@ -32,7 +32,7 @@ class Fit:
     Attributes
     ----------
     parameters
-        Value, low and high by key.
+        Value, lower end and upper end of the interval of each key.
     explained
         True if the scene explains the curve.
     words

@@ -70,7 +70,7 @@ def require_resources() -> None:
 def _require_limit(
     resource_name: str, command: str, limit_number: int, required: float, unit: float = 1.0
 ) -> None:
-    """Raise BackendError if a limit is below `required`; `command` is the shell's name for it."""
+    """Raise BackendError if a limit is below `required`; `command` is the shell command for it."""
     allowed, _ = resource.getrlimit(limit_number)
     if allowed != resource.RLIM_INFINITY and allowed / unit < required:
         raise BackendError(

@@ -50,7 +50,7 @@ class ReprTable:
         return f"<p><b>{escape(printable(self.title))}</b></p>{table}{footer}"
 
     def _cells(self) -> list[list[str]]:
-        """Return the cells of the rows that are shown; a row of ellipses replaces the others."""
+        """Return the cells of the shown rows; a row of ellipses replaces the hidden rows."""
         count = len(self.rows)
         if count <= MAX_ROWS:
             return [[cell_text(value) for value in row] for row in self.rows]

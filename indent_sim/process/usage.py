@@ -52,7 +52,7 @@ def address_space() -> float:
 
 
 def peak_memory() -> float:
-    """Return the peak memory of this process plus the largest of its child processes [MB]."""
+    """Return the peak memory of this process plus that of the largest child process call [MB]."""
     return _own_peak_memory() + CHILD_USAGE.memory
 
 
@@ -73,7 +73,10 @@ def _own_peak_memory() -> float:
 
 
 def _proc_status(name: str) -> float | None:
-    """Return a size from /proc/self/status [MB], by the start of its line; None if not on Linux."""
+    """Return the size [MB] in the line of /proc/self/status that begins with `name`.
+
+    The result is None if not on Linux.
+    """
     with suppress(OSError, ValueError):
         for line in Path("/proc/self/status").read_text().splitlines():
             if line.startswith(name):

@@ -39,7 +39,7 @@ def write_atomically(path: Path, content: str | bytes | Iterable[str], sync: boo
 
 
 def _open_new(path: Path) -> int:
-    """Open a new file for writing, and replace a link or the remainder of a killed write."""
+    """Open a new file for writing; a link or the incomplete file of a killed run is replaced."""
     for _ in range(2):
         with suppress(FileExistsError):
             return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
@@ -85,7 +85,7 @@ def append_atomically(path: Path, data: bytes, sync: bool = True, tail: bytes = 
     sync
         Wait until the bytes are on the disk.
     tail
-        Bytes with which the file ends before and after; `data` is inserted before them.
+        Bytes at the end of the file, which also stay at its end; `data` is inserted before them.
     """
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW, 0o666)
     try:

@@ -128,14 +128,15 @@ def compare(
     Two numbers agree if |x - y| <= rtol max(|x|, |y|, 1e-6 max|column|). Due to the last term, a
     force of 1e-18 out of contact counts as zero. An empty cell agrees only with an empty cell.
 
-    Rows are matched by step. In tables without steps they are matched by depth, and the k-th row at
-    a depth by the k-th row at this depth. If the depths differ, the curve with more rows is
-    interpolated in depth, approach and retraction separately: a result by power laws between
-    neighbouring rows, a measured curve linearly. If the times of two histories differ, the history
-    with more rows is evaluated at the times of the other one: by a row at the same time, at a jump
-    by the row on the same side, otherwise by linear interpolation. The interpolation error is of
-    order h^2; it is estimated as a quarter of the error at every second row, interpolated from the
-    others.
+    Rows are matched by step. In tables without steps they are matched by depth: the k-th row at a
+    depth in one table is matched with the k-th row at this depth in the other table. If the depths
+    differ, the curve with more rows is interpolated in depth, separately for approach and
+    retraction. A simulated result is interpolated by power laws between neighbouring rows, and a
+    measured curve linearly. If the times of two histories differ, the history with more rows is
+    evaluated at the times of the other history. If it has a row at such a time, this row is used
+    (at a jump, the row on the same side of the jump); otherwise it is interpolated linearly. The
+    interpolation error is of order h^2; it is estimated as a quarter of the error that results if
+    every second row is interpolated from its neighbours.
 
     A measured curve is converted to the units of the other result. A history that an earlier
     version wrote to experiment.csv can be compared with one in the force table. Rows of two files
@@ -286,7 +287,7 @@ def _is_matched(
 def _compare_by_time(
     paths: tuple[Path, Path], A: Table, B: Table, tolerances: dict[str, float]
 ) -> Comparison | None:
-    """Compare the denser history at the times of the other; None if no times are in common."""
+    """Compare histories at the times of the one with fewer rows; None without common times."""
     is_first_denser = len(A["t"]) >= len(B["t"])
     (dense, sparse), (dense_path, sparse_path) = (
         ((A, B), paths) if is_first_denser else ((B, A), paths[::-1])
@@ -321,7 +322,7 @@ def _compare_by_time(
 def _compare_by_depth(
     paths: tuple[Path, Path], A: Table, B: Table, tolerances: dict[str, float]
 ) -> Comparison | None:
-    """Compare the denser table at the depths of the other; None if no depths are in common."""
+    """Compare tables at the depths of the one with fewer rows; None without common depths."""
     is_first_denser = len(A["delta"]) >= len(B["delta"])
     (dense, sparse), (dense_path, sparse_path) = (
         ((A, B), paths) if is_first_denser else ((B, A), paths[::-1])

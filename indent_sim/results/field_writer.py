@@ -41,7 +41,7 @@ TIP_XDMF_FILE = "tip.xdmf"
 
 @dataclass(frozen=True)
 class _StoredState:
-    """State in the files: step, depth, time, and its XDMF text by file name."""
+    """State that the files contain: step, depth, time, and the XDMF text of each file."""
 
     step: int
     delta: float
@@ -52,7 +52,7 @@ class _StoredState:
 class FieldWriter:
     """Writer of a time series of fields on one mesh, and of the tip above it.
 
-    The time of a state in the series is its time, or its step if the scene has no times. If two
+    A state is stored at its time, or at the number of its step if the scene has no times. If two
     states have the same time, the later one gets the next larger floating-point number.
 
     Parameters
@@ -65,9 +65,9 @@ class FieldWriter:
     keep
         "all" for all states, "last" for the deepest and the last state.
     done
-        Number of steps of a previous run whose states are kept (`is_continued`), unless their files
-        are missing, damaged or of another mesh; then the series begins anew. None begins a new
-        series.
+        Number of completed steps of a previous run, whose states are kept (`is_continued`). If
+        their files are missing, damaged or of another mesh, or if `done` is None, a new series is
+        begun.
     arrays
         The arrays of each state.
     information
@@ -129,7 +129,7 @@ class FieldWriter:
         fields
             Values by name; the displacement is (n, 2) or (n, 3).
         t
-            Time of the state; None: the step is used as the time.
+            Time of the state; if it is None, the step is used as the time.
 
         Raises
         ------

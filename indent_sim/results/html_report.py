@@ -73,8 +73,8 @@ def write(text: str, path: Path) -> None:
 def render_page(**parts: Any) -> str:
     """Render the page from its parts; texts are escaped.
 
-    The parts numbers, said, scene, chosen, pictures and warnings exist only for runs and may be
-    missing.
+    The parts `numbers`, `said`, `scene`, `chosen`, `pictures` and `warnings` exist only for runs
+    and may be missing.
     """
     from jinja2 import Environment, StrictUndefined
 

@@ -159,7 +159,7 @@ def _requested_options(report: Report) -> Mapping[str, Any]:
 
 
 def _difference_clause(key: str, old: Any, new: Any) -> str:
-    """Return a clause on the values of a key in two scenes; None: the key is missing."""
+    """Return a clause on the values of a key in two scenes; the value of a missing key is None."""
     if old is None:
         return f"{key} was missing and is {_value_text(new)}"
     if new is None:

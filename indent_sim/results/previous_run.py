@@ -35,7 +35,7 @@ class PreviousRun:
     table_bytes
         Length of the table up to the last complete row [bytes].
     report
-        Its run.json.
+        The run.json of the previous run.
     """
 
     states: tuple[State, ...]

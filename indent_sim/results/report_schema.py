@@ -23,7 +23,7 @@ Count = Annotated[int, Ge(0)]
 
 
 def _mapping_type(name: str = "mapping", /, *, needed: Collection[str] = (), **entries: Any) -> Any:
-    """Return a TypedDict type of the entries; those that are not `needed` may be missing."""
+    """Return a TypedDict type of the entries; entries that are not `needed` may be missing."""
     kinds = {key: kind if key in needed else NotRequired[kind] for key, kind in entries.items()}
     return cast(Any, TypedDict)(name, kinds)
 

@@ -123,7 +123,7 @@ def _audit_table(report: Report) -> Table:
 
 
 def _key_numbers(results: Results) -> list[tuple[str, str]]:
-    """Return names and values of the most important row.
+    """Return names and values of the quantities in the most important row.
 
     It is the row of the largest depth, or in a history the row of the largest force (the last row
     if all forces are 0).
@@ -286,7 +286,7 @@ def _experiment_tables(results: Results) -> list[Table]:
 
 
 def _run_pictures(results: Results) -> list[Picture]:
-    """Return the pictures for which a result has rows and fields."""
+    """Return the pictures that can be drawn from the rows and fields of a result."""
     steps = steps_with_fields(results.path, results["step"])
     in_time = is_time_stepped(results.report) and len(results) > 0
     pictures = [_history_picture(results)] if in_time else []

@@ -130,8 +130,9 @@ def _interpolate(x_new: np.ndarray, x: np.ndarray, y: np.ndarray, is_smooth: boo
 def _interpolation_error(x: np.ndarray, y: np.ndarray, is_smooth: bool) -> float:
     """Estimate the largest interpolation error between the points of a curve.
 
-    Every second point is left out and interpolated from the others. The error of this interpolation
-    is O((2h)^2), so that a quarter of it estimates the error O(h^2) between all points.
+    Every second point is left out and interpolated from its neighbours. The error of this
+    interpolation is O((2h)^2), so that a quarter of it estimates the error O(h^2) between all
+    points.
     """
     if len(x) < MIN_ROWS:
         return 0.0
@@ -149,7 +150,10 @@ def _interpolation_error(x: np.ndarray, y: np.ndarray, is_smooth: bool) -> float
 
 
 def rows_by_occurrence(column: np.ndarray) -> dict[tuple[str, int], int]:
-    """Return the row of the k-th occurrence of each value, rounded to 10 digits."""
+    """Return the row numbers by value and k, for the k-th occurrence of the value.
+
+    Values are rounded to 10 digits.
+    """
     counts: Counter[str] = Counter()
     rows = {}
     for i, name in enumerate(f"{value:.9e}" for value in column):

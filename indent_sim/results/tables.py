@@ -64,7 +64,7 @@ def force_row(state: State, columns: tuple[str, ...]) -> bytes:
 def _column_writers(
     columns: tuple[str, ...],
 ) -> tuple[Callable[[State], tuple[Any, ...]], tuple[Callable[[Any], str], ...], tuple[str, ...]]:
-    """Return the getter of a state's values, their formatters, and the columns of reactions.
+    """Return a getter of a state's values, a formatter for each, and the reaction columns.
 
     The reactions are the last columns of the table.
     """
@@ -95,7 +95,7 @@ def parse_state(names: tuple[str, ...], line: bytes, unknown: Collection[str] = 
     line
         The line, without its newline.
     unknown
-        Columns beyond MAY_BE_EMPTY that may be empty in this run.
+        Columns that may be empty in this run, in addition to MAY_BE_EMPTY.
 
     Returns
     -------

@@ -67,7 +67,7 @@ class ResultFolder:
         If True, raise UsageError instead of replacing rows of another config file or a finished run
         of another scene. A finished run of the same scene is replaced only at the end of this run.
     mesh
-        The mesh file of the config as parts of a text.
+        Content of the config's mesh file, as a sequence of texts.
     """
 
     def __init__(
@@ -219,11 +219,11 @@ class ResultFolder:
         Parameters
         ----------
         mesh
-            Mesh and tip, as `field_writer.FieldWriter` takes them.
+            Mesh and tip, in the form of the argument `body` of `field_writer.FieldWriter`.
         keep
             The states whose fields are kept.
         extra_arrays
-            Names of fields in addition to those of every body.
+            Names of fields in addition to the fields that every body has.
         information
             Information that the files contain besides the units.
         """
@@ -258,8 +258,8 @@ class ResultFolder:
     ) -> None:
         """Write the fields of a state; to be called before its `append`.
 
-        Nothing is written without `open_fields`. `time` is the time of the state; None: its step is
-        used.
+        Nothing is written without `open_fields`. `time` is the time of the state; if it is None,
+        the step is used as the time.
         """
         if self._fields is None:
             return
@@ -276,7 +276,7 @@ class ResultFolder:
                     (self.path / name).unlink(missing_ok=True)
 
     def save_checkpoint(self, saved: Checkpoint, identity: Report) -> None:
-        """Save the last equilibria for `--resume`; since optional, a full disk is ignored."""
+        """Save the last equilibria for `--resume`; a full disk is ignored, as they are optional."""
         with defer_signals(), suppress(OSError):
             checkpoint.write(self.path / CHECKPOINT, saved, identity)
 
@@ -384,7 +384,7 @@ class ResultFolder:
 
 
 def _final_status(error: BaseException | None) -> tuple[str, int, str]:
-    """Return status, exit code and reason of a run from the exception that ended it, or None."""
+    """Return status, exit code and reason of a run; `error` is the exception that ended it."""
     if error is None:
         return "done", 0, ""
     if isinstance(error, KeyboardInterrupt):

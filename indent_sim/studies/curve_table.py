@@ -42,7 +42,7 @@ class CurveGroups:
         return self.value_names(self.keys)
 
     def value_names(self, keys: Sequence[str]) -> list[str]:
-        """Return the values of some keys as text for each curve (differences of sections)."""
+        """Return the values of some keys as text for each curve; of sections only what differs."""
         common_entries = {
             key: _common_entries([curve.values.get(key) for curve in self.curves]) for key in keys
         }
@@ -60,7 +60,7 @@ class CurveGroups:
     def short_key(self, key: str) -> str:
         """Return the last part of a key, or the whole key if the last part is ambiguous.
 
-        For example contact.method and solver.method.
+        The last part is ambiguous, for example, for contact.method and solver.method.
         """
         last_part = key.split(".")[-1]
         is_unique = sum(other_key.split(".")[-1] == last_part for other_key in self.keys) < 2
@@ -87,13 +87,13 @@ class CurveGroups:
 
 
 def distinguishing_labels(values: Sequence[object]) -> list[str]:
-    """Return the values of a varied key as text, for sections only the differences."""
+    """Return the values of a varied key as text; of sections only the entries that differ."""
     shared_entries = _common_entries(values)
     return [_value_label("", value, shared_entries).strip() for value in values]
 
 
 def _value_label(name: str, value: object, common_entries: Collection[str]) -> str:
-    """Return a key and its value as text, for a section without the common entries."""
+    """Return a key and its value as text; of a section the common entries are left out."""
     section = _parse_section(value)
     if section is None:
         return f"{name} {value if isinstance(value, str) else short_yaml(value)}"
@@ -206,7 +206,7 @@ def _make_groups(curves: Sequence[RunCurve], keys: Sequence[str]) -> CurveGroups
     ]
 
     def is_only_word(key: str) -> bool:
-        """Return True if this is the only key with a text value for some run."""
+        """Return True if, for some run, no other key with text values has a value."""
         other_word_keys = [other_key for other_key in independent if other_key in word_keys]
         return any(
             row.get(key) is not None

@@ -42,7 +42,7 @@ class Study:
     keys
         The varied keys.
     compared_with
-        Name of the reference of the forces.
+        Name of the reference solution with which the forces are compared.
     rows
         The rows of the table; empty for a shard, which only performs its part of the runs.
     notes

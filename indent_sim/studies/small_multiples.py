@@ -158,7 +158,7 @@ def _subtitle(curve_groups: CurveGroups, key_roles: KeyRoles, across: Sequence[s
 
 
 def _facet_keys(key_roles: KeyRoles) -> tuple[tuple[str, int], tuple[str, int]]:
-    """Return the keys of the columns and rows of panels, each with the largest number of panels."""
+    """Return the keys of the panel columns and rows, each with its largest number of panels."""
     return (key_roles.across, MAX_PANEL_COLUMNS), (key_roles.down, MAX_PANEL_ROWS)
 
 
@@ -331,7 +331,10 @@ def value_ratio(values: Sequence[float] | np.ndarray) -> float:
 
 
 def representative_values(curve_groups: CurveGroups, column: str) -> tuple[list[float], str]:
-    """Return a column at the representative row of each run, in shown units, and its label."""
+    """Return a column's value in the representative row of each run, and the axis label.
+
+    The values are in the unit of the picture.
+    """
     runs = [curve.results for curve in curve_groups.curves]
     column_axis = axis_of_column(column, runs)
     values = [float(column_axis(run[column][representative_row(run)])) for run in runs]
@@ -361,7 +364,7 @@ def draw_over_number(
     styles: Sequence[PlotStyle],
     group_styles: Sequence[PlotStyle] | None = None,
 ) -> None:
-    """Draw results over a varied number, with lines through runs that differ only in it.
+    """Draw results over a varied number; lines join runs that differ only in this number.
 
     Parameters
     ----------
@@ -569,7 +572,7 @@ def _draw_over_each(
     number_keys: Sequence[str],
     values_and_label: tuple[Sequence[float], str],
 ) -> None:
-    """Draw a column over each of some numbers, with lines named by the other keys if few."""
+    """Draw a column over each of several numbers; a few lines are named by the other keys."""
     other_keys = [key for key in curve_groups.keys if key not in number_keys]
     names = curve_groups.value_names(other_keys)
     group_names = list(dict.fromkeys(names))

@@ -158,7 +158,7 @@ def requested_figure(
 
 
 def _curve_styles(curve_groups: CurveGroups) -> tuple[list[PlotStyle], list[str], Any]:
-    """Return style and name of every curve, and a colour scale instead of names, or None.
+    """Return style and name of every curve, and a colour scale if it replaces names, else None.
 
     Curves that differ in one number, and many curves, are coloured by the first number.
     """
@@ -218,7 +218,9 @@ def _styles_by_keys(curve_groups: CurveGroups, keys: Sequence[str]) -> list[Plot
 
 
 def _group_styles(curve_groups: CurveGroups, key: str) -> list[PlotStyle] | None:
-    """Return the style of every curve in a panel over a varied number by its other keys.
+    """Return the style of each curve in a panel over the varied number `key`.
+
+    The style shows the values of the other varied keys.
 
     The result is None if the other keys give too many lines.
     """
@@ -372,7 +374,7 @@ def _draw_force_curves(
 
 
 def _is_line(run: Results) -> bool:
-    """Return True if a run is drawn as a line: measured rows and a single row are points."""
+    """Return True if a run is drawn as a line, not as points (measured rows or a single row)."""
     return len(run) > 1 and not run.report.get(MEASURED)
 
 
@@ -474,7 +476,7 @@ def _draw_pareto_front(axes: Axes, front: Sequence[Row]) -> list[Row]:
 
 
 def _spaced_points(positions: np.ndarray) -> list[int]:
-    """Return the indices of points of a front at sufficient distances, including the last."""
+    """Return the indices of points of a front that are far enough apart, with the last point."""
     kept_indices = [len(positions) - 1]
     # Points nearer than these fractions of the panel's width and height have no room for two
     # numbers.
@@ -616,7 +618,10 @@ def _marker_style(i: int) -> PlotStyle:
 def _set_log_axes(
     axes: Axes, x_label: str, values: Sequence[float], log_ratio: float = 3.0
 ) -> None:
-    """Set a logarithmic error axis; the other axis is logarithmic beyond log_ratio of its ends."""
+    """Set a logarithmic error axis, and also a logarithmic x axis for a wide range of values.
+
+    The range is wide if the ratio of the largest to the smallest value exceeds `log_ratio`.
+    """
     axes.set(yscale="log", xlabel=x_label, ylabel="|relative error of the force|")
     if min(values) > 0 and max(values) > log_ratio * min(values):
         axes.set_xscale("log")

@@ -25,7 +25,7 @@ class StudyPlan:
     title, keys
         Title of the study and its varied keys.
     compared_with
-        Name of the reference of the forces.
+        Name of the reference solution with which the forces are compared.
     rows
         Varied keys, predicted results, cost and warnings of each run.
     same

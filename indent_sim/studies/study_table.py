@@ -325,7 +325,7 @@ def rows_with_error(table: Iterable[Row]) -> list[Row]:
 
 
 def pareto_front(table: Iterable[Row]) -> list[Row]:
-    """Return the rows on the Pareto front of CPU time and force error, by CPU time."""
+    """Return the rows on the Pareto front of CPU time and force error, sorted by CPU time."""
     front: list[Row] = []
     # An error below this fraction of another one is truly smaller.
     ratio = 0.999

@@ -39,7 +39,7 @@ class LayerPressure:
     modes: np.ndarray
 
     def __call__(self, r: np.ndarray, chord: np.ndarray) -> np.ndarray:
-        """Return this part of the pressure (n,) [E*/pi] at radii r with chord = sqrt(a^2 - r^2)."""
+        """Return the effect of the layer (n,) [E*/pi] at radii r, with chord = sqrt(a^2 - r^2)."""
         s, w = gauss_legendre(0.0, 1.0, abel_point_count(self.a))
         t = np.hypot(r[:, None], chord[:, None] * s)
         if len(r) == 1:
@@ -69,8 +69,9 @@ def abel_point_count(a: float) -> int:
 def contact_nodes(a: float, breaks: Sequence[float], count: int) -> Nodes:
     """Return Gauss nodes and weights on [0, a] in panels between the slope discontinuities.
 
-    Each panel has `count` nodes, fewer if there are many panels. Beyond a discontinuity at b the
-    function g varies as sqrt(x - b); the substitution x = b + length v^2 makes it analytic.
+    Each panel has `count` nodes, fewer if there are many panels. Beyond a discontinuity at b, the
+    Abel transform g of the tip's profile has a term in sqrt(x - b); the substitution x = b + length
+    v^2 makes it analytic.
     """
     edges = [0.0, *(b for b in breaks if 0.0 < b < a), a]
     count = count if len(edges) < 5 else min(count, 12)
@@ -235,7 +236,7 @@ def _geometric_edges(size: float, start: float, stop: float) -> list[float]:
 def _graded_nodes(lo: float, hi: float, count: int) -> Nodes:
     """Return nodes and weights on [lo, hi], graded towards lo.
 
-    They are those of a Gauss rule in v on [0, 1] with x = lo + (hi - lo) v^2.
+    They result from a Gauss rule in v on [0, 1] by the substitution x = lo + (hi - lo) v^2.
     """
     v, w = gauss_legendre(0.0, 1.0, count)
     return lo + (hi - lo) * v**2, 2.0 * (hi - lo) * v * w

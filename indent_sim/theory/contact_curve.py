@@ -238,7 +238,7 @@ class ContactCurve(ABC):
     ) -> ChebyshevContactCurve | None:
         """Return an interpolation of the contacts between two depths [L], for `count` evaluations.
 
-        None if `count` is small, or if no polynomial of the contact size approximates the contacts.
+        The result is None if `count` is small, or if no polynomial approximates the contacts.
         """
         if (
             count < FEWEST_DEPTHS
@@ -310,7 +310,7 @@ class ContactCurve(ABC):
         return [self.solution_at_size(a) for a in deepest.a / self.h * steps]
 
     def depth_of_force(self, force: float) -> float:
-        """Return the depth [L] of a force [F] > 0; raises as `solutions_at_depths`."""
+        """Return the depth [L] of a force [F] > 0; raises the errors of `solutions_at_depths`."""
         if self.tip.punch_radius is not None:
             return force / self.solutions_at_depths([self.h])[0].stiffness
         start = first_guess(self.profile, force / (self.E_star * self.h**2), self.max_size())
@@ -580,7 +580,7 @@ def _field_values(curve: ContactCurve, delta: float, a: float, name: str, r: Any
 def _chebyshev_points(low: float, high: float, count: int) -> list[float]:
     """Return Chebyshev points of the second kind in ascending order.
 
-    Every second one of 2 n - 1 points coincides with one of n points.
+    If there are 2 n - 1 points, every second point coincides with one of the points for count = n.
     """
     points = 0.5 * (low + high) + 0.5 * (high - low) * chebpts2(count)
     return [low, *map(float, points[1:-1]), high]

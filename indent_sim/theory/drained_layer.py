@@ -12,11 +12,11 @@ import numpy as np
 
 
 def drained_length(diffusivity: float, elapsed: np.ndarray, ramp_time: np.ndarray) -> np.ndarray:
-    """Return the thickness (n,) [length] of undrained material that contains the lost fluid.
+    """Return the thickness (n,) [length] of an undrained layer that holds the fluid that was lost.
 
-    The pressure p in a half-space grows linearly over the time `ramp_time` and is constant then.
-    The fluid that has left through the drained face at the time `elapsed` is, per area, p
-    permeability/D times the length
+    The pressure p in a half-space grows linearly over the time `ramp_time` and then stays constant.
+    The volume of fluid per area that has left through the drained face until the time `elapsed` is
+    (p permeability/D) times the length
 
         (4/3) (D/pi)^(1/2) (elapsed^(3/2) - (elapsed - ramp_time)^(3/2))/ramp_time,
 
@@ -44,7 +44,7 @@ def drained_length(diffusivity: float, elapsed: np.ndarray, ramp_time: np.ndarra
 
 
 def excess_length(h: np.ndarray, drained: np.ndarray) -> np.ndarray:
-    """Return the overestimate [length] of `drained_length` by elements of linear pressure.
+    """Return by how much [length] elements of linear pressure overestimate `drained_length`.
 
     In Laplace space the drained length of a half-space is (D/s)^(1/2). For elements of height h
     with p = 0 at the face it is (D/s + h^2/12)^(1/2), or h/12^(1/2) at time 0. The difference at a

@@ -85,7 +85,7 @@ def film_force(
     substrate: StackLayer,
     film_contact: HalfSpaceContact,
 ) -> float:
-    """Return the force [F] on a film at a depth, with one of the effective moduli above.
+    """Return the force [F] on a film at a depth, computed with an effective modulus E*.
 
     The contact radius is that of a half-space, which does not depend on the modulus.
 

@@ -72,9 +72,10 @@ def friction_correction(
 
 @dataclass(frozen=True)
 class FrictionalPunch:
-    """Flat punch of radius 1 with phi constant on each ring between `ring_edges`.
+    """Flat punch of radius 1; the function phi of the pressure is constant on each ring.
 
-    The innermost `stick_ring_count` rings stick, the others slip.
+    The surface sticks on the innermost `stick_ring_count` rings between `ring_edges`, and slips on
+    the outer rings.
     """
 
     ring_edges: np.ndarray

@@ -88,7 +88,7 @@ def square_pyramid_force(delta: float, half_angle: float, E_star: float) -> floa
 
 
 def estimate_depth(radius_at: Callable[[float], float], force: float, E_star: float) -> float:
-    """Estimate the depth [L] of a force under any tip from force = E* r(depth) depth.
+    """Estimate the depth [L] of a force under any tip, by solving force = E* r(depth) depth.
 
     Parameters
     ----------

@@ -248,13 +248,13 @@ def _cylinder_kernel(max_radius: float, clearance: float, stack: Stack, wall: fl
 def _wall_modes(clearance: float) -> tuple[np.ndarray, np.ndarray, float]:
     """Return nodes z = yW and weights of (2/pi) ∫_0^inf [K1/I1 cosh cosh - 2/z^2] dz.
 
-    The singular part 2/z^2 is subtracted and integrated analytically; the third value is its
-    constant contribution.
+    The singular part 2/z^2 is subtracted and integrated analytically; the constant that it
+    contributes is the third returned value.
     """
     from scipy.special import i1e, k1e
 
     def scaled_bessel_ratio(z):
-        """Return exp(2z) K1/I1; the factor cancels the factors of the scaled basis."""
+        """Return exp(2z) K1/I1; exp(2z) cancels the factors exp(-z) of two basis functions."""
         return k1e(z) / i1e(z)
 
     # The value of z at which the wall integral changes from its split to its direct form. Below it

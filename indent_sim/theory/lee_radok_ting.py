@@ -96,9 +96,9 @@ class LeeRadokTing:
         return float(np.interp(t, self._times[k - 1 : k + 1], self._depths[k - 1 : k + 1])), k
 
     def _loading_segments(self, low: float, high: float) -> list[tuple[float, float, float, float]]:
-        """Return the segments of loading between two depths: (depth, depth, time, time).
+        """Return the loading segments between two depths as (depth, depth, time, time).
 
-        A jump has equal times.
+        The two times of a jump are equal.
         """
         segments = []
         for k in range(self._peak_index):

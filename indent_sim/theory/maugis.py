@@ -35,8 +35,8 @@ def maugis_lambda(work: float, attraction_range: float, R: float, E_star: float)
 def maugis_pull_off(parameter: float) -> float:
     """Return the pull-off force under force control, divided by pi work R.
 
-    It is -2 for lambda -> 0 (DMT) and -3/2 for lambda -> infinity (JKR), both to 1e-10 at the
-    ends of the range of lambda, 1e-10 and 1e5.
+    It is -2 for lambda -> 0 (DMT) and -3/2 for lambda -> infinity (JKR). At the ends of the range
+    that is computed, lambda = 1e-10 and 1e5, these limits are reached to 1e-10.
     """
     require_positive(parameter=parameter)
     # Parameters beyond which rounding does not separate the edges of the attraction and of the

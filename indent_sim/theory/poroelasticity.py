@@ -130,7 +130,8 @@ def paraboloid_fraction_remaining(
     Parameters
     ----------
     tau
-        Time D t/a^2 after a step to a constant depth, or duration of a ramp at the end of the ramp.
+        D t/a^2, where t is the time after a step to a constant depth, or the duration of a ramp;
+        the fraction after a ramp is that at its end.
     tip
         "drained" if fluid can pass through the surface of the tip, else "sealed".
     loading

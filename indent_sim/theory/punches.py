@@ -56,7 +56,7 @@ class Punch:
 
 
 class Punches(Protocol):
-    """Flat punches on a body under a tip at any radius from `min_radius` to `max_radius` [L]."""
+    """Flat punches of any radius from `min_radius` to `max_radius` [L] on the body under a tip."""
 
     min_radius: float
     max_radius: float
@@ -131,7 +131,7 @@ class LayerPunches:
 
 
 class FittedPunches:
-    """Flat punches fitted to K and P of a finite element mesh at some radii.
+    """Flat punches fitted to the stiffness K and the force P that were computed on a mesh.
 
     Polynomials of the radius are fitted to ln K/K_0 and ln P/P_0, where K_0 = 2 E* a and P_0 = 2 E*
     ∫_0^a g belong to a half-space, so that the ratios are smooth for any tip.

@@ -55,7 +55,7 @@ class ShearRelaxation:
         )
 
     def complex_modulus(self, omega: float) -> complex:
-        """Return (storage + i loss modulus)/E at the angular frequency omega [1/time]."""
+        """Return the complex modulus (storage + i loss)/E at angular frequency omega [1/time]."""
         pairs = zip(self.fractions, self.times, strict=True)
         return self.long_term + sum(
             g * 1j * omega * tau / (1 + 1j * omega * tau) for g, tau in pairs
@@ -123,9 +123,9 @@ class PowerLaw:
         return self.time / (1.0 - b) * (np.asarray(t, dtype=float) / self.time) ** (1.0 - b)
 
     def complex_modulus(self, omega: float) -> complex:
-        """Return (storage + i loss modulus)/E = Gamma(1 - b) (i omega time)^b.
+        """Return the complex modulus (storage + i loss)/E = Gamma(1 - b) (i omega time)^b.
 
-        omega is the angular frequency [1/time].
+        omega is the angular frequency [1/time], and b the exponent.
         """
         return math.gamma(1.0 - self.exponent) * (1j * omega * self.time) ** self.exponent
 

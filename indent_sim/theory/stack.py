@@ -119,9 +119,9 @@ class Stack:
 
     @property
     def min_wavenumber(self) -> float:
-        """Wavenumber [1/h] below which L is a power of k.
+        """Wavenumber k [1/h] below which the compliance L(k) is a power of k.
 
-        The ranges dominated by membrane, bending and substrate stiffness lie above it.
+        The ranges of k in which membrane, bending or substrate stiffness dominates lie above it.
         """
         moduli = [layer.E for layer in self.layers]
         return min(moduli) / max(moduli) * self.h / self.height

@@ -49,8 +49,8 @@ class RelaxingSurface:
         Radii [L] of the points of an axisymmetric body in ascending order; empty for other bodies,
         where the contact area (width in plane strain) is the sum of the areas.
     edge_shift
-        Distance of the contact edge beyond the zero of the edge pressures, divided by the distance
-        of the points.
+        Distance by which the contact edge lies outside the zero of the edge pressures
+        (`disc_radius`), divided by the spacing of the points.
     has_only_discs
         Whether the formulation is valid only for a circular contact area.
     max_radius
@@ -82,7 +82,7 @@ class RelaxingSurface:
     def disc_radius(self, y: np.ndarray) -> float:
         """Return the radius [L] of a disc at which the edge pressures y (n,) change their sign.
 
-        The edge pressures y are those of punches that end at each point.
+        Up to a positive factor, y_i is the pressure at point i if the contact ends at this point.
         """
         n = int(np.argmax(y <= 0.0))
         if n == 0:
@@ -126,6 +126,8 @@ def layer_surface(contact: Layer, a: float) -> RelaxingSurface:
 
 class SurfaceContactLCP:
     """Contacts on one surface compliance M: p >= 0, o + M p >= 0, p (o + M p) = 0.
+
+    p are the pressures, and o the gaps without pressure.
 
     The attributes `contact_radius` [L] and `stiffness` [F/L] (force per depth at constant active
     points) belong to the last contact solved.

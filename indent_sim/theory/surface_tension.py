@@ -271,7 +271,7 @@ def _logarithmic_nodes(angle: float, levels: int, count: int) -> Nodes:
     angle
         Angle at which the logarithm is singular.
     levels
-        Number of times that the panels are halved towards it.
+        Number of times that the panels are halved towards this angle.
     count
         Number of basis functions, whose oscillations the panels resolve.
     """

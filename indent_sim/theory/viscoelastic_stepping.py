@@ -169,7 +169,7 @@ class ViscoelasticTimeStepper:
     def _depth_under_force(
         self, contact: SurfaceContactLCP, open_gaps: np.ndarray, force: float
     ) -> tuple[float, np.ndarray]:
-        """Return the depth and the pressures of a force by Newton's method on F(delta).
+        """Return the depth and the pressures of a given force; Newton's method inverts F(delta).
 
         Newton's method converges because F(delta) is convex. For zero force the depth is that of
         first contact.

@@ -245,8 +245,8 @@ def _curve_from_mesh(
 ) -> ElasticLoadCurve:
     """Return the load curve by a solution on a mesh, smoothed by a polynomial.
 
-    The ratio to the theory is smoothed. The scatter around the polynomial is added to the relative
-    error.
+    The ratio of the computed force to the force by theory is smoothed. The scatter around the
+    polynomial is added to the relative error.
     """
     depths = max_depth * DEPTH_ROOTS**2
     forces = elastic_forces.forces
@@ -300,7 +300,10 @@ def _curve_from_mesh(
 
 
 def _depth_exponent(depths: np.ndarray, forces: np.ndarray) -> float:
-    """Return the exponent of the depth at the smallest depths, rounded to a near half-integer."""
+    """Return the exponent of the depth at the smallest depths.
+
+    It is rounded to a multiple of 0.5 if this is close.
+    """
     slope = float(np.log(forces[1] / forces[0]) / np.log(depths[1] / depths[0]))
     # An exponent of the depth is rounded to a multiple of the step if it is nearer than the
     # tolerance.
@@ -313,7 +316,7 @@ def _depth_exponent(depths: np.ndarray, forces: np.ndarray) -> float:
 def _punch_coefficients(planned_run: PlannedRun, max_depth: float) -> tuple[np.ndarray, float]:
     """Return Chebyshev coefficients of flat punches of radius a, and the largest radius.
 
-    They are those of the logarithms of depth, force, stiffness K and dK/da as functions of ln a.
+    The approximated functions are the logarithms of depth, force, stiffness K and dK/da over ln a.
     """
     radius_fractions, columns, max_radius = flat_punches(
         planned_run, max_depth, MIN_RADIUS_FRACTION

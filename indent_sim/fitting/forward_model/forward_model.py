@@ -66,8 +66,8 @@ class ExperimentSettings:
     relaxation
         Relaxation of the force; None if the material does not relax.
     extra_exponent
-        Exponent n of the factor (depth/reference depth)^n of the force, which is not 0 in the
-        alternative model of another tip only.
+        Exponent n of the factor (depth/reference depth)^n of the force. It is 0 except in the
+        alternative model in which the tip has another shape.
     """
 
     scale: float
@@ -133,7 +133,7 @@ class ForwardModel:
 
     @property
     def initial_coordinates(self) -> np.ndarray:
-        """Transformed parameters theta of the scene's values."""
+        """Transformed parameters theta for the parameter values in the scene."""
         return np.array([parameter.theta(parameter.initial_value) for parameter in self.parameters])
 
     @property
@@ -160,7 +160,7 @@ class ForwardModel:
 
     @property
     def effects(self) -> set[str]:
-        """Included effects of those that alternative models add: adhesion, relaxation."""
+        """Effects of the scene that an alternative model could add: adhesion, relaxation."""
         has_effect = {"adhesion": self.has_adhesion, "relaxation": self.is_time_dependent}
         return {name for name, is_present in has_effect.items() if is_present}
 
@@ -209,7 +209,7 @@ class ForwardModel:
     def _elastic_force(
         self, load_curve: ElasticLoadCurve, settings: ExperimentSettings, delta: np.ndarray
     ) -> np.ndarray:
-        """Return the elastic force at depths, with the additional power of the depth."""
+        """Return the elastic force at depths, multiplied by the additional power of the depth."""
         force = settings.scale * load_curve.force(delta)
         return (
             force
@@ -247,8 +247,8 @@ class ForwardModel:
     def time_step_error(self, theta: np.ndarray, x: np.ndarray, t: np.ndarray | None) -> np.ndarray:
         """Return the error (n,) of a path-dependent force due to time steps and interpolation.
 
-        It is the difference from a run at these parameters with half the time step; 0 for other
-        bodies.
+        It is the difference from a run at these parameters with half the time step. The error is 0
+        for a body that is not path-dependent.
         """
         path_forces = self.path_forces
         settings = self._experiment_settings(theta)
@@ -385,8 +385,8 @@ class ForwardModel:
     ) -> np.ndarray:
         """Return the forces at displacements x (n,) of the base of a spring, by Newton's method.
 
-        force_and_stiffness returns the force and its derivative at depths; the times are
-        independent.
+        `force_and_stiffness` returns the force and its derivative at depths. The balance at each
+        time is solved independently of other times.
         """
         delta = x.copy()
         # Newton's method for the depth behind a spring, with its tolerance relative to the largest
@@ -408,7 +408,10 @@ def _build_path_forces(
     measured_path: MeasuredPath | None,
     load_curve: ElasticLoadCurve,
 ) -> MeasuredPathForces:
-    """Return the force factors along a path, with the exponent of the elastic force at its end."""
+    """Return the force factors along a path.
+
+    Their exponent of the depth is that of the elastic force at the largest depth.
+    """
     if config.experiment and config.experiment.adhesion:
         raise ConfigError(
             "experiment.adhesion",
@@ -431,7 +434,7 @@ def _build_path_forces(
 
 
 def _bound_height(parameter: Parameter, contact_radius: float) -> Parameter:
-    """Return the parameter; a height or thickness with bounds relative to the contact radius."""
+    """Return a parameter; bounds of a height or thickness are relative to the contact radius."""
     if parameter.key.rpartition(".")[2] not in ("height", "thickness"):
         return parameter
     # Bounds of a height in contact radii: a thicker body behaves as a half-space, a thinner one
@@ -473,7 +476,7 @@ def is_time_dependent(config: Config) -> bool:
 
 
 def _relaxation_subkey(key: str) -> tuple[str | int, ...]:
-    """Return the part of a key inside the relaxation, which all materials share."""
+    """Return the part of a key after `relaxation`; it is the same for all materials."""
     path = key_path(key)
     return tuple(path[path.index("relaxation") + 1 :])
 

@@ -167,7 +167,7 @@ class MeasuredPathForces:
         )
 
     def time_step_error(self, scene: Config, theta: Sequence[float], t: np.ndarray) -> np.ndarray:
-        """Return the difference of G (n,) between a run with half the time step and the table.
+        """Return the difference (n,) between G by a run with half the time step and interpolated G.
 
         It estimates the error of time discretisation and interpolation; theta are the transformed
         parameters of the scene.

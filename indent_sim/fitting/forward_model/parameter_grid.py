@@ -96,9 +96,10 @@ class ParameterGrid:
         return nodes, weights
 
     def _has_solutions(self, nodes: Sequence[int]) -> bool:
-        """Return False if there is one parameter and one of the nodes has no solution.
+        """Return False if a node has no solution; only a grid of a single parameter is checked.
 
-        With several parameters this is known only after the nodes are solved; True is returned.
+        With several parameters True is returned, because the solutions of the nodes are not known
+        yet.
         """
         return len(self.shape_parameters) > 1 or all(
             self._values_at_node((k,)) is not None for k in nodes

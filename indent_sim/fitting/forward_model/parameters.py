@@ -31,7 +31,7 @@ class Parameter:
     is_linear
         True for a Poisson's ratio, where theta is the value; otherwise theta is its logarithm.
     grid_step
-        Distance of solved scenes in theta.
+        Distance in theta between neighbouring scenes that are solved.
     """
 
     key: str

@@ -62,7 +62,7 @@ def fit_alternatives(
     config : Config
         The scene.
     tables : ForwardModelCache
-        Forward models that are known already.
+        Cache of the forward models that have already been computed.
 
     Returns
     -------
@@ -234,7 +234,10 @@ def _candidates(
 def _relaxation_candidates(
     estimate: Estimate, theta: np.ndarray, config: Config, tables: ForwardModelCache
 ) -> Iterator[tuple[ForwardModel, np.ndarray]]:
-    """Yield models with one Prony term, each with an initial guess; none without times."""
+    """Yield models with one Prony term, each with an initial guess.
+
+    Nothing is yielded if the curve has no times.
+    """
     forward_model = estimate.model.forward_model
     t = estimate.model.samples.t
     x = estimate.model.samples.x

@@ -24,7 +24,7 @@ class DepthRangeFit:
     Attributes
     ----------
     depth_fraction : float
-        Largest depth of the part, as a fraction of the largest depth of the curve.
+        Largest depth of the fitted samples, as a fraction of the largest depth of the curve.
     theta : ndarray, shape (k,)
         Transformed parameters.
     sd : ndarray, shape (k,)

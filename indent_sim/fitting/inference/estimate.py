@@ -685,7 +685,7 @@ def samples_near_contact(samples: Samples, contact_point: float) -> Samples:
 
 
 def convert_baseline(old: CurveModel, new: CurveModel, p: np.ndarray) -> np.ndarray:
-    """Return parameters that describe the same baseline with other samples."""
+    """Return the parameters for other samples (model `new`), with the baseline unchanged."""
     old_range = float(np.ptp(old.samples.x))
     new_range = float(np.ptp(new.samples.x))
     slope = p[-1] / max(old_range, 1e-300)

@@ -100,7 +100,7 @@ class ModelAssessment:
     def _is_depth_dependent(self, k: int) -> bool:
         """Return True if a fit to a part differs significantly from the fit to the whole curve.
 
-        This is also so if the intervals of the two fits do not overlap.
+        The difference also counts as significant if the intervals of the two fits do not overlap.
         """
         low, high = self._add_systematic_errors(k, *self.statistical_interval(k))
         # The scene does not explain the curve above this z score.
@@ -217,11 +217,11 @@ def is_suspect(
 def find_residual_trend(estimate: Estimate) -> ResidualTrend:
     """Test the residuals for a trend by F tests.
 
-    The shape is tested with eight cosines over the contact, and the power with the function
-    F ln(delta/depth): thickness, adhesion and other tips change a curve approximately by this
-    function, to which the eight cosines are less sensitive. The noise is estimated with and without
-    the cosines, and the larger probability is used, since a trend can be mistaken for correlated
-    noise.
+    The shape is tested with eight cosines over the contact, and the power with the function F
+    ln(delta/depth): a wrong thickness or tip shape, or missing adhesion, changes a curve
+    approximately by this function, to which the eight cosines are less sensitive. The noise is
+    estimated with and without the cosines, and the larger probability is used, since a trend can be
+    mistaken for correlated noise.
     """
     model = estimate.model
     p = estimate.ordinary_p
@@ -320,7 +320,7 @@ def baseline_noise_probability(estimate: Estimate) -> float | None:
 
 
 def width_inflation_factors(estimate: Estimate) -> list[float]:
-    """Return the half-width of each parameter divided by its value with the others known."""
+    """Return each interval's width divided by its width if all other parameters were known."""
     coordinate_count = estimate.model.coordinate_count
     other_indices = [
         [j for j in range(coordinate_count) if j != k] for k in range(coordinate_count)

@@ -47,7 +47,10 @@ class Noise:
         return math.exp(-1.0 / self.tau) if self.tau else 0.0
 
     def _inverse_correlation(self, n: int) -> np.ndarray:
-        """Return T as a banded matrix, upper diagonal and diagonal (2, n)."""
+        """Return the tridiagonal inverse T of the correlation matrix of the autoregressive part.
+
+        The rows of the result (2, n) are the upper diagonal and the diagonal.
+        """
         rho = self.rho
         band = np.empty((2, n))
         band[0] = -rho
@@ -56,7 +59,7 @@ class Noise:
         return band / (1.0 - rho * rho)
 
     def apply_inverse_covariance(self, X: np.ndarray) -> tuple[np.ndarray, float]:
-        """Return V^-1 X of columns (n, m) or one (n,), and ln|V|."""
+        """Return V^-1 X for columns X (n, m) or one column X (n,), and ln|V|."""
         n = len(X)
         if not self.tau or n < 2:
             return X, 0.0
@@ -103,7 +106,7 @@ class ParameterUncertainty:
     s2 : float
         Variance of this noise.
     covariance : ndarray, shape (p, p)
-        Covariance of the parameters, averaged over all noises.
+        Covariance of the parameters, averaged over all noise models.
     step : ndarray, shape (p,)
         Mean of the parameters, relative to the point of linearisation.
     """
@@ -120,7 +123,7 @@ class ParameterUncertainty:
 
 
 def noise_grid(n: int) -> list[Noise]:
-    """Return white noise and all noises whose correlation n samples can resolve."""
+    """Return white noise, and noise models whose correlation time n samples can resolve."""
     # Longest correlation time that is considered, relative to the number of samples.
     max_tau_fraction = 0.25
     taus = [2.0**k for k in range(30) if 2.0**k <= max_tau_fraction * n]
@@ -131,7 +134,7 @@ def noise_grid(n: int) -> list[Noise]:
 def average_over_noise(
     J: np.ndarray, r: np.ndarray, noises: list[Noise] | None = None
 ) -> ParameterUncertainty:
-    """Average the parameters of r = J p + noise over all noises, weighted by likelihood.
+    """Average the parameters of r = J p + noise over noise models, weighted by likelihood.
 
     Parameters
     ----------
@@ -140,7 +143,7 @@ def average_over_noise(
     r : ndarray, shape (n,)
         Residuals.
     noises : list of Noise, optional
-        Noises to average over; by default those of `noise_grid`.
+        Noise models to average over; by default the result of `noise_grid`.
 
     Returns
     -------
@@ -212,7 +215,8 @@ def f_test_extra_columns(J: np.ndarray, extra: np.ndarray, r: np.ndarray, noise:
     Returns
     -------
     float
-        Probability that the additional columns reduce the sum of squares as much by chance.
+        Probability that the additional columns would reduce the sum of squares at least as much by
+        chance.
     """
     X = np.column_stack([J, extra, r])
     p = J.shape[1]

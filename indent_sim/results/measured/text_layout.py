@@ -155,7 +155,7 @@ def _read_titles(shape: TextLayout, head: Sequence[str], width: int) -> tuple[st
 
 
 def _is_column_title(cell: str) -> bool:
-    """Return whether a cell names a quantity of a curve, or contains a unit of one."""
+    """Return whether a cell names a quantity of a curve or contains a unit of such a quantity."""
     names = {split_title(cell, kind) for kind in ("length", "force", "time")}
     return any(unit for _, unit in names) or any(
         name in titles for name, _ in names for titles in COLUMN_TITLES.values()

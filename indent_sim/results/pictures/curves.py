@@ -20,7 +20,7 @@ Colour = Any  # Any form that matplotlib accepts.
 def line_style(index: int, count: int) -> PlotStyle:
     """Return colour and marker of one of several curves.
 
-    If there are many curves, they have colours of a map from dark to light, and no markers.
+    Many curves are coloured by a colour map from dark to light, and have no markers.
     """
     if count <= 10:
         return {"color": COLOURS[index % len(COLOURS)], "marker": MARKERS[index % len(MARKERS)]}
@@ -28,7 +28,7 @@ def line_style(index: int, count: int) -> PlotStyle:
 
 
 def map_colour(index: int, count: int) -> Colour:
-    """Return one of several colours of a map, from dark to light."""
+    """Return the colour of one of `count` curves, by a colour map from dark to light."""
     from matplotlib import colormaps
 
     # The lightest yellow of the map is invisible on white.
@@ -59,8 +59,8 @@ def smooth_curve(x: np.ndarray, y: np.ndarray) -> Points:
     """Return a smooth curve through points in ascending or descending x.
 
     It is a monotone piecewise cubic in y^(1/n), with n from the first and last point, so that power
-    laws are drawn exactly; force and contact radius are nearly power laws of the depth. Points with
-    x that is not monotone, and negative forces, which may jump, are joined by straight lines.
+    laws are drawn exactly; force and contact radius are nearly power laws of the depth. Straight
+    lines are used if x is not monotone, and for negative forces, because these may jump.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def draw_rows(
     label
         Name in the legend.
     begin
-        x and y of points before the first branch, if it is loading.
+        x and y of points that are drawn before the first branch if this is a loading branch.
     joined
         Interpolation of the rows: `smooth_curve` or `polyline`.
     """

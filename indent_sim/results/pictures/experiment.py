@@ -83,7 +83,7 @@ def draw(folder: Path, path: Path | None = None) -> None:
 
 
 def branch_ranges(branches: np.ndarray) -> Iterator[tuple[int, int]]:
-    """Yield begin and end of each sequence of rows of one branch."""
+    """Yield begin and end of each sequence of consecutive rows of the same branch."""
     changes = np.flatnonzero(branches[1:] != branches[:-1]) + 1
     return pairwise([0, *map(int, changes), len(branches)])
 
@@ -97,7 +97,7 @@ def draw_branches(
     ordinate: str = "force",
     joined: Interpolator = smooth_curve,
 ) -> None:
-    """Draw a column over another one, with a line for each sequence of rows of one branch.
+    """Draw a column over another column, with a line through consecutive rows of each branch.
 
     Rows have markers if there are few of them.
 

@@ -51,7 +51,8 @@ class FieldQuantity:
         Value shown in white by a diverging colour map, for a field with both signs; None for other
         fields.
     lowest_value
-        Lower end of the colour range of other fields; None for the smallest value of the field.
+        Lower end of the colour range of a field without `neutral_value`; None for the smallest
+        value of the field.
     is_odd
         True if the mirror image in a plane x = const has the opposite sign.
     available_for
@@ -161,7 +162,10 @@ class Section:
         return 2 * self.areas <= min_height * longest
 
     def values_in_frame(self, frame: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return values and areas of the points within a frame (left, right, bottom, top)."""
+        """Return the values at the points within a frame (left, right, bottom, top), and areas.
+
+        The area of a point is a third of the area of its triangles.
+        """
         x, z = self.points.T
         is_inside = (frame[0] <= x) & (x <= frame[1]) & (frame[2] <= z) & (z <= frame[3])
         area = np.bincount(self.triangles.ravel(), np.repeat(self.areas / 3, 3), len(self.points))
@@ -242,7 +246,7 @@ def _region_interfaces(
 def _region_part(
     fields: dict[str, np.ndarray], values: np.ndarray, is_in_region: np.ndarray
 ) -> RegionPart:
-    """Return one region with its field, which jumps at the end of the region.
+    """Return the mesh and the field of one region; the field may jump at its boundary.
 
     Values of cells are averaged to the vertices, weighted by volume.
     """
@@ -385,7 +389,7 @@ class FieldRow:
         return float(np.ptp(self.frame[2:]) / np.ptp(self.frame[:2]))
 
     def _frame_of_aspect(self, aspect: float) -> np.ndarray:
-        """Return a higher view, extended downwards into the body, then upwards."""
+        """Return the view with a larger height, extended downwards into the body, then upwards."""
         left, right, bottom, top = self.frame
         missing_height = aspect * (right - left) - (top - bottom)
         if missing_height <= 0:
@@ -463,7 +467,7 @@ def _draw_section(
     sliver_height: float,
     look: dict[str, Any],
 ) -> Any:
-    """Draw the triangles of a section with shaded colours, very flat ones with one colour each.
+    """Draw the triangles of a section in shaded colours, and very flat triangles in one colour.
 
     Returns the collection from which a colour bar is made.
     """

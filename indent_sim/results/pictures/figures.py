@@ -307,7 +307,7 @@ def draw_title(figure: Figure, title: str, subtitle: str) -> None:
 
 
 def refuse_foreign_picture(path: Path) -> None:
-    """Raise UsageError if a default file name belongs to a file that this program did not make."""
+    """Raise UsageError if a file with the default name exists that this program did not make."""
     if os.path.lexists(path) and not is_own_file(path):
         raise UsageError(
             f"{path} exists and is not a picture of indent-sim; choose another name with --output"
@@ -353,7 +353,7 @@ def apply_layout(figure: Figure) -> None:
     """Fix the positions of all panels by matplotlib's constrained layout.
 
     An axis whose tick labels would touch gets fewer labels. The layout is computed twice, since the
-    margins change with fewer labels or panels true to scale.
+    margins change when labels are removed and when panels are drawn true to scale.
 
     Raises
     ------

@@ -42,9 +42,9 @@ PANELS_HEIGHT = 4.8
 def draw_force_indentation(results: Results, path: Path | str) -> None:
     """Draw a result into a file: force and contact radius over depth, and the pressure at one step.
 
-    The pressure is drawn at the largest force. The reference theory is drawn as run.json contains
-    it: name, force_deviation (in load control delta_deviation), and a curve with delta, force and
-    a.
+    The pressure is drawn at the largest force. The reference theory is drawn from its entries in
+    run.json: `name`, `force_deviation` (in load control `delta_deviation`), and a curve with
+    `delta`, `force` and `a`.
     """
     theory = results.report.get("theory")
     step = largest_force_step(results)
@@ -77,7 +77,9 @@ def draw_force_indentation(results: Results, path: Path | str) -> None:
 
 
 def draw_overlay(runs: Sequence[Results], path: Path | str) -> None:
-    """Draw force and contact radius of several results into a file, named by what differs.
+    """Draw force and contact radius of several results into a file.
+
+    The names of the results in the legend show how they differ.
 
     Raises
     ------
@@ -172,7 +174,7 @@ def draw_forces(
 def draw_force(
     axes: Axes, run: Results, depth: Axis, force: Axis, look: PlotStyle, name: str
 ) -> None:
-    """Draw the force of a result over depth, without adhesion beginning at the origin."""
+    """Draw the force of a result over depth; without adhesion the curve begins at the origin."""
     if run.report.get(MEASURED):
         measured_style: PlotStyle = {"ls": "", "marker": ".", "ms": 3, "zorder": 1}
         axes.plot(

@@ -210,8 +210,8 @@ def draw(runs: Sequence[Results], request: PlotRequest, path: Path | str) -> Non
 def draw_results(runs: Sequence[Results], path: Path | str) -> None:
     """Draw the default picture of results into a file.
 
-    For one result in time it is a history, for several of them force over time and depth, and for
-    other results force over depth.
+    One time-dependent result is drawn as a history, several such results as force over time and
+    over depth, and other results as force over depth.
     """
     if not all(history.is_time_stepped(run.report) for run in runs):
         draw_overlay(runs, path)
@@ -472,7 +472,8 @@ def _pressure_panels(
 ) -> list[_Panel]:
     """Return the panel of pressure curves: over the radius, or along a line through the tip's axis.
 
-    Surfaces in 3D are drawn along x or y; without an axis they are maps.
+    The pressure of a body in 3D is drawn along x or y. If `panel_kind` names no axis, it is left
+    out here, because `_map_groups` draws it as a map.
     """
     along: Literal[0, 1] = 1 if panel_kind == "pressure_y" else 0
     curves_to_draw = []
@@ -596,7 +597,10 @@ def _assign_colours(steps: Sequence[LabelledStep]) -> list[tuple[Results, float,
 def _labelled_steps(
     runs: Sequence[Results], names: Sequence[str], request: PlotRequest, panel_kind: str
 ) -> list[LabelledStep]:
-    """Return every result at every requested step; raise UsageError if one is missing."""
+    """Return result, step and name for every result and each of its requested steps.
+
+    Raises UsageError if a step is missing or if there are too many steps.
+    """
     steps = [
         (run, step, name)
         for run, name in zip(runs, names, strict=True)

@@ -57,7 +57,8 @@ class ContactSurface:
     center
         Position of the tip's axis (2,) [length].
     mirror_axes
-        Two values, True if the model ends at the tip's axis along x, and along y.
+        Two values: whether the model ends at the tip's axis in the x direction, and whether it does
+        in the y direction.
     a
         Contact radius [length].
     singularities
@@ -90,8 +91,8 @@ class ContactSurface:
     def half_width(self) -> float:
         """Half-width of the view [length]: 1.5 contact radii or all loaded points.
 
-        Corners of a contact with few sides are farther from the axis than 1.5 times the
-        radius of a circle with its area.
+        The corners of a polygonal contact with few sides are farther from the axis than 1.5 times
+        the radius of a circle of equal area.
         """
         pressed = np.abs(self.p) > PRESSED_FRACTION * self.median_pressure
         farthest = max(
@@ -218,9 +219,9 @@ def position_label(name: str, runs: Sequence[Results]) -> str:
 def _pressure_singularities(
     results: Results, step: float, a: float
 ) -> tuple[tuple[float, float], ...]:
-    """Return radii at which a sharp tip makes the pressure infinite, with widths.
+    """Return radii at which a sharp tip makes the pressure infinite, each with a width.
 
-    Points within these widths are not drawn.
+    Points closer to the radius than the width are not drawn.
     """
     peak = results.table.get("p_max", np.zeros(len(results)))[results["step"] == step]
     if not len(peak) or np.isfinite(peak[0]) or (scene := scene_of(results.path)) is None:
@@ -559,8 +560,8 @@ def _draw_shear(axes: Axes, contact: ContactSurface, length: Axis) -> None:
 def largest_force_step(results: Results) -> float | None:
     """Return the step of the largest force among those with a stored surface.
 
-    If no force is compressive, it is the step of the widest contact, or else of the largest tensile
-    force. None without any force.
+    If no force is compressive, the step of the widest contact is returned; if there is no contact
+    either, the step of the largest tensile force. The result is None if all forces are zero.
     """
     has_surface = (
         np.isin(results["step"], results.surface["step"]) if results.surface else np.array([])

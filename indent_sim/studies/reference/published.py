@@ -41,9 +41,9 @@ class PublishedValue:
 
 @dataclass(frozen=True)
 class ExactValue:
-    """Exact value without a theory: a number, or the case whose run computes it.
+    """Exact value that replaces the theory: a number, or the name of the case that computes it.
 
-    `method` is a text on the second method.
+    `method` is a text on the method by which the value was obtained.
     """
 
     method: str

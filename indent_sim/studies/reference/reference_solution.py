@@ -158,7 +158,7 @@ class ReferenceSolution:
 
     @property
     def reference_ids(self) -> set[str]:
-        """Ids of the runs that others are compared with."""
+        """Ids of the runs with which other runs are compared."""
         return {case.id for case in self._finest_cases.values()}
 
     def reference_name(self, case: Case) -> str | None:

@@ -93,8 +93,9 @@ def rows(
 ) -> list[Row]:
     """Return the scoreboard: one row per case with a published value, in the order of the file.
 
-    The columns `difference` and `ours_difference` are in per cent of the exact value; `wrong` is
-    nobody, published, ours, both or unknown. Unknown cells are None.
+    The columns `difference` and `ours_difference` are in per cent of the exact value; `wrong` tells
+    which of the two values is wrong: nobody, published, ours, both or unknown. Unknown cells are
+    None.
     """
     case_results = {
         str(case.values.get(CASE_COLUMN)): (case, results_by_id.get(case.id)) for case in cases
@@ -200,7 +201,10 @@ def _wrong_side(
 def _exact_value(
     named_case: NamedCase, case_results: Mapping[str, tuple[Case, Results | None]]
 ) -> VerifiedValue | None:
-    """Return the exact value of a case by its second method; None if unknown or its run failed."""
+    """Return the exact value of a case; None if it is unknown or its run failed.
+
+    It is the value given in the study, the result of another case, or the value by theory.
+    """
     published = named_case.published
     exact = named_case.exact
     assert published is not None
