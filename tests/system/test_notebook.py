@@ -102,8 +102,8 @@ def test_a_panel_is_drawn_into_axes_of_ones_own(result: Any) -> None:
     assert indent_sim.plot(result, "profile", ax=second) is own
     assert second.get_lines() and second.get_legend() and not first.get_lines()
     for what, wish, said in (
-        ("force,profile", {}, "these are 2"),
-        ("force", {"width": 80}, "that ax belongs to"),
+        ("force,profile", {}, "the request has 2"),
+        ("force", {"width": 80}, "determined by the figure of ax"),
     ):
         with pytest.raises(UsageError, match=said):
             indent_sim.plot(result, what, ax=first, **wish)

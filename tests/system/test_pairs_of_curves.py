@@ -186,7 +186,7 @@ def study_of(scene: str, reference: str) -> None:
     )
     if scene in HISTORIES or reference == "study":
         said = (
-            "holds a study"
+            "contains a study"
             if scene not in HISTORIES
             else "a time history passes a depth several times"
         )
