@@ -416,7 +416,7 @@ class TestJson:
         ended = indent_sim("compare", "all", "all")
         assert (
             ended.exit_code == 2
-            and "all holds a study" in ended.stderr
+            and "all contains a study" in ended.stderr
             and "all/runs/NAME" in ended.stderr
         )
         assert indent_sim("plot", *sorted((theory_run / "all" / "runs").iterdir())).exit_code == 0
@@ -752,7 +752,7 @@ class TestAnotherScene:
         done = indent_sim(*words)
         assert done.exit_code == 2
         assert (
-            "of another scene: it has error bars, and --error-bars is not given now" in done.stderr
+            "of another scene: it has error bars, but --error-bars is not given now" in done.stderr
         )
 
     @pytest.mark.parametrize(

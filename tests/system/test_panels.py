@@ -279,7 +279,7 @@ class TestPressure:
 
     def test_steps_that_are_not_there_are_refused(self, drawn):
         with pytest.raises(
-            UsageError, match=r"no surface of step 3, only of 5; output\.surface: all"
+            UsageError, match=r"no surface of step 3, only of 5; run with --set output\.surface=all"
         ):
             drawn([a_result()], what=("pressure",), steps=("3",))
 
