@@ -734,12 +734,12 @@ def report(folder: Path, output: Path | None, crate: Literal["", "crate"]) -> No
     One file contains the scene, pictures, errors and provenance.
     """
     from indent_sim.results import html_report, research_crate
-    from indent_sim.results.result_files import is_own_file
+    from indent_sim.results.result_files import REPORT_PAGE, is_own_file
 
     if not folder.is_dir():
         raise UsageError(f"{folder} is not the folder of a result, a study or a fit")
     if output is None:
-        output = folder / "report.html"
+        output = folder / REPORT_PAGE
         if os.path.lexists(output) and not is_own_file(output):
             raise UsageError(
                 f"{output} exists and is not a report of indent-sim",

@@ -50,8 +50,8 @@ RADIUS_SHIFT = {"displacement": (0.111, 0.063), "mixed": (0.140, 0.180)}
 
 # Longest increment of an adhesive tip, and the longest one in which it may snap in or off, in units
 # of the range of the attraction [-]. In a longer one Newton's method may converge to the other of
-# two stable states: at Maugis' lambda = 2, the tip snapped off too early in an increment of five
-# ranges. Checked: tests/physics/test_pull_off.py.
+# two stable states: at Maugis' lambda = 2 the tip snapped off too early in an increment of five
+# times the range of the attraction. Checked: tests/physics/test_pull_off.py.
 LONGEST_STEP_RANGES = 4.0
 SNAP_STEP_RANGES = 0.25
 

@@ -32,6 +32,7 @@ def facet_lattice(dim: int) -> tuple[np.ndarray, np.ndarray]:
 
     They are used to locate the contact edge inside a facet.
     """
+    # Subdivisions of the edge of a facet: the contact edge is found to one of them.
     n = {2: 32, 3: 8}[dim]
     if dim == 2:
         return np.linspace(0, 1, n + 1)[:, None], np.column_stack(

@@ -72,7 +72,7 @@ class _Inclusion(ABC):
 
     @abstractmethod
     def farthest_distance(self, point: Sequence[float], axes: Sequence[int] = ALL_AXES) -> float:
-        """Return the distance, along some axes, from a point to the farthest inclusion point."""
+        """Return the largest distance, along some axes, of the inclusion's points from a point."""
 
     @property
     def min_half_width(self) -> float:
@@ -190,7 +190,7 @@ class _ProductInclusion(_Inclusion):
         return coordinates
 
     def farthest_distance(self, point: Sequence[float], axes: Sequence[int] = ALL_AXES) -> float:
-        """Return the distance, along some axes, from a point to the farthest inclusion point."""
+        """Return the largest distance, along some axes, of the inclusion's points from a point."""
         relevant_spans = [
             (tuple(axis for axis in span_axes if axis in axes), half)
             for span_axes, half in self.spans
@@ -311,7 +311,7 @@ class EllipsoidInclusion(_Inclusion):
         return [c + component for c, component in zip(self.center, surface_offset, strict=True)]
 
     def farthest_distance(self, point: Sequence[float], axes: Sequence[int] = ALL_AXES) -> float:
-        """Return the distance, along some axes, from a point to the farthest inclusion point.
+        """Return the largest distance, along some axes, of the inclusion's points from a point.
 
         The formula of `nearest_point` with the smallest root t < 0 gives the farthest point, on the
         other side of the center. The unknown of the root search is x > 0 in t = -max(s)^2 - x.

@@ -34,7 +34,12 @@ from indent_sim.results.field_arrays import (
     step_file,
     vectors_in_3d,
 )
-from indent_sim.results.result_files import FIELDS_FOLDER, KeptStates, field_files
+from indent_sim.results.result_files import (
+    FIELDS_FOLDER,
+    OLD_FIELDS_FILE,
+    KeptStates,
+    field_files,
+)
 
 TIP_XDMF_FILE = "tip.xdmf"
 
@@ -112,7 +117,7 @@ class FieldWriter:
             }
             mesh = {name: values.astype(kinds[name]) for name, values in self._mesh.items()}
             write_atomically(self._fields_folder / FIELDS_MESH_FILE, _hdf5_bytes(mesh), sync=False)
-            (self.directory / "fields.h5").unlink(missing_ok=True)
+            (self.directory / OLD_FIELDS_FILE).unlink(missing_ok=True)
         self._write_index()
 
     def write(

@@ -29,8 +29,10 @@ CONFIG = "config.yaml"
 STUDY = "study.json"
 RUNS = "runs"
 FIT = "fit.json"
+REPORT_PAGE = "report.html"  # It is the report of a run, a study or a fit.
 CRATE = "ro-crate-metadata.json"  # Archives of research data read this file.
 MESH_FILE = "body.msh"  # It is the mesh of a body that was read from a file.
+OLD_FIELDS_FILE = "fields.h5"  # Version 0.1.0 wrote all fields into this file.
 RESULT_FILES = {
     REPORT,
     TABLE,
@@ -44,9 +46,9 @@ RESULT_FILES = {
     "dynamic.csv",
     "force_indentation.png",
     "experiment.png",
-    "report.html",
+    REPORT_PAGE,
     CRATE,
-    "fields.h5",  # Version 0.1.0 wrote this file.
+    OLD_FIELDS_FILE,
 }
 # Files with common names are recognised by a signature at their begin; other programs do not write
 # the rest of RESULT_FILES.
@@ -59,7 +61,7 @@ RUN_FILE_SIGNATURES = {
 }
 CRATE_SIGNATURE = "RO-Crate of indent-sim"
 FILE_SIGNATURES = RUN_FILE_SIGNATURES | {
-    "report.html": b'content="indent-sim ',
+    REPORT_PAGE: b'content="indent-sim ',
     CRATE: CRATE_SIGNATURE.encode(),
 }
 # Files of this program in the folder of fields; the second form is an unfinished write.

@@ -124,7 +124,7 @@ STEPS_TO_ROW = 8.0
 
 # Ratio of Young's moduli [-] up to which layer theory keeps the error THEORY_ERROR; beyond it the
 # error grows with the power CONTRAST_ERROR_EXPONENT of the ratio. It was 2e-6 at a ratio of 1e5.
-# Checked, up to a ratio of 1e3: tests/unit/theory/test_stack.py.
+# The error up to a ratio of 1e3 is checked by tests/unit/theory/test_stack.py.
 INEXACT_CONTRAST = 1e4
 CONTRAST_ERROR_EXPONENT = 2.5
 

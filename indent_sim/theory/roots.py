@@ -80,7 +80,7 @@ def increasing_root(
         return math.log(ratio) if math.isfinite(ratio) else 1e3
 
     low = high = math.log(start if start < limit else 0.9 * limit)
-    # Relative error of a root.
+    # Tolerance of the logarithm of the root, and thus its relative error.
     tolerance = 1e-13
     # A power law of the exponent 2, that of a paraboloid's depth, or more has its root within half
     # of the logarithm.

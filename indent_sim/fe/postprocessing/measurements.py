@@ -77,6 +77,8 @@ def contact_values(body: ObservedBody) -> dict[str, float]:
         body, *lattice_points, trial_pressure
     )
     if is_tensed and (step := edge_pressure_step(body, size, pressure)):
+        # The mesh spreads the step of the pressure over an element. With 0.3 of the step the radius
+        # is within 0.15 elements. Repeated by tests/physics/test_surface_tension.py.
         size = contact_area(body, *lattice_points, trial_pressure - 0.3 * step)
     if body.depth <= 0 and not _may_touch_unindented(body, sample.pressure):
         size = 0.0  # the computed contact is round-off

@@ -364,7 +364,7 @@ class ForwardModel:
         x: np.ndarray,
         relaxation: Callable[[np.ndarray], np.ndarray],
     ) -> np.ndarray:
-        """Return the force of a relaxing body, with a spring if there is one."""
+        """Return the force of a relaxing body, indented through a spring if the scene has one."""
         h = 1e-6 * self.max_depth
         if not settings.compliance:
             return relaxation(self._elastic_force(load_curve, settings, x))

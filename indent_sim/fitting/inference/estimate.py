@@ -526,7 +526,7 @@ def initial_guesses(
     follow from a linear least-squares problem.
     """
     pilot = samples.block_means(MAX_PILOT_SAMPLES)
-    # Trial contact points between the second and the 97th percentile of x.
+    # 80 trial contact points between the second and the 97th percentile of x.
     percentiles = (
         np.percentile(pilot.x, np.linspace(2.0, 97.0, 80)) if origin.contact_point is None else []
     )

@@ -295,6 +295,9 @@ def test_the_error_of_a_depth_is_that_of_its_force_over_the_slope() -> None:
     slope = (EXACT[3] - EXACT[1]) / (2 * 0.0025)  # by the chord; the curve is nearly straight there
     assert found.delta_error == pytest.approx(found.force_error / slope, rel=0.2)
     assert ErrorBars(scene(), companion()).add_error_estimate(states(ERROR)[1]).delta_error is None
+    # At a depth where the force does not increase its error says nothing about the depth.
+    above = replace(states(ERROR)[1], delta=-0.001)
+    assert np.isnan(ErrorBars(base, companion()).add_error_estimate(above).delta_error)
 
 
 def test_the_error_of_a_penalty_is_extrapolated() -> None:
