@@ -159,7 +159,7 @@ def refutation_probability(scene: Estimate, richer: Estimate) -> float:
     """
     noise = richer.uncertainty.likeliest_noise
     scene_squares, richer_squares = (
-        float(r @ noise.apply_inverse_covariance(r)[0])
+        noise.squares(r)
         for r in (scene.model.residual(_refit_scene(scene, noise)), _refitted_residual(richer))
     )
     m = len(richer.p) - len(scene.p)

@@ -24,7 +24,7 @@ from indent_sim.fitting.inference.noise import (
     Noise,
     ParameterUncertainty,
     average_over_noise,
-    symmetric_inverse,
+    solve_normal_equations,
 )
 
 MIN_POINTS = 30
@@ -226,10 +226,10 @@ class CurveModel:
         J = self.jacobian(p)
         squares = _weighted_squares(r, noise)
         for _ in range(rounds):
-            VJ = noise.apply_inverse_covariance(J)[0]
-            A = J.T @ VJ
-            g = VJ.T @ r
-            if not (np.isfinite(A).all() and np.isfinite(g).all()):
+            gram = noise.gram(np.column_stack([J, r]))
+            A = gram[:-1, :-1]
+            g = gram[:-1, -1]
+            if not np.isfinite(gram).all():
                 raise ValueError("the forces are not finite")
             scale = np.sqrt(np.where(np.diag(A) > 0, np.diag(A), 1.0))
             A = A / np.outer(scale, scale)
@@ -273,7 +273,7 @@ class CurveModel:
 
 
 def _weighted_squares(r: np.ndarray, noise: Noise) -> float:
-    value = float(r @ noise.apply_inverse_covariance(r)[0])
+    value = noise.squares(r)
     return value if math.isfinite(value) else math.inf
 
 
@@ -399,7 +399,7 @@ def _search_contact_point(model: CurveModel, p: np.ndarray) -> np.ndarray:
 
 
 def uncertainty_at(
-    model: CurveModel, p: np.ndarray, noises: list[Noise] | None = None
+    model: CurveModel, p: np.ndarray, noises: Sequence[Noise] | None = None
 ) -> ParameterUncertainty:
     """Return the uncertainty of the parameters at `p`; fixed parameters have none."""
     is_free = model.is_free
@@ -471,10 +471,11 @@ def standard_deviation(estimate: Estimate, k: int, fixed: Sequence[int] = ()) ->
     if not scale[k] > 0:
         return math.inf if is_free[k] else 0.0
     J = J[:, is_free] / np.where(scale > 0, scale, 1.0)[is_free]
-    inverted, _ = symmetric_inverse(J.T @ noise.apply_inverse_covariance(J)[0])
+    gram = noise.gram(np.column_stack([J, estimate.residual]))
+    inverse = solve_normal_equations(gram).covariance
     covariance = np.zeros((len(is_free), len(is_free)))
     covariance[np.ix_(is_free, is_free)] = (
-        estimate.uncertainty.s2 * inverted / np.outer(scale[is_free], scale[is_free])
+        estimate.uncertainty.s2 * inverse / np.outer(scale[is_free], scale[is_free])
     )
     return math.sqrt(
         max(

@@ -312,10 +312,7 @@ def baseline_noise_probability(estimate: Estimate) -> float | None:
     uncertainty = average_over_noise(baseline_columns, r[is_before_contact])
     if n / uncertainty.likeliest_noise.integrated_correlation_time < min_effective_points:
         return None
-    contact_squares = float(
-        r[~is_before_contact]
-        @ uncertainty.likeliest_noise.apply_inverse_covariance(r[~is_before_contact])[0]
-    )
+    contact_squares = uncertainty.likeliest_noise.squares(r[~is_before_contact])
     return f_test(contact_squares, m, uncertainty.s2 * (n - 2), n - 2)
 
 
@@ -340,10 +337,9 @@ def parameter_shift(estimate: Estimate, force_error: np.ndarray) -> np.ndarray:
     model = estimate.model
     noise = estimate.uncertainty.likeliest_noise
     J = model.jacobian(estimate.p)[:, model.is_free]
-    VJ = noise.apply_inverse_covariance(J)[0]
-    return np.abs(
-        np.linalg.lstsq(J.T @ VJ, VJ.T @ force_error, rcond=1e-13)[0][: model.coordinate_count]
-    )
+    gram = noise.gram(np.column_stack([J, force_error]))
+    shift = np.linalg.lstsq(gram[:-1, :-1], gram[:-1, -1], rcond=1e-13)[0]
+    return np.abs(shift[: model.coordinate_count])
 
 
 def systematic_half_widths(

@@ -2,25 +2,34 @@
 
     V = w I + (1 - w) R,   R_ij = rho^|i - j|,   tau = -1/ln rho [samples]
 
-With T = R^-1, tridiagonal, V^-1 X = T (w T + (1 - w) I)^-1 X costs O(n). For a linear model r = J p
-+ noise
+The inverse T of R is tridiagonal, and the cosine transform (DCT-II) C diagonalizes it except at the
+two ends of the curve, U = [e_1, e_n]:
+
+    T = C diag(t) C' + k U U',   t_j = ((1 - rho)^2 + rho l_j)/(1 - rho^2),
+    l_j = 2 - 2 cos(pi j/n),     k = rho/(1 + rho)
+    D = C diag(d) C',            d = w t + 1 - w
+    V^-1 = C diag(t/d) C' + (1 - w) k D^-1 U (I + w k U'D^-1 U)^-1 U'D^-1
+
+so that one transform of the columns X gives X'V^-1 X for all noises by a matrix product. For a
+linear model r = J p + noise
 
     A = J'V^-1 J,   s^2 = r'P r/(n - p),   -2 ln L = ln|V| + ln|A| + (n - p) ln s^2
 
 The mean and covariance of p are averaged over a grid of (tau, w) with the restricted likelihood L
 as the weight. The maximum of L alone gives intervals that are too narrow, since a correlation is
 never known well. Sources: Patterson & Thompson (1971), Biometrika 58, 545; Kenward & Roger (1997),
-Biometrics 53, 983.
+Biometrics 53, 983; Strang (1999), SIAM Review 41, 135 (cosine transforms).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.fft import dct
 from scipy.signal import lfilter
 
 NORMAL_95 = 1.96
@@ -46,36 +55,15 @@ class Noise:
         """Correlation of neighbouring samples of the autoregressive part."""
         return math.exp(-1.0 / self.tau) if self.tau else 0.0
 
-    def _inverse_correlation(self, n: int) -> np.ndarray:
-        """Return the tridiagonal inverse T of the correlation matrix of the autoregressive part.
+    def gram(self, X: np.ndarray) -> np.ndarray:
+        """Return X'V^-1 X (c, c) of columns X (n, c)."""
+        matrix: np.ndarray
+        matrix = noise_models(len(X), (self,)).gram(X.T)[0] if self.tau else X.T @ X
+        return matrix
 
-        The rows of the result (2, n) are the upper diagonal and the diagonal.
-        """
-        rho = self.rho
-        band = np.empty((2, n))
-        band[0] = -rho
-        band[1] = 1.0 + rho * rho
-        band[1, 0] = band[1, -1] = 1.0
-        return band / (1.0 - rho * rho)
-
-    def apply_inverse_covariance(self, X: np.ndarray) -> tuple[np.ndarray, float]:
-        """Return V^-1 X for columns X (n, m) or one column X (n,), and ln|V|."""
-        n = len(X)
-        if not self.tau or n < 2:
-            return X, 0.0
-        T = self._inverse_correlation(n)
-        mixed = self.w * T
-        mixed[1] += 1.0 - self.w
-        factor = cholesky_banded(mixed)
-        Y = cho_solve_banded((factor, False), X)
-        off_diagonal = T[0, 1:]
-        diagonal = T[1]
-        rows = (slice(None), None) if X.ndim == 2 else (slice(None),)
-        Z = diagonal[rows] * Y
-        Z[:-1] += off_diagonal[rows] * Y[1:]
-        Z[1:] += off_diagonal[rows] * Y[:-1]
-        log_T = -(n - 1) * math.log1p(-(self.rho**2))
-        return Z, 2.0 * float(np.log(factor[1]).sum()) - log_T
+    def squares(self, r: np.ndarray) -> float:
+        """Return the weighted sum of squares r'V^-1 r of residuals (n,)."""
+        return float(self.gram(r[:, None])[0, 0])
 
     def apply_covariance(self, X: np.ndarray) -> np.ndarray:
         """Return V X of columns (n, m)."""
@@ -93,6 +81,78 @@ class Noise:
 
 
 WHITE = Noise()
+
+
+@dataclass(frozen=True)
+class NoiseModels:
+    """Inverse covariances V^-1 of n samples for m noises, in the basis of the cosine transform.
+
+    Attributes
+    ----------
+    noises : tuple of Noise
+        The noises (m,).
+    weights : ndarray, shape (n, m)
+        Diagonal t/d.
+    edge_weights : ndarray, shape (n, m)
+        Components of D^-1 U: the even ones belong to the sum of both ends of the curve over
+        sqrt(2), the odd ones to their difference.
+    edge_gains : ndarray, shape (2, m)
+        (1 - w) k/(1 + w k u'D^-1 u) for the sum and the difference u of both ends.
+    log_determinant : ndarray, shape (m,)
+        ln|V|.
+    """
+
+    noises: tuple[Noise, ...]
+    weights: np.ndarray
+    edge_weights: np.ndarray
+    edge_gains: np.ndarray
+    log_determinant: np.ndarray
+
+    def gram(self, X: np.ndarray) -> np.ndarray:
+        """Return X'V^-1 X of every noise.
+
+        Parameters
+        ----------
+        X : ndarray, shape (..., c, n)
+            Columns of models or residuals, each as a row.
+
+        Returns
+        -------
+        ndarray, shape (..., m, c, c)
+            Symmetric matrices.
+        """
+        count = X.shape[-2]
+        H = dct(X, type=2, norm="ortho", axis=-1)
+        first, second = np.triu_indices(count)
+        products = (H[..., first, :] * H[..., second, :]) @ self.weights
+        for parity, gain in enumerate(self.edge_gains):
+            edges = H[..., parity::2] @ self.edge_weights[parity::2]
+            products += gain * edges[..., first, :] * edges[..., second, :]
+        matrices = np.empty((*X.shape[:-2], len(self.noises), count, count))
+        matrices[..., first, second] = matrices[..., second, first] = np.swapaxes(products, -1, -2)
+        return matrices
+
+
+@lru_cache(maxsize=16)
+def noise_models(n: int, noises: tuple[Noise, ...]) -> NoiseModels:
+    """Return the inverse covariances of n samples."""
+    rho = np.array([noise.rho for noise in noises])
+    w = np.array([noise.w for noise in noises])
+    angles = np.pi * np.arange(n)[:, None] / n
+    laplacian = 2.0 - 2.0 * np.cos(angles)
+    t = ((1.0 - rho) ** 2 + rho * laplacian) / (1.0 - rho**2)
+    k = rho / (1.0 + rho)
+    d = w * t + 1.0 - w
+    # First row of C times sqrt(2): the components of (e_1 + e_n)/sqrt(2) for even j, and of
+    # (e_1 - e_n)/sqrt(2) for odd j.
+    edge = math.sqrt(2.0) * np.where(angles > 0, math.sqrt(2.0 / n), math.sqrt(1.0 / n))
+    edge = edge * np.cos(0.5 * angles)
+    edge_weights = edge / d
+    reduced = np.array([(edge**2 / d)[parity::2].sum(axis=0) for parity in (0, 1)])
+    corrections = 1.0 + w * k * reduced
+    log_determinant = np.log(d).sum(axis=0) + np.log(corrections).sum(axis=0)
+    log_determinant += (n - 1) * np.log1p(-(rho**2))
+    return NoiseModels(noises, t / d, edge_weights, (1.0 - w) * k / corrections, log_determinant)
 
 
 @dataclass(frozen=True)
@@ -122,17 +182,18 @@ class ParameterUncertainty:
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
 
-def noise_grid(n: int) -> list[Noise]:
+@lru_cache(maxsize=64)
+def noise_grid(n: int) -> tuple[Noise, ...]:
     """Return white noise, and noise models whose correlation time n samples can resolve."""
     # Longest correlation time that is considered, relative to the number of samples.
     max_tau_fraction = 0.25
     taus = [2.0**k for k in range(30) if 2.0**k <= max_tau_fraction * n]
     white_fractions = (0.0003, 0.05, 0.25, 0.5, 0.8, 0.95)
-    return [WHITE, *(Noise(tau, w) for tau in taus for w in white_fractions)]
+    return (WHITE, *(Noise(tau, w) for tau in taus for w in white_fractions))
 
 
 def average_over_noise(
-    J: np.ndarray, r: np.ndarray, noises: list[Noise] | None = None
+    J: np.ndarray, r: np.ndarray, noises: Sequence[Noise] | None = None
 ) -> ParameterUncertainty:
     """Average the parameters of r = J p + noise over noise models, weighted by likelihood.
 
@@ -142,7 +203,7 @@ def average_over_noise(
         Jacobian; a parameter with a column of zeros has an infinite variance.
     r : ndarray, shape (n,)
         Residuals.
-    noises : list of Noise, optional
+    noises : sequence of Noise, optional
         Noise models to average over; by default the result of `noise_grid`.
 
     Returns
@@ -151,51 +212,88 @@ def average_over_noise(
         Mean, covariance and likeliest noise.
     """
     n, p = J.shape
-    scale = np.sqrt((J * J).sum(axis=0))
-    scale = np.where(scale > 0, scale, 1.0)
-    X = np.column_stack([J / scale, r])
-    noises = noise_grid(n) if noises is None else noises
-    results = [_restricted_likelihood(noise, X, n - p) for noise in noises]
-    log_likelihoods = np.array([result[0] for result in results])
+    scale = _column_norms(J)
+    models = noise_models(n, noise_grid(n) if noises is None else tuple(noises))
+    solution = solve_normal_equations(models.gram(np.vstack([J.T / scale[:, None], r])))
+    s2 = np.maximum(solution.residual_squares / max(n - p, 1), 1e-300)
+    log_likelihood = -0.5 * (
+        models.log_determinant + solution.log_determinant + (n - p) * np.log(s2)
+    )
     # Weight of white noise, in nodes of the grid.
     white_weight = 54
-    log_likelihoods[0] += math.log(white_weight if len(noises) > 1 else 1)
-    weights = np.exp(log_likelihoods - log_likelihoods.max())
+    log_likelihood[0] += math.log(white_weight if len(models.noises) > 1 else 1)
+    weights = np.exp(log_likelihood - log_likelihood.max())
     weights /= weights.sum()
-    steps = np.array([result[2] for result in results])
-    mean = weights @ steps
-    covariance = np.zeros((p, p))
-    # Nodes with a smaller weight than this fraction of the largest one are omitted.
-    min_weight = 1e-9
-    for weight, (_, cov, step, _) in zip(weights, results, strict=True):
-        if weight > min_weight:
-            covariance += weight * (cov + np.outer(step - mean, step - mean))
+    mean = weights @ solution.step
+    deviation = solution.step - mean
+    covariance = np.einsum("m,mij->ij", weights * s2, solution.covariance)
+    covariance += np.einsum("m,mi,mj->ij", weights, deviation, deviation)
     best = int(np.argmax(weights))
     return ParameterUncertainty(
-        noises[best], results[best][3], covariance / np.outer(scale, scale), mean / scale
+        models.noises[best], float(s2[best]), covariance / np.outer(scale, scale), mean / scale
     )
 
 
-def _restricted_likelihood(
-    noise: Noise, X: np.ndarray, degrees_of_freedom: int
-) -> tuple[float, np.ndarray, np.ndarray, float]:
-    """Return ln L, parameter covariance, parameter step and s2 for a given noise."""
-    VX, log_V = noise.apply_inverse_covariance(X)
-    M = X.T @ VX
-    A = M[:-1, :-1]
-    b = M[:-1, -1]
-    c = float(M[-1, -1])
-    cov, log_A = symmetric_inverse(A)
-    step = cov @ b
-    s2 = max((c - float(b @ step)) / max(degrees_of_freedom, 1), 1e-300)
-    return -0.5 * (log_V + log_A + degrees_of_freedom * math.log(s2)), s2 * cov, step, s2
+def _column_norms(J: np.ndarray) -> np.ndarray:
+    """Return the norms (p,) of columns J (n, p), 1 for columns of zeros."""
+    norms = np.sqrt((J * J).sum(axis=0))
+    return np.where(norms > 0, norms, 1.0)
 
 
-def symmetric_inverse(A: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return the inverse and ln|A| of a symmetric matrix, with its eigenvalues kept above 0."""
-    values, vectors = np.linalg.eigh(0.5 * (A + A.T))
-    values = np.maximum(values, 1e-14 * max(values[-1], 1e-300))
-    return (vectors / values) @ vectors.T, float(np.log(values).sum())
+@dataclass(frozen=True)
+class LinearFit:
+    """Least-squares solutions of r = J p, with leading dimensions for different noises.
+
+    Attributes
+    ----------
+    covariance : ndarray, shape (..., p, p)
+        (J'V^-1 J)^-1.
+    step : ndarray, shape (..., p)
+        Parameters p.
+    residual_squares : ndarray, shape (...)
+        r'V^-1 r with the residuals r that remain.
+    log_determinant : ndarray, shape (...)
+        ln|J'V^-1 J|.
+    """
+
+    covariance: np.ndarray
+    step: np.ndarray
+    residual_squares: np.ndarray
+    log_determinant: np.ndarray
+
+
+def solve_normal_equations(gram: np.ndarray, p: int | None = None) -> LinearFit:
+    """Solve normal equations by Gauss-Jordan elimination, for all leading dimensions at once.
+
+    Parameters
+    ----------
+    gram : ndarray, shape (..., c, c)
+        [J, ..., r]'V^-1 [J, ..., r] of columns J of similar norm, and residuals r as the last one.
+    p : int, optional
+        Number of leading columns J that are fitted; by default all but the last one.
+
+    Returns
+    -------
+    LinearFit
+        The solutions. A pivot below round-off, of columns that depend on others, is raised to
+        round-off, which gives a large variance.
+    """
+    p = gram.shape[-1] - 1 if p is None else p
+    M = gram.copy()
+    smallest_pivot = 1e-14 * np.maximum(
+        np.diagonal(gram, axis1=-2, axis2=-1)[..., :p].max(axis=-1), 1e-300
+    )
+    log_determinant = np.zeros(gram.shape[:-2])
+    for k in range(p):
+        pivot = np.maximum(M[..., k, k], smallest_pivot)
+        log_determinant += np.log(pivot)
+        row = M[..., k, :] / pivot[..., None]
+        column = M[..., :, k].copy()
+        M -= column[..., :, None] * row[..., None, :]
+        M[..., k, :] = row
+        M[..., :, k] = -column / pivot[..., None]
+        M[..., k, k] = 1.0 / pivot
+    return LinearFit(M[..., :p, :p], M[..., :p, -1], M[..., -1, -1], log_determinant)
 
 
 def f_test_extra_columns(J: np.ndarray, extra: np.ndarray, r: np.ndarray, noise: Noise) -> float:
@@ -218,22 +316,14 @@ def f_test_extra_columns(J: np.ndarray, extra: np.ndarray, r: np.ndarray, noise:
         Probability that the additional columns would reduce the sum of squares at least as much by
         chance.
     """
-    X = np.column_stack([J, extra, r])
     p = J.shape[1]
     m = extra.shape[1]
+    columns = np.column_stack([J, extra])
+    gram = noise.gram(np.column_stack([columns / _column_norms(columns), r]))
     squares_without, squares_with = (
-        _residual_squares(X[:, [*range(k), -1]], noise) for k in (p, p + m)
+        float(solve_normal_equations(gram, count).residual_squares) for count in (p, p + m)
     )
     return f_test(max(squares_without - squares_with, 0.0), m, squares_with, len(r) - p - m)
-
-
-def _residual_squares(X: np.ndarray, noise: Noise) -> float:
-    """Return the residual sum of squares of a fit of the last column by the other columns."""
-    scale = np.sqrt((X[:, :-1] ** 2).sum(axis=0))
-    X = np.column_stack([X[:, :-1] / np.where(scale > 0, scale, 1.0), X[:, -1]])
-    M = X.T @ noise.apply_inverse_covariance(X)[0]
-    cov, _ = symmetric_inverse(M[:-1, :-1])
-    return float(M[-1, -1] - M[:-1, -1] @ cov @ M[:-1, -1])
 
 
 def f_test(

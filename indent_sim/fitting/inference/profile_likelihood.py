@@ -51,8 +51,7 @@ def _profile_end(estimate: Estimate, k: int, side: float, critical_rise: float) 
     start = float(p[k])
     sd = float(estimate.sd[k])
     low, high = model.forward_model.parameters[k].bounds
-    r = model.residual(p)
-    smallest_squares = float(r @ noise.apply_inverse_covariance(r)[0])
+    smallest_squares = noise.squares(model.residual(p))
     previous_value = start
     previous_rise = 0.0
     # Iterations of a fit that begins at the solution for the neighbouring value.

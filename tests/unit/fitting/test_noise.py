@@ -14,6 +14,8 @@ from indent_sim.fitting.inference.noise import (
     f_test,
     f_test_extra_columns,
     noise_grid,
+    noise_models,
+    solve_normal_equations,
 )
 
 
@@ -23,13 +25,42 @@ def dense(noise: Noise, n: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("noise", [WHITE, Noise(1, 0.0003), Noise(8, 0.5), Noise(64, 0.05)])
-def test_banded_products_are_those_of_the_dense_matrix(noise):
+def test_covariance_is_that_of_the_dense_matrix(noise):
     V, X = dense(noise, 50), np.random.default_rng(0).standard_normal((50, 3))
-    inverse, log_V = noise.apply_inverse_covariance(X)
-    # conditions of V up to 1e4: ten digits are left
-    np.testing.assert_allclose(inverse, np.linalg.solve(V, X), rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(log_V, np.linalg.slogdet(V)[1], rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(noise.apply_covariance(X), V @ X, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("n", [30, 300, 601])
+def test_gram_matrices_are_those_of_the_dense_inverse(n):
+    """X'V^-1 X and ln|V| of all noises of the grid, by the cosine transform and by solving."""
+    columns = np.random.default_rng(n).standard_normal((3, n))
+    models = noise_models(n, noise_grid(n))
+    gram = models.gram(columns)
+    for k, noise in enumerate(models.noises):
+        V = dense(noise, n)
+        # The condition of V is at most 1e5, of 16 digits.
+        exact = columns @ np.linalg.solve(V, columns.T)
+        np.testing.assert_allclose(gram[k], exact, rtol=1e-9, atol=1e-10 * np.abs(exact).max())
+        assert models.log_determinant[k] == pytest.approx(
+            np.linalg.slogdet(V)[1], rel=1e-9, abs=1e-9
+        )
+
+
+def test_normal_equations_of_a_batch_are_those_of_least_squares():
+    """Parameters, covariance, remaining squares and ln|A| of several matrices at once."""
+    draw = np.random.default_rng(8)
+    J = draw.standard_normal((5, 40, 3))
+    r = draw.standard_normal((5, 40, 1))
+    X = np.concatenate([J, r], axis=2)
+    found = solve_normal_equations(np.swapaxes(X, 1, 2) @ X)
+    for k in range(5):
+        step, squares, *_ = np.linalg.lstsq(J[k], r[k, :, 0], rcond=None)
+        A = J[k].T @ J[k]
+        # Condition numbers of random columns are below 10.
+        np.testing.assert_allclose(found.step[k], step, rtol=1e-10, atol=1e-12)
+        np.testing.assert_allclose(found.covariance[k], np.linalg.inv(A), rtol=1e-10, atol=1e-12)
+        assert found.residual_squares[k] == pytest.approx(squares[0], rel=1e-10)
+        assert found.log_determinant[k] == pytest.approx(np.linalg.slogdet(A)[1], rel=1e-10)
 
 
 def test_samples_that_count_as_one():
@@ -78,7 +109,7 @@ def test_the_likeliest_noise_of_a_long_record_is_its_own():
 
 def test_the_grid_ends_at_a_quarter_of_the_record():
     assert (
-        noise_grid(3) == [WHITE]
+        noise_grid(3) == (WHITE,)
         and max(noise.tau for noise in noise_grid(1200)) == 256
         and len(noise_grid(1200)) == 55
     )
