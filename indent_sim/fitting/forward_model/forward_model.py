@@ -13,6 +13,7 @@ import copy
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from indent_sim.fitting.forward_model.elastic_load_curve import (
     MIN_RADIUS_FRACTION,
     ElasticLoadCurve,
     ElasticLoadCurveGrid,
+    TabulatedLoadCurve,
     plan_elastic_run,
 )
 from indent_sim.fitting.forward_model.measured_path_forces import (
@@ -46,6 +48,7 @@ from indent_sim.run.history_on_curve import relaxation_modulus
 FREE_EXPONENT_KEY = "exponent"
 MIN_RELATIVE_DEPTH = 1e-9  # a free power of the depth is constant below this, also if it diverges
 # Maps times to the function that turns elastic forces at these times into relaxed forces.
+LoadCurve = ElasticLoadCurve | TabulatedLoadCurve
 RelaxationOperator = Callable[[np.ndarray], Callable[[np.ndarray], np.ndarray]]
 
 
@@ -176,19 +179,117 @@ class ForwardModel:
             raise ValueError("a scene that relaxes needs times")
         if self.path_forces is not None and t is not None:
             return self._force_along_path(self.path_forces, settings, x, t)
-        load_curve = self.elastic_curves.load_curve(settings.shape_coordinates)
         if self.has_adhesion:
-            return self._adhesive_force(load_curve, settings, x)
+            return self._adhesive_force(
+                self.elastic_curves.load_curve(settings.shape_coordinates), settings, x
+            )
+        load_curve = self._load_curve(settings)
         if settings.relaxation is not None and t is not None:
             return self._relaxed_force(load_curve, settings, x, settings.relaxation(t))
+        return self._elastic_force(load_curve, settings, self._depth(load_curve, settings, x))
+
+    def derivatives(self, theta: np.ndarray, x: np.ndarray, t: np.ndarray | None) -> np.ndarray:
+        """Return the derivatives of the force with respect to theta and to a shift of the curve.
+
+        Parameters
+        ----------
+        theta
+            Transformed parameters (k,).
+        x
+            Displacements (n,) [length].
+        t
+            Times (n,) [s], or None.
+
+        Returns
+        -------
+        ndarray, shape (n, k + 1)
+            dF/dtheta, and -dF/dx as the last column. They are analytic for elastic bodies, and
+            central differences for other ones. -dF/dx is 0 beside a snap-in, where F jumps.
+        """
+        if self.has_adhesion or self.is_time_dependent:
+            return self._difference_quotients(theta, x, t)
+        settings = self._experiment_settings(theta)
+        load_curve = self._load_curve(settings)
+        delta = self._depth(load_curve, settings, x)
+        force, stiffness = self._elastic_force_and_stiffness(load_curve, settings, delta)
+        columns = [
+            self._fixed_depth_derivative(k, theta, delta, force, stiffness)
+            for k in range(len(theta))
+        ]
+        return np.column_stack([*columns, -stiffness]) / (
+            1.0 + settings.compliance * stiffness[:, None]
+        )
+
+    def _fixed_depth_derivative(
+        self,
+        k: int,
+        theta: np.ndarray,
+        delta: np.ndarray,
+        force: np.ndarray,
+        stiffness: np.ndarray,
+    ) -> np.ndarray:
+        """Return dF/dtheta_k (n,) at depths delta (n,), or at the base for a spring."""
+        parameter = self.parameters[k]
+        if parameter.role == "scale":
+            return force
+        if parameter.role == "power":
+            return force * np.log(np.maximum(delta / self.pivot_depth, MIN_RELATIVE_DEPTH))
+        if parameter.role == "spring":
+            # Theta is the logarithm of the stiffness of a cantilever or the compliance of a frame.
+            value = parameter.value(float(theta[k]))
+            is_stiffness = parameter.key.endswith("stiffness")
+            return force * stiffness * (1.0 / value if is_stiffness else -value)
+        # The step of the difference of polynomials is far above their round-off.
+        step = np.zeros(len(theta))
+        step[k] = 1e-3 * parameter.grid_step
+        low, high = (np.clip(changed, *self.bounds) for changed in (theta - step, theta + step))
+        curves = [
+            self.elastic_curves.load_curve(tuple(changed[self._shape_indices]))
+            for changed in (low, high)
+        ]
+        difference = curves[1].coefficients - curves[0].coefficients
+        variation = curves[0].log_variation(delta, difference)
+        return force * variation / max(float(high[k] - low[k]), 1e-300)
+
+    def _difference_quotients(
+        self, theta: np.ndarray, x: np.ndarray, t: np.ndarray | None
+    ) -> np.ndarray:
+        """Return the derivatives by central differences, one-sided at bounds."""
+        columns = []
+        for k in range(len(theta)):
+            step = np.zeros(len(theta))
+            step[k] = 1e-4
+            low, high = (np.clip(changed, *self.bounds) for changed in (theta - step, theta + step))
+            difference = self(high, x, t) - self(low, x, t)
+            columns.append(difference / max(float(high[k] - low[k]), 1e-300))
+        h = 1e-5 * self.max_depth
+        shift_derivative = (self(theta, x - h, t) - self(theta, x + h, t)) / (2.0 * h)
+        is_beside_snap = self.has_adhesion & (np.abs(x) <= h)
+        return np.column_stack([*columns, np.where(is_beside_snap, 0.0, shift_derivative)])
+
+    def _load_curve(self, settings: ExperimentSettings) -> LoadCurve:
+        """Return the load curve, as a table if it is the same for all parameters."""
+        if self._shape_indices:
+            return self.elastic_curves.load_curve(settings.shape_coordinates)
+        return self.tabulated_curve
+
+    @cached_property
+    def tabulated_curve(self) -> TabulatedLoadCurve:
+        """Load curve of the unchanged scene."""
+        return TabulatedLoadCurve(self.elastic_curves.scene_curve)
+
+    def _depth(
+        self, load_curve: LoadCurve, settings: ExperimentSettings, x: np.ndarray
+    ) -> np.ndarray:
+        """Return the depths at displacements of the base of the spring, if there is one."""
         if not settings.compliance:
-            return self._elastic_force(load_curve, settings, x)
-        max_x = max(float(x.max(initial=0.0)), 1e-300)
-        # Samples of the load curve from which the spring is eliminated.
-        spring_table_samples = 1500
-        depths = min(max_x, 1.2 * self.max_depth) * np.linspace(0.0, 1.0, spring_table_samples) ** 2
-        force = self._elastic_force(load_curve, settings, depths)
-        return np.where(x > 0, np.interp(x, depths + settings.compliance * force, force), 0.0)
+            return x
+        force = self._solve_spring_balance(
+            x,
+            settings.compliance,
+            lambda delta: self._elastic_force_and_stiffness(load_curve, settings, delta),
+        )
+        return x - settings.compliance * force
 
     def force_without_spring(self, theta: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
         """Return the force over depth without spring and relaxation, for an initial guess."""
@@ -200,23 +301,32 @@ class ForwardModel:
                 * path_forces.peak_force_factor
                 * np.maximum(delta, 0.0) ** path_forces.exponent
             )
-        load_curve = self.elastic_curves.load_curve(settings.shape_coordinates)
         if self.has_adhesion:
+            adhesive_curve = self.elastic_curves.load_curve(settings.shape_coordinates)
             rigid_settings = replace(settings, compliance=0.0, relaxation=None)
-            return lambda delta: self._adhesive_force(load_curve, rigid_settings, delta)
+            return lambda delta: self._adhesive_force(adhesive_curve, rigid_settings, delta)
+        load_curve = self._load_curve(settings)
         return lambda delta: self._elastic_force(load_curve, settings, delta)
 
     def _elastic_force(
-        self, load_curve: ElasticLoadCurve, settings: ExperimentSettings, delta: np.ndarray
+        self, load_curve: LoadCurve, settings: ExperimentSettings, delta: np.ndarray
     ) -> np.ndarray:
         """Return the elastic force at depths, multiplied by the additional power of the depth."""
-        force = settings.scale * load_curve.force(delta)
-        return (
-            force
-            * np.maximum(delta / self.pivot_depth, MIN_RELATIVE_DEPTH) ** settings.extra_exponent
-            if settings.extra_exponent
-            else force
-        )
+        return self._elastic_force_and_stiffness(load_curve, settings, delta)[0]
+
+    def _elastic_force_and_stiffness(
+        self, load_curve: LoadCurve, settings: ExperimentSettings, delta: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the elastic force at depths (n,) and its derivative with respect to the depth."""
+        force, stiffness = load_curve.force_and_stiffness(delta)
+        force = settings.scale * force
+        stiffness = settings.scale * stiffness
+        if not settings.extra_exponent:
+            return force, stiffness
+        relative_depth = np.maximum(delta / self.pivot_depth, MIN_RELATIVE_DEPTH)
+        factor = relative_depth**settings.extra_exponent
+        power_slope = settings.extra_exponent / (self.pivot_depth * relative_depth)
+        return factor * force, factor * (stiffness + power_slope * force)
 
     def _force_along_path(
         self,
@@ -359,21 +469,18 @@ class ForwardModel:
 
     def _relaxed_force(
         self,
-        load_curve: ElasticLoadCurve,
+        load_curve: LoadCurve,
         settings: ExperimentSettings,
         x: np.ndarray,
         relaxation: Callable[[np.ndarray], np.ndarray],
     ) -> np.ndarray:
         """Return the force of a relaxing body, indented through a spring if the scene has one."""
-        h = 1e-6 * self.max_depth
         if not settings.compliance:
             return relaxation(self._elastic_force(load_curve, settings, x))
 
         def force_and_stiffness(delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            elastic = self._elastic_force(load_curve, settings, delta)
-            return relaxation(elastic), (
-                self._elastic_force(load_curve, settings, delta + h) - elastic
-            ) / h
+            force, stiffness = self._elastic_force_and_stiffness(load_curve, settings, delta)
+            return relaxation(force), stiffness
 
         return self._solve_spring_balance(x, settings.compliance, force_and_stiffness)
 

@@ -34,7 +34,7 @@ MAX_PILOT_SAMPLES = 400
 # Length of the baseline that is fitted: at most these depths, at least this fraction of the range.
 MAX_BASELINE_DEPTHS = 1.5
 # Relative change of the sum of squares at which the iteration ends.
-SQUARES_TOLERANCE = 1e-6
+SQUARES_TOLERANCE = 1e-9
 
 
 class FitRejected(Exception):
@@ -158,29 +158,12 @@ class CurveModel:
         return self.samples.force - self.baseline(p) - self.contact_force(p)
 
     def jacobian(self, p: np.ndarray) -> np.ndarray:
-        """Return the derivatives of the modelled forces (n, p), by central differences."""
-        columns = [self._derivative(p, k, 1e-4) for k in range(self.coordinate_count)]
-        columns.append(
-            self._derivative(p, self.coordinate_count, 1e-5 * self.forward_model.max_depth)
-        )
-        columns[-1] = np.where(
-            self._is_near_snap(p, 1e-5 * self.forward_model.max_depth), 0.0, columns[-1]
-        )
-        J = np.column_stack([*columns, np.ones(len(self.samples)), self._baseline_coordinate])
-        return J * self.is_free
-
-    def _derivative(self, p: np.ndarray, k: int, h: float) -> np.ndarray:
-        step = np.zeros(len(p))
-        step[k] = h
-        low = self._clip_to_bounds(p - step)
-        high = self._clip_to_bounds(p + step)
-        return (self.contact_force(high) - self.contact_force(low)) / max(high[k] - low[k], 1e-300)
-
-    def _is_near_snap(self, p: np.ndarray, h: float) -> np.ndarray:
-        """Return a mask of the samples within h of the snap-in, where F has no derivative."""
-        return self.forward_model.has_adhesion & (
-            np.abs(self.samples.x - p[self.coordinate_count]) <= h
-        )  # type: ignore[no-any-return]
+        """Return the derivatives of the modelled forces (n, p)."""
+        theta = p[: self.coordinate_count]
+        c = p[self.coordinate_count]
+        contact_columns = self.forward_model.derivatives(theta, self.samples.x - c, self.samples.t)
+        baseline_columns = np.column_stack([np.ones(len(self.samples)), self._baseline_coordinate])
+        return np.hstack([contact_columns, baseline_columns]) * self.is_free
 
     @property
     def sample_spacing(self) -> float:
