@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -59,7 +59,7 @@ class ExperimentSettings:
     Attributes
     ----------
     scale
-        Factor of the force.
+        Factor of the force (..., 1).
     shape_coordinates
         Transformed values (theta) of the shape parameters.
     adhesion_work
@@ -73,7 +73,7 @@ class ExperimentSettings:
         alternative model in which the tip has another shape.
     """
 
-    scale: float
+    scale: np.ndarray
     shape_coordinates: tuple[float, ...]
     adhesion_work: float
     compliance: float
@@ -122,6 +122,7 @@ class ForwardModel:
         ]
         shape_parameters = [self.parameters[k] for k in self._shape_indices]
         self.path_forces: MeasuredPathForces | None = None
+        self._curve_rows: np.ndarray | None = None
         is_time_stepped = needs_time_stepping(config)
         curve_parameters = [] if is_time_stepped else shape_parameters
         self.elastic_curves = ElasticLoadCurveGrid(
@@ -173,7 +174,24 @@ class ForwardModel:
         return self.elastic_curves.scene_curve.relative_error
 
     def __call__(self, theta: np.ndarray, x: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
-        """Return the forces (n,) at displacements x (n,) and times t (n,) in increasing order."""
+        """Return the forces of the scene.
+
+        Parameters
+        ----------
+        theta
+            Transformed parameters (..., k).
+        x
+            Displacements (..., n) [length].
+        t
+            Times (n,) [s] in increasing order, or None.
+
+        Returns
+        -------
+        ndarray, shape (..., n)
+            Forces [force].
+        """
+        if theta.ndim > 1 and not self.is_batchable:
+            return np.stack([self(one, row, t) for one, row in self._pairs(theta, x)])
         settings = self._experiment_settings(theta)
         if self.is_time_dependent and t is None:
             raise ValueError("a scene that relaxes needs times")
@@ -188,37 +206,84 @@ class ForwardModel:
             return self._relaxed_force(load_curve, settings, x, settings.relaxation(t))
         return self._elastic_force(load_curve, settings, self._depth(load_curve, settings, x))
 
-    def derivatives(self, theta: np.ndarray, x: np.ndarray, t: np.ndarray | None) -> np.ndarray:
-        """Return the derivatives of the force with respect to theta and to a shift of the curve.
+    def linearize(
+        self, theta: np.ndarray, x: np.ndarray, t: np.ndarray | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the forces, and their derivatives by theta and by a shift of the curve.
 
         Parameters
         ----------
         theta
-            Transformed parameters (k,).
+            Transformed parameters (..., k).
         x
-            Displacements (n,) [length].
+            Displacements (..., n) [length].
         t
             Times (n,) [s], or None.
 
         Returns
         -------
-        ndarray, shape (n, k + 1)
-            dF/dtheta, and -dF/dx as the last column. They are analytic for elastic bodies, and
-            central differences for other ones. -dF/dx is 0 beside a snap-in, where F jumps.
+        force : ndarray, shape (..., n)
+            Forces [force].
+        derivatives : ndarray, shape (..., k + 1, n)
+            dF/dtheta, and -dF/dx as the last row. They are analytic for elastic bodies, and central
+            differences for other ones. -dF/dx is 0 beside a snap-in, where F jumps.
         """
-        if self.has_adhesion or self.is_time_dependent:
-            return self._difference_quotients(theta, x, t)
+        if theta.ndim > 1 and not self.is_batchable:
+            results = [self.linearize(one, row, t) for one, row in self._pairs(theta, x)]
+            forces, derivatives = zip(*results, strict=True)
+            return np.stack(forces), np.stack(derivatives)
+        if not self.has_analytic_derivatives:
+            return self(theta, x, t), self._difference_quotients(theta, x, t)
         settings = self._experiment_settings(theta)
         load_curve = self._load_curve(settings)
         delta = self._depth(load_curve, settings, x)
         force, stiffness = self._elastic_force_and_stiffness(load_curve, settings, delta)
-        columns = [
+        rows = [
             self._fixed_depth_derivative(k, theta, delta, force, stiffness)
-            for k in range(len(theta))
+            for k in range(theta.shape[-1])
         ]
-        return np.column_stack([*columns, -stiffness]) / (
-            1.0 + settings.compliance * stiffness[:, None]
+        spring_factor = 1.0 + settings.compliance * stiffness
+        return force, np.stack([*rows, -stiffness], axis=-2) / spring_factor[..., None, :]
+
+    @property
+    def has_analytic_derivatives(self) -> bool:
+        """True for an elastic body without adhesion."""
+        return not (self.has_adhesion or self.is_time_dependent)
+
+    @property
+    def is_batchable(self) -> bool:
+        """True if the forces of many curves, whose moduli differ, are computed at once."""
+        return self.has_analytic_derivatives and all(
+            parameter.role == "scale" for parameter in self.parameters
         )
+
+    @staticmethod
+    def _pairs(theta: np.ndarray, x: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Yield parameters (k,) and displacements (n,) of each curve."""
+        return zip(theta, np.broadcast_to(x, (len(theta), x.shape[-1])), strict=True)
+
+    def select(self, curves: np.ndarray) -> ForwardModel:
+        """Return the forward model of some curves of a batch."""
+        if self._curve_rows is None:
+            return self
+        model = copy.copy(self)
+        model._curve_rows = self._curve_rows[curves]
+        return model
+
+    def with_load_curves(self, load_curves: TabulatedLoadCurve, rows: np.ndarray) -> ForwardModel:
+        """Return the model of a batch whose curves have load curves of their own.
+
+        Parameters
+        ----------
+        load_curves
+            Table of the load curves.
+        rows
+            Row of the table for each curve of the batch (B,).
+        """
+        model = copy.copy(self)
+        model.tabulated_curve = load_curves
+        model._curve_rows = rows
+        return model
 
     def _fixed_depth_derivative(
         self,
@@ -228,7 +293,7 @@ class ForwardModel:
         force: np.ndarray,
         stiffness: np.ndarray,
     ) -> np.ndarray:
-        """Return dF/dtheta_k (n,) at depths delta (n,), or at the base for a spring."""
+        """Return dF/dtheta_k (..., n) at fixed depths delta (..., n)."""
         parameter = self.parameters[k]
         if parameter.role == "scale":
             return force
@@ -240,7 +305,7 @@ class ForwardModel:
             is_stiffness = parameter.key.endswith("stiffness")
             return force * stiffness * (1.0 / value if is_stiffness else -value)
         # The step of the difference of polynomials is far above their round-off.
-        step = np.zeros(len(theta))
+        step = np.zeros(theta.shape[-1])
         step[k] = 1e-3 * parameter.grid_step
         low, high = (np.clip(changed, *self.bounds) for changed in (theta - step, theta + step))
         curves = [
@@ -265,7 +330,7 @@ class ForwardModel:
         h = 1e-5 * self.max_depth
         shift_derivative = (self(theta, x - h, t) - self(theta, x + h, t)) / (2.0 * h)
         is_beside_snap = self.has_adhesion & (np.abs(x) <= h)
-        return np.column_stack([*columns, np.where(is_beside_snap, 0.0, shift_derivative)])
+        return np.vstack([*columns, np.where(is_beside_snap, 0.0, shift_derivative)])
 
     def _load_curve(self, settings: ExperimentSettings) -> LoadCurve:
         """Return the load curve, as a table if it is the same for all parameters."""
@@ -318,7 +383,10 @@ class ForwardModel:
         self, load_curve: LoadCurve, settings: ExperimentSettings, delta: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the elastic force at depths (n,) and its derivative with respect to the depth."""
-        force, stiffness = load_curve.force_and_stiffness(delta)
+        if isinstance(load_curve, TabulatedLoadCurve):
+            force, stiffness = load_curve.force_and_stiffness(delta, self._curve_rows)
+        else:
+            force, stiffness = load_curve.force_and_stiffness(delta)
         force = settings.scale * force
         stiffness = settings.scale * stiffness
         if not settings.extra_exponent:
@@ -380,14 +448,15 @@ class ForwardModel:
 
     def _experiment_settings(self, theta: np.ndarray) -> ExperimentSettings:
         values = {
-            parameter.key: parameter.value(float(x))
-            for parameter, x in zip(self.parameters, theta, strict=True)
+            parameter.key: parameter.value(float(theta[k]))
+            for k, parameter in enumerate(self.parameters)
+            if parameter.role != "scale"
         }
-        scale = math.prod(
-            values[parameter.key] / parameter.initial_value
-            for parameter in self.parameters
-            if parameter.role == "scale"
-        )
+        scale_index = self.scale_index
+        scale = np.ones((*theta.shape[:-1], 1))
+        if scale_index is not None:
+            log_change = theta[..., scale_index, None] - self.initial_coordinates[scale_index]
+            scale = np.exp(np.clip(log_change, -700.0, 700.0))
         adhesion = self.experiment.adhesion
         adhesion_work = values.get(ADHESION_WORK_KEY, adhesion.work if adhesion else 0.0)
         cantilever = self.experiment.cantilever
@@ -407,7 +476,7 @@ class ForwardModel:
         relaxation = relaxation_of(self.config, relaxation_values)
         return ExperimentSettings(
             scale,
-            tuple(theta[self._shape_indices]),
+            tuple(theta[self._shape_indices]) if self._shape_indices else (),
             adhesion_work,
             compliance,
             relaxation,

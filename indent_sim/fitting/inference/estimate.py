@@ -18,6 +18,11 @@ import numpy as np
 
 from indent_sim.fitting.forward_model.forward_model import ForwardModel
 from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavailable
+from indent_sim.fitting.inference.least_squares import (
+    SQUARES_TOLERANCE,
+    Metric,
+    minimize_squares,
+)
 from indent_sim.fitting.inference.noise import (
     NORMAL_95,
     WHITE,
@@ -33,8 +38,6 @@ MIN_CONTACT_POINTS = 20
 MAX_PILOT_SAMPLES = 400
 # Length of the baseline that is fitted: at most these depths, at least this fraction of the range.
 MAX_BASELINE_DEPTHS = 1.5
-# Relative change of the sum of squares at which the iteration ends.
-SQUARES_TOLERANCE = 1e-9
 
 
 class FitRejected(Exception):
@@ -105,24 +108,30 @@ class OriginOptions:
 
 @dataclass(frozen=True)
 class CurveModel:
-    """Model of a measured curve with the parameters [theta..., c, b0, b1] (p,).
+    """Model of measured curves with the parameters [theta..., c, b0, b1] (..., p).
+
+    The parameters may have leading dimensions: several sets of parameters of one curve, or one set
+    for each curve of a batch, whose samples have the same leading dimensions.
 
     Attributes
     ----------
     forward_model : ForwardModel
         Forces of the scene as a function of the transformed parameters theta.
     samples : Samples
-        The curve.
+        The curve, or a batch of curves.
     origin : OriginOptions
         Options of the contact point c and the baseline b0, b1.
     fixed : frozenset of int
         Indices of parameters that are not fitted.
+    weights : ndarray, shape (..., n), optional
+        Factors of the residuals, 0 for samples that are left out.
     """
 
     forward_model: ForwardModel
     samples: Samples
     origin: OriginOptions = field(default_factory=OriginOptions)
     fixed: frozenset[int] = frozenset()
+    weights: np.ndarray | None = None
 
     @property
     def coordinate_count(self) -> int:
@@ -132,7 +141,8 @@ class CurveModel:
     @cached_property
     def _baseline_coordinate(self) -> np.ndarray:
         x = self.samples.x
-        return (x - x.mean()) / max(float(np.ptp(x)), 1e-300)
+        span = np.maximum(np.ptp(x, axis=-1, keepdims=True), 1e-300)
+        return (x - x.mean(axis=-1, keepdims=True)) / span  # type: ignore[no-any-return]
 
     @property
     def is_free(self) -> np.ndarray:
@@ -143,50 +153,103 @@ class CurveModel:
         is_free[list(self.fixed)] = False
         return is_free
 
+    @property
+    def has_analytic_derivatives(self) -> bool:
+        """True if the forward model needs no difference quotients."""
+        return self.forward_model.has_analytic_derivatives
+
+    def select(self, curves: np.ndarray) -> CurveModel:
+        """Return the model of some curves of a batch; a model of one curve is not changed."""
+        if self.samples.x.ndim == 1:
+            return self
+        return replace(
+            self,
+            forward_model=self.forward_model.select(curves),
+            samples=Samples(self.samples.x[curves], self.samples.force[curves]),
+            weights=None if self.weights is None else self.weights[curves],
+        )
+
+    def depth_coordinate(self, p: np.ndarray) -> np.ndarray:
+        """Return the displacements from first touch, x - c (..., n)."""
+        depth: np.ndarray = self.samples.x - p[..., self.coordinate_count, None]
+        return depth
+
     def contact_force(self, p: np.ndarray) -> np.ndarray:
-        """Return the forces without the baseline (n,)."""
-        theta = p[: self.coordinate_count]
-        c = p[self.coordinate_count]
-        return self.forward_model(theta, self.samples.x - c, self.samples.t)
+        """Return the forces without the baseline (..., n)."""
+        theta = p[..., : self.coordinate_count]
+        return self.forward_model(theta, self.depth_coordinate(p), self.samples.t)
 
     def baseline(self, p: np.ndarray) -> np.ndarray:
-        """Return the baseline b0 + b1 (x - mean)/range (n,)."""
-        return p[-2] + p[-1] * self._baseline_coordinate
+        """Return the baseline b0 + b1 (x - mean)/range (..., n)."""
+        baseline: np.ndarray = p[..., -2, None] + p[..., -1, None] * self._baseline_coordinate
+        return baseline
 
     def residual(self, p: np.ndarray) -> np.ndarray:
-        """Return the measured minus the modelled forces (n,)."""
-        return self.samples.force - self.baseline(p) - self.contact_force(p)
+        """Return the measured minus the modelled forces (..., n)."""
+        residual: np.ndarray = self.samples.force - self.baseline(p) - self.contact_force(p)
+        return residual if self.weights is None else residual * self.weights
 
     def jacobian(self, p: np.ndarray) -> np.ndarray:
-        """Return the derivatives of the modelled forces (n, p)."""
-        theta = p[: self.coordinate_count]
-        c = p[self.coordinate_count]
-        contact_columns = self.forward_model.derivatives(theta, self.samples.x - c, self.samples.t)
-        baseline_columns = np.column_stack([np.ones(len(self.samples)), self._baseline_coordinate])
-        return np.hstack([contact_columns, baseline_columns]) * self.is_free
+        """Return the derivatives of the modelled forces of one curve (n, p)."""
+        return self.linearize(p)[:-1].T
+
+    def linearize(self, p: np.ndarray) -> np.ndarray:
+        """Return the derivatives of the modelled forces, and the residuals as the last row.
+
+        The shape is (..., p + 1, n). Derivatives with respect to fixed parameters are 0.
+        """
+        depth = self.depth_coordinate(p)
+        theta = p[..., : self.coordinate_count]
+        force, derivatives = self.forward_model.linearize(theta, depth, self.samples.t)
+        residual = self.samples.force - self.baseline(p) - force
+        rows = np.empty((*depth.shape[:-1], p.shape[-1] + 1, depth.shape[-1]))
+        rows[..., :-3, :] = derivatives
+        rows[..., -3, :] = 1.0
+        rows[..., -2, :] = self._baseline_coordinate
+        rows[..., :-1, :] *= self.is_free[:, None]
+        rows[..., -1, :] = residual
+        return rows if self.weights is None else rows * self.weights[..., None, :]
 
     @property
     def sample_spacing(self) -> float:
         """Median distance between neighbouring samples [length]."""
         return float(np.median(np.abs(np.diff(self.samples.x))))
 
-    def _clip_to_bounds(self, p: np.ndarray) -> np.ndarray:
-        """Return the parameters, clipped to their bounds."""
+    def clip_to_bounds(self, p: np.ndarray) -> np.ndarray:
+        """Return the parameters (..., p), clipped to their bounds."""
         low, high = self.forward_model.bounds
-        return np.concatenate(
-            [np.clip(p[: self.coordinate_count], low, high), p[self.coordinate_count :]]
+        k = self.coordinate_count
+        return np.concatenate([np.clip(p[..., :k], low, high), p[..., k:]], axis=-1)
+
+    def limit_step(self, step: np.ndarray) -> np.ndarray:
+        """Return a step (..., p), shortened where a coordinate changes by too much."""
+        k = self.coordinate_count
+        span = np.maximum(np.ptp(self.samples.x, axis=-1, keepdims=True), 1e-300)
+        # Largest change of a coordinate in a step, and of the contact point relative to the range
+        # of x.
+        max_step = 1.0
+        max_contact_shift = 0.3
+        relative_steps = np.concatenate(
+            [
+                np.abs(step[..., :k]) / max_step,
+                np.abs(step[..., k : k + 1]) / (max_contact_shift * span),
+                np.ones((*step.shape[:-1], 1)),
+            ],
+            axis=-1,
         )
+        shortened: np.ndarray = step / relative_steps.max(axis=-1, keepdims=True)
+        return shortened
 
     def least_squares(
-        self, p: np.ndarray, noise: Noise = WHITE, rounds: int = 40
+        self, p: np.ndarray, noise: Metric = WHITE, rounds: int = 40
     ) -> tuple[np.ndarray, float]:
-        """Minimize r'V^-1 r by the Levenberg-Marquardt method.
+        """Minimize r'V^-1 r of one curve; see `minimize_squares`.
 
         Parameters
         ----------
         p : ndarray, shape (p,)
             Initial guess.
-        noise : Noise
+        noise : Metric
             Covariance V of the noise, up to a factor.
         rounds : int
             Largest number of iterations.
@@ -203,61 +266,10 @@ class CurveModel:
         ValueError
             If the forces are not finite.
         """
-        p = self._clip_to_bounds(p)
-        damping = 1e-3
-        r = self.residual(p)
-        J = self.jacobian(p)
-        squares = _weighted_squares(r, noise)
-        for _ in range(rounds):
-            gram = noise.gram(np.column_stack([J, r]))
-            A = gram[:-1, :-1]
-            g = gram[:-1, -1]
-            if not np.isfinite(gram).all():
-                raise ValueError("the forces are not finite")
-            scale = np.sqrt(np.where(np.diag(A) > 0, np.diag(A), 1.0))
-            A = A / np.outer(scale, scale)
-            g = g / scale
-            is_converged = True
-            for _ in range(8):
-                step = np.linalg.solve(A + damping * np.eye(len(g)), g) / scale
-                new_p = self._clip_to_bounds(p + self._limit_step(step))
-                try:
-                    r_new = self.residual(new_p)
-                    new_squares = _weighted_squares(r_new, noise)
-                except ForwardModelUnavailable:
-                    new_squares = math.inf
-                if new_squares < squares:
-                    is_converged = squares - new_squares < SQUARES_TOLERANCE * squares
-                    p = new_p
-                    r = r_new
-                    squares = new_squares
-                    damping = max(0.2 * damping, 1e-9)
-                    break
-                damping *= 6.0
-            if is_converged:
-                break
-            J = self.jacobian(p)
-        return p, squares
-
-    def _limit_step(self, step: np.ndarray) -> np.ndarray:
-        depth = max(float(np.ptp(self.samples.x)), 1e-300)
-        # Largest change of a coordinate in a step, and of the contact point relative to the range
-        # of x.
-        max_step = 1.0
-        max_contact_shift = 0.3
-        longest = max(
-            [
-                *np.abs(step[: self.coordinate_count]) / max_step,
-                abs(step[self.coordinate_count]) / (max_contact_shift * depth),
-                1.0,
-            ]
-        )
-        return step / longest
-
-
-def _weighted_squares(r: np.ndarray, noise: Noise) -> float:
-    value = noise.squares(r)
-    return value if math.isfinite(value) else math.inf
+        solutions, squares = minimize_squares(self, p[None], noise, rounds)
+        if not math.isfinite(squares[0]):
+            raise ValueError("the forces are not finite")
+        return solutions[0], float(squares[0])
 
 
 @dataclass(frozen=True)
@@ -454,7 +466,7 @@ def standard_deviation(estimate: Estimate, k: int, fixed: Sequence[int] = ()) ->
     if not scale[k] > 0:
         return math.inf if is_free[k] else 0.0
     J = J[:, is_free] / np.where(scale > 0, scale, 1.0)[is_free]
-    gram = noise.gram(np.column_stack([J, estimate.residual]))
+    gram = noise.gram(np.vstack([J.T, estimate.residual]))
     inverse = solve_normal_equations(gram).covariance
     covariance = np.zeros((len(is_free), len(is_free)))
     covariance[np.ix_(is_free, is_free)] = (

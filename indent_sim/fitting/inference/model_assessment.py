@@ -337,7 +337,7 @@ def parameter_shift(estimate: Estimate, force_error: np.ndarray) -> np.ndarray:
     model = estimate.model
     noise = estimate.uncertainty.likeliest_noise
     J = model.jacobian(estimate.p)[:, model.is_free]
-    gram = noise.gram(np.column_stack([J, force_error]))
+    gram = noise.gram(np.vstack([J.T, force_error]))
     shift = np.linalg.lstsq(gram[:-1, :-1], gram[:-1, -1], rcond=1e-13)[0]
     return np.abs(shift[: model.coordinate_count])
 

@@ -56,14 +56,14 @@ class Noise:
         return math.exp(-1.0 / self.tau) if self.tau else 0.0
 
     def gram(self, X: np.ndarray) -> np.ndarray:
-        """Return X'V^-1 X (c, c) of columns X (n, c)."""
-        matrix: np.ndarray
-        matrix = noise_models(len(X), (self,)).gram(X.T)[0] if self.tau else X.T @ X
-        return matrix
+        """Return X'V^-1 X (..., c, c) of columns X (..., c, n), each as a row."""
+        if not self.tau:
+            return X @ np.swapaxes(X, -1, -2)  # type: ignore[no-any-return]
+        return noise_models(X.shape[-1], (self,)).gram(X)[..., 0, :, :]
 
     def squares(self, r: np.ndarray) -> float:
         """Return the weighted sum of squares r'V^-1 r of residuals (n,)."""
-        return float(self.gram(r[:, None])[0, 0])
+        return float(self.gram(r[None])[0, 0])
 
     def apply_covariance(self, X: np.ndarray) -> np.ndarray:
         """Return V X of columns (n, m)."""
@@ -319,7 +319,7 @@ def f_test_extra_columns(J: np.ndarray, extra: np.ndarray, r: np.ndarray, noise:
     p = J.shape[1]
     m = extra.shape[1]
     columns = np.column_stack([J, extra])
-    gram = noise.gram(np.column_stack([columns / _column_norms(columns), r]))
+    gram = noise.gram(np.vstack([(columns / _column_norms(columns)).T, r]))
     squares_without, squares_with = (
         float(solve_normal_equations(gram, count).residual_squares) for count in (p, p + m)
     )
