@@ -18,6 +18,7 @@ import numpy as np
 
 from indent_sim.fitting.forward_model.forward_model import ForwardModel
 from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavailable
+from indent_sim.fitting.inference.initial_guess import fit_trials
 from indent_sim.fitting.inference.least_squares import (
     SQUARES_TOLERANCE,
     Metric,
@@ -573,30 +574,21 @@ def _best_contact_point(
     origin: OriginOptions,
 ) -> tuple[float, np.ndarray] | None:
     """Return sum of squares and parameters at the best contact point; None without a contact."""
-    best: tuple[float, np.ndarray] | None = None
-    baseline_coordinate = (pilot.x - pilot.x.mean()) / max(float(np.ptp(pilot.x)), 1e-300)
     scale_index = forward_model.scale_index
     try:
         force_at_depth = forward_model.force_without_spring(theta)
     except ForwardModelUnavailable:
         return None
-    for c in contact_points:
-        f = force_at_depth(depth - c)
-        if not np.any(f):
-            continue
-        columns = [np.ones(len(f)), *([baseline_coordinate] if origin.has_slope else [])]
-        all_columns = [*columns, f] if scale_index is not None else columns
-        target = pilot.force if scale_index is not None else pilot.force - f
-        solution, *_ = np.linalg.lstsq(np.column_stack(all_columns), target, rcond=None)
-        amplitude = float(solution[-1]) if scale_index is not None else 1.0
-        squares = float(np.sum((target - np.column_stack(all_columns) @ solution) ** 2))
-        if amplitude > 0 and (best is None or squares < best[0]):
-            coordinates = theta.copy()
-            if scale_index is not None:
-                coordinates[scale_index] += math.log(amplitude)
-            slope = float(solution[1]) if origin.has_slope else 0.0
-            best = squares, np.array([*coordinates, c, float(solution[0]), slope])
-    return best
+    f = np.stack([force_at_depth(depth - c) for c in contact_points])
+    fits = fit_trials(pilot.x, pilot.force, f, origin.has_slope, scale_index is not None)
+    best = int(np.argmin(fits.squares))
+    if not math.isfinite(fits.squares[best]):
+        return None
+    coordinates = theta.copy()
+    if scale_index is not None:
+        coordinates[scale_index] += math.log(fits.amplitude[best])
+    baseline = (fits.level[best], fits.slope[best])
+    return float(fits.squares[best]), np.array([*coordinates, contact_points[best], *baseline])
 
 
 def fit_model(
