@@ -356,6 +356,16 @@ class ForwardModel:
         )
         return x - settings.compliance * force
 
+    def unit_forces(self, delta: np.ndarray) -> np.ndarray:
+        """Return the elastic forces of the unchanged scene at depths (..., n) [length].
+
+        The first dimension of a batch with load curves of its own is that of the curves.
+        """
+        rows = self._curve_rows
+        if rows is not None:
+            rows = rows.reshape(-1, *[1] * (delta.ndim - 2))
+        return self.tabulated_curve.force_and_stiffness(delta, rows)[0]
+
     def force_without_spring(self, theta: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
         """Return the force over depth without spring and relaxation, for an initial guess."""
         settings = self._experiment_settings(theta)

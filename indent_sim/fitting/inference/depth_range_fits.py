@@ -16,6 +16,9 @@ from indent_sim.fitting.inference.estimate import (
 )
 from indent_sim.fitting.inference.noise import NORMAL_95
 
+# Least standard deviation of the difference of two fits, relative to that of the partial fit.
+MIN_DEVIATION_RATIO = 0.1
+
 
 @dataclass(frozen=True)
 class DepthRangeFit:
@@ -114,10 +117,7 @@ def _fit_depth_range(
             0.0,
         )
     )
-    # Least standard deviation of the difference of two fits, relative to that of the partial
-    # fit.
-    min_deviation_ratio = 0.1
-    sd = np.maximum(sd, min_deviation_ratio * partial_uncertainty.sd[:k])
+    sd = np.maximum(sd, MIN_DEVIATION_RATIO * partial_uncertainty.sd[:k])
     theta = p[:k]
     return DepthRangeFit(
         depth_fraction,

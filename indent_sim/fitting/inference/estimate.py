@@ -39,6 +39,16 @@ MIN_CONTACT_POINTS = 20
 MAX_PILOT_SAMPLES = 400
 # Length of the baseline that is fitted: at most these depths, at least this fraction of the range.
 MAX_BASELINE_DEPTHS = 1.5
+MIN_BASELINE_FRACTION = 0.02
+# A curve is rejected as saturated if more points than this fraction, and than this number, have the
+# largest force; or if its largest force is a smaller multiple of the rms of the residuals; or if
+# the factor of uncertainty of a modulus is larger.
+SATURATED_FRACTION = 0.02
+MAX_SATURATED = 5
+MIN_SIGNAL_TO_NOISE = 4.0
+MAX_UNCERTAINTY_FACTOR = 4.0
+# Number of blocks of a curve whose means distinguish a contact from noise.
+SIGNAL_BLOCKS = 50
 
 
 class FitRejected(Exception):
@@ -47,13 +57,13 @@ class FitRejected(Exception):
 
 @dataclass(frozen=True)
 class Samples:
-    """Measured curve in order of time.
+    """Measured curve, or a batch of curves of equal length, in order of time.
 
     Attributes
     ----------
-    x : ndarray, shape (n,)
+    x : ndarray, shape (..., n)
         Displacement of the base [length].
-    force : ndarray, shape (n,)
+    force : ndarray, shape (..., n)
         Force [force].
     t : ndarray, shape (n,), optional
         Time [s].
@@ -64,13 +74,17 @@ class Samples:
     t: np.ndarray | None = None
 
     def __len__(self) -> int:
-        return len(self.x)
+        return self.x.shape[-1]
 
     def select(self, selected: np.ndarray) -> Samples:
         """Return the selected samples."""
         return Samples(
             self.x[selected], self.force[selected], None if self.t is None else self.t[selected]
         )
+
+    def select_curves(self, selected: np.ndarray) -> Samples:
+        """Return some curves of a batch."""
+        return Samples(self.x[selected], self.force[selected], self.t)
 
     def block_means(self, max_count: int) -> Samples:
         """Return the means of blocks of neighbouring samples, at most `max_count` means."""
@@ -81,7 +95,7 @@ class Samples:
         # from the beginning of the baseline.
         remainder = len(self) % block_size
         x, force = (
-            column[remainder:].reshape(-1, block_size).mean(axis=1)
+            column[..., remainder:].reshape(*column.shape[:-1], -1, block_size).mean(axis=-1)
             for column in (self.x, self.force)
         )
         return Samples(
@@ -499,16 +513,10 @@ def reject_without_signal(samples: Samples) -> None:
         if not np.ptp(values) > 0:
             raise FitRejected(f"no contact: the {name} does not change")
     saturated_count = int(np.count_nonzero(force >= force.max() - 1e-12 * np.ptp(force)))
-    # A curve counts as saturated if more points than this fraction, and than this number, have the
-    # largest force.
-    saturated_fraction = 0.02
-    max_saturated = 5
-    if saturated_count > max(saturated_fraction * n, max_saturated):
+    if saturated_count > max(SATURATED_FRACTION * n, MAX_SATURATED):
         raise FitRejected(f"saturated: {saturated_count} points at the largest force")
-    # Number of blocks of a curve whose means distinguish a contact from noise.
-    block_count = 50
-    block_size = n / block_count
-    block_means = samples.block_means(block_count).force
+    block_size = n / SIGNAL_BLOCKS
+    block_means = samples.block_means(SIGNAL_BLOCKS).force
     noise = 1.48 * float(np.median(np.abs(np.diff(force)))) / math.sqrt(2.0)
     if np.ptp(block_means) < 3.0 * noise + 6.0 * noise / math.sqrt(block_size):
         raise FitRejected("no contact: the force does not rise above its noise")
@@ -666,9 +674,8 @@ def samples_near_contact(samples: Samples, contact_point: float) -> Samples:
     depth = float(samples.x.max()) - contact_point
     span = float(np.ptp(samples.x))
     max_samples = 1500
-    min_baseline_fraction = 0.02
     return samples.select(
-        samples.x > contact_point - max(MAX_BASELINE_DEPTHS * depth, min_baseline_fraction * span)
+        samples.x > contact_point - max(MAX_BASELINE_DEPTHS * depth, MIN_BASELINE_FRACTION * span)
     ).block_means(max_samples)
 
 
@@ -685,18 +692,13 @@ def _reject_weak_signal(estimate: Estimate) -> None:
     contact_count = int(np.count_nonzero(estimate.model.samples.x > estimate.contact_point))
     if contact_count < MIN_CONTACT_POINTS:
         raise FitRejected(f"no contact: {contact_count} points in contact")
-    # A curve is rejected if its largest force is a smaller multiple of the rms of the
-    # residuals.
-    min_signal_to_noise = 4.0
-    if estimate.max_force < min_signal_to_noise * estimate.rms:
+    if estimate.max_force < MIN_SIGNAL_TO_NOISE * estimate.rms:
         raise FitRejected("no contact: the force does not rise above its noise")
-    # A curve is rejected if the factor of uncertainty of a modulus is larger.
-    max_uncertainty_factor = 4.0
     for k, parameter in enumerate(estimate.model.forward_model.parameters):
         factor = (
             math.exp(min(NORMAL_95 * float(estimate.sd[k]), 100.0))
             if parameter.role == "scale"
             else 1.0
         )
-        if factor > max_uncertainty_factor:
+        if factor > MAX_UNCERTAINTY_FACTOR:
             raise FitRejected(f"{parameter.key} is known to a factor of {factor:.2g} only")

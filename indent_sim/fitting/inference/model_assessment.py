@@ -25,6 +25,12 @@ from indent_sim.fitting.inference.noise import (
 )
 
 BETTER_MODEL_P = 1e-3
+# The scene does not explain the curve below this probability of the trend of the residuals, or
+# above this z score of a fit to a part of the depth.
+MIN_SHAPE_P = 1e-3
+MAX_DEPTH_Z = 3.5
+# Depths before first contact that do not count as baseline: the snap-in of a tip lies there.
+CONTACT_MARGIN = 0.2
 
 
 @dataclass(frozen=True)
@@ -83,12 +89,11 @@ class ModelAssessment:
         is_depth_dependent = any(
             self._is_depth_dependent(k) for k in range(self.estimate.model.coordinate_count)
         )
-        # Probabilities below which the scene does not explain the curve.
-        wrong_shape = 1e-3
+        # Probability below which the scene does not explain the curve.
         wrong_baseline = 1e-4
         is_noisy = self.p_baseline is not None and self.p_baseline < wrong_baseline
         is_misfit = {
-            "shape": self.p_shape < wrong_shape,
+            "shape": self.p_shape < MIN_SHAPE_P,
             "window": is_depth_dependent,
             "baseline": is_noisy,
         }
@@ -103,11 +108,9 @@ class ModelAssessment:
         The difference also counts as significant if the intervals of the two fits do not overlap.
         """
         low, high = self._add_systematic_errors(k, *self.statistical_interval(k))
-        # The scene does not explain the curve above this z score.
-        wrong_z = 3.5
         for range_fit in self.depth_range_fits:
             range_low, range_high = range_fit.interval(k)
-            if abs(range_fit.z_score[k]) > wrong_z or range_high < low or range_low > high:
+            if abs(range_fit.z_score[k]) > MAX_DEPTH_Z or range_high < low or range_low > high:
                 return True
         return False
 
@@ -227,18 +230,8 @@ def find_residual_trend(estimate: Estimate) -> ResidualTrend:
     p = estimate.ordinary_p
     J = model.jacobian(p)[:, model.is_free]
     r = model.residual(p)
-    c = estimate.contact_point
     x = model.samples.x
-    # Number of cosines of the trend of the residuals, and depths before first touch where they
-    # begin.
-    cosine_count = 8
-    baseline_depths = 0.35
-    first_x = c - baseline_depths * estimate.depth
-    last_x = float(x.max())
-    u = np.clip((x - first_x) / (last_x - first_x), 0.0, 1.0)
-    cosines = np.column_stack(
-        [np.where(x >= first_x, np.cos(np.pi * k * u), 0.0) for k in range(1, cosine_count + 1)]
-    )
+    cosines = trend_cosines(x, np.array(estimate.contact_point), np.array(estimate.depth)).T
     noise_with_cosines = average_over_noise(np.column_stack([J, cosines]), r).likeliest_noise
     shape = max(
         f_test_extra_columns(J, cosines, r, noise)
@@ -254,6 +247,27 @@ def find_residual_trend(estimate: Estimate) -> ResidualTrend:
         f_test_extra_columns(J, _exponent_derivative(model, p)[:, None], r, noise_with_cosines),
         snap,
     )
+
+
+def trend_cosines(x: np.ndarray, contact_point: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """Return eight cosines (..., 8, n) over the contact, 0 before it.
+
+    They begin 0.35 depths before first contact, and end at the deepest sample.
+
+    Parameters
+    ----------
+    x
+        Displacements (..., n) [length].
+    contact_point, depth
+        Displacement at first contact and largest depth [length], (..., 1) for a batch.
+    """
+    baseline_depths = 0.35
+    cosine_count = 8
+    first_x = contact_point - baseline_depths * depth
+    u = np.clip((x - first_x) / ((1.0 + baseline_depths) * depth), 0.0, 1.0)
+    harmonics = np.pi * np.arange(1, cosine_count + 1)[:, None]
+    cosines = np.cos(harmonics * u[..., None, :])
+    return np.where((x >= first_x)[..., None, :], cosines, 0.0)
 
 
 def _snap_in_probability(force: np.ndarray) -> float:
@@ -295,10 +309,7 @@ def baseline_noise_probability(estimate: Estimate) -> float | None:
     r = estimate.residual
     c = estimate.contact_point
     x = model.samples.x
-    # Depths before first touch that do not count as baseline: the snap-in of a tip lies
-    # there.
-    contact_margin_depths = 0.2
-    is_before_contact = x < c - contact_margin_depths * estimate.depth
+    is_before_contact = x < c - CONTACT_MARGIN * estimate.depth
     n = int(np.count_nonzero(is_before_contact))
     m = int(np.count_nonzero(~is_before_contact))
     # Least number of points, and of independent points, of a baseline whose noise is compared.

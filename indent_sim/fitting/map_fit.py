@@ -1,0 +1,577 @@
+"""Fits of a map: many curves of one scene, whose modulus is fitted in blocks of curves.
+
+1. Every curve is rejected for a reason, or fitted by ordinary least squares.
+2. The baselines of many curves give the noise of the instrument (`pooled_noise`).
+3. Every curve is fitted again with weights W that follow from this noise. The covariance of its
+   parameters is D V D' with D = (J'WJ)^-1 J'W, for the covariance V of the noise.
+4. The residuals are tested for a trend, and the fit to half the depth is compared.
+
+The reasons are those for which single curves are rejected (`estimate`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+from scipy.special import fdtrc
+
+from indent_sim.fitting.forward_model.elastic_load_curve import TabulatedLoadCurve
+from indent_sim.fitting.forward_model.forward_model import ForwardModel
+from indent_sim.fitting.inference.depth_range_fits import MIN_DEVIATION_RATIO
+from indent_sim.fitting.inference.estimate import (
+    MAX_BASELINE_DEPTHS,
+    MAX_PILOT_SAMPLES,
+    MAX_SATURATED,
+    MAX_UNCERTAINTY_FACTOR,
+    MIN_BASELINE_FRACTION,
+    MIN_CONTACT_POINTS,
+    MIN_POINTS,
+    MIN_SIGNAL_TO_NOISE,
+    SATURATED_FRACTION,
+    SIGNAL_BLOCKS,
+    CurveModel,
+    OriginOptions,
+    Samples,
+)
+from indent_sim.fitting.inference.initial_guess import fit_trials
+from indent_sim.fitting.inference.least_squares import minimize_squares
+from indent_sim.fitting.inference.model_assessment import (
+    CONTACT_MARGIN,
+    MAX_DEPTH_Z,
+    MIN_SHAPE_P,
+    trend_cosines,
+)
+from indent_sim.fitting.inference.noise import NORMAL_95, WHITE, solve_normal_equations
+from indent_sim.fitting.inference.pooled_noise import (
+    MAX_BASELINE_SAMPLES,
+    MIN_BASELINE_SAMPLES,
+    MIN_BASELINES,
+    PooledNoise,
+    estimate_pooled_noise,
+)
+
+# Curves that are fitted at once: their samples fit into the cache of a processor.
+BLOCK_SIZE = 64
+# Numbers of samples are multiples of this, so that many curves have the same.
+LENGTH_STEP = 32
+# Relative change of the sums of squares at which the fits of a map end.
+MAP_TOLERANCE = 1e-6
+
+REASONS = (
+    "",
+    "not a curve: a number is missing",
+    "too few points",
+    "no contact: the depth does not change",
+    "no contact: the force does not change",
+    "saturated: many points at the largest force",
+    "no contact: the force does not rise with the depth",
+    "no contact: the force does not rise above its noise",
+    "no contact: too few points in contact",
+    "no contact: no fit was found",
+    "the modulus is known to a factor of more than 4 only",
+    "the contact is deeper than the scene was solved",
+)
+FITTED = 0
+INCOMPLETE = 1
+FEW_POINTS = 2
+CONSTANT_DEPTH = 3
+CONSTANT_FORCE = 4
+SATURATED = 5
+NOT_RISING = 6
+NOISY = 7
+FEW_IN_CONTACT = 8
+NO_FIT = 9
+UNCERTAIN = 10
+TOO_DEEP = 11
+
+
+@dataclass
+class PixelFits:
+    """Results of the curves of a map, in arrays (N,); NaN for rejected curves.
+
+    Attributes
+    ----------
+    reason
+        Index of REASONS; 0 for a fitted curve.
+    theta, theta_sd
+        Logarithm of the modulus, and its standard deviation.
+    contact_point, contact_point_sd
+        Displacement at first touch [length].
+    level, slope
+        Baseline at the contact point [force], and its slope [force/length].
+    max_force, depth
+        Largest fitted force [force]; depth without the spring's deflection [length].
+    rms
+        Root mean square of the residuals [force].
+    p_shape
+        Probability that the residuals have their trend by chance.
+    half_theta, half_z
+        Theta of the fit to half the depth, and its difference in standard deviations.
+    low_theta, high_theta
+        Smallest and largest theta of the fits to parts of the depth.
+    point_count
+        Number of fitted samples.
+    """
+
+    reason: np.ndarray
+    theta: np.ndarray
+    theta_sd: np.ndarray
+    contact_point: np.ndarray
+    contact_point_sd: np.ndarray
+    level: np.ndarray
+    slope: np.ndarray
+    max_force: np.ndarray
+    depth: np.ndarray
+    rms: np.ndarray
+    p_shape: np.ndarray
+    half_theta: np.ndarray
+    half_z: np.ndarray
+    low_theta: np.ndarray
+    high_theta: np.ndarray
+    point_count: np.ndarray
+
+    @classmethod
+    def empty(cls, count: int) -> PixelFits:
+        """Return results without any fit."""
+        integers = ("reason", "point_count")
+        arrays = {
+            one.name: np.zeros(count, dtype=np.int32)
+            if one.name in integers
+            else np.full(count, math.nan)
+            for one in fields(cls)
+        }
+        return cls(**arrays)
+
+    @property
+    def is_fitted(self) -> np.ndarray:
+        """True for the curves that were fitted (N,)."""
+        is_fitted: np.ndarray = self.reason == FITTED
+        return is_fitted
+
+    @property
+    def is_explained(self) -> np.ndarray:
+        """True for the curves that the scene explains (N,)."""
+        has_trend = self.p_shape < MIN_SHAPE_P
+        is_depth_dependent = np.abs(self.half_z) > MAX_DEPTH_Z
+        explained: np.ndarray = self.is_fitted & ~has_trend & ~is_depth_dependent
+        return explained
+
+
+@dataclass(frozen=True)
+class MapModel:
+    """Scene of a map.
+
+    Attributes
+    ----------
+    forward_model
+        Forces of the scene. Its only parameter, a modulus, scales the force.
+    origin
+        Options of contact point and baseline.
+    load_curves
+        Load curves of the pixels, if they differ.
+    rows
+        Row of the table of load curves for each curve (N,).
+    """
+
+    forward_model: ForwardModel
+    origin: OriginOptions = field(default_factory=OriginOptions)
+    load_curves: TabulatedLoadCurve | None = None
+    rows: np.ndarray | None = None
+
+    def curve_model(self, curves: np.ndarray, samples: Samples) -> CurveModel:
+        """Return the model of some curves."""
+        model = self.forward_model
+        if self.load_curves is not None and self.rows is not None:
+            model = model.with_load_curves(self.load_curves, self.rows[curves])
+        return CurveModel(model, samples, self.origin)
+
+
+class MapFitter:
+    """Fit of all curves of a map.
+
+    Parameters
+    ----------
+    read
+        Returns the approach of a curve, in order of time, in the units of the scene.
+    count
+        Number N of curves.
+    model
+        The scene.
+    on_progress
+        Called with the number of curves that are done.
+    """
+
+    def __init__(
+        self,
+        read: Callable[[int], Samples],
+        count: int,
+        model: MapModel,
+        on_progress: Callable[[int], None] = lambda _: None,
+    ):
+        self._read = read
+        self._count = count
+        self._model = model
+        self._on_progress = on_progress
+        self.fits = PixelFits.empty(count)
+        # Parameters by ordinary least squares: theta, c, level at c and slope.
+        self._initial = np.full((count, 4), math.nan)
+        self._near_counts = np.zeros(count, dtype=int)
+        self._baseline_counts = np.zeros(count, dtype=int)
+
+    def fit_initially(self) -> None:
+        """Reject curves without a contact, and fit the others by ordinary least squares."""
+        for first in range(0, self._count, BLOCK_SIZE):
+            block = np.arange(first, min(first + BLOCK_SIZE, self._count))
+            for curves, samples in self._equally_long(block):
+                self._fit_block_initially(curves, samples)
+
+    def estimate_noise(self) -> PooledNoise | None:
+        """Return the noise of the map, or None if too few curves have long baselines.
+
+        Baselines end a fifth of the depth before first touch.
+        """
+        max_baselines = 500
+        candidates = np.flatnonzero(self._baseline_counts >= MIN_BASELINE_SAMPLES)
+        if len(candidates) < MIN_BASELINES:
+            return None
+        counts = self._baseline_counts[candidates]
+        # Half of the curves have as long a baseline, if so many are enough.
+        m = min(int(np.median(counts)), MAX_BASELINE_SAMPLES)
+        if np.count_nonzero(counts >= m) < MIN_BASELINES:
+            m = int(np.sort(counts)[-MIN_BASELINES])
+        usable = candidates[counts >= m]
+        chosen = usable[
+            np.linspace(0, len(usable) - 1, min(max_baselines, len(usable))).astype(int)
+        ]
+        baselines = []
+        for curve in chosen:
+            end = self._baseline_counts[curve]
+            baselines.append(self._read(int(curve)).force[end - m : end])
+        return estimate_pooled_noise(np.array(baselines))
+
+    def fit(self, noise: PooledNoise) -> None:
+        """Fit all curves with the noise of the map."""
+        done = int(np.count_nonzero(~self.fits.is_fitted))
+        for curves in self._blocks_of_equal_length():
+            _, samples = next(self._equally_long(curves, int(self._near_counts[curves[0]])))
+            self._fit_block(curves, samples, noise)
+            done += len(curves)
+            self._on_progress(done)
+
+    def _equally_long(
+        self, curves: Iterable[int], last: int | None = None
+    ) -> Iterator[tuple[np.ndarray, Samples]]:
+        """Yield groups of curves of equal length; `last` limits them to their last samples."""
+        groups: dict[int, list[tuple[int, Samples]]] = {}
+        for curve in curves:
+            samples = self._read(int(curve))
+            groups.setdefault(len(samples), []).append((int(curve), samples))
+        if last is not None:
+            groups = {last: [pair for group in groups.values() for pair in group]}
+        for group in groups.values():
+            start = 0 if last is None else -last
+            yield (
+                np.array([curve for curve, _ in group]),
+                Samples(
+                    np.stack([samples.x[start:] for _, samples in group]),
+                    np.stack([samples.force[start:] for _, samples in group]),
+                ),
+            )
+
+    def _fit_block_initially(self, curves: np.ndarray, samples: Samples) -> None:
+        reasons = reasons_without_signal(samples)
+        self.fits.reason[curves] = reasons
+        is_kept = reasons == FITTED
+        curves = curves[is_kept]
+        if not len(curves):
+            return
+        samples = samples.select_curves(is_kept)
+        pilot = samples.block_means(MAX_PILOT_SAMPLES)
+        model = self._model.curve_model(curves, pilot)
+        p = initial_parameters(model)
+        is_rising = np.isfinite(p).all(axis=-1)
+        self.fits.reason[curves[~is_rising]] = NOT_RISING
+        curves = curves[is_rising]
+        if not len(curves):
+            return
+        samples = samples.select_curves(is_rising)
+        model = model.select(np.flatnonzero(is_rising))
+        p, squares = minimize_squares(model, p[is_rising], WHITE, tolerance=MAP_TOLERANCE)
+        self.fits.reason[curves[~np.isfinite(squares)]] = NO_FIT
+        self._initial[curves] = _with_absolute_baseline(model, p)
+        c = p[:, 1, None]
+        depth = samples.x.max(axis=-1, keepdims=True) - c
+        margin = np.maximum(
+            MAX_BASELINE_DEPTHS * depth,
+            MIN_BASELINE_FRACTION * np.ptp(samples.x, axis=-1, keepdims=True),
+        )
+        n = samples.x.shape[-1]
+        near_counts = np.count_nonzero(samples.x > c - margin, axis=-1)
+        rounded = LENGTH_STEP * np.ceil(near_counts / LENGTH_STEP).astype(int)
+        self._near_counts[curves] = np.minimum(rounded, LENGTH_STEP * (n // LENGTH_STEP))
+        self._baseline_counts[curves] = np.argmax(samples.x > c - CONTACT_MARGIN * depth, axis=-1)
+
+    def _blocks_of_equal_length(self) -> Iterator[np.ndarray]:
+        fitted = np.flatnonzero(self.fits.is_fitted)
+        counts = self._near_counts[fitted]
+        for count in np.unique(counts):
+            same = fitted[counts == count]
+            for first in range(0, len(same), BLOCK_SIZE):
+                yield same[first : first + BLOCK_SIZE]
+
+    def _fit_block(self, curves: np.ndarray, samples: Samples, noise: PooledNoise) -> None:
+        """Fit curves with the noise of the map, and assess the fits."""
+        model = self._model.curve_model(curves, samples)
+        fit = _fit_weighted(model, _with_relative_baseline(model, self._initial[curves]), noise)
+        absolute = _with_absolute_baseline(model, fit.p)
+        max_force = np.abs(model.contact_force(fit.p)).max(axis=-1)
+        compliance = model.forward_model.experiment.compliance
+        p_shape = _shape_probability(model, fit, noise)
+        halves = _fit_part(model, fit, noise, 0.5)
+        thetas = [fit.p[:, 0], halves.theta]
+        # Curves whose fits to other parts of the depth are computed, too.
+        suspicious = np.flatnonzero((p_shape < 1e-2) | (np.abs(halves.z) > 2.5))
+        if len(suspicious):
+            for fraction in (0.7, 0.9):
+                theta = np.full(len(curves), math.nan)
+                theta[suspicious] = _fit_part(
+                    model.select(suspicious), fit.select(suspicious), noise, fraction
+                ).theta
+                thetas.append(theta)
+        results = {
+            "theta": fit.p[:, 0],
+            "theta_sd": fit.sd[:, 0],
+            "contact_point": fit.p[:, 1],
+            "contact_point_sd": fit.sd[:, 1],
+            "level": absolute[:, 2],
+            "slope": absolute[:, 3],
+            "max_force": max_force,
+            "depth": samples.x.max(axis=-1) - fit.p[:, 1] - compliance * max_force,
+            "rms": np.sqrt((fit.rows[:, -1] ** 2).mean(axis=-1)),
+            "p_shape": p_shape,
+            "half_theta": halves.theta,
+            "half_z": halves.z,
+            "low_theta": np.nanmin(thetas, axis=0),
+            "high_theta": np.nanmax(thetas, axis=0),
+            "point_count": np.full(len(curves), samples.x.shape[-1]),
+        }
+        for name, values in results.items():
+            getattr(self.fits, name)[curves] = values
+        in_contact = np.count_nonzero(samples.x > fit.p[:, 1, None], axis=-1)
+        self._reject(curves, in_contact)
+
+    def _reject(self, curves: np.ndarray, in_contact: np.ndarray) -> None:
+        """Reject fits without a clear contact, or with an uncertain modulus."""
+        fits = self.fits
+        # Relative excess of the depth over the solved one, up to which the load curve may be
+        # continued as a power law.
+        depth_tolerance = 0.02
+        max_depth = (1.0 + depth_tolerance) * self._model.forward_model.max_depth
+        uncertainty = NORMAL_95 * fits.theta_sd[curves]
+        for reason, is_rejected in (
+            (UNCERTAIN, ~(uncertainty < math.log(MAX_UNCERTAINTY_FACTOR))),
+            (TOO_DEEP, fits.depth[curves] > max_depth),
+            (NOISY, fits.max_force[curves] < MIN_SIGNAL_TO_NOISE * fits.rms[curves]),
+            (FEW_IN_CONTACT, in_contact < MIN_CONTACT_POINTS),
+            (NO_FIT, ~np.isfinite(fits.theta[curves])),
+        ):
+            fits.reason[curves[is_rejected]] = reason
+
+
+@dataclass(frozen=True)
+class WeightedFit:
+    """Fits of a batch of curves with the noise of a map.
+
+    Attributes
+    ----------
+    p
+        Parameters (b, 4): theta, c, b0, b1.
+    sd
+        Standard deviations of theta and c (b, 2).
+    rows
+        Derivatives and residuals (b, 5, n), see `CurveModel.linearize`.
+    solver
+        D (b, n), with which theta changes by D r for residuals r.
+    variance
+        Variance of the noise (b,).
+    """
+
+    p: np.ndarray
+    sd: np.ndarray
+    rows: np.ndarray
+    solver: np.ndarray
+    variance: np.ndarray
+
+    def select(self, curves: np.ndarray) -> WeightedFit:
+        """Return the fits of some curves."""
+        return WeightedFit(
+            self.p[curves],
+            self.sd[curves],
+            self.rows[curves],
+            self.solver[curves],
+            self.variance[curves],
+        )
+
+
+def _fit_weighted(model: CurveModel, p: np.ndarray, noise: PooledNoise) -> WeightedFit:
+    """Fit curves with the weights of the noise, and compute the covariance for its true form."""
+    n = model.samples.x.shape[-1]
+    metric = noise.metric(n)
+    p, _ = minimize_squares(model, p, metric, tolerance=MAP_TOLERANCE)
+    rows = model.linearize(p)
+    J = rows[:, :-1]
+    norms = np.sqrt((J * J).sum(axis=-1))
+    norms = np.where(norms > 0, norms, 1.0)
+    scaled = np.concatenate([J / norms[..., None], rows[:, -1:]], axis=1)
+    solution = solve_normal_equations(metric.gram(scaled))
+    variance = solution.residual_squares / max(n - p.shape[-1], 1)
+    solvers = solution.covariance[:, :2] @ metric.apply(scaled[:, :-1]) / norms[:, :2, None]
+    sd = np.sqrt(noise.variances(solvers) * variance[:, None])
+    return WeightedFit(p, sd, rows, solvers[:, 0], variance)
+
+
+def _shape_probability(model: CurveModel, fit: WeightedFit, noise: PooledNoise) -> np.ndarray:
+    """Return the probabilities (b,) of an F test of eight cosines over the contact."""
+    samples = model.samples
+    n = samples.x.shape[-1]
+    c = fit.p[:, 1, None]
+    cosines = trend_cosines(samples.x, c, samples.x.max(axis=-1, keepdims=True) - c)
+    J = fit.rows[:, :-1]
+    columns = np.concatenate([J, cosines], axis=1)
+    norms = np.sqrt((columns * columns).sum(axis=-1, keepdims=True))
+    scaled = np.concatenate([columns / np.where(norms > 0, norms, 1.0), fit.rows[:, -1:]], axis=1)
+    gram = noise.metric(n).gram(scaled)
+    p = J.shape[1]
+    m = cosines.shape[1]
+    without, with_cosines = (
+        solve_normal_equations(gram, count).residual_squares for count in (p, p + m)
+    )
+    degrees_of_freedom = n - p - m
+    explained = np.maximum(without - with_cosines, 0.0) / m
+    residual = np.maximum(with_cosines, 1e-300) / degrees_of_freedom
+    probability: np.ndarray = fdtrc(m, degrees_of_freedom, explained / residual)
+    return probability
+
+
+@dataclass(frozen=True)
+class PartFits:
+    """Fits to a part of the depth: theta (b,) and z scores (b,), NaN where it is too short."""
+
+    theta: np.ndarray
+    z: np.ndarray
+
+
+def _fit_part(
+    model: CurveModel, fit: WeightedFit, noise: PooledNoise, depth_fraction: float
+) -> PartFits:
+    """Fit the samples up to a fraction of the depth.
+
+    The difference of two fits is linear in the noise; its variance is that of D_part - D, with
+    zeros outside the part.
+    """
+    x = model.samples.x
+    b, n = x.shape
+    c = fit.p[:, 1, None]
+    is_inside = x - c <= depth_fraction * (x.max(axis=-1, keepdims=True) - c)
+    ends = n - np.argmax(is_inside[:, ::-1], axis=-1)
+    in_contact = np.count_nonzero(is_inside & (x > c), axis=-1)
+    lengths = LENGTH_STEP * (ends // LENGTH_STEP)
+    theta = np.full(b, math.nan)
+    z = np.full(b, math.nan)
+    for length in np.unique(lengths[(in_contact >= MIN_CONTACT_POINTS) & (lengths > 0)]):
+        rows = np.flatnonzero((lengths == length) & (in_contact >= MIN_CONTACT_POINTS))
+        columns = ends[rows, None] - length + np.arange(length)
+        part_samples = Samples(
+            x[rows[:, None], columns], model.samples.force[rows[:, None], columns]
+        )
+        part_model = replace(model.select(rows), samples=part_samples)
+        initial = _with_relative_baseline(
+            part_model, _with_absolute_baseline(model.select(rows), fit.p[rows])
+        )
+        part = _fit_weighted(part_model, initial, noise)
+        difference = -fit.solver[rows]
+        np.put_along_axis(
+            difference,
+            columns,
+            np.take_along_axis(difference, columns, axis=1) + part.solver,
+            axis=1,
+        )
+        sd = np.sqrt(noise.variances(difference) * fit.variance[rows])
+        sd = np.maximum(sd, MIN_DEVIATION_RATIO * part.sd[:, 0])
+        theta[rows] = part.p[:, 0]
+        z[rows] = (part.p[:, 0] - fit.p[rows, 0]) / np.maximum(sd, 1e-300)
+    return PartFits(theta, z)
+
+
+def reasons_without_signal(samples: Samples) -> np.ndarray:
+    """Return the reasons (b,) for which curves are rejected before a fit."""
+    x = samples.x
+    force = samples.force
+    n = x.shape[-1]
+    reasons = np.zeros(len(x), dtype=int)
+    if n < MIN_POINTS:
+        return np.full(len(x), FEW_POINTS)
+    is_complete = (np.isfinite(x) & np.isfinite(force)).all(axis=-1)
+    x = np.where(is_complete[:, None], x, 0.0)
+    force = np.where(is_complete[:, None], force, 0.0)
+    span = np.ptp(force, axis=-1)
+    is_largest = force >= force.max(axis=-1, keepdims=True) - 1e-12 * span[:, None]
+    noise = 1.48 * np.median(np.abs(np.diff(force, axis=-1)), axis=-1) / math.sqrt(2.0)
+    means = Samples(x, force).block_means(SIGNAL_BLOCKS).force
+    rise = np.ptp(means, axis=-1)
+    required_rise = 3.0 * noise + 6.0 * noise / math.sqrt(n / SIGNAL_BLOCKS)
+    for reason, is_rejected in (
+        (NOISY, rise < required_rise),
+        (SATURATED, is_largest.sum(axis=-1) > max(SATURATED_FRACTION * n, MAX_SATURATED)),
+        (CONSTANT_FORCE, ~(span > 0)),
+        (CONSTANT_DEPTH, ~(np.ptp(x, axis=-1) > 0)),
+        (INCOMPLETE, ~is_complete),
+    ):
+        reasons[is_rejected] = reason
+    return reasons
+
+
+def initial_parameters(model: CurveModel) -> np.ndarray:
+    """Return initial guesses (b, 4) of theta, c, b0 and b1; NaN where the force does not rise."""
+    pilot_samples = 100
+    trial_count = 40
+    forward_model = model.forward_model
+    pilot = model.samples.block_means(pilot_samples)
+    if model.origin.contact_point is None:
+        contact_points = np.percentile(pilot.x, np.linspace(2.0, 97.0, trial_count), axis=-1).T
+    else:
+        contact_points = np.full((len(pilot.x), 1), model.origin.contact_point)
+    far_count = max(3, pilot.x.shape[-1] // 10)
+    far = np.argsort(pilot.x, axis=-1, kind="stable")[:, :far_count]
+    level = np.median(np.take_along_axis(pilot.force, far, axis=-1), axis=-1, keepdims=True)
+    depth = pilot.x - forward_model.experiment.compliance * (pilot.force - level)
+    f = forward_model.unit_forces(depth[:, None] - contact_points[..., None])
+    fits = fit_trials(pilot.x, pilot.force, f, model.origin.has_slope, has_scale=True)
+    best = np.argmin(fits.squares, axis=-1)[:, None]
+    amplitude, b0, b1, c = (
+        np.take_along_axis(values, best, axis=-1)[:, 0]
+        for values in (fits.amplitude, fits.level, fits.slope, contact_points)
+    )
+    is_valid = np.isfinite(np.take_along_axis(fits.squares, best, axis=-1)[:, 0])
+    theta = forward_model.initial_coordinates[0] + np.log(np.where(is_valid, amplitude, 1.0))
+    parameters = np.stack([theta, c, b0, b1], axis=-1)
+    return np.where(is_valid[:, None], parameters, math.nan)
+
+
+def _with_absolute_baseline(model: CurveModel, p: np.ndarray) -> np.ndarray:
+    """Return theta, c, baseline at c and slope [force/length] (b, 4) of parameters (b, 4)."""
+    x = model.samples.x
+    slope = p[:, 3] / np.maximum(np.ptp(x, axis=-1), 1e-300)
+    level = p[:, 2] + slope * (p[:, 1] - x.mean(axis=-1))
+    return np.stack([p[:, 0], p[:, 1], level, slope], axis=-1)
+
+
+def _with_relative_baseline(model: CurveModel, absolute: np.ndarray) -> np.ndarray:
+    """Return the parameters (b, 4) of a model; the inverse of `_with_absolute_baseline`."""
+    x = model.samples.x
+    theta, c, level, slope = absolute.T
+    b0 = level + slope * (x.mean(axis=-1) - c)
+    return np.stack([theta, c, b0, slope * np.ptp(x, axis=-1)], axis=-1)
