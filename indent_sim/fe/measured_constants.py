@@ -87,5 +87,6 @@ MEMBRANE_STIFFNESS = 1e-3
 # preconditioner of the multiplier; 6 and 30 take more iterations. Checked:
 # tests/physics/test_iterative.py.
 SURFACE_STIFFNESS = 10.0
-# Right-hand sides that are solved at once [-]; MUMPS's default of 32 takes a seventh longer.
+# Right-hand sides that are solved at once [-]. MUMPS's default of 32 took a seventh longer. No test
+# repeats this: on a busy machine times scatter by more.
 BLOCK_SIZE = 128
