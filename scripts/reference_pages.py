@@ -63,9 +63,9 @@ def config_page() -> str:
     parts = [
         "# The scene file\n\nGenerated from the schema by `scripts/reference_pages.py`.\n",
         "A scene is a file in YAML 1.2, in any consistent system of units. z is up, the\n"
-        "undeformed surface is z = 0. If the scene has a section `units`, a number may have a unit\n"
-        "of its own, `2.5 um`, `1 kPa`, `3 nN`, `70 deg`, and is converted to those of the section;\n"
-        "times are converted to seconds. Unknown and repeated keys are errors.\n",
+        "undeformed surface is z = 0. If the scene has a section `units`, a number may have a\n"
+        "unit of its own, `2.5 um`, `1 kPa`, `3 nN`, `70 deg`, and is converted to those of the\n"
+        "section; times are converted to seconds. Unknown and repeated keys are errors.\n",
         "In a section with alternatives one key chooses the alternative: `shape`, `model` or\n"
         "`method`. The keys of all alternatives are in one table below them; its column `of`\n"
         "says which alternatives have a key. Sections inside sections follow at the end.\n",

@@ -393,8 +393,8 @@ fit.reason: reason why a curve has no parameters
 explained: true if the curve is consistent with the scene: random residuals, equal parameters from
   shallower depth ranges, no excess noise in contact, no significantly better alternative model
 cause: likely reason if the scene does not explain the curve: thickness, adhesion, relaxation, tip
-  (a model with this part is better), shape (trend of the residuals), window (dependence on the depth
-  range), baseline (noise)
+  (a model with this part is better), shape (trend of the residuals), window (dependence on the
+  depth range), baseline (noise)
 contact_point [length]: position of first contact, in the depths or positions of the file
 contact_point_low [length]: lower end of the 95 % interval of the contact point
 contact_point_high [length]: upper end of the 95 % interval of the contact point
