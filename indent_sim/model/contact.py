@@ -232,9 +232,9 @@ class AugmentedLagrangian(_NormalStiffness):
 
 @dataclass(frozen=True)
 class Uzawa(_NormalStiffness):
-    """Uzawa iteration: Newton's method with a frozen multiplier, then lam <- <lam - epsilon_n g>.
+    """Uzawa iteration: Newton's method with a fixed multiplier, then lam <- <lam - epsilon_n g>.
 
-    The iteration ends when lam does not change any more.
+    These two steps are repeated until lam does not change any more.
     """
 
     method: Literal["uzawa"] = "uzawa"

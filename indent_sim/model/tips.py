@@ -154,7 +154,7 @@ class Paraboloid(_Tip):
 
 @dataclass(frozen=True)
 class Sphere(_Tip):
-    """Sphere f = r^2 / (R + sqrt(R^2 - r^2)) for r < R; no contact beyond.
+    """Sphere f = r^2 / (R + sqrt(R^2 - r^2)) for r < R; no contact beyond r = R.
 
     With `gap: current` the gap is the distance from the whole sphere, including its upper half,
     except within 30 degrees of the axis, where the tip is held by a stem.
@@ -302,7 +302,7 @@ class Hyperboloid(_Tip):
 
 @dataclass(frozen=True)
 class FlatPunch(_Tip):
-    """Flat punch f = 0 for r <= radius; no contact beyond.
+    """Flat punch f = 0 for r <= radius; no contact at larger r.
 
     With edge_radius > 0 the edge is a quarter circle; with edge_radius = radius the punch is a rod
     with a hemispherical end.
@@ -359,7 +359,7 @@ class FlatPunch(_Tip):
 
 @dataclass(frozen=True)
 class Plate(_Tip):
-    """Rigid plane, f = 0 everywhere, which compresses a body with a flat top uniformly."""
+    """Rigid plane, f = 0 everywhere, which compresses a body over its whole flat top."""
 
     shape: Literal["plate"] = "plate"
 
