@@ -79,9 +79,9 @@ def _applicable_rules(is_pressed: bool, is_time_dependent: bool, may_snap_throug
     Parameters
     ----------
     is_pressed
-        True if the depth exceeds the depth of first touch.
+        True if the scene has a mesh and the depth exceeds that of first contact.
     is_time_dependent
-        True if the body depends on time.
+        True if the force depends on time.
     may_snap_through
         True if the tip may snap in or off.
     """
@@ -128,7 +128,7 @@ def _check_contact_found(scene: Scene, state: State, earlier: PreviousRows) -> s
         return None
     missing_text = "no force" if state.force <= 0 else "no contact radius"
     mesh = f"the mesh (h_contact = {scene.sizes.h_contact * scene.physics.scales.length:.3g})"
-    cause = "the tip went through the surface, or the contact lies between two points of"
+    cause = "the tip went through the surface, or the contact lies between two nodes of"
     return f"the depth is {state.delta:.6g}, but there is {missing_text}: {cause} {mesh}"
 
 
@@ -138,7 +138,10 @@ def _check_contact_radius(scene: Scene, state: State, earlier: PreviousRows) -> 
     L = scene.physics.scales.length
     if state.a <= (end + 2 * scene.sizes.h_contact) * L:
         return None
-    return f"the contact radius {state.a:.6g} is beyond the tip, which ends at {end * L:.6g}"
+    return (
+        f"the contact radius {state.a:.6g} exceeds the radius {end * L:.6g} at which the surface "
+        "of the tip ends"
+    )
 
 
 def _check_side_contact(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
@@ -147,8 +150,8 @@ def _check_side_contact(scene: Scene, state: State, earlier: PreviousRows) -> st
     if state.delta <= end * (1 + DEPTH_TOLERANCE):
         return None
     return (
-        f"from the depth {end:.6g} on the tip is in contact with the top of a fixed side, where "
-        "the force is unbounded"
+        f"from the depth {end:.6g} on the tip touches the upper edge of a fixed side, where the "
+        "force is unbounded"
     )
 
 
@@ -201,8 +204,8 @@ def _check_outside_penetration(scene: Scene, state: State, earlier: PreviousRows
             f"a side of the body folds against the tip from a depth between {previous_depth:.6g} "
             f"and {state.delta:.6g} on"
         )
-    where = "inside the surface outside the contact surface, where no contact is modelled"
-    return f"the tip is {state.intrusion:.3g} {where}: {cause}"
+    where = "outside the contact surface, where no contact is modelled"
+    return f"the tip penetrates the body by {state.intrusion:.3g} {where}: {cause}"
 
 
 def _check_energy(scene: Scene, state: State, earlier: PreviousRows) -> str | None:

@@ -104,7 +104,7 @@ class _MeshedScene:
         )
         states = list(pipeline.states(scene, with_surface=False, mesher=mesher))
         if not all(state.converged for state in states):
-            raise NotConverged(f"a scene with a changed key: {states[-1].reason}")
+            raise NotConverged(f"the scene with a changed key was not solved: {states[-1].reason}")
         return np.array([state.force for state in states])
 
 

@@ -370,7 +370,7 @@ def recommendations(table: Sequence[Row], keys: Sequence[str]) -> list[str]:
         return []
     lines = []
     for target in (0.05, 0.01, 0.001):
-        choice = "none of these"
+        choice = "none of these runs"
         row = recommended_run(table, keys, target)
         if row:
             settings = ", ".join(

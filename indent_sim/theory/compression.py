@@ -209,8 +209,8 @@ class Compression:
         Raises
         ------
         ValueError
-            If a depth is not below the height, if the bar has no equilibrium there, or if the top
-            bulges past the edge of the tip.
+            If a depth is not less than the height, if the bar has no equilibrium there, or if the
+            top bulges past the edge of the tip.
         """
         return [
             self._solution_at_depth(delta) if delta > 0 else no_contact(delta) for delta in deltas
@@ -243,7 +243,7 @@ class Compression:
         strain = delta / self.height
         if not strain < 1:
             raise ValueError(
-                f"the depth {delta:g} is not below the height {self.height:g} of the body"
+                f"the depth {delta:g} is not less than the height {self.height:g} of the body"
             )
         area_ratio = self.bar.area_ratio(strain)
         if area_ratio > self.max_area_ratio:

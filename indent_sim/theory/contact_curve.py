@@ -505,7 +505,10 @@ class ChebyshevContactCurve:
         if not np.all(
             np.abs(self._load_values(a)[column] - requested) <= 1e-11 * np.abs(requested)
         ):
-            raise ArithmeticError("the simultaneous search for the contact sizes did not converge")
+            raise ArithmeticError(
+                "the secant method for the contact sizes at all requested depths or forces did not "
+                "converge"
+            )
         return a
 
 

@@ -194,7 +194,8 @@ def deformed_section(results: Results, step: float, field: FieldQuantity) -> Sec
         values = field.values(fields)
     except KeyError as missing:
         raise UsageError(
-            f"{results.path} has no field {missing.args[0]}", f"it is of {field.available_for}"
+            f"{results.path} has no field {missing.args[0]}",
+            f"this field exists only for {field.available_for}",
         ) from None
     parts = [
         _region_part(fields, values, fields["region"] == region)

@@ -416,7 +416,8 @@ def _recommendation_text(
         text += f" The experiment section adds the effects of {_joined_names(computed)}."
     if unknown := [name for name in significant if name not in computed]:
         text += (
-            f" Effects that it neglects may exceed {100 * tolerance:g} %: {_joined_names(unknown)}."
+            " Effects that the model neglects may exceed "
+            f"{100 * tolerance:g} %: {_joined_names(unknown)}."
         )
     return text
 

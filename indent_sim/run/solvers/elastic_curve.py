@@ -76,7 +76,10 @@ def elastic_forces(prospect: PlannedRun, depths: np.ndarray) -> ElasticForces:
     states_found = _solve_depths(scene, depths)
     if len(states_found) < len(depths) or not states_found[-1].converged:
         raise NotConverged(
-            next((state.reason for state in states_found if not state.converged), "the path ended")
+            next(
+                (state.reason for state in states_found if not state.converged),
+                "the load path ended early",
+            )
         )
     curve = theory.solutions_at_depths(scaled_depths) if theory else None
     theory_forces = (
