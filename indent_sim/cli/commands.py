@@ -333,8 +333,8 @@ def _print_curve_requirements(
     metavar="SCENE",
     type=PATH,
     help=(
-        "Before a measurement: intervals of the keys that a curve of this scene would give; needs "
-        "--noise."
+        "Before a measurement: print the intervals of the keys that a curve of this scene would "
+        "give; needs --noise."
     ),
 )
 @click.option(
@@ -408,8 +408,9 @@ def fit(
     Curves are text tables of any kind, or AFM files.
 
     Contact point and baseline are always fitted, too. A second call with the same folder continues
-    with the curves that have no result. With --design, before a measurement: the intervals that a
-    curve of the scene would give, and the changes of the experiment that would narrow them.
+    with the curves that have no result. With --design, before a measurement, it prints the
+    intervals that a curve of the scene would give, and the changes of the experiment that would
+    narrow them.
     """
     _refuse_parallel_run()
     require_resources()

@@ -160,7 +160,8 @@ class ChildProcess:
         if code < 0:
             ending = f"was ended by the signal {signal.Signals(-code).name}"
         length = self._output.seek(0, os.SEEK_END)
-        # The last error message is searched in so many bytes at the end of the printed output.
+        # Number of bytes at the end of the printed output in which the last error message is
+        # searched.
         max_bytes = 4096
         self._output.seek(max(0, length - max_bytes))
         lines = self._output.read().decode("utf-8", "replace").splitlines()

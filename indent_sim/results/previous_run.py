@@ -215,7 +215,7 @@ def _read_rows(
     path: Path, unknown: Sequence[str]
 ) -> tuple[tuple[State, ...], tuple[str, ...], int]:
     """Read the complete rows of a force table; return states, columns and their length [bytes]."""
-    lines = read_regular_file(path).split(b"\n")[:-1]  # A line without a newline was torn.
+    lines = read_regular_file(path).split(b"\n")[:-1]  # A line without a newline is incomplete.
     if not lines:
         return (), STATE_COLUMNS, 0
     names = tuple(lines[0].decode().split(","))

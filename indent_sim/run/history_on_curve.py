@@ -496,7 +496,7 @@ class _HistoryEvaluation:
             "force_control": _contact_entry(by_force),
             "depth_control": _contact_entry(by_depth),
         }
-        # The depth of the least force has an error if it comes from a mesh.
+        # The depth of the largest tensile force has an error if it comes from a mesh.
         if isinstance(self.punches, FittedPunches):
             depth_differences = (
                 abs(Jkr(neighbour, jkr.work).pull_off(inf).delta - by_force.delta)
@@ -522,7 +522,10 @@ class _HistoryEvaluation:
         return report
 
     def _attraction_range_report(self, work: float) -> dict[str, float]:
-        """Return the Tabor and Maugis parameters, and the Maugis pull-off force on a half-space."""
+        """Return the Tabor and Maugis parameters, and the Maugis pull-off force on a half-space.
+
+        Empty if the adhesion has no range.
+        """
         attraction = self.experiment.adhesion
         physics = self.scene.physics
         if attraction is None or attraction.range is None:

@@ -205,7 +205,7 @@ def _case_row(
     row |= {
         "newton_iterations": int(results["newton_iterations"].sum()) if len(results) else None
     } | _cost_cells(report)
-    # A failed run stopped at a smaller depth: its numbers do not answer the question.
+    # A failed run ended at a smaller depth: its last row is not that of the scene.
     if row["status"] != "done":
         return row
     numbers = ("force", "a", "p_max", "penetration")

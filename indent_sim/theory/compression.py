@@ -25,7 +25,7 @@ from indent_sim.theory.solution import Solution, no_contact
 
 # Step of finite differences in logarithmic strain. The five-point formula has a truncation error of
 # DIFFERENCE_STEP^4/30 times the fifth derivative, 3e-14 of a modulus, and a rounding error of
-# 1e-16/DIFFERENCE_STEP of one: stresses have ten digits at strains above 1e-3.
+# 1e-16/DIFFERENCE_STEP of a modulus: stresses have ten digits at strains above 1e-3.
 DIFFERENCE_STEP = 1e-3
 # Strain energy psi(l1, l2, l3) [F/L^2] of the principal stretches, the last one along z.
 Energy = Callable[[float, float, float], float]

@@ -96,7 +96,7 @@ class ContactCurve(ABC):
         """Return the load curve of a tip on a stack, infinitely wide or between frictionless walls.
 
         `wall` is the distance [L] of the walls from the axis. Raises ValueError for walls around a
-        half-space, where the depth would be infinite.
+        half-space, which would have an infinite indentation depth.
         """
         return cls(
             tip, stack.scaled_by_top(), stack.E_star, stack.h, stack.scaled_wall_distance(wall)

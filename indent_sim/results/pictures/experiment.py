@@ -55,7 +55,7 @@ def draw(folder: Path, path: Path | None = None) -> None:
         panel_axes: dict[str, Axes] = figure.subplot_mosaic([panels])
         report = read_report(folder)
         method = (report.get("experiment") or {}).get("by") or (report.get("time") or {}).get(
-            "method", "?"
+            "method"
         )
         effects = [
             name
@@ -80,7 +80,7 @@ def draw(folder: Path, path: Path | None = None) -> None:
         draw_title(
             figure,
             results.report.get("title") or folder.name,
-            "  \N{MIDDLE DOT}  ".join([f"by {method}", *effects]),
+            "  \N{MIDDLE DOT}  ".join([*([f"by {method}"] if method else []), *effects]),
         )
         save(figure, path or folder / EXPERIMENT_PICTURE)
 

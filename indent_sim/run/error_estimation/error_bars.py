@@ -266,7 +266,7 @@ class ErrorBars:
         """Return |F_q - F| of a time-dependent row at the same depth.
 
         A difference of the depths is corrected with the slope of the load curve. The errors due to
-        unresolved drainage films are estimated separately and subtracted from both forces.
+        drainage films are estimated separately, and both forces are corrected for them.
         """
         difference = (
             coarse_state.force

@@ -19,7 +19,7 @@ from indent_sim.scene.resolution import MAX_ELEMENTS, MeshResolution, target_err
 from indent_sim.scene.scene import Scene
 
 MAX_LEVELS = 6
-# Rows with less than this fraction of the largest force are not held to the accuracy.
+# The accuracy is not required of rows whose force is at most this fraction of the largest force.
 MIN_FORCE_FRACTION = 1e-6
 # Bounds of the ratio by which the next mesh is finer.
 MIN_REFINEMENT = 1.3

@@ -54,7 +54,7 @@ from indent_sim.scene.prescribed_history import remaining_modulus_fraction
 
 # Friction coefficients that are tried if a scene has no friction.
 SAMPLE_FRICTIONS: tuple[Friction, ...] = (0.1, 0.3, "stick")
-# Poisson's ratio of that substrate.
+# Poisson's ratio of the substrate that is assumed below a layer without one.
 SUBSTRATE_NU = 0.3
 
 
@@ -158,7 +158,7 @@ def _inclusion_source(v: SceneVariants) -> str:
 
 
 def _finite_strain_tip(v: SceneVariants) -> Indenter:
-    """Return the tip; a sharp flat punch gets a rounded edge."""
+    """Return the tip; a flat punch with a sharper edge gets the edge radius EDGE_ROUNDING R."""
     tip = v.tip
     if isinstance(tip, FlatPunch) and tip.edge_radius < EDGE_ROUNDING * tip.radius:
         return v.rounded_tip(EDGE_ROUNDING * tip.radius)

@@ -1,4 +1,4 @@
-"""Effects of drainage and of relaxation in shear on the force, and their elastic limiting cases.
+"""Effects of drainage and shear relaxation on the force, relative to the elastic limiting cases.
 
 The scene is solved along its history. Its elastic limiting cases are solved at the depth of the
 row with the largest force. All solutions use the same mesh and no friction. The limits of the
@@ -160,7 +160,7 @@ class TransientVariants(SceneVariants):
     def relaxation_range(self) -> tuple[float, float, float]:
         """Return bounds and value of the change of the force relative to the unrelaxed body.
 
-        If the body also drains, the drained body is compared.
+        If the body also drains, all three forces are those of the drained body.
         """
         drained = ("drained",) if self.physics.permeable_regions else ()
         return _range_of_limits(

@@ -161,7 +161,7 @@ def flat_punches(
         widest = contact_radius(punches, adhering_depth * deepest / scales.depth)
     except SOLUTION_ERRORS:
         widest = 0.999 * punches.max_radius
-    # number of flat punches.
+    # Number of flat punches.
     punch_count = 40
     radii = np.geomspace(max(min_ratio * widest, punches.min_radius), widest, punch_count)
     rows = [punches.punch_of_radius(float(a)) for a in radii]
