@@ -102,8 +102,8 @@ def oscillating_pressure_warnings(scene: Scene, states: Sequence[State]) -> list
         min_roughness = min(state.roughness for state in oscillating)
         rows = f"{rows}, by {100 * min_roughness:.2g} to {size_text}, most in step {worst.step}"
     return [
-        f"{rows}; p_max and `pressure` of the surface have this uncertainty, the force far "
-        f"less; {_smoothing_advice(scene)}"
+        f"{rows}; p_max and `pressure` of the surface have this uncertainty, the force a far "
+        f"smaller one; {_smoothing_advice(scene)}"
     ]
 
 

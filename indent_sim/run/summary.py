@@ -47,9 +47,9 @@ def summary(
     krylov = [state.krylov_iterations for state in states if state.krylov_iterations is not None]
     expected = scene.plan.adhesion
     # Theory and Hertz fit describe elastic equilibria only.
-    is_in_time = scene.history_on_curve is not None or scene.physics.is_time_dependent
+    is_time_dependent = scene.history_on_curve is not None or scene.physics.is_time_dependent
     # Energy is dissipated in snap-in and pull-off, relaxation and drainage.
-    balance = None if expected or is_in_time else energy_balance(states)
+    balance = None if expected or is_time_dependent else energy_balance(states)
     audit = {"force_against_reaction": worst_audit, "energy_by_trapezoid": balance}
     audit["newton_iterations"] = sum(state.newton_iterations for state in states)
     if krylov:
@@ -57,7 +57,7 @@ def summary(
     audit["substeps"] = sum(state.substeps for state in states)
     entries = {
         "theory": None
-        if is_in_time
+        if is_time_dependent
         else optional_output(
             "theory", lambda: theory_comparison(scene, states, optional_output), None
         )
@@ -67,7 +67,9 @@ def summary(
             "adhesion", lambda: adhesion_entry(expected, states, pull_off), {}
         )
     fitted = (
-        None if is_in_time else optional_output("Hertz fit", lambda: hertz_fit(scene, states), None)
+        None
+        if is_time_dependent
+        else optional_output("Hertz fit", lambda: hertz_fit(scene, states), None)
     )
     entries |= {"hertz": fitted, "audit": audit}
     if states and states[-1].reactions is not None:
