@@ -46,7 +46,7 @@ LEAST_ROUNDING = 0.2
 # (docs/decisions/0053). Repeated by `python tests/rubber_with_friction.py`.
 MAX_ROUGHNESS = 0.03
 # Rows are reported whose stick radius or dissipation may be wrong by more than this fraction [-]
-# because of a long step. Measured with 1, 2, 5, 10 and 40 even steps under a paraboloid (thick
+# because of a long step. Measured with 1, 2, 5, 10 and 40 equal steps under a paraboloid (thick
 # layer, nu 0). Friction 0.3: the stick radius is 0.24, 0.45, 0.50, 0.52 and 0.54 of the contact
 # radius, and the total dissipation 2.4, 1.5, 1.07, 1.01 times that of 40 steps. Friction 0.6: 0.82,
 # 0.82, 0.85, 0.87 and 0.90, and 0.97, 0.60, 0.64, 0.89 times. The last step adds 1, 0.29, 0.11 and

@@ -149,7 +149,7 @@ def test_a_design_says_what_a_measurement_would_tell(command, tmp_path):
     "words, code, said",
     [
         (("--design", "scene.yaml"), 2, "needs --noise"),
-        (("--noise", "0.01"), 2, "belong to --design"),
+        (("--noise", "0.01"), 2, "require --design"),
         ((), 2, "needs CURVE_OR_FOLDER"),
         (("--design", "scene.yaml", "--noise", "0"), 2, "is not in the range"),
         (("curves", "--design", "scene.yaml", "--noise", "0.01"), 2, "takes no curves"),
@@ -203,7 +203,7 @@ def test_what_a_scene_requires_for_a_curve(command, tmp_path):
     [
         (("--curve", "short.csv"), 5, "short.csv: 2 points"),
         (("--curve", "nothing.csv"), 2, "cannot read nothing.csv"),
-        (("--columns", "a,b"), 2, "belong to --curve"),
+        (("--columns", "a,b"), 2, "require --curve"),
         (("--curve", "short.csv", "--columns", "x,y"), 3, "no column 'x'"),
         (("--curve", "short.csv", "--set", "material.E=-1"), 3, "material.E"),
     ],

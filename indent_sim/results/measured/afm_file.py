@@ -64,7 +64,7 @@ def read_afm_file(path: Path, stiffness: float | None = None) -> list[MeasuredCu
     except (*broken, Exception) as error:
         if path.suffix.lower() in TEXT_SUFFIXES:
             return None
-        raise NoCurve(f"unknown to afmformats ({_error_text(error)})", str(path)) from None
+        raise NoCurve(f"afmformats cannot read it ({_error_text(error)})", str(path)) from None
     try:
         return [
             _measured_curve(path, data, k)

@@ -37,8 +37,8 @@ def curve_files(path: Path) -> list[Path]:
     ]
     if not files:
         raise UsageError(
-            f"{path} contains no file of a curve",
-            f"files of curves end in {', '.join(text_suffixes)}, or are AFM files",
+            f"the folder {path} contains no curve file",
+            f"names of curve files end in {', '.join(text_suffixes)} or are those of AFM files",
             str(path),
         )
     return files
