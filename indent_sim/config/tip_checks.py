@@ -20,11 +20,15 @@ def contact_errors(config: SceneSections) -> Iterator[ConfigError]:
     adhesion = config.contact.adhesion
     if config.contact.epsilon_t != "auto" and config.contact.is_conservative:
         yield ConfigError(
-            "contact.epsilon_t", "there is no friction", "leave it out, or give contact.friction"
+            "contact.epsilon_t",
+            "applies only with friction, but the scene has none",
+            "leave it out, or give contact.friction",
         )
     if adhesion and not config.contact.is_conservative:
         yield ConfigError(
-            "contact.adhesion", "is not verified together with friction", "leave one of the two out"
+            "contact.adhesion",
+            "is not verified together with friction",
+            "leave contact.adhesion or contact.friction out",
         )
     if adhesion and adhesion.range == 0:
         problem = "is 0, a limit that no mesh can resolve"

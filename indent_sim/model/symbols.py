@@ -190,7 +190,7 @@ drainage.sides: walls; auto: drained where they are free
 bath [time, pressure] $p_b$: pressure of the fluid around the body, or points [t, value]; 0 in the
   undeformed body; for a gel the solvent's chemical potential over kT, 0 for the pure solvent
 bath_ramp [time]: time in which a sudden change of the bath is imposed at a constant rate; auto:
-  1/75 of the diffusion time of the contact, 0 at small strain
+  1/75 of the diffusion time of the contact, or of the height if that is shorter; 0 at small strain
 conductance [length/(pressure time)] $X$: fluid flux out of the body divided by the pore pressure
   relative to the bath
 pore_pressure [pressure] $p$: pressure of the fluid in the pores, relative to the bath
@@ -362,7 +362,7 @@ cpu_s [s]: CPU seconds of the run without loading libraries
 stated_error [1]: relative error of the force that the run itself warns of or estimates
 warnings: warnings of the run
 verdict: right, flagged, refused, wrong or reference; only with a tolerance
-memory_MB [MB]: memory that the run needed in addition to the memory of its process before
+memory_MB [MB]: memory that the run needed in addition to that of its process before the run
 peak_memory_MB [MB]: largest memory of the process during the run plus that of the meshing process
 
 ## Scoreboard of a study, one row a published value
@@ -384,8 +384,8 @@ wrong: value that deviates by more than its stated error: nobody, published, our
 ## Table of a fit, one row a curve
 curve: name of the measured curve: name of the file, with a number if it has several curves
 fit.reason: reason why a curve has no parameters
-explained: whether the scene explains the curve: residuals, windows, baseline and other models do
-  not contradict it
+explained: true if the curve is consistent with the scene: random residuals, equal parameters from
+  shallower depth ranges, no excess noise in contact, no significantly better alternative model
 cause: likely reason if the scene does not explain the curve: thickness, adhesion, relaxation, tip
   (another model is better), shape, window, baseline
 contact_point [length]: position of first contact, in the depths or positions of the file

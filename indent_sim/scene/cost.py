@@ -23,7 +23,8 @@ from indent_sim.scene.measured_constants import (
 )
 from indent_sim.scene.mesh_counts import candidate_count, mesh_counts
 
-# Most candidate nodes of a condensed body; with more its dense matrices have gigabytes.
+# Largest number of candidate nodes of a condensed body; with more, its dense matrices need
+# gigabytes.
 MAX_CANDIDATES = 5000
 # Memory of the dense matrices of a condensed body per pair of candidates [bytes]: eight matrices.
 DENSE_BYTES = 64.0

@@ -29,10 +29,10 @@ COLUMN_GRADING_ERROR = 0.02
 # within ERROR_CONSTANT n^-ORDER_OF_CONVERGENCE: with 3.0 the first mesh missed its target, and the
 # second one took longer than the first one with 1.2. Checked: tests/physics/test_cost.py.
 EDGE_SIZE_FACTOR = {2: 0.3, 3: 1.2}
-# Relative error of the force, at most, divided by the element size at a punch's sharp edge relative
-# to its radius [-]. It was 0.09 to 0.22 on 25 quarter cylinders, and 0.65 on sections of nearly
-# incompressible bodies: INCOMPRESSIBLE_EDGE_FACTOR times as much. Repeated, on the quarter
-# cylinders, by: scripts/make_error_bar_table.
+# Largest relative error of the force, divided by the ratio of the element size at a punch's sharp
+# edge to the radius of the punch [-]. It was 0.09 to 0.22 on 25 quarter cylinders, and 0.65 on
+# sections of nearly incompressible bodies: INCOMPRESSIBLE_EDGE_FACTOR times as much. Repeated, on
+# the quarter cylinders, by: scripts/make_error_bar_table.
 EDGE_ERROR = 0.25
 INCOMPRESSIBLE_EDGE_FACTOR = 2.6
 # The sensitivity of the force to a punch's radius next to a wall is this times (1 + radius/gap)
@@ -44,7 +44,7 @@ EDGE_REFINEMENT = 0.74
 # punches of 0.05 to 1 times their radius, with nu = 0 to 0.4999. Checked:
 # tests/physics/test_corners.py.
 CORNER_ERROR = 0.035
-# This constant where a body overhangs its base, without the factor of nu and for any support [-].
+# NOTCH_ERROR [-] replaces CORNER_ERROR (2 nu)^2 where a body overhangs its base, with any support.
 # Measured on caps with contact angles from 60 to 170 degrees and elements of 0.01 to 0.3 of the
 # base radius: the errors were 0.1 to 1.3 times this bound, and no more than noise up to 90 degrees.
 NOTCH_ERROR = 0.1
@@ -57,10 +57,10 @@ DECAY_RATE = 1.25
 # Elements [-] across a coating. tests/physics/test_skins.py measures the error of the
 # force.
 ELEMENTS_PER_COATING = 1.5
-# Relative change of the force by a missing part of an inclusion, at most [-], and the factor of the
-# elements in an inclusion with flat faces, of which no part is missing. The force was within 0.02
-# to 0.1 % without a requested accuracy, for moduli of 1e-3 to 1e3 times that of the body. Checked:
-# tests/physics/test_inclusions.py.
+# Largest relative change of the force by the part of an inclusion that flat facets omit [-], and
+# factor of the number of elements in an inclusion with flat faces, of which nothing is omitted. The
+# force was within 0.02 to 0.1 % without a requested accuracy, for moduli of 1e-3 to 1e3 times that
+# of the body. Checked: tests/physics/test_inclusions.py.
 MAX_INCLUSION_WEIGHT = 0.25
 FLAT_INCLUSION_FACTOR = 0.5
 # Elements [-] between an inclusion and the top of a cap or ball, which bends as a shell above a

@@ -199,7 +199,9 @@ def friction_sentence(physics: ProblemDefinition, correction: FrictionCorrection
     stick_text = ""
     if correction.sticks < 1.0:
         cause = f"friction {physics.contact.friction:g}"
-        stick_text = f", and the surface sticks within {correction.sticks:.2g} of its radius"
+        stick_text = (
+            f", and the surface sticks within {correction.sticks:.2g} of the contact radius"
+        )
     return (
         f"{cause} changes this force by {100 * (correction.force - 1):+.1f} %{stick_text} "
         "(half-space, exact)"

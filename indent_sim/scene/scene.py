@@ -523,10 +523,11 @@ def _memory_error(
     cost = cost_of(sizes, physics.domain, work)
     available_memory = machine_memory()
     # The remedy names the key that determined the element sizes.
-    key, name = ("accuracy", "accuracy") if fineness else ("mesh.h_contact", "h_contact")
+    key = "accuracy" if fineness else "mesh.h_contact"
+    name = key
     if cost_of(replace(sizes, inclusions=()), physics.domain, work).memory <= available_memory:
         key = "mesh.h_inclusions"
-        name = "h_inclusions, or inclusions"
+        name = "mesh.h_inclusions, larger inclusions"
     memory_text = (
         f"about {cost.dofs:.2g} unknowns need {cost.memory / 1e9:.3g} GB; this machine "
         f"has {available_memory / 1e9:.3g} GB"
@@ -538,9 +539,9 @@ def _memory_error(
         config, physics, sizes
     ):
         return ConfigError(
-            key, memory_text, f"solver.linear: iterative needs {iterative / 1e9:.3g} GB"
+            key, memory_text, f"use solver.linear: iterative, which needs {iterative / 1e9:.3g} GB"
         )
-    return ConfigError(key, memory_text, f"use a larger {name}, or symmetry")
+    return ConfigError(key, memory_text, f"use a larger {name}, or mesh.symmetry: auto")
 
 
 def _predict(

@@ -254,7 +254,7 @@ def test_what_relaxes_does_so_alike_everywhere() -> None:
 def test_times_are_those_of_the_history(times: list[float], words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         config_from_mapping(SCENE | {"loading": {"history": RAMP, "times": times}})
-    with pytest.raises(ConfigError, match="applies to a history"):
+    with pytest.raises(ConfigError, match="applies only to a history"):
         config_from_mapping(SCENE | {"loading": {"delta": 0.01, "times": [1.0]}})
 
 

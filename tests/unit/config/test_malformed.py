@@ -147,7 +147,7 @@ MALFORMED = [
         edited("mesh:\n  h_contact: 0.01\n  order: 2", "mesh: 3"),
         22,
         "mesh",
-        "a section of keys, got 3",
+        "a mapping of keys to values, got 3",
     ),
     # choices
     (
@@ -391,12 +391,17 @@ MALFORMED = [
         "must be > 0, got -1",
     ),
     (matter("model: fung\n  mu: 1.0\n  b: 0\n  nu: 0.3"), 11, "material.b", "must be > 0, got 0"),
-    (matter("model: fung\n  mu: 1.0\n  b: 1.0"), 8, "material", "needs exactly one of nu, kappa"),
+    (
+        matter("model: fung\n  mu: 1.0\n  b: 1.0"),
+        8,
+        "material",
+        "needs exactly one of nu and kappa",
+    ),
     (
         matter("model: fung\n  mu: 1.0\n  b: 1.0\n  nu: 0.3\n  kappa: 2.0"),
         8,
         "material",
-        "exactly one of nu, kappa",
+        "exactly one of nu and kappa",
     ),
     (
         tip("shape: cone\n  half_angle: 60\n  faces: 4"),

@@ -90,7 +90,11 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
     (CYLINDER | layers(0.4, None), "body.layers[1].thickness", "missing; give a number > 0"),
     (CYLINDER | {"layers": []}, "body.layers", "a list of 1 to 50 sections, got []"),
     (CYLINDER | {"layers": {"thickness": 1.0}}, "body.layers", "a list of 1 to 50 sections"),
-    (CYLINDER | {"layers": [1.0]}, "body.layers[0]", "must be a section of keys, got 1.0"),
+    (
+        CYLINDER | {"layers": [1.0]},
+        "body.layers[0]",
+        "must be a mapping of keys to values, got 1.0",
+    ),
     (
         CYLINDER | {"layers": [{"thickness": 1.0, "matter": "gel"}]},
         "body.layers[0].matter",

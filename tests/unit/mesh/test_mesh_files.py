@@ -474,7 +474,7 @@ MALFORMED: list[tuple[Callable[[dict[str, Any]], None], str, str]] = [
     ),
     (_shared, "body.surfaces.sides", "'wall' shares facets with another surface"),
     (_stepped, "body.surfaces.contact", "parts of 'top' lie above one another at"),
-    (_left, "body.kinematics", "points of the section have r = -0.5; the axis is r = 0"),
+    (_left, "body.kinematics", "points of the section have r = -0.5; move the section to r >= 0"),
     (_tilted, "body.kinematics", "the triangles do not lie in one plane z = const"),
     (
         _lines_alone,
@@ -526,8 +526,8 @@ def test_a_malformed_mesh_has_its_message(
             "indenter.shape",
             "is not a tip of revolution",
         ),
-        ("mesh.h_contact=0.1", "mesh.h_contact", "is for bodies that the program meshes"),
-        ("mesh.symmetry=full", "mesh.symmetry", "is for bodies that the program meshes"),
+        ("mesh.h_contact=0.1", "mesh.h_contact", "applies only to bodies that the program meshes"),
+        ("mesh.symmetry=full", "mesh.symmetry", "applies only to bodies that the program meshes"),
         ("body.hash=0123456789abcdef", "body.hash", "'part.msh' is not the mesh of this scene"),
         ("body.file=other.msh", "body.file", "cannot read the mesh 'other.msh': No such file"),
         (
@@ -747,7 +747,7 @@ def test_a_few_bytes_do_not_fill_the_memory(
     tmp_path: Path, kept: Callable[[h5py.File], None]
 ) -> None:
     with_numbers(tmp_path, kept)
-    with pytest.raises(MeshFileError, match="it may take 10 s and 500 MB"):
+    with pytest.raises(MeshFileError, match="reading may take 10 s and 500 MB"):
         scene(tmp_path, "part.xdmf")
 
 

@@ -60,7 +60,7 @@ def test_a_missing_range_names_the_smallest_on_this_mesh() -> None:
 def test_elements_beyond_one_and_a_half_cohesive_zones_are_refused() -> None:
     h = 1.4 * ZONE
     sticky(mesh={"h_contact": h})
-    with pytest.raises(ConfigError, match="do not resolve it") as refusal:
+    with pytest.raises(ConfigError, match="do not resolve") as refusal:
         sticky(mesh={"h_contact": 1.6 * ZONE})
     assert refusal.value.key == "contact.adhesion.range" and "mesh.h_contact" in (
         refusal.value.remedy or ""
