@@ -97,8 +97,8 @@ def _base_edge_corners(domain: ModelDomain, radius: float, a: float, nu: float) 
     """Return the stress singularity at the rim of the base of a cap or ball; empty if negligible.
 
     A bonded rim is treated as a right-angled corner of a fixed and a free face. Where the body
-    overhangs its base, the rim is a notch, whatever the support. `radius` is that of the sphere, and
-    `a` that of the contact [length].
+    overhangs its base, the rim is a notch, whatever the support. `radius` is that of the sphere,
+    and `a` that of the contact [length].
     """
     r, z = next(side.end for side in domain.outline if side.surface == "base")
     distance = min(r, -z)

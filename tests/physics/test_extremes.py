@@ -237,7 +237,7 @@ def test_a_tip_beside_the_middle_meets_one_side_first(center: float) -> None:
     strip, tip = SIDES["strip"], BLUNT | {"center": [center]}
     meets = (1 - center) ** 2 / 2.5
     assert layer(strip, indenter=tip, **once(0.99 * meets)).physics.deltas[-1] > 0
-    with pytest.raises(ConfigError, match="top of a fixed side"):
+    with pytest.raises(ConfigError, match="upper edge of a fixed side"):
         layer(strip, indenter=tip, **once(1.01 * meets))
 
 

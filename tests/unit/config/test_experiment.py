@@ -212,7 +212,7 @@ def test_a_history_is_a_loading() -> None:
     assert forces.physics.path.control == "force"
     with pytest.raises(ConfigError, match="contradicts delta"):
         config_from_mapping(SCENE | {"loading": {"delta": 0.01, "history": RAMP}})
-    with pytest.raises(ConfigError, match="belongs to delta"):
+    with pytest.raises(ConfigError, match="applies only to a single delta"):
         config_from_mapping(SCENE | {"loading": {"history": RAMP, "steps": 3}})
 
 

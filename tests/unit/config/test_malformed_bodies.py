@@ -118,7 +118,7 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
     (
         CYLINDER | {"radius": 1e6},
         "body.height",
-        "lengths of a body may differ by a factor of 100000",
+        "lengths of a body may differ by a factor of at most 100000",
     ),
     (CAP | {"contact_angle": 53.0}, "body.contact_angle", "contradicts height"),
     # skins
@@ -412,7 +412,7 @@ NO_BODY = [
     (
         FILE | {"file": "points.msh"},
         "body.file",
-        "the file has no cells, and a body in 2 dimensions is made of triangles",
+        "the file has no cells, but a body in 2 dimensions is made of triangles",
     ),
 ]
 

@@ -479,7 +479,7 @@ MALFORMED: list[tuple[Callable[[dict[str, Any]], None], str, str]] = [
     (
         _lines_alone,
         "body.file",
-        "the file has lines, and a body in 2 dimensions is made of triangles",
+        "the file has lines, but a body in 2 dimensions is made of triangles",
     ),
 ]
 

@@ -171,7 +171,7 @@ def test_an_experiment_wants_a_curve_without_adhesion() -> None:
 
 def test_theory_knows_no_range() -> None:
     assert sticky(body={"shape": "half_space"}).method == "augmented_lagrangian"
-    with pytest.raises(ConfigError, match="no attraction with a range"):
+    with pytest.raises(ConfigError, match="does not include adhesion with a range"):
         sticky(solver={"method": "theory"})
 
 
