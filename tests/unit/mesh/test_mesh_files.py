@@ -165,7 +165,7 @@ def test_cells_alone_have_the_surfaces_that_their_names_would_give(
     )  # tilted: the base is not level
     with pytest.raises(
         MeshFileError,
-        match="no single part of the boundary faces down and is horizontal; in gmsh: Physical",
+        match="no single part of the boundary faces down and is horizontal; name it in gmsh: Physical",
     ):
         piece(tmp_path, without_names(body), kinematics, name, MeshSurfaces())
     body["points"][:, -1 if kinematics == "3d" else 1] -= body["points"][:, 0] / 10
@@ -508,7 +508,7 @@ def test_a_malformed_mesh_has_its_message(
         (
             "body.surfaces.base=gel",
             "body.surfaces.base",
-            "'gel' is a group of triangles, and lines are needed here",
+            "'gel' is a group of triangles, but lines are needed here",
         ),
         ("body.kinematics=3d", "body.kinematics", "a body in 3 dimensions is made of tetrahedra"),
         (
@@ -533,7 +533,7 @@ def test_a_malformed_mesh_has_its_message(
         (
             "body.file=scene.yaml",
             "body.file",
-            "has no known file extension; it must end in one of .msh, .xdmf, .vtu, .inp",
+            "has no known file extension; its name must end in one of .msh, .xdmf, .vtu, .inp",
         ),
         (
             "body.file=/etc/passwd",

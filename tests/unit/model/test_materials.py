@@ -100,7 +100,7 @@ WRONG = {
     ),
     "pairs": (
         {"model": "ogden", "mu": [1.0], "alpha": [2.0, 1.0], "nu": 0.3},
-        "1 entries and alpha 2",
+        "1 entries and alpha has 2",
     ),
     "zero": (
         {"model": "ogden", "mu": [1.0, 1.0], "alpha": [2.0, 0.0], "nu": 0.3},

@@ -97,7 +97,7 @@ def test_a_hold_drains() -> None:
 
 def test_surfaces_that_nobody_tabled_have_no_estimate() -> None:
     found = of(drainage={"surface": "sealed", "sides": "drained"})
-    assert found.expected is None and "`require`" in found.words
+    assert found.expected is None and "`indent-sim require`" in found.words
 
 
 def test_times_of_a_body_that_relaxes() -> None:
