@@ -196,7 +196,7 @@ def _unsupported_inclusion(body: AnyBody, inclusion: Inclusion) -> tuple[str, st
     if isinstance(body, Strip) and inclusion.center[1]:
         return (
             f"a strip is infinite along y, but the center is at y = {inclusion.center[1]:g}",
-            "set y to 0",
+            "use y = 0",
         )
     if isinstance(body, Cap | Ball) and not inclusion.is_axisymmetric_about((0.0, 0.0)):
         reason = "the inclusion is off the axis"

@@ -130,7 +130,7 @@ def _parse_document(text: str, name: str) -> tuple[Document, Source]:
     document, lines = strict_yaml.parse(text, name)
     if not isinstance(document, dict):
         problem = (
-            "the file is empty" if document is None else "a scene is made of sections (key: value)"
+            "the file is empty" if document is None else "a scene consists of sections (key: value)"
         )
         raise ConfigError("", problem, "see docs/config.md", name, lines.get((), 1))
     return document, Source(name, {path: (name, line) for path, line in lines.items()})
@@ -149,7 +149,7 @@ def plain_document(data: Mapping[str, Any]) -> Document:
     """Return nested mappings, lists, numbers and dataclasses as the document of a file."""
     document = _plain_value(data, ())
     if not isinstance(document, dict):
-        raise ConfigError("", "a scene is made of sections")
+        raise ConfigError("", "a scene consists of sections")
     return document
 
 

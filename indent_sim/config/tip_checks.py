@@ -48,7 +48,7 @@ def center_errors(config: SceneSections) -> Iterator[ConfigError]:
         yield ConfigError("indenter.center", reason, "leave it out")
     elif center is not None and len(center) != needed:
         form = "[x]" if needed == 1 else "[x, y]"
-        problem = f"the position on a {config.body.shape} is {form}, got {len(center)} numbers"
+        problem = f"the position on a {config.body.shape} must be {form}, got {len(center)} numbers"
         yield ConfigError("indenter.center", problem, f"give {form}")
 
 
@@ -158,5 +158,7 @@ def _jkr_errors(config: SceneSections, adhesion: JKRAdhesion) -> Iterator[Config
         problem = "the contact of a sharp flat punch does not shrink, but separates all at once"
         yield ConfigError(key, problem, "give the punch an edge_radius")
     if adhesion.range and not hasattr(tip, "R"):
-        problem = f"is for the Tabor number of a tip with a radius R, but a {tip.shape} has none"
+        problem = (
+            f"only gives the Tabor number of a tip with a radius R, but a {tip.shape} has none"
+        )
         yield ConfigError(f"{key}.range", problem, "leave it out")

@@ -1,10 +1,10 @@
 """Boundary layers at drained faces: error of the force on thicker elements, and sizes to avoid it.
 
-At a time t after a load, the pore fluid has drained from a film (boundary layer) of thickness
-(D t)^(1/2) at every drained face, and the rest of the body is undrained. Elements thicker than
-the film overestimate the drained length by E (`excess_length` of `theory.drained_layer`). Let p
-be the undrained pressure at a depth delta. By Betti's reciprocity, fluid of the volume dV that
-drains at the face lowers the force by (dp/ddelta) dV, so that the error of the force is
+At a time t after a load, the pore fluid has drained from a boundary layer of thickness (D t)^(1/2)
+at every drained face, and the rest of the body is undrained. Elements thicker than this layer
+overestimate the drained length by E (`excess_length` of `theory.drained_layer`). Let p be the
+undrained pressure at a depth delta. By Betti's reciprocity, fluid of the volume dV that drains at
+the face lowers the force by (dp/ddelta) dV, so that the error of the force is
 
     dF = 1/2 d/ddelta int p^2 E/M dA,      1/M = alpha^2/M_c + storage,
 
@@ -174,7 +174,7 @@ def distance_weight(setup: ProblemSetup, distance: float) -> float:
 
 @dataclass(frozen=True)
 class UnresolvedFilm:
-    """Film (thin drained boundary layer) at a drained face that the elements do not resolve.
+    """Thin drained boundary layer at a drained face that the elements do not resolve.
 
     Attributes
     ----------

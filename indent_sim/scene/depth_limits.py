@@ -179,7 +179,7 @@ def check_scene(
 
 
 def _check_punch_width(body: Body, tip: Indenter, center: Center) -> None:
-    """Raise ConfigError if the edge of a sharp punch crosses the edge of a flat top."""
+    """Raise ConfigError if a sharp punch is wider than a flat top that it does not cover."""
     if (
         not isinstance(tip, FlatPunch)
         or tip.edge_radius

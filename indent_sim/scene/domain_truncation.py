@@ -214,8 +214,8 @@ def _truncate_half_space(
     theory_layers = [
         replace(layer, material=_nonnegative_nu_law(layer.material)) for layer in layers
     ]
-    # Where theory does not know the tip, or cannot reach the depth, a flat punch as wide as the
-    # contact replaces the tip, at last on the substrate alone, if films are far too thin.
+    # If there is no theory for the tip, or it does not reach the depth, a flat punch as wide as the
+    # contact replaces the tip; if the upper layers are too thin for the theory, they are omitted.
     punch = profiles.flat_punch(tip.radius_at(depth))
     models = [
         *([(tip_shape, theory_layers)] if tip_shape else []),

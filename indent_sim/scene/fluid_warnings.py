@@ -51,7 +51,7 @@ def _seal_warnings(
     drainage = physics.drainage
     if {drainage.surface, drainage.tip, drainage.base} == {"sealed"} and not physics.drained_walls:
         yield ModelWarning(
-            "sealed", "every surface is sealed: no fluid leaves the body, it only flows inside"
+            "sealed", "every surface is sealed: fluid flows inside the body, but none leaves it"
         )
     elements = setup.a / sizes.h_contact
     if (

@@ -58,7 +58,7 @@ def refine_corners(
     if fixed_sizes.h_corner and (physics.domain.dim == 3 or not near_corners):
         where = "corners of a bonded base and narrow gaps next to the contact in two dimensions"
         raise ConfigError(
-            "mesh.h_corner", f"is for {where}, and this scene has none", "leave it out"
+            "mesh.h_corner", f"applies only to {where}, but this scene has none", "leave it out"
         )
     if resolution:
         error, n = resolution.error, resolution.n

@@ -94,8 +94,8 @@ def _model_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
     if physics.is_compressed:
         strain = delta / body.height
         formula = "delta/height"
-    # Characteristic strain up to which forces at small strain are good to some per cent: a/R
-    # = 0.25.
+    # Characteristic strain up to which the error of forces at small strain is a few per cent: a/R =
+    # 0.25.
     max_small_strain = 0.05
     if physics.small_strain and strain > max_small_strain:
         yield ModelWarning(

@@ -133,7 +133,7 @@ def _small_strain_effect(setup: ProblemSetup) -> NoSlipEffect | None:
     if ratios is None:
         return None
     low, high = (100 * (ratio - 1) for ratio in ratios)
-    return NoSlipEffect(None, low, high, "map of bonded layers at small strain")
+    return NoSlipEffect(None, low, high, "interpolated from bonded layers at small strain")
 
 
 def _is_homogeneous_isotropic(domain: ModelDomain) -> bool:

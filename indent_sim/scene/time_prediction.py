@@ -226,7 +226,7 @@ class _LimitTransition:
                 f"about {_percent_text(percent_below)} below the {self.first_limit[0]} force and "
                 f"{_percent_text(percent_above)} above the {self.last_limit[0]} force"
             )
-            return f"neither limit, {limits_text}"
+            return f"close to neither limit: {limits_text}"
         name, percent = (
             (self.first_limit[0], percent_below)
             if percent_below < percent_above

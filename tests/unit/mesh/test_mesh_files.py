@@ -165,7 +165,7 @@ def test_cells_alone_have_the_surfaces_that_their_names_would_give(
     )  # tilted: the base is not level
     with pytest.raises(
         MeshFileError,
-        match="no single part of the boundary faces down and is horizontal; name it in gmsh: Physical",
+        match="boundary faces down and is horizontal; name it in gmsh: Physical",
     ):
         piece(tmp_path, without_names(body), kinematics, name, MeshSurfaces())
     body["points"][:, -1 if kinematics == "3d" else 1] -= body["points"][:, 0] / 10
