@@ -158,7 +158,7 @@ def surface_tension_errors(config: SceneSections) -> Iterator[ConfigError]:
 
 
 def inclusion_errors(config: SceneSections) -> Iterator[ConfigError]:
-    """Yield an error for each inclusion that crosses a surface or is too close to one."""
+    """Yield errors in the inclusions: number of sizes, shape, and distance from surfaces."""
     inclusions = config.body.inclusions or ()
     if config.mesh.h_inclusions is not None and len(config.mesh.h_inclusions) != len(inclusions):
         problem = (

@@ -285,8 +285,8 @@ def adhesion(
     Raises
     ------
     ConfigError
-        If the elements do not resolve the cohesive zone, or in plane strain, for which adhesion is
-        not verified.
+        If the range is missing, if the elements do not resolve the cohesive zone, or in plane
+        strain, for which adhesion is not verified.
     """
     attraction = law.adhesion
     if attraction is None:

@@ -52,7 +52,8 @@ def problem_along_history(
     Raises
     ------
     ConfigError
-        If the body cannot be compressed because no fluid drains.
+        If the body cannot be compressed because no fluid drains, or if a row is requested at a jump
+        at which the body has no equilibrium.
     """
     assert setup.history is not None
     path = setup.history.path

@@ -81,8 +81,8 @@ def check_sizes(sizes: Sizes, setup: ProblemSetup, longest_side: float) -> None:
     Raises
     ------
     ConfigError
-        If sizes or a punch are too small for the rounding of lengths on the model domain, or if
-        elements are larger than the radius of the tip's edge.
+        If elements or a punch are too small for gmsh on a model domain of this size, or if elements
+        are larger than the radius of the tip's edge.
     """
     domain = setup.physics.domain
     L = setup.physics.scales.length

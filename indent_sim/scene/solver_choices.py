@@ -30,8 +30,9 @@ WHOLE_BODY_WHY = "solver.linear: iterative requires the whole body (solver.metho
 def solver(config: Config, setup: ProblemSetup, physics: ProblemDefinition, nodes: float) -> Choice:
     """Choose the solution method: condensed or newton.
 
-    A linear body under a frictionless tip, with the gap at the undeformed point, is condensed to
-    one surface compliance. That matrix is dense, so it is limited to MAX_CANDIDATES nodes.
+    A linear elastic body with the gap at the undeformed point is condensed to one surface
+    compliance, unless the contact law prevents it (`reason_not_condensable`). That matrix is dense,
+    so it is limited to MAX_CANDIDATES nodes.
 
     Parameters
     ----------
