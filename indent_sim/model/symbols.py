@@ -194,7 +194,7 @@ bath [time, pressure] $p_b$: pressure of the fluid around the body, constant or 
   value], above its value in the undeformed body; for a gel the solvent's chemical potential over
   kT, 0 for the pure solvent
 bath_ramp [time]: time in which a sudden change of the bath is imposed at a constant rate; auto:
-  1/75 of the diffusion time of the contact, 0 at small strain
+  1/75 of the diffusion time of the contact, or of the height if that is shorter; 0 at small strain
 conductance [length/(pressure time)] $X$: fluid flux out of the body divided by the pore pressure
   relative to the bath
 pore_pressure [pressure] $p$: pressure of the fluid in the pores, relative to the bath
@@ -368,7 +368,7 @@ cpu_s [s]: CPU seconds of the run without loading libraries
 stated_error [1]: relative error of the force that the run itself warns of or estimates
 warnings: warnings of the run
 verdict: right, flagged, refused, wrong or reference; only with a tolerance
-memory_MB [MB]: memory that the run needed in addition to the memory of its process before
+memory_MB [MB]: memory that the run needed in addition to that of its process before the run
 peak_memory_MB [MB]: largest memory of the process during the run plus that of the meshing process
 
 ## Published values of a study, one row a value

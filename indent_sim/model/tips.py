@@ -221,7 +221,11 @@ class Cone(_PointedTip):
         return cap + slope * (r - s)
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
-        """Return the gap: (f - depth) sin(half_angle) on the flank, else the sphere distance."""
+        """Return the gap at a deformed point, the distance from flank or apex cap [length].
+
+        The distance from the flank is (f - depth) sin(half_angle). (x, y) is the position of the
+        point relative to the tip's axis, and `depth` the depth of the apex below the point.
+        """
         rho = self.tip_radius
         slope = 1 / tan(self.half_angle)
         square = x * x + y * y

@@ -30,8 +30,8 @@ COLUMN_GRADING_ERROR = 0.02
 # within ERROR_CONSTANT n^-ORDER_OF_CONVERGENCE: with 3.0 the first mesh missed its target, and the
 # second one took longer than the first one with 1.2. Checked: tests/physics/test_cost.py.
 EDGE_SIZE_FACTOR = {2: 0.3, 3: 1.2}
-# Relative error of the force, at most, divided by the element size at a punch's sharp edge relative
-# to its radius [-]. It was 0.09 to 0.22 on 25 quarter cylinders. On sections of layers between
+# Largest relative error of the force, divided by the ratio of the element size at a punch's sharp
+# edge to the radius of the punch [-]. It was 0.09 to 0.22 on 25 quarter cylinders. On sections of layers between
 # frictionless walls, against theory, it was 0.11 to 0.27 at nu = 0.3; at nu = 0.4999 it was 0.19 to
 # 0.66 under punches of radii of 0.3 to 3 heights, INCOMPRESSIBLE_EDGE_FACTOR times EDGE_ERROR, and
 # 0.75 under one of ten heights. Repeated, on the quarter cylinders, by:
@@ -47,7 +47,7 @@ EDGE_REFINEMENT = 0.74
 # punches of 0.05 to 1 times their radius, with nu = 0 to 0.4999. Checked:
 # tests/physics/test_corners.py.
 CORNER_ERROR = 0.035
-# This constant where a body overhangs its base, without the factor of nu and for any support [-].
+# NOTCH_ERROR [-] replaces CORNER_ERROR (2 nu)^2 where a body overhangs its base, with any support.
 # Measured on caps with contact angles from 60 to 170 degrees and elements of 0.01 to 0.3 of the
 # base radius: the errors were 0.1 to 1.3 times this bound, and no more than noise up to 90 degrees.
 # Repeated by: tests/physics/test_measured_constants.py.
@@ -61,10 +61,10 @@ DECAY_RATE = 1.25
 # Elements [-] across a coating. tests/physics/test_skins.py measures the error of the
 # force.
 ELEMENTS_PER_COATING = 1.5
-# Relative change of the force by a missing part of an inclusion, at most [-], and the factor of the
-# elements in an inclusion with flat faces, of which no part is missing. The force was within 0.02
-# to 0.1 % without a requested accuracy, for moduli of 1e-3 to 1e3 times that of the body. Checked:
-# tests/physics/test_inclusions.py.
+# Largest relative change of the force by the part of an inclusion that flat facets omit [-], and
+# factor of the number of elements in an inclusion with flat faces, of which nothing is omitted. The
+# force was within 0.02 to 0.1 % without a requested accuracy, for moduli of 1e-3 to 1e3 times that
+# of the body. Checked: tests/physics/test_inclusions.py.
 MAX_INCLUSION_WEIGHT = 0.25
 FLAT_INCLUSION_FACTOR = 0.5
 # Elements [-] between an inclusion and the top of a cap or ball, which bends as a shell above a

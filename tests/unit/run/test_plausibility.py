@@ -371,5 +371,5 @@ def test_rows_while_a_bath_comes_are_said(ramp: float) -> None:
     assert said.startswith(
         f"rows up to t = {max(early):.3g}: the bath changes over a time of {ramp:.3g}"
     )
-    assert f"would have risen more by then, by {' to '.join(lost)};" in said
+    assert f"has risen less than after a sudden change, by {' to '.join(lost)};" in said
     assert not any(doubt.key == "bath" for doubt in scene(**DRAINING).plan.model_warnings)
