@@ -31,10 +31,10 @@ COLUMN_GRADING_ERROR = 0.02
 # second one took longer than the first one with 1.2. Checked: tests/physics/test_cost.py.
 EDGE_SIZE_FACTOR = {2: 0.3, 3: 1.2}
 # Largest relative error of the force, divided by the ratio of the element size at a punch's sharp
-# edge to the radius of the punch [-]. It was 0.09 to 0.22 on 25 quarter cylinders. On sections of layers between
-# frictionless walls, against theory, it was 0.11 to 0.27 at nu = 0.3; at nu = 0.4999 it was 0.19 to
-# 0.66 under punches of radii of 0.3 to 3 heights, INCOMPRESSIBLE_EDGE_FACTOR times EDGE_ERROR, and
-# 0.75 under one of ten heights. Repeated, on the quarter cylinders, by:
+# edge to the radius of the punch [-]. It was 0.09 to 0.22 on 25 quarter cylinders. On sections of
+# layers between frictionless walls, against theory, it was 0.11 to 0.27 at nu = 0.3; at nu = 0.4999
+# it was 0.19 to 0.66 under punches of radii of 0.3 to 3 heights, INCOMPRESSIBLE_EDGE_FACTOR times
+# EDGE_ERROR, and 0.75 under one of ten heights. Repeated, on the quarter cylinders, by:
 # scripts/make_error_bar_table; on a section, by: tests/physics/test_measured_constants.py.
 EDGE_ERROR = 0.25
 INCOMPRESSIBLE_EDGE_FACTOR = 2.6
