@@ -113,7 +113,7 @@ def test_no_curve_at_all_is_exit_5(command, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "package, name", [("afmformats", "curve.jpk-force"), ("pyfmreader", "curve.spm")]
+    "package, name", [("afmformats", "curve.ibw"), ("pyfmreader", "curve.spm")]
 )
 def test_an_afm_file_without_its_reader_is_exit_7(command, tmp_path, monkeypatch, package, name):
     monkeypatch.setitem(__import__("sys").modules, package, None)

@@ -21,7 +21,7 @@ indenter: {shape: paraboloid, R: 5 um}
 loading: {delta: 0.5 um, steps: 5}
 output: {plot: false}
 """
-INSTRUMENTS = (".jpk-force", ".ibw", ".h5", ".spm", ".zip")
+INSTRUMENTS = (".ibw", ".h5", ".spm", ".zip")  # read by optional packages
 OFF = 0.15  # of a modulus from 300 points of 1 % noise, first touch unknown: ten of its deviations
 
 
