@@ -45,6 +45,15 @@ def segment(style: str, n: int, seed: int = 0, duration: float = 1.0) -> Segment
     return Segment(style, numbers[0], numbers[1], duration)
 
 
+def measured(style: str, z: np.ndarray, force: np.ndarray) -> Segment:
+    """Return a segment of displacements of the base [m] and forces [N] (n,), as it is stored."""
+    (height_factor, height_offset), (_, nominal_offset) = HEIGHT_SCALINGS
+    (volt_factor, volt_offset), _, _ = DEFLECTION_SCALINGS
+    heights = (-z - nominal_offset - height_offset) / height_factor
+    volts = (force / (STIFFNESS * SENSITIVITY) - volt_offset) / volt_factor
+    return Segment(style, np.rint(heights).astype(np.int64), np.rint(volts).astype(np.int64))
+
+
 def scaled(numbers: np.ndarray, scalings: Sequence[tuple[float, float]]) -> np.ndarray:
     """Return stored numbers (n,) after linear conversions, one after the other."""
     values = numbers.astype(float)

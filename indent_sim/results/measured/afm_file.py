@@ -6,6 +6,7 @@ The other makers are Asylum, NT-MDT, Optics11 and AFM workshop.
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ SUFFIXES = (*jpk_file.SUFFIXES, ".ibw", ".h5", ".zip")
 TEXT_SUFFIXES = (".txt", ".csv", ".tab")  # Text files with these suffixes may be AFM files.
 
 
-def read_afm_file(path: Path, stiffness: float | None = None) -> list[MeasuredCurve] | None:
+def read_afm_file(path: Path, stiffness: float | None = None) -> Sequence[MeasuredCurve] | None:
     """Read the curves of an AFM file, in SI units.
 
     Parameters
@@ -38,8 +39,9 @@ def read_afm_file(path: Path, stiffness: float | None = None) -> list[MeasuredCu
 
     Returns
     -------
-    list of MeasuredCurve, or None
-        None for a text file that is not an AFM file.
+    sequence of MeasuredCurve, or None
+        The curves; those of a map of JPK are read one by one. None for a text file that is not an
+        AFM file.
 
     Raises
     ------
@@ -49,8 +51,7 @@ def read_afm_file(path: Path, stiffness: float | None = None) -> list[MeasuredCu
         If the package that reads this format is missing.
     """
     if path.suffix.lower() in jpk_file.SUFFIXES:
-        jpk = jpk_file.JpkFile(path, stiffness)
-        return [jpk.curve(index) for index in range(len(jpk))]
+        return jpk_file.read_jpk_file(path, stiffness)
     try:
         from afmformats import errors, formats
     except ImportError as error:

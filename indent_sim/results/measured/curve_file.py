@@ -49,8 +49,10 @@ def read_curves(
     columns: Sequence[str] | None = None,
     given: Mapping[str, str] | None = None,
     stiffness: float | None = None,
-) -> list[MeasuredCurve]:
+) -> Sequence[MeasuredCurve]:
     """Read the measured curves of a file, in the units that it gives.
+
+    Those of a map are read one by one, when they are asked for.
 
     Parameters
     ----------
@@ -66,7 +68,8 @@ def read_curves(
     Raises
     ------
     NoCurve
-        If the file contains no curve; the message gives the reason.
+        If the file contains no curve; the message gives the reason. The sequence of a map raises it
+        for a curve that is damaged.
     ConfigError
         A column of `columns` does not exist.
     UsageError

@@ -6,12 +6,13 @@ import re
 import struct
 import zipfile
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from indent_sim.results.measured.measured_map import MeasuredMap, grid_places
 from indent_sim.results.measured.measurement import (
     PART_WORDS,
     SI,
@@ -33,12 +34,14 @@ ENCODINGS = {
     "unsignedinteger": ">u4",
     "signedlong": ">i8",
 }
+HEADER = "header.properties"
 SHARED_DATA = "shared-data/header.properties"
 FIRST_SEGMENT = re.compile(r"(?:index/(\d{1,9})/)?segments/0/segment-header\.properties", re.ASCII)
-# A larger file of properties, a longer curve, and more segments or conversions are not believed.
+# Larger files of properties, longer curves, and more of the others are not believed.
 MAX_PROPERTY_BYTES = 4_000_000
 MAX_POINTS = 10_000_000
 MAX_SEGMENTS = 1000
+MAX_PLACES = 100_000_000
 MAX_CONVERSIONS = 20
 # What zipfile raises for archives that are damaged, encrypted or made to do harm.
 ARCHIVE_ERRORS = (
@@ -53,6 +56,27 @@ ARCHIVE_ERRORS = (
     OverflowError,
 )
 Properties = Mapping[str, str]
+
+
+def read_jpk_file(path: Path, stiffness: float | None = None) -> Sequence[MeasuredCurve]:
+    """Return the curves of a JPK file in SI units; those of a map are read one by one.
+
+    Parameters
+    ----------
+    path
+        The file.
+    stiffness
+        Spring constant of the cantilever [N/m], for a file that contains none.
+
+    Raises
+    ------
+    NoCurve
+        If the file or its only curve cannot be read. The sequence of a map raises it for a curve.
+    Uncalibrated
+        If the first curve has no force.
+    """
+    file = JpkFile(path, stiffness)
+    return file.measured_map() if file.numbers else [file.curve(0)]
 
 
 @dataclass(frozen=True)
@@ -157,6 +181,43 @@ class JpkFile:
         t = np.concatenate([np.empty(0), *times]) if is_timed else None
         return MeasuredCurve(name, force, z=z, t=t, stiffness=stiffness, parts=parts, units=SI)
 
+    def measured_map(self) -> MeasuredMap:
+        """Return the curves as a map; without a grid in the file they are one row.
+
+        Raises Uncalibrated if the first curve has no force.
+        """
+        try:
+            stiffness = self.curve(0).stiffness
+        except Uncalibrated:
+            raise
+        except NoCurve:
+            stiffness = self._given_stiffness
+        numbers = np.array(self.numbers or [0])
+        pattern = self._position_pattern()
+        columns, rows = (_count(pattern.get(f"grid.{word}length", "")) or 0 for word in "ij")
+        if numbers[-1] < rows * columns <= MAX_PLACES:
+            shape = (rows, columns)
+            places = grid_places(numbers, columns, pattern.get("back-and-forth") == "true")
+            lengths = tuple(_finite(pattern.get(f"grid.{word}length", "")) or 0.0 for word in "vu")
+        else:
+            shape = (1, len(numbers))
+            places = grid_places(np.arange(len(numbers)), len(numbers), False)
+            lengths = ()
+        is_sized = len(lengths) == 2 and min(lengths) > 0 and pattern.get("grid.unit.unit") == "m"
+        size = (lengths[0], lengths[1]) if is_sized else None
+        return MeasuredMap(shape, size, places, self.curve, stiffness=stiffness)
+
+    def _position_pattern(self) -> dict[str, str]:
+        """Return the properties of the grid of a map; empty if the file has none."""
+        if HEADER not in self._archive.NameToInfo:
+            return {}
+        try:
+            header = self.properties(HEADER)
+        except NoCurve:
+            return {}
+        found = (key.partition(".position-pattern.") for key in header)
+        return {name: header[f"{head}{dot}{name}"] for head, dot, name in found if name}
+
     def properties(self, name: str) -> dict[str, str]:
         """Return the properties in a member of the archive; raise NoCurve if it has none."""
         data = self._read(name, MAX_PROPERTY_BYTES)
@@ -174,16 +235,16 @@ class JpkFile:
             own = self.properties(f"{place}segment-header.properties")
             header = self._resolved(own, "force-segment-header", "force-segment-header-info")
             style = header.get("settings.style") or header.get("settings.segment-settings.style")
-            count = header.get("num-points", "")
-            if not style or not re.fullmatch(r"\d{1,9}", count, re.ASCII):
+            count = _count(header.get("num-points", ""))
+            if not style or count is None:
                 lacking = "number of points" if style else "style"
                 raise self._no_curve(f"{place} has no {lacking}")
-            points += int(count)
+            points += count
             if points > MAX_POINTS:
                 raise self._no_curve(f"more than {MAX_POINTS} points")
             duration = _finite(header.get("duration", "")) or 0.0
             part = PART_WORDS.get(style, style)
-            yield _Segment(place, part, int(count), max(duration, 0.0), own)
+            yield _Segment(place, part, count, max(duration, 0.0), own)
         raise self._no_curve(f"more than {MAX_SEGMENTS} segments")
 
     def _resolved(self, own: Properties, head: str, kind: str) -> dict[str, str]:
@@ -285,6 +346,11 @@ class JpkFile:
 def _first_segment(name: str) -> re.Match[str] | None:
     """Return the match of a member that is the header of the first segment of a curve."""
     return FIRST_SEGMENT.fullmatch(name) if name.endswith("t-header.properties") else None
+
+
+def _count(text: str) -> int | None:
+    """Return the number of at most nine digits that a text is, None if it is none."""
+    return int(text) if re.fullmatch(r"\d{1,9}", text, re.ASCII) else None
 
 
 def _finite(text: str) -> float | None:

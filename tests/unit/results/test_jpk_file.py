@@ -16,7 +16,6 @@ from jpk_files import segment
 
 from indent_sim.process.errors import IndentSimError
 from indent_sim.results.measured.curve_file import curve_files, read_curves
-from indent_sim.results.measured.jpk_file import JpkFile
 from indent_sim.results.measured.measurement import MeasuredCurve, NoCurve, Uncalibrated
 
 TWO = [segment("extend", 7), segment("retract", 5)]
@@ -115,14 +114,13 @@ def test_maps_have_their_curves_by_number(tmp_path):
 
 
 def test_a_map_is_read_curve_by_curve(tmp_path):
-    curves = [TWO, TWO]
-    files = jpk_files.members(curves, kind="force-scan-map")
+    files = jpk_files.members([TWO, TWO], kind="force-scan-map")
     files["index/1/segments/0/channels/vDeflection.dat"] = b""
-    jpk = JpkFile(jpk_files.write(tmp_path / "m.jpk-force-map", files))
-    assert len(jpk) == 2
-    assert_has(jpk.curve(0), TWO)
+    curves = read_curves(jpk_files.write(tmp_path / "m.jpk-force-map", files))
+    assert len(curves) == 2
+    assert_has(curves[0], TWO)
     with pytest.raises(NoCurve, match="0 points instead of 7"):
-        jpk.curve(1)
+        curves[1]
 
 
 @pytest.mark.parametrize("height", ["capacitiveSensorHeight", "strainGaugeHeight"])
