@@ -20,6 +20,9 @@ from indent_sim.results.measured.measurement import SI, MeasuredCurve
 TAB_METADATA = re.compile(r"# BEGIN METADATA\n(.*?)# END METADATA", re.DOTALL)
 
 
+TEXT_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".tab", ".asc")
+
+
 def curve_files(path: Path) -> list[Path]:
     """Return the file itself, or the files of a folder that may contain curves, sorted by name.
 
@@ -29,16 +32,16 @@ def curve_files(path: Path) -> list[Path]:
         if not path.exists():
             raise UsageError(f"there is no file {path}", file=str(path))
         return [path]
-    text_suffixes = (".csv", ".txt", ".tsv", ".dat", ".tab", ".asc")
+    suffixes = (*TEXT_SUFFIXES, *afm_file.SUFFIXES, *nanoscope_file.SUFFIXES)
     files = [
         file
         for file in sorted(path.iterdir())
-        if file.suffix.lower() in (*text_suffixes, *afm_file.SUFFIXES, *nanoscope_file.SUFFIXES)
+        if file.suffix.lower() in suffixes or nanoscope_file.is_numbered_file(file)
     ]
     if not files:
         raise UsageError(
             f"{path} contains no file of a curve",
-            f"files of curves end in {', '.join(text_suffixes)}, or are AFM files",
+            f"files of curves end in {', '.join(TEXT_SUFFIXES)}, or are AFM files",
             str(path),
         )
     return files
@@ -79,9 +82,11 @@ def read_curves(
     """
     path = Path(path)
     suffix = path.suffix.lower()
-    if suffix in nanoscope_file.SUFFIXES:
+    # The text that NanoScope exports begins with the same header.
+    if suffix not in (*TEXT_SUFFIXES, *afm_file.SUFFIXES):
         _refuse_unreadable(path)
-        return nanoscope_file.read_nanoscope_file(path, stiffness)
+        if suffix in nanoscope_file.SUFFIXES or nanoscope_file.is_nanoscope_file(path):
+            return nanoscope_file.read_nanoscope_file(path, stiffness)
     if suffix in (*afm_file.SUFFIXES, *afm_file.TEXT_SUFFIXES) and not columns:
         _refuse_unreadable(path)
         curves = afm_file.read_afm_file(path, stiffness)
