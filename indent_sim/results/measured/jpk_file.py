@@ -38,10 +38,11 @@ HEADER = "header.properties"
 SHARED_DATA = "shared-data/header.properties"
 FIRST_SEGMENT = re.compile(r"(?:index/(\d{1,9})/)?segments/0/segment-header\.properties", re.ASCII)
 # Larger files of properties, longer curves, and more of the others are not believed.
-MAX_PROPERTY_BYTES = 4_000_000
+MAX_PROPERTY_BYTES = 2_000_000
+MAX_HEADER_BYTES = 10_000_000
 MAX_POINTS = 10_000_000
 MAX_SEGMENTS = 1000
-MAX_PLACES = 100_000_000
+MAX_PLACES = 10_000_000
 MAX_CONVERSIONS = 20
 # What zipfile raises for archives that are damaged, encrypted or made to do harm.
 ARCHIVE_ERRORS = (
@@ -228,11 +229,16 @@ class JpkFile:
     def _segments(self, folder: str) -> Iterator[_Segment]:
         """Yield the headers of the segments of a curve, in the order of time."""
         points = 0
+        size = 0
         for number in range(MAX_SEGMENTS):
             place = f"{folder}segments/{number}/"
-            if f"{place}segment-header.properties" not in self._archive.NameToInfo:
+            member = self._archive.NameToInfo.get(f"{place}segment-header.properties")
+            if member is None:
                 return
-            own = self.properties(f"{place}segment-header.properties")
+            size += member.file_size
+            if size > MAX_HEADER_BYTES:
+                raise self._no_curve(f"more than {MAX_HEADER_BYTES} bytes of headers of segments")
+            own = self.properties(member.filename)
             header = self._resolved(own, "force-segment-header", "force-segment-header-info")
             style = header.get("settings.style") or header.get("settings.segment-settings.style")
             count = _count(header.get("num-points", ""))

@@ -226,6 +226,17 @@ BROKEN = {
         jpk_files.members([TWO]) | {SHARED: b"x" * 5_000_000},
         "5000000 bytes",
     ),
+    "long headers": (
+        jpk_files.members([[segment("extend", 1)]])
+        | {
+            f"segments/{k}/segment-header.properties": jpk_files.members([TWO])[HEADER].replace(
+                b"num-points=7", b"num-points=1"
+            )
+            + b"#" * 1_500_000
+            for k in range(7)
+        },
+        "bytes of headers",
+    ),
     "many segments": (
         jpk_files.members([[segment("extend", 1)]])
         | {
