@@ -10,6 +10,7 @@ import html_page
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from nanoscope_files import PEAKFORCE_CAPTURE
 
 import indent_sim
 from indent_sim.cli import commands
@@ -113,11 +114,14 @@ def test_no_curve_at_all_is_exit_5(command, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "package, name", [("afmformats", "curve.jpk-force"), ("pyfmreader", "curve.spm")]
+    "package, name, data",
+    [("afmformats", "curve.ibw", b"PK"), ("pyfmreader", "curve.pfc", PEAKFORCE_CAPTURE)],
 )
-def test_an_afm_file_without_its_reader_is_exit_7(command, tmp_path, monkeypatch, package, name):
+def test_an_afm_file_without_its_reader_is_exit_7(
+    command, tmp_path, monkeypatch, package, name, data
+):
     monkeypatch.setitem(__import__("sys").modules, package, None)
-    (tmp_path / name).write_bytes(b"PK")
+    (tmp_path / name).write_bytes(data)
     done = command("fit", name, "--scene", "scene.yaml", "--vary", "material.E")
     assert done.exit_code == 7 and "make setup AFM=1" in done.output
 
