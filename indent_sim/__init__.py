@@ -1,5 +1,5 @@
-"""indent-sim: rigid, analytic indenters pressed into elastic bodies, with a known error on every
-number.
+"""indent-sim: simulation of rigid, analytic indenters pressed into elastic bodies, with an error
+estimate of each number.
 
 The names of a notebook: `load` a scene from a file or a dictionary, `resolve` it to a Scene, walk
 its `states` or `condense` its body, `simulate` it into a result folder, `read` one; `plan`,

@@ -62,11 +62,11 @@ def config_page() -> str:
     section_rows = [_section_row(name) for name in schema.allowed_keys_at((), {})]
     parts = [
         "# The scene file\n\nGenerated from the schema by `scripts/reference_pages.py`.\n",
-        "YAML 1.2; any consistent system of units. z is up, the undeformed surface is z = 0.\n"
-        "Where `units` are given, numbers may carry units of their own, `2.5 um`, `1 kPa`,\n"
-        "`3 nN`, `70 deg`, and are converted to those, times to seconds. Unknown and repeated\n"
-        "keys are errors.\n",
-        "One key of a section with alternatives chooses among them: `shape`, `model` or\n"
+        "A scene is a file in YAML 1.2, in any consistent system of units. z is up, the\n"
+        "undeformed surface is z = 0. If the scene has a section `units`, a number may have a\n"
+        "unit of its own, `2.5 um`, `1 kPa`, `3 nN`, `70 deg`, and is converted to those of the\n"
+        "section; times are converted to seconds. Unknown and repeated keys are errors.\n",
+        "In a section with alternatives one key chooses the alternative: `shape`, `model` or\n"
         "`method`. The keys of all alternatives are in one table below them; its column `of`\n"
         "says which alternatives have a key. Sections inside sections follow at the end.\n",
         _table(["section", "default", "meaning"], section_rows),
@@ -273,7 +273,7 @@ def symbols_page() -> str:
     parts = [
         "# Symbols\n\n"
         "Generated from `indent_sim/model/symbols.py` by `scripts/reference_pages.py`.\n",
-        "One name per thing, in YAML, Python and CSV alike. z is up, the undeformed surface is "
+        "A quantity has the same name in YAML, Python and CSV. z is up, the undeformed surface is "
         "z = 0.\n",
     ]
     for title, group in GROUPS.items():
@@ -294,8 +294,8 @@ def scenes_page() -> str:
     parts = [
         "# Shipped scenes\n\n"
         "Generated from the first lines of each scene by `scripts/reference_pages.py`. "
-        "Each answers one question and\n"
-        "runs as it is by `indent-sim run`.\n",
+        "Each scene answers one\n"
+        "question and runs without changes by `indent-sim run`.\n",
     ]
     for heading, folder in (
         ("Scenes", "configs"),

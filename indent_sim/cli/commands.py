@@ -293,7 +293,7 @@ def require(
     from indent_sim.run.model_selection import recommended_model
 
     if curve is None and any(reading_options.values()):
-        raise UsageError("--columns and --units belong to --curve FILE")
+        raise UsageError("--columns and --units require --curve FILE")
     with _quiet_libraries(logging.ERROR), raise_on_signals():
         if curve is not None:
             scene_config = load(config, overrides)
@@ -333,8 +333,8 @@ def _print_curve_requirements(
     metavar="SCENE",
     type=PATH,
     help=(
-        "Before a measurement: intervals of the keys that a curve of this scene would give; needs "
-        "--noise."
+        "Before a measurement: print the intervals of the keys that a curve of this scene would "
+        "give; needs --noise."
     ),
 )
 @click.option(
@@ -371,13 +371,20 @@ def _print_curve_requirements(
     "--contact-point",
     type=NumberInRange(),
     metavar="X",
-    help="Depth of first touch, if it is known.",
+    help="Position of first contact in the depth or z column of the file [fitted].",
 )
 @click.option(
-    "--no-slope", "baseline", flag_value="level", default="tilted", help="The baseline is level."
+    "--no-slope",
+    "baseline",
+    flag_value="level",
+    default="tilted",
+    help="Fit a constant baseline, without a slope.",
 )
 @click.option(
-    "--models", flag_value="all", default="needed", help="Fit other models to every curve, too."
+    "--models",
+    flag_value="all",
+    default="needed",
+    help="Fit the alternative models to every curve, not only where they are needed.",
 )
 @click.option(
     "--jobs",
@@ -401,8 +408,9 @@ def fit(
     Curves are text tables of any kind, or AFM files.
 
     Contact point and baseline are always fitted, too. A second call with the same folder continues
-    with the curves that have no result. With --design, before a measurement: the intervals that a
-    curve of the scene would give, and the changes of the experiment that would narrow them.
+    with the curves that have no result. With --design, before a measurement, it prints the
+    intervals that a curve of the scene would give, and the changes of the experiment that would
+    narrow them.
     """
     _refuse_parallel_run()
     require_resources()
@@ -456,7 +464,7 @@ def _refuse_mixed_options(
         )
     if not design_scene and (noise is not None or points is not None):
         raise UsageError(
-            "--noise and --points belong to --design", "a fit estimates the noise from the curve"
+            "--noise and --points require --design", "a fit estimates the noise from the curve"
         )
     if not design_scene and not (curves and scene):
         raise UsageError(
@@ -746,7 +754,7 @@ def report(folder: Path, output: Path | None, crate: Literal["", "crate"]) -> No
                 "choose another name with --output",
             )
     if output.suffix.lower() not in (".html", ".htm"):
-        raise UsageError(f"{output}: the name of a report must end in .html, .htm")
+        raise UsageError(f"{output}: the name of a report must end in .html or .htm")
     if crate:
         research_crate.refuse_foreign_crate(folder)
     html_report.write(_report_page(folder), output)
@@ -1023,7 +1031,9 @@ def _plan_study(
 ) -> None:
     """Print the runs of a study and their cost."""
     if overrides:
-        raise UsageError("--set belongs to a scene; a study has set: in its file")
+        raise UsageError(
+            "--set applies only to a scene", "in a study, give the keys in its section set"
+        )
     from indent_sim import studies
 
     planned = studies.plan_study(path, error_bars)

@@ -98,7 +98,7 @@ def _check_python() -> HealthCheck:
 
 
 def _check_package(name: str, remedy: str | None = None) -> HealthCheck:
-    """Check that a package can be imported; an optional one has a remedy."""
+    """Check that a package can be imported; `remedy` is given for an optional package only."""
     interrupt_handler = signal.getsignal(signal.SIGINT)
     try:
         module: Any = importlib.import_module(name)
@@ -179,7 +179,7 @@ def _check_blas() -> HealthCheck:
             "BLAS",
             "reference BLAS",
             "warning",
-            "3 to 10 times slower: install libopenblas0-pthread",
+            "runs are 3 to 10 times slower with it: install libopenblas0-pthread",
         )
     return HealthCheck("BLAS", "unknown", "warning")
 

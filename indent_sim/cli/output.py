@@ -58,7 +58,10 @@ def print_done(entries: dict[str, Any]) -> None:
 
 
 def print_failure(error: BaseException, code: int, kind: str) -> None:
-    """Print the JSON object of a command that failed, with its partial result if there is one."""
+    """Print the JSON object of a command that failed, with its partial result if there is one.
+
+    `code` is the exit code of the command, `kind` the type of the error.
+    """
     status = "interrupted" if code > 128 else "failed"
     failure = {
         "status": status,

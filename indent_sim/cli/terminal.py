@@ -388,8 +388,8 @@ def _interval_texts(parameters: Mapping[str, Interval], config: Config) -> list[
     from indent_sim.fitting.curve_fit import format_value
 
     def interval_text(key: str, interval: Interval) -> str:
-        # A parameter is not determined if the upper end of its interval is so many times
-        # the lower end.
+        # A parameter is not determined if the upper end of its interval is at least this multiple
+        # of the lower end.
         unknown_ratio = 100.0
         # The lower end may be zero.
         if not interval.high < unknown_ratio * max(interval.low, 1e-300):

@@ -35,7 +35,7 @@ def cap_errors(config: SceneSections) -> Iterator[ConfigError]:
         yield ConfigError(
             "body.contact_angle",
             "contradicts height: each of them alone defines the shape of the cap",
-            "give one",
+            "give one of the two",
         )
     elif not body.height and not body.contact_angle:
         yield ConfigError("body.height", "missing, and so is contact_angle", "give one of the two")
@@ -45,7 +45,7 @@ def cap_errors(config: SceneSections) -> Iterator[ConfigError]:
             "flat"
         )
         yield ConfigError(
-            "body", problem, f"height at least base_radius/{max_flatness:g}, or a cylinder"
+            "body", problem, f"use a height of at least base_radius/{max_flatness:g}, or a cylinder"
         )
     elif body.apex_height > body.base_radius * max_steepness:
         problem = (
@@ -53,7 +53,7 @@ def cap_errors(config: SceneSections) -> Iterator[ConfigError]:
             "a ball that rests on a point"
         )
         yield ConfigError(
-            "body", problem, f"height at most {max_steepness:g} base_radius, or a ball"
+            "body", problem, f"use a height of at most {max_steepness:g} base_radius, or a ball"
         )
 
 
@@ -83,7 +83,9 @@ def layer_errors(config: SceneSections) -> Iterator[ConfigError]:
         yield from _coating_errors(config, config.body)
     elif config.mesh.h_layers is not None and not isinstance(config.body, Cap | Ball):
         yield ConfigError(
-            "mesh.h_layers", "is for the layers around the core of a cap or ball", "leave it out"
+            "mesh.h_layers",
+            "applies only to the layers around the core of a cap or ball",
+            "leave it out",
         )
     yield from (
         ConfigError(f"{key_of_layer(k)}.thickness", "missing", "give a number > 0")
@@ -125,14 +127,14 @@ def _coating_errors(config: SceneSections, body: Cap | Ball) -> Iterator[ConfigE
             f"leaves {core_text}"
         )
         limit = (1 - min_fraction) * sphere.max_coating_thickness
-        yield ConfigError("body.layers", problem, f"use at most {limit:.6g}")
+        yield ConfigError("body.layers", problem, f"use a total thickness of at most {limit:.6g}")
     elif thinnest < min_ratio * sphere.radius:
         problem = (
             f"a layer {thinnest:.4g} thick on a {body.shape} of radius {sphere.radius:.4g} is "
             "too thin to mesh"
         )
         limit = min_ratio * sphere.radius
-        yield ConfigError("body.layers", problem, f"use at least {limit:.3g}")
+        yield ConfigError("body.layers", problem, f"use a thickness of at least {limit:.3g}")
 
 
 def surface_tension_errors(config: SceneSections) -> Iterator[ConfigError]:
@@ -156,7 +158,7 @@ def surface_tension_errors(config: SceneSections) -> Iterator[ConfigError]:
 
 
 def inclusion_errors(config: SceneSections) -> Iterator[ConfigError]:
-    """Yield an error for each inclusion that crosses a surface or is too close to one."""
+    """Yield errors in the inclusions: number of sizes, shape, and distance from surfaces."""
     inclusions = config.body.inclusions or ()
     if config.mesh.h_inclusions is not None and len(config.mesh.h_inclusions) != len(inclusions):
         problem = (
@@ -194,7 +196,7 @@ def _unsupported_inclusion(body: AnyBody, inclusion: Inclusion) -> tuple[str, st
     if isinstance(body, Strip) and inclusion.center[1]:
         return (
             f"a strip is infinite along y, but the center is at y = {inclusion.center[1]:g}",
-            "set y to 0",
+            "use y = 0",
         )
     if isinstance(body, Cap | Ball) and not inclusion.is_axisymmetric_about((0.0, 0.0)):
         reason = "the inclusion is off the axis"

@@ -47,7 +47,7 @@ def history_errors(config: SceneSections) -> Iterator[ConfigError]:
         if not isinstance(times, str):
             yield ConfigError(
                 "loading.times",
-                "applies to a history, but there is none",
+                "applies only to a history, but the scene has none",
                 "give loading.history, or leave it out",
             )
         return
@@ -89,7 +89,7 @@ def history_errors(config: SceneSections) -> Iterator[ConfigError]:
             f"contains the tensile force {lowest_force:g}, but the depth under a prescribed "
             "tensile force is not unique"
         )
-        yield ConfigError(key, problem, "give loading.history, of depths, or forces >= 0")
+        yield ConfigError(key, problem, "prescribe depths by loading.history, or use forces >= 0")
     elif lowest_force < 0 and not (config.experiment and config.experiment.adhesion):
         yield ConfigError(
             key,

@@ -108,7 +108,7 @@ def _gel_errors(config: SceneSections) -> Iterator[ConfigError]:
     for key, material in config.materials():
         if gels and material.flow and not isinstance(material, Gel):
             problem = (
-                "cannot be combined with a gel, unless the law is a gel, too: the bath is the "
+                "cannot be combined with a gel unless this material is a gel, too: the bath is the "
                 "chemical potential of a solvent"
             )
             yield ConfigError(f"{key}.flow", problem, "leave it out, or use only gels")
@@ -196,8 +196,8 @@ def _shear_relaxation_errors(
     for key, law in laws.items():
         if law.relaxation and law.relaxation.of == "all":
             problem = (
-                "all applies to a body with one relaxation, but another material relaxes in shear "
-                "only"
+                "'all' needs the same relaxation in every material, but another material relaxes "
+                "in shear only"
             )
             yield ConfigError(f"{key}.relaxation.of", problem, "use of: shear")
         if law.relaxation and not isinstance(law, ShearRelaxingLaw | Gel):

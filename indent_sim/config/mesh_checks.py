@@ -59,9 +59,9 @@ def mesh_file_errors(config: SceneSections) -> Iterator[ConfigError]:
                 "leave it out, or give h_contact",
             )
         return
-    problem = "is for bodies that the program meshes, but this body has a mesh from a file"
+    problem = "applies only to bodies that the program meshes, but this body has a mesh from a file"
     for key in _given_mesh_keys(mesh, "symmetry"):
-        yield ConfigError(key, problem, "leave it out, or refine it with mesh.refinements")
+        yield ConfigError(key, problem, "leave it out, or refine the mesh with mesh.refinements")
     if problem := path_problem(body.file, "the scene's folder"):
         yield ConfigError("body.file", problem, "put the mesh into the folder of the scene file")
     if body.kinematics == "axisymmetric" and any(config.center or ()):

@@ -127,7 +127,7 @@ def _error_at(path: KeyPath, findings: list[Any], document: Mapping[str, Any]) -
     key_of_list = f"{path[-1]}s" if path else ""
     is_list = isinstance(node.value, list)
     if is_list and key_of_list in schema.allowed_keys_at(path[:-1], document):
-        error.remedy = f"a list of values is given as '{key_of_list}'"
+        error.remedy = f"give a list of values as '{key_of_list}'"
     return error
 
 
@@ -193,7 +193,7 @@ def _no_section_error(path: KeyPath, document: Mapping[str, Any]) -> ConfigError
         return _wrong_value_error(node)
     problem = "this section is empty"
     if node.value is not None:
-        problem = f"must be a section of keys, got {short_repr(node.value)}"
+        problem = f"must be a mapping of keys to values, got {short_repr(node.value)}"
     return ConfigError(key_text(path), problem, _section_remedy(node))
 
 

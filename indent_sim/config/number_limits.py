@@ -49,7 +49,7 @@ def _ratio_errors(
     if large > max_ratio * small:
         problem = f"{small:g} is too small compared with {large_key} = {large:g}"
         yield ConfigError(
-            small_key, problem, f"{description} may differ by a factor of {max_ratio:g}"
+            small_key, problem, f"{description} may differ by a factor of at most {max_ratio:g}"
         )
 
 

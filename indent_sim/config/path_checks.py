@@ -39,7 +39,7 @@ def path_problem(path: str, root_name: str) -> str:
     if path.startswith("/") or ".." in parts:
         return f"must be below {root_name}, not absolute and without .."
     if any(part.startswith((".", "~")) and part != "." for part in parts):
-        return "may not begin with . or ~, nor any folder in it"
+        return "must not begin with . or ~, nor may any folder in it"
     if printable(path) != path or "\\" in path:
         return "contains a character that is not allowed in the name of a folder"
     # Largest length of a name of a folder [bytes]. File systems allow 255; the program

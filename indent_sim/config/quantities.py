@@ -107,7 +107,8 @@ def si_factor(unit: str, kind: str) -> float:
     factor, exponents = _unit_factor(f"units.{kind}", unit)
     if exponents != {kind: 1}:
         problem = f"'{unit}' is {_dimension_text(exponents)}, not a {kind}"
-        raise ConfigError(f"units.{kind}", problem, f"for example {UNIT_EXAMPLES.get(kind, 's')}")
+        example = UNIT_EXAMPLES.get(kind, "s")
+        raise ConfigError(f"units.{kind}", problem, f"write for example {example}")
     return float(factor)
 
 
@@ -187,7 +188,7 @@ class Conversion:
             )
             required = _dimension_text(required_exponents)
             problem = f"'{text}' is {_dimension_text(exponents)}, not {required}"
-            raise ConfigError(key, problem, f"for example {next(examples, 'a number')}")
+            raise ConfigError(key, problem, f"write for example {next(examples, 'a number')}")
         scene_unit_factor = self._scene_unit_factor(key, required_exponents)
         return float(Decimal(match["number"]) * factor / scene_unit_factor)
 
@@ -197,7 +198,7 @@ class Conversion:
         for kind, power in required_exponents.items():
             label = "s" if kind == "time" else self._units.get(kind)
             if not isinstance(label, str) or not label:
-                problem = f"a quantity with a unit, but units does not define {kind}"
+                problem = f"has a unit, but `units` does not define the unit of {kind}"
                 remedy = (
                     "add units: {length: um, force: nN}, to which quantities are converted, or "
                     "give plain numbers"
@@ -206,7 +207,9 @@ class Conversion:
             factor, exponents = _unit_factor(f"units.{kind}", label)
             if exponents != {kind: 1}:
                 problem = f"'{label}' is {_dimension_text(exponents)}, not a {kind}"
-                raise ConfigError(f"units.{kind}", problem, f"for example {UNIT_EXAMPLES[kind]}")
+                raise ConfigError(
+                    f"units.{kind}", problem, f"write for example {UNIT_EXAMPLES[kind]}"
+                )
             total *= factor**power
         return total
 
@@ -277,7 +280,7 @@ def _unknown_unit(key: str, unit: str) -> ConfigError:
         "pm nm um mm cm m pN nN uN mN N kN Pa kPa MPa GPa N/m mN/m deg rad s ms J/m^2 mJ/m^2"
     )
     match = closest_match(unit, tuple(suggested_units.split()))
-    remedy = f"did you mean {match}?" if match else "for example um, nN, kPa"
+    remedy = f"did you mean {match}?" if match else "write for example um, nN or kPa"
     return ConfigError(key, f"there is no unit '{unit}'", remedy)
 
 

@@ -120,7 +120,9 @@ def read_document(path: str | os.PathLike[str]) -> tuple[Document, Source]:
         return _parse_document(content.decode("utf-8-sig"), name)
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
-        raise ConfigError("", "not UTF-8 text", "save the file as UTF-8", name, line) from None
+        raise ConfigError(
+            "", "the file is not UTF-8 text", "save the file as UTF-8", name, line
+        ) from None
 
 
 def _parse_document(text: str, name: str) -> tuple[Document, Source]:
@@ -128,7 +130,7 @@ def _parse_document(text: str, name: str) -> tuple[Document, Source]:
     document, lines = strict_yaml.parse(text, name)
     if not isinstance(document, dict):
         problem = (
-            "the file is empty" if document is None else "a scene is made of sections (key: value)"
+            "the file is empty" if document is None else "a scene consists of sections (key: value)"
         )
         raise ConfigError("", problem, "see docs/config.md", name, lines.get((), 1))
     return document, Source(name, {path: (name, line) for path, line in lines.items()})
@@ -147,7 +149,7 @@ def plain_document(data: Mapping[str, Any]) -> Document:
     """Return nested mappings, lists, numbers and dataclasses as the document of a file."""
     document = _plain_value(data, ())
     if not isinstance(document, dict):
-        raise ConfigError("", "a scene is made of sections")
+        raise ConfigError("", "a scene consists of sections")
     return document
 
 
@@ -255,7 +257,9 @@ def _read_content(name: str) -> bytes:
         reason = getattr(error, "strerror", None) or error
         raise UsageError(f"cannot read the config {name}: {reason}", file=name) from None
     if len(content) > MAX_BYTES:
-        raise ConfigError("", f"longer than {MAX_BYTES} bytes", "this is not a scene", name)
+        raise ConfigError(
+            "", f"the file is longer than {MAX_BYTES} bytes", "this is not a scene", name
+        )
     return content
 
 
@@ -442,7 +446,10 @@ def _parent_section(
         if isinstance(part, int) and not (isinstance(section, list) and part < len(section)):
             size = f"has {len(section)} items" if isinstance(section, list) else "is not a list"
             raise ConfigError(
-                key_text(path), f"{key_text(path[: depth - 1])} {size}", "count from [0]", *place
+                key_text(path),
+                f"{key_text(path[: depth - 1])} {size}",
+                "items are counted from [0]",
+                *place,
             )
         if isinstance(part, str) and not isinstance(section, dict):
             key = key_text(path[: depth - 1])
@@ -466,7 +473,7 @@ def _validate(document: Document, source: Source) -> Config:
     """Return the config of a document, or raise all its errors with their positions."""
     if is_study(document):
         problem = "this is a study, not a scene"
-        remedy = f"indent-sim study {source.name or 'FILE'}"
+        remedy = f"run it with `indent-sim study {source.name or 'FILE'}`"
         raise ConfigError(
             "", problem, remedy, *source.location(("vary" if "vary" in document else "cases",))
         )
@@ -493,7 +500,8 @@ def _parse_config(document: Document, source: Source) -> Config:
             verb = "are" if path_key.endswith("s") else "is"
             raise ConfigError(
                 "loading.steps",
-                f"belongs to {owner}, and {path_key} {verb} given",
+                f"applies only to a single {owner}, which is divided into equal steps, but "
+                f"{path_key} {verb} given",
                 "remove one of them",
             )
     except ValidationError as error:

@@ -121,7 +121,7 @@ class _EventReader:
         self.lines.setdefault(path, event.start_mark.line + 1)
         max_values = 200_000
         if len(self.lines) > max_values:
-            raise self.error(event, path[:1], f"more than {max_values} values")
+            raise self.error(event, path[:1], f"the file has more than {max_values} values")
         if isinstance(event, yaml.AliasEvent) or event.anchor is not None:
             raise self.error(
                 event, path, "anchors and aliases (&, *) are not allowed", "write the value out"
@@ -205,7 +205,9 @@ def parse_scalar(text: str) -> Any:
 def _refuse_text(text: str, name: str) -> None:
     """Raise ConfigError for a text that is too long or has control characters."""
     if len(text) > MAX_BYTES:
-        raise ConfigError("", f"longer than {MAX_BYTES} characters", "this is not a scene", name)
+        raise ConfigError(
+            "", f"the text is longer than {MAX_BYTES} characters", "this is not a scene", name
+        )
     if unprintable := _UNPRINTABLE.search(text.removeprefix("\ufeff")):
         line = text.count("\n", 0, unprintable.start()) + 1
         raise ConfigError(

@@ -20,11 +20,15 @@ def contact_errors(config: SceneSections) -> Iterator[ConfigError]:
     adhesion = config.contact.adhesion
     if config.contact.epsilon_t != "auto" and config.contact.is_conservative:
         yield ConfigError(
-            "contact.epsilon_t", "there is no friction", "leave it out, or give contact.friction"
+            "contact.epsilon_t",
+            "applies only with friction, but the scene has none",
+            "leave it out, or give contact.friction",
         )
     if adhesion and not config.contact.is_conservative:
         yield ConfigError(
-            "contact.adhesion", "is not verified together with friction", "leave one of the two out"
+            "contact.adhesion",
+            "is not verified together with friction",
+            "leave contact.adhesion or contact.friction out",
         )
     if adhesion and adhesion.range == 0:
         problem = "is 0, a limit that no mesh can resolve"
@@ -44,7 +48,7 @@ def center_errors(config: SceneSections) -> Iterator[ConfigError]:
         yield ConfigError("indenter.center", reason, "leave it out")
     elif center is not None and len(center) != needed:
         form = "[x]" if needed == 1 else "[x, y]"
-        problem = f"the position on a {config.body.shape} is {form}, got {len(center)} numbers"
+        problem = f"the position on a {config.body.shape} must be {form}, got {len(center)} numbers"
         yield ConfigError("indenter.center", problem, f"give {form}")
 
 
@@ -154,5 +158,7 @@ def _jkr_errors(config: SceneSections, adhesion: JKRAdhesion) -> Iterator[Config
         problem = "the contact of a sharp flat punch does not shrink, but separates all at once"
         yield ConfigError(key, problem, "give the punch an edge_radius")
     if adhesion.range and not hasattr(tip, "R"):
-        problem = f"is for the Tabor number of a tip with a radius R, but a {tip.shape} has none"
+        problem = (
+            f"only gives the Tabor number of a tip with a radius R, but a {tip.shape} has none"
+        )
         yield ConfigError(f"{key}.range", problem, "leave it out")

@@ -148,8 +148,8 @@ def create_mesh(comm: MPI.Comm, cells: np.ndarray, points: np.ndarray, dim: int)
     comm : MPI.Comm
         Communicator.
     cells : ndarray of int, (n, corners) or (n, corners + edges)
-        This rank's share of the cells, as numbers of their corners, optionally followed by the edge
-        midpoints, each opposite to a corner in turn.
+        This rank's share of the cells: numbers of their corners, for quadratic triangles (dim 2)
+        followed by those of the edge midpoints, the k-th one opposite to corner k.
     points : ndarray, (m, dim)
         This rank's share of the points [length].
     dim : int

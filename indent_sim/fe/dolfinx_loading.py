@@ -82,7 +82,8 @@ def _choose_folders() -> None:
             or cache_folder.stat().st_uid != os.getuid()
         ):
             raise BackendError(
-                "no folder for compiled kernels is writable; set XDG_CACHE_HOME to one that is"
+                "no folder for compiled kernels is writable; set XDG_CACHE_HOME to a writable "
+                "folder"
             )
         logger.info(
             "compiled kernels are kept in %s because the home folder is not writable", cache_folder

@@ -55,20 +55,20 @@ RADIUS_SHIFT = {"displacement": (0.111, 0.063), "mixed": (0.140, 0.180)}
 LONGEST_STEP_RANGES = 4.0
 SNAP_STEP_RANGES = 0.25
 
-# The force as a function of the depth has a ripple, as the edge of contact passes from element to
-# element. Its amplitude over the largest pull [-] is RIPPLE_FACTOR over the square of the number of
-# elements in the cohesive zone or in the contact radius, whichever is smaller, and at most
-# LARGEST_RIPPLE. Measured as the largest deviation from a polynomial of degree 6 over 60 rows
-# around pull-off: factors of 0.002 to 0.02 with 0.7 to 11 elements at Maugis' lambda 0.5 to 2.5.
-# Repeated by tests/physics/test_pull_off.py.
+# The force as a function of the depth oscillates slightly, as the edge of contact passes from
+# element to element. The amplitude relative to the largest tensile force [-] is RIPPLE_FACTOR over
+# the square of the number of elements in the cohesive zone or in the contact radius, whichever is
+# smaller, and at most LARGEST_RIPPLE. Measured as the largest deviation from a polynomial of degree
+# 6 over 60 rows around pull-off: factors of 0.002 to 0.02 with 0.7 to 11 elements at Maugis' lambda
+# 0.5 to 2.5. Repeated by tests/physics/test_pull_off.py.
 RIPPLE_FACTOR = 0.02
 LARGEST_RIPPLE = 0.008
-# The search for the pull-off need not be finer than this, relative [-] to the largest pull: with 11
-# elements in the cohesive zone the force is known to 2e-4 (docs/verification.md).
+# The search for the pull-off need not be finer than this, relative [-] to the largest tensile
+# force: with 11 elements in the cohesive zone the force is known to 2e-4 (docs/verification.md).
 FINEST_TOLERANCE = 1e-4
-# Next to a fold the interval before the best point is divided only if it is more than so many times
-# [-] as long as the interval after it. With 1 a search takes a third more equilibria, with 8 a
-# twentieth fewer, on the curves with a fold of tests/unit/fe/test_pull_off.py.
+# Next to a fold the interval before the best point is divided only if it is more than this many
+# times [-] as long as the interval after it. With 1 a search takes a third more equilibria, with 8
+# a twentieth fewer, on the curves with a fold of tests/unit/fe/test_pull_off.py.
 FOLD_LENGTH_RATIO = 4.0
 
 # Conductance of a drained vertex, relative [-] to that of its own cells. The pressure there is 1e-8
@@ -87,5 +87,6 @@ MEMBRANE_STIFFNESS = 1e-3
 # preconditioner of the multiplier; 6 and 30 take more iterations. Checked:
 # tests/physics/test_iterative.py.
 SURFACE_STIFFNESS = 10.0
-# Right-hand sides that are solved at once [-]; MUMPS's default of 32 takes a seventh longer.
+# Right-hand sides that are solved at once [-]. MUMPS's default of 32 took a seventh longer. No test
+# repeats this: on a busy machine times scatter by more.
 BLOCK_SIZE = 128

@@ -2,8 +2,10 @@
 
     Pi(u, q, lam; delta) = int psi dOmega + int potential(g, lam) dGamma
 
-with the residual dPi, the tangent d(dPi) and the force dPi/d(delta). The terms are implemented in
-`fe.terms`. A term without a potential, such as friction, adds its virtual work to dPi.
+is the potential of the displacement u, the pressure fields q and the contact multiplier lam at the
+depth delta. The residual is its first variation, the tangent its second variation, and the force
+its derivative with respect to delta. The terms are implemented in `fe.terms`. A term without a
+potential, such as friction, adds its virtual work to the residual.
 """
 
 from __future__ import annotations
@@ -39,7 +41,8 @@ class Snapshot:
     depth : float
         Indentation depth delta [length].
     unknowns : tuple of PETSc.Vec
-        Solution vector and frozen functions, which may be extrapolated and interpolated.
+        Solution vector and the functions that are fixed during Newton's method; all of them may be
+        extrapolated and interpolated.
     history : tuple of ndarray
         Internal variables of the terms, which must not be extrapolated.
     t : float
@@ -61,7 +64,7 @@ class Problem:
     Attributes
     ----------
     frozen : list of fem.Function
-        Functions of the current iterate that Newton's method does not solve for.
+        Functions of the current iterate that are fixed during Newton's method.
     histories : list of fem.Function
         Internal variables of all terms.
     """
@@ -91,16 +94,16 @@ class Problem:
 
     @property
     def can_reuse_tangent(self) -> bool:
-        """True if the tangent is constant while the contact does not change.
+        """True if the tangent may be reused from step to step while the contact does not change.
 
-        This holds for fluid flow in a linear body without friction.
+        The conditions are fluid flow, a linear body and a frictionless contact.
         """
         return self.has_flow and self.scene.physics.is_linear and self.law.is_conservative
 
     def _time_levels(self, term: Term) -> tuple[TimeLevel, TimeLevel, fem.Constant]:
         """Return the arguments of a term's forms: current and accepted time level, and time step.
 
-        A term without memory gets the current level twice, so that `Body.before` need not be
+        A path-independent term gets the current level twice, so that `Body.before` need not be
         created.
         """
         before = self.body.before if term.has_memory else self.body.now
@@ -175,7 +178,7 @@ class Problem:
             term.begin_solve()
 
     def assemble_residual(self, b: PETSc.Vec) -> None:
-        """Assemble dPi at the current solution into `b`; constrained rows hold the reactions."""
+        """Assemble the residual at the current solution; constrained rows of `b` hold reactions."""
         with b.localForm() as local:
             local.set(0.0)
         fem_petsc.assemble_vector(b, self._residual_form)
@@ -184,7 +187,7 @@ class Problem:
             term.add_residual(b)
 
     def assemble_tangent(self, A: PETSc.Mat) -> None:
-        """Assemble d(dPi) at the current solution, with identity rows for constrained dofs."""
+        """Assemble the tangent at the current solution, with identity rows for constrained dofs."""
         A.zeroEntries()
         fem_petsc.assemble_matrix(A, self._tangent_form, self.body.bcs)
         A.assemble(PETSc.Mat.AssemblyType.FLUSH)
@@ -214,7 +217,7 @@ class Problem:
         self.body.accept()
 
     def trial_state(self) -> list[PETSc.Vec]:
-        """Return copies of the solution vector and of the frozen functions."""
+        """Return copies of the solution vector and of the functions in `frozen`."""
         return [vector.copy() for vector in self._vectors]
 
     def set_trial_state(self, trial_state: Sequence[PETSc.Vec]) -> None:

@@ -288,10 +288,21 @@ def _read_curves(
         except UsageError as error:
             curves = [rejected_fit(file.stem, f"not a curve: {error.problem}")]
         source = _file_identity(file)
-        for curve in curves:
+        for index in range(len(curves)):
+            curve = _curve_or_rejection(curves, index, file)
             name = _unique_name(curve.name, file, used_names)
             if not writer.keep_earlier_entry(name, source):
                 yield _rename_curve(curve, name), source
+
+
+def _curve_or_rejection(
+    curves: Sequence[MeasuredCurve | CurveFit], index: int, file: Path
+) -> MeasuredCurve | CurveFit:
+    """Return a curve of a file; a damaged curve of a map is a rejected curve."""
+    try:
+        return curves[index]
+    except NoCurve as error:
+        return rejected_fit(f"{file.stem}-{index}", error.problem)
 
 
 def _rename_curve(curve: MeasuredCurve | CurveFit, name: str) -> MeasuredCurve | CurveFit:

@@ -1,7 +1,8 @@
 """Measured constants of fits: numbers from fits and solved scenes, with their source.
 
-Each entry names the unit, what was measured on which scenes, and the test that checks what follows
-from it ("Checked"). Tolerances and limits that are a choice stand where they are used.
+Each entry names the unit, what was measured on which scenes, and the test that measures it again
+("Repeated by") or checks what follows from it ("Checked"). Tolerances and limits that are a choice
+stand where they are used.
 """
 
 from __future__ import annotations
@@ -12,7 +13,11 @@ SOLVED_DEPTHS = 20
 DEGREE = 12
 
 # Nodes [-] and steps, logarithmic and linear [-], of the parameter grid of forces along a measured
-# path; the interpolation error is 3e-4 of the force of a poroelastic layer.
+# path; the interpolation error is 3e-4 of the force of a poroelastic layer, measured half-way
+# between nodes with 16 elements in the contact radius. With 4 of them that of the diffusivity is
+# 3e-3, since time steps and the edge of contact change with it. Repeated, for the linear step, by:
+# tests/physics/test_measured_constants.py. Checked, to 6e-3:
+# tests/unit/fitting/test_history_table.py.
 HISTORY_GRID_NODES = 4
 HISTORY_LOG_STEP = 0.4
 HISTORY_LINEAR_STEP = 0.05

@@ -86,12 +86,12 @@ def draw_section(gmsh: Gmsh, domain: ModelDomain, sizes: Sizes) -> None:
     Its outline is split at the tip's axis, at the edge of a punch and at the interfaces of layers.
     """
     geo = _cad_kernel(gmsh, domain)
-    split_points = [
+    division_points = [
         (_round_point(position), z, side)
         for side in domain.outline
-        for position, z in _split_corners(domain, sizes, side)
+        for position, z in _division_points(domain, sizes, side)
     ]
-    corners = [corner for corner, _, _ in split_points]
+    corners = [corner for corner, _, _ in division_points]
     arc_centers = [_round_point(side.center) for side in domain.outline if side.center]
     point_tags = {
         point: geo.addPoint(*point, 0.0) for point in dict.fromkeys([*corners, *arc_centers])
@@ -102,10 +102,11 @@ def draw_section(gmsh: Gmsh, domain: ModelDomain, sizes: Sizes) -> None:
         geo.addCircleArc(a, point_tags[_round_point(side.center)], b)
         if side.center
         else geo.addLine(a, b)
-        for (a, b), (_, _, side) in zip(pairs, split_points, strict=True)
+        for (a, b), (_, _, side) in zip(pairs, division_points, strict=True)
     ]
     interface_ends = [
-        [k for k, (_, level, _) in enumerate(split_points) if level == z] for z in domain.interfaces
+        [k for k, (_, level, _) in enumerate(division_points) if level == z]
+        for z in domain.interfaces
     ]
     interface_lines = [
         _draw_interface(geo, domain, *((corners[k], points[k]) for k in end_indices))
@@ -147,12 +148,14 @@ def _draw_interface(geo: Gmsh, domain: ModelDomain, right: Corner, left: Corner)
     ]
 
 
-def _split_corners(
+def _division_points(
     domain: ModelDomain, sizes: Sizes, side: Side
 ) -> list[tuple[tuple[float, ...], float | None]]:
-    """Return the points at which a side of a section begins or is split by interfaces.
+    """Return the points that divide a side of a two-dimensional domain, beginning with its start.
 
-    Each point is paired with the level of its interface, or with None if it is on no interface.
+    The top is divided at the tip's axis and at the edge of a punch, any other straight side at its
+    crossings with interfaces of layers. Each point is paired with the level of its interface, or
+    with None if it is on no interface.
     """
     if side.surface == "top":
         R = domain.top_radius
@@ -170,8 +173,8 @@ def _top_split_points(domain: ModelDomain, sizes: Sizes, x0: float, x1: float) -
 
     The distance of each point from corners and axis is at least ten random shifts of gmsh.
     """
-    # gmsh aborts where its random shift makes points change places: seen up to distances of 4
-    # shifts.
+    # gmsh aborts if its random shift makes points change places, which was seen up to distances of
+    # 4 shifts.
     min_split_shifts = 10.0
     min_distance = min_split_shifts * point_shift(domain, sizes) * domain.max_extent
     positions = [round(x0, LENGTH_DIGITS), round(x1, LENGTH_DIGITS)]

@@ -23,7 +23,8 @@ class Grid:
     Attributes
     ----------
     points
-        Coordinates (n, dim) [length of the scene].
+        Coordinates (n, dim) in multiples of `Scales.length`; those of an imported mesh are at first
+        in the length unit of its file.
     cells
         Point numbers (m, dim + 1) of the corners of the cells.
     regions

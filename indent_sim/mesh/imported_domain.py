@@ -173,7 +173,7 @@ def region_under_axis(mesh: ImportedMesh, center: tuple[float, ...]) -> int:
         problem = (
             f"{list(center)[: mesh.dim - 1]} is not above the contact surface, which spans {spans}"
         )
-        raise mesh_file_error(problem, "move the tip's axis over it", "indenter.center")
+        raise mesh_file_error(problem, "choose a position above it", "indenter.center")
     facet = mesh.grid.surfaces["top"][inside_facets[0]]
     cell = np.flatnonzero(np.isin(mesh.grid.cells, facet).sum(axis=1) == mesh.dim)[0]
     return int(mesh.grid.regions[cell])

@@ -142,7 +142,8 @@ def _facets_by_orientation(
     if len(rows) == 0 or np.ptp(heights) > LEVEL_TOLERANCE * np.ptp(corners, axis=(0, 1)).max():
         key = SURFACE_KEYS[surface]
         problem = f"is not given, and no single part of the boundary {ORIENTATIONS[surface]}"
-        raise MeshFileError(f"body.surfaces.{key}", problem, _naming_advice(key, corners.shape[1]))
+        remedy = f"name it {_naming_advice(key, corners.shape[1])}"
+        raise MeshFileError(f"body.surfaces.{key}", problem, remedy)
     return rows
 
 

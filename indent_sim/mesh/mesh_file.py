@@ -141,7 +141,7 @@ def find_mesh_file(folder: str, file: str) -> MeshFileVersion:
         raise mesh_file_error(f"'{file}' is longer than {max_bytes} bytes", remedy)
     if path.suffix.lower() not in READERS:
         problem = f"'{file}' has no known file extension"
-        raise ConfigError("body.file", problem, f"it must end in one of {', '.join(READERS)}")
+        raise ConfigError("body.file", problem, f"its name must end in one of {', '.join(READERS)}")
     return MeshFileVersion(path, file, status.st_size, (status.st_ino, status.st_mtime_ns))
 
 
@@ -176,8 +176,8 @@ def read_mesh_file(version: MeshFileVersion, convert: Callable[[MeshFile], T]) -
         (seconds, seconds_per_byte) = READING_SECONDS
         (memory, memory_per_byte) = READING_MEMORY
         limits = (
-            f"it may take {seconds:g} s and {memory / 1e6:g} MB, plus {seconds_per_byte * 1e6:g} s "
-            f"and {memory_per_byte:g} MB for each MB of the file"
+            f"reading may take {seconds:g} s and {memory / 1e6:g} MB, plus "
+            f"{seconds_per_byte * 1e6:g} s and {memory_per_byte:g} MB for each MB of the file"
         )
         raise mesh_file_error(
             f"'{version.name}' is not a mesh that can be read: {cause}", limits
@@ -229,7 +229,7 @@ def named_simplices(file: MeshFile, name: str, dim: int, key: str) -> np.ndarray
     if dim not in file.groups[name]:
         kinds = " and ".join(CELL_KINDS[group_dim] for group_dim in sorted(file.groups[name]))
         raise mesh_file_error(
-            f"'{name}' is a group of {kinds}, and {CELL_KINDS[dim]} are needed here",
+            f"'{name}' is a group of {kinds}, but {CELL_KINDS[dim]} are needed here",
             file.names_text,
             key,
         )

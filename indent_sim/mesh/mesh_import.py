@@ -111,7 +111,7 @@ def _check_cell_dimension(file: MeshFile, dim: int) -> None:
         return
     cell_kinds = " and ".join(CELL_KINDS[cell_dim] for cell_dim in sorted(file.cells)) or "no cells"
     problem = (
-        f"the file has {cell_kinds}, and a body in {dim} dimensions is made of {CELL_KINDS[dim]}"
+        f"the file has {cell_kinds}, but a body in {dim} dimensions is made of {CELL_KINDS[dim]}"
     )
     if max(file.cells, default=0) > 1:
         # The file has a body, but of another dimension than the scene file says.
@@ -149,7 +149,7 @@ def _body_coordinates(points: np.ndarray, dim: int, body: MeshFromFile) -> np.nd
     section = np.ascontiguousarray(points[:, :2])
     if body.kinematics == "axisymmetric":
         if (least_radius := section[:, 0].min()) < -LEVEL_TOLERANCE * size:
-            remedy = "the axis is r = 0, which is x = 0 of the file; the body lies at r >= 0"
+            remedy = "move the section to r >= 0: the axis of revolution is x = 0 of the file"
             raise mesh_file_error(f"points of the section have r = {least_radius:g}", remedy, key)
         section[np.abs(section[:, 0]) <= LEVEL_TOLERANCE * size, 0] = 0.0
     return section

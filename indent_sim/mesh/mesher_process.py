@@ -36,7 +36,7 @@ def call_in_mesher(function: Callable[..., T], *arguments: object) -> Callable[[
 
 def start_mesher() -> None:
     """Start the mesher process, which imports gmsh while this process continues."""
-    # The first mesh reports that no process can be started.
+    # If no process can be started, the first call in the mesher reports it.
     with suppress(OSError):
         _mesher.start()
 

@@ -1,7 +1,7 @@
 """Element sizes as expressions for gmsh's MathEval field, which has neither min nor max.
 
-The expressions are the function `sizes.Sizes.size_at`, in the lengths of the scene. Source: Gmsh
-Reference Manual, section on mesh size fields.
+The expressions equal `sizes.Sizes.size_at`, with nondimensional lengths. Source: Gmsh Reference
+Manual, section on mesh size fields.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Uniform refinement of an imported mesh: every edge is bisected."""
+"""Uniform (red) refinement of an imported mesh: every edge is halved."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ OCTAHEDRON_SPLITS = {
 
 
 def refined_once(mesh: ImportedMesh) -> ImportedMesh:
-    """Return a uniformly refined mesh, in which every edge is bisected.
+    """Return a uniformly refined mesh, in which every edge is halved.
 
     A triangle becomes four, a tetrahedron eight (Bey 1995, Computing 55, 355). The new points are
     the midside nodes of a quadratic mesh, and the midpoints of all other edges.
@@ -68,7 +68,7 @@ def refined_once(mesh: ImportedMesh) -> ImportedMesh:
 def _split_simplices(
     points: np.ndarray, simplices: np.ndarray, find_midpoints: MidpointFinder
 ) -> np.ndarray:
-    """Return the parts of bisected simplices: the first part of each, then the second, etc."""
+    """Return the children of refined simplices: the first child of each, then the second, etc."""
     corner_parts, midpoints = split_at_midpoints(list(simplices.T), find_midpoints)
     if len(simplices.T) < 4:
         return corner_parts

@@ -81,18 +81,14 @@ class _ContactLaw:
     def path_key(self) -> str:
         """Key that makes the law path-dependent: "friction" or "adhesion".
 
-        Only one of them may be given.
-
-        "" if there is none.
+        Only one of them may be given; "" if there is none.
         """
         return next((name for name in ("friction", "adhesion") if getattr(self, name)), "")
 
     @property
     def feature_without_theory(self) -> str:
         """Description of a feature that no reference theory covers; "" if there is none."""
-        return {"friction": "friction", "adhesion": "attraction with a range"}.get(
-            self.path_key, ""
-        )
+        return {"friction": "friction", "adhesion": "adhesion with a range"}.get(self.path_key, "")
 
     @property
     def reason_no_elastic_curve(self) -> str:
@@ -190,7 +186,8 @@ class Penalty(_NormalStiffness):
     epsilon_t: ContactStiffness | Auto = "auto"
 
     multiplier: ClassVar[Multiplier] = "none"
-    # Multiple of E*/h_contact, at least: the error of the force is 0.1 % for Hertz's problem.
+    # Smallest multiple of E*/h_contact for epsilon_n: auto; its error of the force is 0.1 % in
+    # Hertz's problem.
     auto_stiffness_factor: ClassVar[float] = 100.0
     # Multiple of E*/h_contact; below it, four fifths of the force that friction adds are lost.
     min_tangential_factor: ClassVar[float] = 0.1
@@ -223,7 +220,7 @@ class AugmentedLagrangian(_NormalStiffness):
     adhesion: Adhesion | None = None
 
     multiplier: ClassVar[Multiplier] = "unknown"
-    # Multiple of E*/h_contact; measured as the most accurate one.
+    # Multiple of E*/h_contact that was measured to be the most accurate one.
     auto_stiffness_factor: ClassVar[float] = 1.0
     # Multiple of E*/h_contact. With Coulomb's law, increments are cut back at 1e-3 and below; at
     # 1e-4 and below they fail or converge to forces without friction.
@@ -232,9 +229,9 @@ class AugmentedLagrangian(_NormalStiffness):
 
 @dataclass(frozen=True)
 class Uzawa(_NormalStiffness):
-    """Uzawa iteration: Newton's method with a frozen multiplier, then lam <- <lam - epsilon_n g>.
+    """Uzawa iteration: Newton's method with a fixed multiplier, then lam <- <lam - epsilon_n g>.
 
-    The iteration ends when lam does not change any more.
+    These two steps are repeated until lam does not change any more.
     """
 
     method: Literal["uzawa"] = "uzawa"

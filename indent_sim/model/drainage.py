@@ -54,8 +54,8 @@ class Drainage:
     bath_ramp
         Time in which a sudden change of the bath is imposed at a constant rate. At finite strain a
         sudden change swells a thin layer, for which Newton's method does not converge; "auto" is
-        then 1/75 of the diffusion time of the contact, independent of the mesh. At small strain
-        "auto" is 0.
+        then 1/75 of the diffusion time of the contact, or of the height if that is smaller,
+        independent of the mesh. At small strain "auto" is 0.
     """
 
     surface: DrainCondition = "drained"

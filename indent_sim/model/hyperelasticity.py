@@ -111,7 +111,7 @@ class _IsochoricLaw(ElasticLaw):
         Raises ValueError unless exactly one of nu and kappa is given.
         """
         if (self.nu is None) == (self.kappa is None):
-            raise ValueError("needs exactly one of nu, kappa in addition to its constants")
+            raise ValueError("needs exactly one of nu and kappa in addition to its constants")
         mu = self.small_strain_mu
         if not (math.isfinite(mu) and mu > 0):
             raise ValueError(f"the small-strain shear modulus is {mu:g}; it must be > 0")
@@ -164,14 +164,14 @@ class _IsochoricLaw(ElasticLaw):
     def mixed_volumetric_energy(
         self, H: Expr, log_J: Expr, q: Expr, shear_fraction: Expr = 1.0
     ) -> Expr:
-        """Return the volumetric energy with a field q, the normal stress on a sheared surface.
+        """Return the mixed volumetric energy p ln J - p^2/(2 kappa) with a continuous field q.
 
-        The mean stress is q + k (I1 - 3), where k is the `poynting_coefficient`, but at least 0; to
-        leading order I1 - 3 is gamma^2. Contact prescribes the normal stress on a surface, while
-        the shear gamma along the surface is discontinuous between elements, and so is then the mean
-        stress. A continuous q that approximated the mean stress would make the contact pressure
-        under friction oscillate from node to node. For any k, the energy is stationary in q at the
-        solution of the displacement formulation, also if the law is incompressible
+        The mean stress is p = q + k (I1 - 3) with k = max(poynting_coefficient, 0), so that q is to
+        leading order the normal stress on a surface under a shear gamma, where I1 - 3 = gamma^2.
+        This shear jumps between elements, and so does p, while the normal stress, which contact
+        prescribes, is continuous. With q = p, the contact pressure under friction would oscillate
+        from node to node. For any k, also if the law is incompressible, the energy is stationary
+        in q at the solution of the displacement formulation
         (docs/decisions/0048-a-mixed-pressure-that-shear-leaves-alone.md).
 
         Parameters
@@ -188,13 +188,12 @@ class _IsochoricLaw(ElasticLaw):
         Returns
         -------
         Expr
-            p ln J - p^2/(2 kappa) [pressure] with the mean stress p = q + shear_fraction k (I1 -
-            3).
+            p ln J - p^2/(2 kappa) [pressure] with p = q + shear_fraction k (I1 - 3).
         """
         # I1 - 3, without loss of digits at small H. It is not scaled by J^(-2/3): that is concave
         # in ln J, and Newton's method then failed in uniform shear.
         elongation = ufl.variable(2 * ufl.tr(H) + ufl.inner(H, H))
-        # Newton's method did not converge with k < 0, as of Ogden's law with alpha = 9 (sphere,
+        # Newton's method did not converge with k < 0, as for Ogden's law with alpha = 9 (sphere,
         # depth 0.4 R).
         k = algebra.maximum(self.poynting_coefficient, 0.0)
         mean_stress = q + shear_fraction * k * elongation
@@ -312,7 +311,8 @@ class Ogden(_IsochoricLaw):
         """
         if len(self.mu) != len(self.alpha):
             raise ValueError(
-                f"mu has {len(self.mu)} entries and alpha {len(self.alpha)}; both need the same"
+                f"mu has {len(self.mu)} entries and alpha has {len(self.alpha)}; they need the "
+                "same number"
             )
         if 0 in self.alpha:
             raise ValueError("alpha must not be zero")

@@ -78,7 +78,7 @@ class Flow:
             0.5).
         """
         if (self.permeability is None) == (self.diffusivity is None):
-            raise ValueError("flow needs exactly one of permeability, diffusivity")
+            raise ValueError("flow needs exactly one of permeability and diffusivity")
         if not math.isfinite(confined_modulus):
             raise ValueError("nu (drained) must be < 0.5: an incompressible body cannot drain")
         if self.diffusivity is None:

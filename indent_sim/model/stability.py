@@ -103,8 +103,8 @@ def _auxetic_instability(material: NeoHookean, strain: float) -> list[str]:
 
 
 def _strain_range_note(strain: float) -> str:
-    """Return the end of a warning, which states the expected range of strains."""
-    return f"strains may reach exp(+-{strain:.2g}) here"
+    """Return the end of a warning, which states the expected range of stretches."""
+    return f"stretches here may reach exp(+-{strain:.2g})"
 
 
 def _is_stable(

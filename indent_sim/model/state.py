@@ -13,7 +13,8 @@ from indent_sim.model.units import Scales
 
 # Quantities that follow from the solution of a row; empty where there is none.
 DERIVED_COLUMNS = ("stiffness", "area", "E_hertz")
-# Columns of scenes with friction; the side forces only if the tip is off the middle.
+# Columns of scenes with friction; a side force only if no mirror plane through the tip is normal to
+# its axis.
 FRICTION_COLUMNS = ("stick_radius", "dissipation", "side_force_x", "side_force_y")
 # Columns of scenes with fluid in the pores.
 FLUID_COLUMNS = ("outflow", "pore_pressure_max")
@@ -146,7 +147,8 @@ class State:
     dissipation
         Energy dissipated by friction since the previous row [energy].
     side_force_x, side_force_y
-        Lateral force on a tip that is not centred on the body, with friction [force].
+        Horizontal force on the tip, with friction, along an axis to which no mirror plane is normal
+        [force].
     force_error, a_error, p_max_error, delta_error, stick_radius_error, dissipation_error
         Error estimates: half-widths of intervals, in the unit of the quantity.
     t, z, branch

@@ -34,7 +34,8 @@ material: the elastic law of the body, and of layers without a law of their own
 indenter: the rigid tip: an analytic surface, never meshed
 contact: the contact law and its enforcement
 loading: the load path of the tip: the prescribed depths or forces
-experiment: measurement of the curve: adhesion without range, instrument, oscillations, calibration
+experiment: conditions of the measurement: adhesion without range, instrument, oscillations,
+  calibration
 mesh: element sizes, and the part of the body that is modelled
 accuracy [1]: largest permitted relative error of the force at any step, from which the mesh is
   chosen; fast = 0.05, balanced = 0.01, accurate = 0.001
@@ -52,7 +53,8 @@ base_radius [length] $b$: radius of the flat side on which a cap stands
 contact_angle [degrees] $\theta$: contact angle of a cap, between base and curved surface; instead
   of `height`
 size [length] $(l_x, l_y, l_z)$: edges of the box [0, l_x] x [0, l_y] x [-l_z, 0]
-base: support of the lower face; roller: slides, does not lift; for a ball see docs/conventions.md
+base: support of the lower face; roller: slides without friction, does not lift; for a ball see
+  docs/conventions.md
 sides: support of the walls; roller: no normal displacement
 surfaces.contact: name in the file of the surface that the tip may touch; default: the faces that
   face up
@@ -91,7 +93,7 @@ model: the elastic law, which determines the other keys of `material`
 E [pressure] $E$: Young's modulus
 nu [1] $\nu$: Poisson's ratio
 E_z [pressure] $E_z$: Young's modulus along the axis z of a transversely isotropic material, whose E
-  and nu are across it
+  and nu hold in the plane across it
 nu_z [1] $\nu_z$: Poisson's ratio -eps_plane/eps_z under sigma_z of a transversely isotropic
   material
 G_z [pressure] $G_z$: shear modulus of planes through the axis z of a transversely isotropic
@@ -145,18 +147,18 @@ half_angle [degrees] $\alpha$: angle between the axis and the flank (a pyramid: 
   hyperboloid: the asymptote)
 tip_radius [length] $\rho$: radius that rounds the apex (and a pyramid's edges, a profile's
   corners); 0: sharp
-faces [1]: number of faces of the pyramid, all alike
-rotation [degrees]: turn of the pyramid about z; at 0 one face's normal points along x
-points [length] $(r_i, z_i)$: the profile from the apex [0, 0] outward, [r, z] each, straight
-  between
+faces [1]: number of equal faces of the pyramid
+rotation [degrees]: rotation of the pyramid about z; at 0 the normal of one face points along x
+points [length] $(r_i, z_i)$: points [r, z] of the profile from the apex [0, 0] outwards, connected
+  by straight lines
 edge_radius [length] $\rho$: radius that rounds the edge of the flat punch; 0: sharp
 center [length] $(x_0, y_0)$: position of the tip's axis, [x, y], for a strip [x]; default: axis of
   the cylinder, middle of the box or strip
 
 ## Contact
 method: contact algorithm; auto: the program chooses and reports the reason
-epsilon_n [pressure/length] $\varepsilon_n$: normal contact stiffness; decreases with E* where shear
-  relaxes
+epsilon_n [pressure/length] $\varepsilon_n$: normal contact stiffness; if the shear modulus relaxes,
+  it decreases with E*
 gamma [pressure/length] $\gamma$: stabilisation parameter of Nitsche's method
 contact.gap: reference: gap at the undeformed point, pressure along z; current: gap at the deformed
   point, pressure along the tip's normal; auto: reference at small strain
@@ -167,30 +169,32 @@ tau [pressure] $\tau$: tangential traction on the body
 epsilon_t [pressure/length] $\varepsilon_t$: tangential contact stiffness; auto: epsilon_n
 
 ## Loading
-delta [length] $\delta$: indentation depth, > 0 pushes in
-loading.force [force] $F$: final force of the whole body, > 0 pushes; the depth is computed
+delta [length] $\delta$: indentation depth, > 0 into the body
+loading.force [force] $F$: final force of the whole body, > 0 compressive; the depth is computed
 steps [1]: number of equal steps to `delta` or `force`
-deltas [length] $\delta_i$: depths in order instead of `delta`, also for unloading; < 0: the tip is
-  clear of the body
-forces [force] $F_i$: forces in order instead of `force`, also for unloading; 0: the tip just
+deltas [length] $\delta_i$: sequence of depths instead of `delta`, also for unloading; < 0: the tip
+  is clear of the body
+forces [force] $F_i$: sequence of forces instead of `force`, also for unloading; 0: the tip just
   touches, at delta = 0
-history [time, length]: depth in time, [t, delta] each; with a cantilever or a frame [t, z]
-force_history [time, force]: the force in time, [t, force] each
-times [time] $t_i$: times of the rows of a history; auto: every point and enough rows between them
-  for a curve
-per_doubling [1]: time increments of each length before the length doubles, in every segment of the
-  history of a body that drains or whose shear relaxes; default 4
+history [time, length]: depth over time as a list of points [t, delta]; with a cantilever or a frame
+  [t, z]
+force_history [time, force]: force over time as a list of points [t, force]
+times [time] $t_i$: times of the rows of a history; auto: every point, and enough rows between them
+  for a smooth curve
+per_doubling [1]: number of time increments of equal length before the length doubles, in every
+  segment of the history of a body that drains or whose shear modulus relaxes; default 4
 
 ## Drainage
 drainage: boundary conditions of the pore fluid, and its bath
 drainage.surface: contact surface where the tip does not touch: drained or sealed
 drainage.tip: contact surface where the tip touches: drained, sealed, or a conductance
 drainage.base: lower face: drained, sealed, or a conductance
-drainage.sides: walls; auto: drained where they are free
-bath [time, pressure] $p_b$: pressure of the fluid around the body, or points [t, value]; 0 in the
-  undeformed body; for a gel the solvent's chemical potential over kT, 0 for the pure solvent
+drainage.sides: walls: drained or sealed; auto: drained where they are free
+bath [time, pressure] $p_b$: pressure of the fluid around the body, constant or as points [t,
+  value], above its value in the undeformed body; for a gel the solvent's chemical potential over
+  kT, 0 for the pure solvent
 bath_ramp [time]: time in which a sudden change of the bath is imposed at a constant rate; auto:
-  1/75 of the diffusion time of the contact, 0 at small strain
+  1/75 of the diffusion time of the contact, or of the height if that is shorter; 0 at small strain
 conductance [length/(pressure time)] $X$: fluid flux out of the body divided by the pore pressure
   relative to the bath
 pore_pressure [pressure] $p$: pressure of the fluid in the pores, relative to the bath
@@ -205,15 +209,15 @@ unbalanced [length^3]: error of the fluid balance; zero in equilibrium
 ## Experiment
 adhesion: attraction of tip and body: in `contact` with a range, in `experiment` without one
 work [energy/length^2] $w$: work of adhesion: the energy that separates a unit of area
-range [length]: gap over which the attraction falls by the factor e; in `experiment` for the Tabor
-  number alone
+range [length]: gap over which the attraction falls by the factor e; in `experiment` it is used for
+  the Tabor number alone
 cantilever: cantilever spring that holds the tip
 frame: compliance of the frame of the instrument
-cantilever.stiffness [force/length] $k$: spring constant of the cantilever; in plane strain per
+cantilever.stiffness [force/length] $k$: spring constant of the cantilever; in plane strain per unit
   length, a pressure
-compliance [length/force] $c$: compliance of the frame; in plane strain times length
-frequencies [1/time]: cycles per time of small oscillations about the end of the history:
-  dynamic.csv
+compliance [length/force] $c$: compliance of the frame; in plane strain times unit length
+frequencies [1/time]: cycles per time of small oscillations about the end of the history, whose
+  results are in dynamic.csv
 calibration: relative uncertainties of the instrument
 calibration.stiffness [1]: relative uncertainty of the cantilever's stiffness
 calibration.R [1]: relative uncertainty of the tip's radius
@@ -230,13 +234,13 @@ h_axis [length]: element size at the tip's axis, from which sizes grow to h_cont
   the largest contact; without it a given h_contact holds everywhere under the tip
 h_edge [length]: element size at the sharp edge of a flat punch, and along all of a rounded edge
   with friction; default: a fraction of h_contact
-h_corner [length]: element size at corners of the section that affect the contact: where a fixed
-  face meets a free face, and where the section ends close to a side; without it and with a given
-  h_contact, corners are not refined
-h_film [length]: element size at drained faces next to the contact, in a section; without it and
-  with a given h_contact, these faces are not refined
-h_inclusions [length]: element size inside each inclusion, in their order; default: by the effect of
-  each on the force
+h_corner [length]: element size at those corners of a two-dimensional model domain that affect the
+  contact: where a fixed face meets a free face, and where the contact is close to a side; without
+  it and with a given h_contact, corners are not refined
+h_film [length]: element size at drained faces next to the contact, in a two-dimensional model
+  domain; without it and with a given h_contact, these faces are not refined
+h_inclusions [length]: element size inside each inclusion, in their order; default: chosen by the
+  effect of each inclusion on the force
 h_layers [length]: element size inside each coating of a cap or ball, from the outermost; default: a
   fraction of its thickness
 grading [1]: growth of the element size per unit distance, outside the contact
@@ -252,16 +256,16 @@ solver.method: theory (without a mesh), condensed (mesh condensed to the contact
   (whole mesh by Newton's method); auto: the program chooses and reports the reason
 linear: solution of linear systems, by factorisation or iteratively; results differ by less than
   1e-8
-rtol [1]: relative residual at which a step counts as converged; the sanity checks fail with larger
-  ones. At most 1e-10 with linear: iterative
+rtol [1]: relative residual at which a step counts as converged; with more than 1e-9 a row could
+  fail the check of the force against the reactions. At most 1e-10 with linear: iterative
 max_iterations [1]: largest number of Newton iterations of one step
 
 ## Output
 directory: result folder, below the working directory; default: results/ and the name of the config
 fields: steps whose fields are written for ParaView; last: the deepest and the last; auto: last if a
   mesh is solved, none with theory
-nodal_stress: whether the fields contain the stress at the nodes, too: the volume-weighted mean over
-  the adjacent cells of one region; regions that meet have nodes of their own
+nodal_stress: whether the fields also contain the stress at the nodes: the volume-weighted mean over
+  the adjacent cells of one region; at an interface each region has nodes of its own
 surface: state of the contact surface, point by point
 output.surface: steps whose contact surface is written to surface.csv; last: the deepest and the
   last
@@ -269,20 +273,20 @@ output.reactions: whether force_indentation.csv has a column for each reaction o
 plot: whether force_indentation.png is drawn
 
 ## Results, one row a step
-step [1]: number of the requested depth, from 1
-force [force] $F$: > 0 pushing, of the whole body; per length in plane strain
+step [1]: number of the requested depth or force, from 1
+force [force] $F$: contact force of the whole body, > 0 compressive; per unit length in plane strain
 a [length] $a$: contact radius; half-width in plane strain; sqrt(area/pi) in 3D
-p_max [pressure] $p_{\max}$: largest contact pressure; nominal with gap reference, else true; empty
-  where it is infinite
+p_max [pressure] $p_{\max}$: largest contact pressure; per undeformed area with gap: reference, per
+  deformed area (true) with gap: current; empty where it is infinite
 penetration [length]: largest penetration of the tip into the body at a contact point
-energy [energy] $\Pi$: strain energy plus penalty energy of the whole body
-stiffness [force/length] $\mathrm{d}F/\mathrm{d}\delta$: of the load curve at this row
+energy [energy] $\Pi$: strain energy plus contact energy of the whole body
+stiffness [force/length] $\mathrm{d}F/\mathrm{d}\delta$: slope of the load curve at this row
 area [area]: contact area, pi a^2; in plane strain its width, 2 a
 E_hertz [pressure]: modulus computed from this row by the half-space formula of the same tip; empty
-  if there is none
+  if there is no such formula
 newton_iterations [1]: linear solves of the step, including its substeps
-krylov_iterations [1]: iterations of these linear solves and of those for the stiffness, if
-  iterative
+krylov_iterations [1]: Krylov iterations of these linear solves and of those for the stiffness; only
+  with the iterative solver
 wall_s [s]: wall time since the start of the run
 stick_radius [length]: sqrt(area/pi) of the part of the contact that does not slip on the tip, with
   friction; in plane strain half its width
@@ -304,7 +308,7 @@ reaction [force]: z-reaction of all constrained degrees of freedom; equals the f
 reactions [force]: force of each support on the body, by support and axis; of the whole body
 intrusion [length]: penetration of the tip into a surface on which no contact is modelled
 roughness [1]: amplitude of the pressure's oscillation from node to node, divided by p_max
-overlap [length]: penetration of a whole surface facet into the tip; current gap
+overlap [length]: penetration of a whole surface facet into the tip; only with gap: current
 stray_reaction [force]: reaction of the constraints that only prevent rigid motions; zero in
   equilibrium
 substeps [1]: number of increments into which the step was divided
@@ -316,8 +320,8 @@ cohesive_zone [length]: width of the cohesive zone
 elements [1]: number of elements in the cohesive zone
 tabor [1]: Tabor number
 maugis_lambda [1] $\lambda$: Maugis' lambda
-maugis_pull_off [force]: pull-off by Maugis-Dugdale on a half-space
-jkr_pull_off [force]: pull-off without range (JKR)
+maugis_pull_off [force]: pull-off force by Maugis-Dugdale on a half-space
+jkr_pull_off [force]: pull-off force without range (JKR)
 
 ## Largest tensile force with adhesion over a range
 largest_pull: row with the largest tensile force: {step, delta, force}
@@ -327,7 +331,8 @@ pull_off: largest tensile force between rows of unloading: {delta, force, error,
 ## Studies
 study.base: the scene that is varied: the path of its file, or the scene itself
 set: keys and values that are the same in every run
-vary: keys and the values they take: lists or ranges, crossed or zipped
+vary: varied keys, each with its values: a list or a range; keys are combined in all ways, or value
+  by value (zip)
 cases: scenes of their own instead of base and vary: {name, scene, set, published, exact}
 zip: keys that vary together value by value: true, or a list of them
 compare_to: reference of force, a and p_max: theory, finest, a force, a result
@@ -342,14 +347,15 @@ unit: E*/h_contact: the numbers of the range are multiples of it, for each mesh
 ## Table of a study, one row a run
 index [1]: number of the row, from 1, in the order of the grid
 run: name of the run's folder: equal scenes have equal names and are solved once
-status: done, failed, or pending when the study was stopped before
+status: done, failed, or pending if the study was stopped before this run
 exit_code [1]: exit code of `indent-sim run` for this row
-steps_done [1]: requested depths that were reached
-force_error_vs [1]: force / reference - 1 at the last depth; out of contact force / largest force
+steps_done [1]: number of requested depths that were reached
+force_error_vs [1]: force / reference - 1 at the last depth; if the reference is 0, force / largest
+  force of the run
 force_error_worst [1]: largest |force / reference - 1| at any depth of the path
 a_error_vs [1]: a / reference - 1 at the last depth
 p_error_vs [1]: p_max / reference - 1 at the last depth
-reference: what the row is compared with: the run with the finest mesh, theory, a force or a result
+reference: what the row is compared with: the finest run, theory, a force or a result
 study.stiffness [1]: epsilon_n or gamma of the method in E*/h_contact
 dofs [1]: unknowns of the finite-element model
 cpu_resolve [s]: CPU seconds for all decisions before the mesh
@@ -362,10 +368,10 @@ cpu_s [s]: CPU seconds of the run without loading libraries
 stated_error [1]: relative error of the force that the run itself warns of or estimates
 warnings: warnings of the run
 verdict: right, flagged, refused, wrong or reference; only with a tolerance
-memory_MB [MB]: memory that the run needed in addition to the memory of its process before
+memory_MB [MB]: memory that the run needed in addition to that of its process before the run
 peak_memory_MB [MB]: largest memory of the process during the run plus that of the meshing process
 
-## Scoreboard of a study, one row a published value
+## Published values of a study, one row a value
 case: name of the case
 quantity: column of the published value, or pull_off
 published [that of the quantity]: the value that a source states
@@ -384,28 +390,30 @@ wrong: value that deviates by more than its stated error: nobody, published, our
 ## Table of a fit, one row a curve
 curve: name of the measured curve: name of the file, with a number if it has several curves
 fit.reason: reason why a curve has no parameters
-explained: whether the scene explains the curve: residuals, windows, baseline and other models do
-  not contradict it
+explained: true if the curve is consistent with the scene: random residuals, equal parameters from
+  shallower depth ranges, no excess noise in contact, no significantly better alternative model
 cause: likely reason if the scene does not explain the curve: thickness, adhesion, relaxation, tip
-  (another model is better), shape, window, baseline
+  (a model with this part is better), shape (trend of the residuals), window (dependence on the
+  depth range), baseline (noise)
 contact_point [length]: position of first contact, in the depths or positions of the file
 contact_point_low [length]: lower end of the 95 % interval of the contact point
 contact_point_high [length]: upper end of the 95 % interval of the contact point
 force_max [force]: largest force of the fit, relative to the baseline
 fit.depth [length]: depth of the deepest sample from first contact
 rms_percent [1]: root of the mean square residual, in per cent of force_max
-fit.n [1]: number of fitted samples; means of neighbours if the file has more than 1500
+fit.n [1]: number of fitted samples; if the file has more than 1500, the fitted samples are means of
+  neighbours
 n_effective [1]: number of uncorrelated samples with the same information
-drift_percent [1]: first varied key at half the depth over that at the whole depth, minus one, in
-  per cent
+drift_percent [1]: first varied key from a fit to half the depth over that from the fit to the whole
+  depth, minus one, in per cent
 hertz_E [pressure]: modulus of a half-space fit from the same contact point
 
 ## Contact surface
 x [length] $x$: undeformed position along x; along the radius in an axisymmetric scene
 y [length] $y$: undeformed position along y; 0 in a scene with two dimensions
 u [length] $u$: displacement
-z [length] $z$: height of the undeformed point, 0 on a flat top; in a row the position of the
-  cantilever's base, delta + force/k + c force
+z [length] $z$: height of the undeformed point, 0 on a flat top; in the force table the position of
+  the cantilever's base, delta + force/k + c force
 u_x [length] $u_x$: displacement along x; along the radius in an axisymmetric scene
 u_y [length] $u_y$: displacement along y
 u_z [length] $u_z$: displacement along z, < 0 under the tip

@@ -154,7 +154,7 @@ class Paraboloid(_Tip):
 
 @dataclass(frozen=True)
 class Sphere(_Tip):
-    """Sphere f = r^2 / (R + sqrt(R^2 - r^2)) for r < R; no contact beyond.
+    """Sphere f = r^2 / (R + sqrt(R^2 - r^2)) for r < R; no contact beyond r = R.
 
     With `gap: current` the gap is the distance from the whole sphere, including its upper half,
     except within 30 degrees of the axis, where the tip is held by a stem.
@@ -221,7 +221,11 @@ class Cone(_PointedTip):
         return cap + slope * (r - s)
 
     def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
-        """Return the gap: (f - depth) sin(half_angle) on the flank, else the sphere distance."""
+        """Return the gap at a deformed point, the distance from flank or apex cap [length].
+
+        The distance from the flank is (f - depth) sin(half_angle). (x, y) is the position of the
+        point relative to the tip's axis, and `depth` the depth of the apex below the point.
+        """
         rho = self.tip_radius
         slope = 1 / tan(self.half_angle)
         square = x * x + y * y
@@ -302,7 +306,7 @@ class Hyperboloid(_Tip):
 
 @dataclass(frozen=True)
 class FlatPunch(_Tip):
-    """Flat punch f = 0 for r <= radius; no contact beyond.
+    """Flat punch f = 0 for r <= radius; no contact at larger r.
 
     With edge_radius > 0 the edge is a quarter circle; with edge_radius = radius the punch is a rod
     with a hemispherical end.
@@ -359,7 +363,7 @@ class FlatPunch(_Tip):
 
 @dataclass(frozen=True)
 class Plate(_Tip):
-    """Rigid plane, f = 0 everywhere, which compresses a body with a flat top uniformly."""
+    """Rigid plane, f = 0 everywhere, which compresses a body over its whole flat top."""
 
     shape: Literal["plate"] = "plate"
 

@@ -33,7 +33,7 @@ class _UnboundedBody(CenteredBody):
         return inf
 
     def top_points(self) -> Points:
-        """Return (), because no average over an unbounded surface exists."""
+        """Return no points, because no average over an unbounded surface exists."""
         return np.empty(0), np.empty(0)
 
 

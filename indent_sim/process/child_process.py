@@ -28,8 +28,8 @@ from indent_sim.process.ranks import environment_without_launcher
 class ProcessCrash(Exception):
     """The child process ended before it returned an answer.
 
-    The message is the predicate of a sentence about the process, such as "died of SIGSEGV", with
-    the last error message of the process. `exit_code` is 128 + n for signal n, as in a shell.
+    The message is the predicate of a sentence about the process, such as "ended with exit code 1",
+    with the last error message of the process. `exit_code` is 128 + n for signal n, as in a shell.
     """
 
     def __init__(self, message: str, exit_code: int = 1):
@@ -158,9 +158,10 @@ class ChildProcess:
         """Return the exception for a process that ended with a return code of `subprocess`."""
         ending = f"ended with exit code {code}"
         if code < 0:
-            ending = f"died of {signal.Signals(-code).name}"
+            ending = f"was ended by the signal {signal.Signals(-code).name}"
         length = self._output.seek(0, os.SEEK_END)
-        # The last error message is searched in so many bytes at the end of the printed output.
+        # Number of bytes at the end of the printed output in which the last error message is
+        # searched.
         max_bytes = 4096
         self._output.seek(max(0, length - max_bytes))
         lines = self._output.read().decode("utf-8", "replace").splitlines()

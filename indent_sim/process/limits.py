@@ -50,7 +50,7 @@ def require_resources() -> None:
     _require_limit("processes and threads", "ulimit -u", resource.RLIMIT_NPROC, min_tasks)
     folder = Path(os.environ.get("TMPDIR") or "/tmp")
     if not folder.is_dir():
-        return  # Libraries create it, or use another one.
+        return  # Libraries create a missing folder, or use another one.
     # Commands without a run do not need this module.
     import tempfile
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from math import inf
 from typing import Any, TypeVar
 
-# A rank that has failed waits so long for the others [s].
+# Time for which a rank that has failed waits for the others [s].
 RANK_TIMEOUT = 10.0
 T = TypeVar("T")
 

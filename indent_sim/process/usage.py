@@ -32,7 +32,7 @@ class ChildUsage:
         self.memory = max(self.memory, memory)
 
 
-# Like the CPU time of the operating system, it belongs to the process.
+# It belongs to the whole process, like the CPU time that the operating system counts.
 CHILD_USAGE = ChildUsage()
 
 

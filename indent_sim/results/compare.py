@@ -166,7 +166,7 @@ def compare(
     tables |= {name: _read_table_pair(paths[0] / name, paths[1] / name) for name in common_tables}
     if isinstance(rtol, Mapping) and (word_columns := rtol.keys() & set(WORD_COLUMNS)):
         name = word_columns.pop()
-        raise UsageError(f"--rtol names {name}, a column of words, which has no tolerance")
+        raise UsageError(f"--rtol names {name}, a column of words, to which no tolerance applies")
     requested_columns = {*(columns or ()), *(rtol if isinstance(rtol, Mapping) else ())} - {""}
     for name in sorted(requested_columns):
         if not any(name in A and name in B for A, B in tables.values()):

@@ -93,7 +93,7 @@ def read_fields(folder: str | os.PathLike[str], step: int) -> dict[str, np.ndarr
         kinds = ARRAYS | MESH_ARRAYS | optional_layouts
         if all(arrays[name].shape == (counts[kinds[name][0]], *kinds[name][2]) for name in kinds):
             return arrays
-        raise ValueError("the sizes of its arrays do not match")
+        raise ValueError("the sizes of the arrays do not match")
     except Exception as error:  # h5py raises many types of errors for damaged files.
         raise UsageError(f"the fields of step {step} in {folder} cannot be read: {error}") from None
 

@@ -5,7 +5,7 @@ written under a temporary name and renamed, because the HDF5 library does not re
 disk. fields.xdmf refers to a state as soon as its file exists. If all states are kept, each one is
 inserted before the closing tags in one write, so that the total number of written bytes is
 proportional to the number of states. tip.xdmf describes the rigid tip on a separate mesh: points at
-first touch, and displacement.
+first contact, and displacement.
 """
 
 from __future__ import annotations

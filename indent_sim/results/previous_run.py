@@ -185,7 +185,7 @@ def _refuse_other_config(
         if path[-1] in (documents[0].get(path[0]) or {}):
             remedy_text = f"give --overwrite in place of --resume to replace it; {remedy}"
             raise ConfigError(
-                key_text(path), f"{problem}; {folder} contains a run with it", remedy_text
+                key_text(path), f"{problem}; {folder} contains a run with this key", remedy_text
             )
     differing_keys = [
         key for key in {**new_values, **old_values} if old_values.get(key) != new_values.get(key)
@@ -202,7 +202,7 @@ def _refuse_other_config(
         for values, where in values_and_places
         if key in values
     )
-    difference_text = difference_text or "the same lines in another order"
+    difference_text = difference_text or "its keys are in another order"
     problem = f"{folder} contains a run of another config ({difference_text})"
     remedy = (
         "use the scene and the --set options of that run, or another --output, or leave --resume "
@@ -215,7 +215,7 @@ def _read_rows(
     path: Path, unknown: Sequence[str]
 ) -> tuple[tuple[State, ...], tuple[str, ...], int]:
     """Read the complete rows of a force table; return states, columns and their length [bytes]."""
-    lines = read_regular_file(path).split(b"\n")[:-1]  # A line without a newline was torn.
+    lines = read_regular_file(path).split(b"\n")[:-1]  # A line without a newline is incomplete.
     if not lines:
         return (), STATE_COLUMNS, 0
     names = tuple(lines[0].decode().split(","))

@@ -158,7 +158,7 @@ def read(path: Path | str, report: Report | None = None) -> Results:
     path = Path(path)
     file = force_table_path(path)
     if file == path and path.name == EXPERIMENT:
-        read_table(path, ())  # It raises the error for a table of an experiment.
+        read_table(path, ())  # always raises, with the error for experiment.csv
     if file == path and not _is_result_table(path):
         return _read_curve_file(path)
     columns = read_table(
@@ -246,7 +246,7 @@ def read_run(path: Path) -> Results:
     Raises
     ------
     UsageError
-        For the reasons of `read`.
+        If there is no table although the run has rows, or a file is damaged.
     """
     report = checked_report(path)
     if report.get("rows"):

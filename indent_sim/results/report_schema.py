@@ -143,7 +143,7 @@ def _damaged_report(folder: Path, why: str) -> UsageError:
 def _check_theory(theory: Report) -> None:
     """Check relations between entries of `theory` that the schema cannot express."""
     if theory and theory.get("delta_deviation", theory.get("force_deviation")) is None:
-        raise ValueError("it has no deviation")
+        raise ValueError("the entry theory has no deviation of the run")
     half_space = theory.get("half_space")
     computed = "delta" if "delta_deviation" in theory else "force"
     for formula in filter(None, [half_space, *theory.get("formulas", [])]):
@@ -152,6 +152,6 @@ def _check_theory(theory: Report) -> None:
             or formula.get("deviation") is None
             or "name" not in formula
         ):
-            raise ValueError("an entry of a formula is missing")
+            raise ValueError("a formula of the entry theory lacks its name, value or deviation")
     if len({len(theory.get("curve", {}).get(name, ())) for name in ("delta", "force", "a")}) > 1:
-        raise ValueError("the columns of its curve have different lengths")
+        raise ValueError("the columns of the curve of the entry theory have different lengths")

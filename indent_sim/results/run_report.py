@@ -116,10 +116,10 @@ def _audit_table(report: Report) -> Table:
         for name, value in _report_section(report, "audit").items()
     ]
     note = (
-        "Largest relative difference between the contact force and the reactions of the supports; "
-        "a row is rejected if it is 1e-8 or more."
+        "force against reaction: largest relative difference between the contact force and the "
+        "reactions of the supports; a row is rejected if it exceeds 1e-8."
     )
-    return Table("Audit", ["what", "value"], rows, note)
+    return Table("Checks of the solution", ["what", "value"], rows, note)
 
 
 def _key_numbers(results: Results) -> list[tuple[str, str]]:

@@ -13,7 +13,7 @@ SectionCurve = tuple[np.ndarray, np.ndarray]  # Distance from the axis s, and he
 
 @dataclass(frozen=True)
 class TipGeometry:
-    """Mesh of a tip at first touch, with its apex at z = 0.
+    """Mesh of a tip at first contact, with its apex at z = 0.
 
     Attributes
     ----------

@@ -248,8 +248,8 @@ class _HistoryEvaluation:
             samples.append((delta, numbers["force"], numbers["a"]))
         if len(samples) < MIN_CURVE_SAMPLES:
             element_text = (
-                f"the contact has {min_elements:g} elements at {len(samples)} of "
-                f"{CURVE_SAMPLES} depths"
+                f"the contact radius has {min_elements:g} or more elements at only "
+                f"{len(samples)} of {CURVE_SAMPLES} depths"
             )
             raise ValueError(f"{element_text}: give a smaller mesh.h_contact")
         return _elastic_curve(samples[::-1])
@@ -389,7 +389,8 @@ class _HistoryEvaluation:
                 return top
             top = 1.3 * top if self.has_prescribed_forces else min(1.3 * top, largest)
         raise ValueError(
-            f"the force {largest / softest * self.scene.physics.scales.force:g} was not reached"
+            "no depth of the elastic load curve reaches the force "
+            f"{largest / softest * self.scene.physics.scales.force:g}"
         )
 
     def _lee_radok_ting_rows(self, history: History) -> list[HistoryRow]:
@@ -399,8 +400,8 @@ class _HistoryEvaluation:
         instants = history.rows
         if cycle.contact_grows_again([instant.t for instant in instants]):
             self.warnings.append(
-                "the contact grows again during unloading or a subsequent hold: solved by "
-                "time stepping"
+                "the contact grows again during unloading or a subsequent hold: the history is "
+                "solved by time stepping"
             )
             self.uses_time_stepping = True
             return self._time_stepped_rows(history)
@@ -482,7 +483,8 @@ class _HistoryEvaluation:
             rows.append(separated if contact is None else self._make_row(t, contact, branch))
         if any(isnan(row.delta) for row in rows):
             self.warnings.append(
-                "the tensile force exceeds the pull-off force: those rows have no depth"
+                "in some rows the prescribed tensile force exceeds the pull-off force: these rows "
+                "have no depth"
             )
         return rows
 
@@ -494,7 +496,7 @@ class _HistoryEvaluation:
             "force_control": _contact_entry(by_force),
             "depth_control": _contact_entry(by_depth),
         }
-        # The depth of the least force has an error if it comes from a mesh.
+        # The depth of the largest tensile force has an error if it comes from a mesh.
         if isinstance(self.punches, FittedPunches):
             depth_differences = (
                 abs(Jkr(neighbour, jkr.work).pull_off(inf).delta - by_force.delta)
@@ -520,7 +522,10 @@ class _HistoryEvaluation:
         return report
 
     def _attraction_range_report(self, work: float) -> dict[str, float]:
-        """Return the Tabor and Maugis parameters, and the Maugis pull-off force on a half-space."""
+        """Return the Tabor and Maugis parameters, and the Maugis pull-off force on a half-space.
+
+        Empty if the adhesion has no range.
+        """
         attraction = self.experiment.adhesion
         physics = self.scene.physics
         if attraction is None or attraction.range is None:

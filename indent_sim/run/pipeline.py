@@ -299,7 +299,7 @@ class SimulationDriver:
         )
 
     def _try_remedies(self, scene: Scene, step: int, iterations: int) -> str:
-        """Try remedies for a path that ended early, and return a text on how far each one came.
+        """Try remedies for a path that ended early; return a text on the depth reached with each.
 
         The text is empty if there is no remedy, or if several processes solve the scene.
         """

@@ -1,4 +1,4 @@
-"""Remedies for a load path that ended early, and how far the path continues with each.
+"""Remedies for a load path that ended early, and the depth that the path reaches with each.
 
 At finite strain Newton's method may fail near the edge of a tip because too few elements lie around
 the edge, or because they are too distorted. A larger edge radius or other element sizes may help,
@@ -25,7 +25,7 @@ SolveStates = Callable[[Scene], Iterator[State]]
 
 @dataclass(frozen=True)
 class Remedy:
-    """Changed key of the scene with its value [user's units], and the changed config."""
+    """Key of the scene, its changed value [user's units], and the config with this value."""
 
     key: str
     value: float
@@ -79,7 +79,7 @@ def _edge_radii(config: Config, scene: Scene) -> list[float]:
 def _set_edge_radius(config: Config, edge_radius: float) -> Config:
     """Return the config with another edge radius."""
     tip: Any = config.indenter
-    # A given size at a sharp edge may not fit a rounded one.
+    # An element size that was given for a sharp edge may not suit a rounded one.
     mesh = replace(config.mesh, h_edge=None)
     return config.model_copy(
         update={"indenter": replace(tip, edge_radius=edge_radius), "mesh": mesh}
@@ -101,7 +101,7 @@ def try_remedies(
     resolve: Callable[[Config], Scene],
     solve_states: SolveStates,
 ) -> str:
-    """Return a text on how far the path continues with each remedy, up to the first success.
+    """Return a text on the depth that the path reaches with each remedy, up to the first success.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def try_remedies(
     iterations_left
         Newton iterations that all trials together may use; no trial begins beyond this number.
     resolve
-        Makes the scene of a config.
+        Returns the scene of a config.
     solve_states
         Solves a scene and yields its states.
     """
@@ -131,14 +131,14 @@ def try_remedies(
                 last = state
             if not state.converged or iterations_left <= 0:
                 break
-        name = f"{remedy.key}: {remedy.value:g}"
+        run = f"with {remedy.key}: {remedy.value:g} the run"
         if last is not None and last.step == step:
             reports.append(
-                f"{name} reaches delta = {last.delta:.6g} with the force {last.force:.6g}"
+                f"{run} reaches delta = {last.delta:.6g}, where the force is {last.force:.6g}"
             )
             break
         end = f"ends after delta = {last.delta:.6g}" if last else "fails at the first row"
-        reports.append(f"{name} {end}")
+        reports.append(f"{run} {end}")
     return f"; tried: {'; '.join(reports)}" if reports else ""
 
 

@@ -102,8 +102,8 @@ def oscillating_pressure_warnings(scene: Scene, states: Sequence[State]) -> list
         min_roughness = min(state.roughness for state in oscillating)
         rows = f"{rows}, by {100 * min_roughness:.2g} to {size_text}, most in step {worst.step}"
     return [
-        f"{rows}; p_max and `pressure` of the surface have this uncertainty, the force far "
-        f"less; {_smoothing_advice(scene)}"
+        f"{rows}; p_max and `pressure` of the surface have this uncertainty, the force a far "
+        f"smaller one; {_smoothing_advice(scene)}"
     ]
 
 
@@ -114,7 +114,7 @@ def long_step_warnings(scene: Scene, states: Sequence[State]) -> list[str]:
     The relative error of the stick radius is then about (a - a_0)/a, and the relative error of the
     dissipation is about half of (a - a_0)/(a - stick radius); the error of the force is small. Rows
     with less than half of the largest contact radius are left out, since the first row is a single
-    increment from rest in every run.
+    increment from no contact in every run.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def _percent_text(error: float) -> str:
 
 
 def _radius_of_first_contact(scene: Scene) -> float:
-    """Return the contact radius at first touch [length]: 0 unless two flat faces meet."""
+    """Return the contact radius at first contact [length]: 0 unless two flat faces meet."""
     physics = scene.physics
     if physics.is_compressed:
         return physics.body.lateral_extent(physics.center)

@@ -55,7 +55,7 @@ def violated_bound(scene: Scene, state: State, earlier: PreviousRows) -> str | N
     earlier
         The rows before it.
     """
-    is_pressed = scene.is_meshed and not _is_first_touch(scene, state)
+    is_pressed = scene.is_meshed and not _is_at_first_contact(scene, state)
     refinement_remedy = (
         "shorter steps to this depth, a smaller mesh.h_contact or another contact.method may help"
     )
@@ -79,9 +79,9 @@ def _applicable_rules(is_pressed: bool, is_time_dependent: bool, may_snap_throug
     Parameters
     ----------
     is_pressed
-        True if the depth exceeds the depth of first touch.
+        True if the scene has a mesh and the depth exceeds that of first contact.
     is_time_dependent
-        True if the body depends on time.
+        True if the force depends on time.
     may_snap_through
         True if the tip may snap in or off.
     """
@@ -97,7 +97,7 @@ def _applicable_rules(is_pressed: bool, is_time_dependent: bool, may_snap_throug
 
 
 def _check_finite(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Check that depth, force, contact radius, energy and (without an edge) p_max are finite."""
+    """Check that depth, force, a and (on a mesh, without relaxation) the energy are finite."""
     names = (
         "delta",
         "force",
@@ -116,19 +116,19 @@ def _check_no_tension(scene: Scene, state: State, earlier: PreviousRows) -> str 
 
 
 def _check_no_force_above(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Check that F = 0 for delta < 0."""
+    """Check that F is not compressive for delta < 0."""
     if state.delta >= 0 or state.force <= _force_noise(scene, state, earlier):
         return None
     return f"the force is {state.force:.6g}, but the tip is above the body"
 
 
 def _check_contact_found(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Check that F > 0 and a > 0 for delta > 0, where tip and undeformed body overlap."""
+    """Check that a > 0 and, without snap-through, F > 0 where tip and undeformed body overlap."""
     if (state.force > 0 or scene.physics.contact.may_snap_through) and state.a > 0:
         return None
     missing_text = "no force" if state.force <= 0 else "no contact radius"
     mesh = f"the mesh (h_contact = {scene.sizes.h_contact * scene.physics.scales.length:.3g})"
-    cause = "the tip went through the surface, or the contact lies between two points of"
+    cause = "the tip went through the surface, or the contact lies between two nodes of"
     return f"the depth is {state.delta:.6g}, but there is {missing_text}: {cause} {mesh}"
 
 
@@ -138,17 +138,20 @@ def _check_contact_radius(scene: Scene, state: State, earlier: PreviousRows) -> 
     L = scene.physics.scales.length
     if state.a <= (end + 2 * scene.sizes.h_contact) * L:
         return None
-    return f"the contact radius {state.a:.6g} is beyond the tip, which ends at {end * L:.6g}"
+    return (
+        f"the contact radius {state.a:.6g} exceeds the radius {end * L:.6g} at which the surface "
+        "of the tip ends"
+    )
 
 
 def _check_side_contact(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Check that the tip does not touch the top of a fixed side, where F is unbounded."""
+    """Check that the tip does not touch the upper edge of a fixed side, where F is unbounded."""
     end = scene.physics.side_contact_depth * scene.physics.scales.depth
     if state.delta <= end * (1 + DEPTH_TOLERANCE):
         return None
     return (
-        f"from the depth {end:.6g} on the tip is in contact with the top of a fixed side, where "
-        "the force is unbounded"
+        f"from the depth {end:.6g} on the tip touches the upper edge of a fixed side, where the "
+        "force is unbounded"
     )
 
 
@@ -174,7 +177,7 @@ def _check_new_solution(scene: Scene, state: State, earlier: PreviousRows) -> st
 
 
 def _check_overlap(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Check that facets overlap the tip by no more than mesh and penalty explain."""
+    """Check that facets overlap the tip by no more than the mesh or a penalty may cause."""
     allowed = max(
         MAX_OVERLAP[0] * state.delta,
         MAX_OVERLAP[1] * scene.sizes.h_contact * scene.physics.scales.length,
@@ -201,8 +204,8 @@ def _check_outside_penetration(scene: Scene, state: State, earlier: PreviousRows
             f"a side of the body folds against the tip from a depth between {previous_depth:.6g} "
             f"and {state.delta:.6g} on"
         )
-    where = "inside the surface outside the contact surface, where no contact is modelled"
-    return f"the tip is {state.intrusion:.3g} {where}: {cause}"
+    where = "outside the contact surface, where no contact is modelled"
+    return f"the tip penetrates the body by {state.intrusion:.3g} {where}: {cause}"
 
 
 def _check_energy(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
@@ -257,7 +260,7 @@ def _check_force_growth(scene: Scene, state: State, earlier: PreviousRows) -> st
 
 
 def _check_against_theory(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Check that the force agrees with theory: within the error bar if exact, or a factor."""
+    """Check that F/F_theory is in its admissible range, and exact theory within the error bar."""
     theory = scene.plan.theory
     scales = scene.physics.scales
     solution = scene.theory_solution(state.delta / scales.depth)
@@ -313,19 +316,19 @@ ELASTIC_RULES: Rules = (
 )
 
 
-def _is_first_touch(scene: Scene, state: State) -> bool:
+def _is_at_first_contact(scene: Scene, state: State) -> bool:
     """True if E* radius_at(delta) delta, an estimate of the force, is negligible on this path."""
     depth = state.delta / scene.physics.scales.depth
     deepest = scene.physics.max_depth
     if depth <= 0 or deepest <= depth:
         return depth <= 0
-    # A row whose expected force is a smaller fraction of the path's largest may touch between two
-    # points of its mesh.
-    first_touch_fraction = 1e-5
+    # The contact of a row whose expected force is a smaller fraction of the path's largest force
+    # may lie between two nodes of the mesh.
+    first_contact_fraction = 1e-5
     if scene.physics.is_compressed:
-        return depth <= first_touch_fraction * deepest
+        return depth <= first_contact_fraction * deepest
     radius_at = relative_tip(scene.physics.indenter, scene.physics.body).radius_at
-    return depth * radius_at(depth) <= first_touch_fraction * deepest * radius_at(deepest)
+    return depth * radius_at(depth) <= first_contact_fraction * deepest * radius_at(deepest)
 
 
 def _force_noise(scene: Scene, state: State, earlier: PreviousRows) -> float:

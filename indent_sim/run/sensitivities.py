@@ -30,8 +30,8 @@ def sensitivities(config: Config, keys: Sequence[str], step: float = 0.02) -> De
 
     Differences over relative steps h and 2 h are extrapolated, D = (4 * D_h - D_2h)/3. They are
     central if the scene exists on both sides, otherwise backward. The error is |D_h - D_2h|/3 plus
-    F/key times the relative error of the forces, which is 0.1 % if no accuracy is requested. Depths
-    and their number do not change.
+    F/key times the relative error of the forces, which is 0.1 % if no accuracy is requested. All
+    scenes have the same depths.
 
     Parameters
     ----------
@@ -104,16 +104,17 @@ class _MeshedScene:
         )
         states = list(pipeline.states(scene, with_surface=False, mesher=mesher))
         if not all(state.converged for state in states):
-            raise NotConverged(f"a scene with a changed key: {states[-1].reason}")
+            raise NotConverged(f"the scene with a changed key was not solved: {states[-1].reason}")
         return np.array([state.force for state in states])
 
 
 def _derivative(
     config: Config, path: KeyPath, forces: Callable[[Config], np.ndarray], step: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the derivative at every row, its difference between steps h and 2 h, and the force.
+    """Return the extrapolated derivative, its error and a force near the value, at every row.
 
-    Derivative and force are extrapolated to third order; the arrays have one entry per row.
+    The derivative is (4 D_h - D_2h)/3, its error |D_h - D_2h|/3, with the differences D_h and D_2h
+    of relative steps h and 2 h. The force is that of a scene one step from the value of the key.
     """
     value = _key_value(config, path)
     # Steps of a key that are tried, in this order.

@@ -30,7 +30,8 @@ from indent_sim.run.solvers.semi_analytic import SemiAnalyticSolver
 from indent_sim.run.summary import rounded_timings, summary
 from indent_sim.scene.scene import Scene
 
-# Largest relative difference between the contact force and the reactions of the supports.
+# Largest relative imbalance of a row: between contact force and reactions of the supports, of the
+# reactions of constraints against rigid motion, and of the fluid volume.
 AUDIT_TOLERANCE = 1e-8
 
 Progress = Callable[[State, int, int], None]
@@ -73,10 +74,10 @@ class SingleRun:
         self.scene = scene
         self.run_output = run_output
         self.clock = clock
-        earlier = run_output.earlier
-        self.states = list(earlier.states) if earlier else []
-        # run.json has the roughness of the pressure, which has no column in the table of rows.
-        if earlier and (roughness := earlier.report.get("roughness")):
+        previous_run = run_output.earlier
+        self.states = list(previous_run.states) if previous_run else []
+        # The table of rows has no column for the roughness of the pressure; run.json has it.
+        if previous_run and (roughness := previous_run.report.get("roughness")):
             self.states = [
                 replace(row, roughness=roughness.get(str(row.step), 0.0)) for row in self.states
             ]
@@ -84,18 +85,18 @@ class SingleRun:
             self.states = [error_bars.add_error_estimate(state) for state in self.states]
         self._previous_rows = PreviousRows(self.states)
         self._pull_off: PullOff | None = None
-        self._keep_fields = written_fields(config, scene)
-        self._kept_steps = (
+        self._fields_to_write = written_fields(config, scene)
+        self._steps_always_written = (
             frozenset() if scene.history_on_curve else scene.physics.path.retained_rows
         )
-        audit = (earlier.report.get("audit") or {}) if earlier else {}
-        self._worst_audit = float(audit.get("force_against_reaction") or 0.0)
+        audit = (previous_run.report.get("audit") or {}) if previous_run else {}
+        self._largest_imbalance = float(audit.get("force_against_reaction") or 0.0)
         self._next_checkpoint = 0.0  # time on the monotonic clock [s]
         self._first_step = len(self.states)  # number of rows that the solver has already passed
-        self._assemble()
+        self._set_up()
 
-    def _assemble(self) -> None:
-        """Mesh the scene, assemble the solver, restore an earlier run and open the field file."""
+    def _set_up(self) -> None:
+        """Mesh the scene, create the solver, restore an earlier run and open the field file."""
         earlier_seconds = self.states[-1].wall_s if self.states else 0.0
         if not self.scene.is_meshed:
             self._solver: Any = SemiAnalyticSolver(
@@ -137,28 +138,30 @@ class SingleRun:
                 versions=versions | {"gmsh": grid.gmsh_version},
                 **petsc_options,
             )
-        self._identity = {
+        # A checkpoint can be continued only if these entries agree with those of its run. `order`:
+        # vectors are stored in the order of the grid's points. `pull_off`: the checkpoint contains
+        # the rows around the largest tensile force, which those of older versions lack.
+        self._checkpoint_compatibility = {
             "mesh": mesh.hash,
             "dofs": dofs,
             "dolfinx": versions["dolfinx"],
             "order": "of the grid",
         }
-        # A checkpoint of an earlier version without these rows cannot be continued.
         if scene.physics.searches_pull_off:
-            self._identity["pull_off"] = "rows around the largest pull"
-        earlier = (
+            self._checkpoint_compatibility["pull_off"] = "rows around the largest pull"
+        previous_mesh_hash = (
             (run_output.earlier.report.get("mesh") or {}).get("hash")
             if run_output.earlier
             else None
         )
-        if earlier not in (None, mesh.hash):
+        if previous_mesh_hash not in (None, mesh.hash):
             run_output.add_warnings(
                 f"steps 1 to {len(self.states)} were computed on another mesh (another version of "
                 "gmsh?)"
             )
         self._resume()
         self._fields = None
-        if self._keep_fields != "none" and len(self.states) < len(scene.physics.deltas):
+        if self._fields_to_write != "none" and len(self.states) < len(scene.physics.deltas):
             self._fields = fe.Fields(
                 self._solver.equilibrium.observed_body, self.output_settings.nodal_stress
             )
@@ -167,7 +170,7 @@ class SingleRun:
             }
             run_output.open_fields(
                 *self._field_mesh(grid),
-                keep=self._keep_fields,
+                keep=self._fields_to_write,
                 extra_arrays=self._fields.optional_names,
                 information=field_metadata,
             )
@@ -205,8 +208,9 @@ class SingleRun:
         is_complete = row_count == len(physics.deltas) and not physics.searches_pull_off
         if row_count == 0 or is_complete or self.scene.history_on_curve:
             return
-        saved = self.run_output.read_checkpoint(self._identity)
-        # Time-dependent rows after the checkpoint are solved again to restore their history.
+        saved = self.run_output.read_checkpoint(self._checkpoint_compatibility)
+        # Time-dependent rows after the checkpoint are solved again to restore the internal
+        # variables.
         if physics.path.times:
             with self.clock.stage("resume"):
                 self._solver.resume(saved.equilibria, [], saved.step, saved.pull_off_points)
@@ -225,8 +229,8 @@ class SingleRun:
             ):
                 depth = f"delta = {self.states[-1].delta:.6g}"
                 raise NotConverged(
-                    f"the equilibrium of the last row, {depth}, was not reached again: "
-                    f"{self._solver.failure}"
+                    f"cannot resume: the equilibrium of the last finished row, {depth}, could not "
+                    f"be recomputed: {self._solver.failure}"
                 )
 
     def _save_checkpoint(self) -> None:
@@ -238,14 +242,14 @@ class SingleRun:
         if self.states and (points := self._solver.points):
             pulls = self._solver.pull_off_points if self.scene.physics.searches_pull_off else {}
             self.run_output.save_checkpoint(
-                Checkpoint(len(self.states), points, pulls), self._identity
+                Checkpoint(len(self.states), points, pulls), self._checkpoint_compatibility
             )
             end_time = time.monotonic()
             self._next_checkpoint = end_time + max(1.0, 20 * (end_time - start_time))
 
     @property
     def _row_count(self) -> int:
-        """Number of rows of the whole run; for a history, known after its curve is solved."""
+        """Number of rows of the whole run; for a history, known only after `solve`."""
         return len(
             self._solver.history_result.rows
             if isinstance(self._solver, HereditaryIntegralSolver)
@@ -294,11 +298,11 @@ class SingleRun:
                 and self.run_output.failure_consensus.all_ranks_failed()
             ):
                 self._save_checkpoint()
-                if self.states and self._keep_fields == "last":
+                if self.states and self._fields_to_write == "last":
                     self._write_fields(self.states[-1])
             raise
         finally:
-            worst_audit = self._worst_audit if self.scene.is_meshed else None
+            largest_imbalance = self._largest_imbalance if self.scene.is_meshed else None
             self._note_time_stepping()
             pull_off = self._pull_off
             self.run_output.add_entries(
@@ -306,7 +310,7 @@ class SingleRun:
                     self.scene,
                     self.states,
                     self.clock,
-                    worst_audit,
+                    largest_imbalance,
                     self.run_output.rank_optional_output,
                     pull_off,
                 )
@@ -323,7 +327,7 @@ class SingleRun:
             return None
         scales = self.scene.physics.scales
         state = pull_off.state.to_user_units(scales)
-        self._audit(state)
+        self._check_force_balance(state)
         return PullOff(state, pull_off.error * scales.force, pull_off.equilibria)
 
     def _remedies_text(self, failed: State) -> str:
@@ -341,7 +345,7 @@ class SingleRun:
         previous_counts = (
             (self.run_output.earlier.report.get("time") or {}) if self.run_output.earlier else {}
         )
-        # A killed run has left only the planned number of stages.
+        # The run.json of a killed run contains only the planned stages, no counts.
         previous_counts = previous_counts if "cuts" in previous_counts else {}
         counts = {
             name: count + int(previous_counts.get(name, 0))
@@ -387,7 +391,7 @@ class SingleRun:
         """True if the surface table of a step is computed."""
         # All tables are computed if there are few rows, so that a killed run has its last one, too.
         has_few_rows = self.scene.is_meshed and len(self.scene.physics.deltas) <= 100
-        is_written = {"all": True, "last": has_few_rows or step in self._kept_steps}
+        is_written = {"all": True, "last": has_few_rows or step in self._steps_always_written}
         return is_written.get(self.output_settings.surface, False)
 
     def _next_state(self, solved_states: Iterator[State]) -> State | None:
@@ -412,7 +416,7 @@ class SingleRun:
             else self._check_state(state)
         )
         with self.clock.stage("write"):
-            if self._keep_fields == "all" or state.step in self._kept_steps:
+            if self._fields_to_write == "all" or state.step in self._steps_always_written:
                 self._write_fields(state)
             self.run_output.append(state)
             self.states.append(state)
@@ -425,7 +429,7 @@ class SingleRun:
     def _check_state(self, state: State) -> State:
         """Add the error estimate to a state; raise VerificationError if a check fails."""
         if self.scene.is_meshed:
-            self._audit(state)
+            self._check_force_balance(state)
         state = state if self.error_bars is None else self.error_bars.add_error_estimate(state)
         if violation := self.run_output.rank_optional_output(
             "sanity check of the rows",
@@ -445,35 +449,40 @@ class SingleRun:
             else self.states
         )
 
-    def _audit(self, state: State) -> None:
-        """Check that the contact force equals the supports' reactions and pin reactions vanish."""
+    def _check_force_balance(self, state: State) -> None:
+        """Check the force balance of a row, and its fluid balance.
+
+        The contact force must equal the reactions of the supports, and the reactions of constraints
+        against rigid motion must vanish.
+        """
         physics = self.scene.physics
         a = self.scene.plan.prediction["a"]
         attraction = (
             physics.contact.adhesion and physics.scales.to_user_units(physics.contact).adhesion
         )
-        # Order of the tensile force; the net force may be smaller where as much pressure pushes.
+        # Order of magnitude of the adhesive force. Repulsive and adhesive parts of the contact
+        # force may cancel, so that their sum is no scale for the imbalance.
         tensile_force = attraction.work * a if attraction else 0.0
         # Supports of a body with fluid have reactions even without a tip.
-        swelling_force = 0.0
+        fluid_reactions = 0.0
         if physics.permeable_regions:
-            # Scale of the reactions in a body with fluid, relative to E height^2 for a swelling gel
-            # and to E a^2 for a body that only drains; Newton's method measures its residual
-            # against the same scale.
-            swelling_scale = 100.0
-            swelling_force = (
-                swelling_scale
+            # Reactions of the supports due to fluid, relative to E height^2 for a swelling gel and
+            # to E a^2 for a body that only drains. Newton's method measures its residual against
+            # the same scale.
+            relative_reactions = 100.0
+            fluid_reactions = (
+                relative_reactions
                 * physics.scales.force
                 * (1.0 if physics.is_swelling else (a / physics.scales.length) ** 2)
             )
-        largest = max(swelling_force, self._previous_rows.largest_force, abs(state.force))
-        # Least force scale of the audit, relative to the largest force so far. A body
-        # without contact has no force to compare with; Newton's method treats 1e-14 of
-        # the largest reactions as round-off (fe/solve/newton.py), which adds up to at
-        # most 1e-12 of them over 1e4 nodes.
-        audit_floor = 1e-4
+        largest = max(fluid_reactions, self._previous_rows.largest_force, abs(state.force))
+        # Lower bound of the force scale, relative to the largest force so far. A body without
+        # contact has no force to compare with; Newton's method treats 1e-14 of the largest
+        # reactions as round-off (fe/solve/newton.py), which adds up to at most 1e-12 of them over
+        # 1e4 nodes.
+        min_force_scale = 1e-4
         force_scale = max(
-            abs(state.force), abs(state.reaction), audit_floor * largest, tensile_force
+            abs(state.force), abs(state.reaction), min_force_scale * largest, tensile_force
         )
         if physics.is_swelling:
             # The supports of a gel hold its swelling, whose nodal reactions cancel in the sum and
@@ -482,44 +491,42 @@ class SingleRun:
             force_scale = max(force_scale, reaction_norm)
         difference = abs(state.force - state.reaction) / force_scale if force_scale > 0 else 0.0
         pin_fraction = state.stray_reaction / force_scale if force_scale > 0 else 0.0
-        self._worst_audit = max(self._worst_audit, difference, pin_fraction)
+        self._largest_imbalance = max(self._largest_imbalance, difference, pin_fraction)
         if not max(difference, pin_fraction) <= AUDIT_TOLERANCE:
-            message = (
-                f"contact force {state.force:.10g}, reaction of the supports "
-                f"{state.reaction:.10g}, largest reaction"
+            raise VerificationError(
+                f"step {state.step} violates the force balance (tolerance {AUDIT_TOLERANCE:g} of "
+                f"the force scale {force_scale:.3g}): contact force {state.force:.10g}, reactions "
+                f"of the supports {state.reaction:.10g}; largest reaction of the constraints "
+                f"against rigid motion {state.stray_reaction:.3g}, which must vanish"
             )
-            message += (
-                f" of the rigid-mode pins {state.stray_reaction:.3g}; they must agree to "
-                f"{AUDIT_TOLERANCE:g}"
-            )
-            raise VerificationError(f"step {state.step} failed its audit: {message}")
-        self._audit_fluid(state)
+        self._check_fluid_balance(state)
 
-    def _audit_fluid(self, state: State) -> None:
+    def _check_fluid_balance(self, state: State) -> None:
         """Check the fluid balance: fluid that left the body against the loss of fluid content.
 
-        The difference is relative to the largest volume that left the body or moved inside. Rows
-        of an earlier call contribute only the volume that left, which has a column in their table.
+        The difference is relative to the largest fluid volume that left the body or moved inside it
+        in any row so far. Rows of an earlier call contribute only the volume that left, since their
+        table has no column for the other.
         """
         if state.unbalanced == 0:
             return
         a = self.scene.plan.prediction["a"]
         depth = max(abs(row.delta) for row in (*self.states, state))
         moved = max(max(abs(row.outflow or 0.0), row.moved) for row in (*self.states, state))
-        # Least fluid volume of the fluid audit, relative to a^2 delta: less has moved
-        # only in the first moment of a step. AUDIT_TOLERANCE of it is 1e-10 of the
-        # displaced volume, and Newton's method leaves 1e-10 of the reactions; a
-        # snap-through of a porous rubber leaves 2e-11.
+        # Lower bound of the reference volume, relative to a^2 delta. Smaller volumes occur only
+        # immediately after a step load, where their relative error has no meaning.
+        # AUDIT_TOLERANCE of it is 1e-10 of the displaced volume, and Newton's method leaves 1e-10
+        # of the reactions; a snap-through of a porous rubber leaves 2e-11.
         min_fluid_fraction = 1e-2
         largest = max(moved, min_fluid_fraction * a ** (self.scene.physics.scales.dim - 1) * depth)
         unbalanced = state.unbalanced / largest if largest > 0 else 0.0
-        self._worst_audit = max(self._worst_audit, unbalanced)
+        self._largest_imbalance = max(self._largest_imbalance, unbalanced)
         if not unbalanced <= AUDIT_TOLERANCE:
-            message = (
-                f"the fluid volume is not conserved: {state.unbalanced:.3g} has neither left the "
-                f"body nor is still in it, of {largest:.3g} that moved"
+            raise VerificationError(
+                f"step {state.step} does not conserve the fluid volume: outflow and loss of fluid "
+                f"content differ by {state.unbalanced:.3g}, more than {AUDIT_TOLERANCE:g} of the "
+                f"displaced volume {largest:.3g}"
             )
-            raise VerificationError(f"step {state.step} failed its audit: {message}")
 
     def _write_fields(self, state: State) -> None:
         """Write the fields of a state in the user's units."""
@@ -546,7 +553,7 @@ class SingleRun:
 
 
 def kernel_folder() -> Path:
-    """Return the folder of compiled kernels; dolfinx is imported in the same way as by a run."""
+    """Return the folder of the compiled finite-element kernels; imports dolfinx as a run does."""
     return load_dolfinx()
 
 

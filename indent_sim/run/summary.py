@@ -1,4 +1,4 @@
-"""Summary of a run in run.json: comparison with theory, audit of reactions, cost."""
+"""Summary of a run in run.json: comparison with theory, force balance, cost."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def summary(
     optional_output: OptionalOutput,
     pull_off: PullOff | None = None,
 ) -> dict[str, Any]:
-    """Return the last entries of run.json: theory, audit, timings [s] and peak memory [MB].
+    """Return the last entries of run.json: theory, force balance, timings [s], peak memory [MB].
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def summary(
     clock
         The timings (wall and CPU) of the stages of the run.
     worst_audit
-        Largest relative difference of contact force and reactions; None without a mesh.
+        Largest relative imbalance of forces and of fluid in a row; None without a mesh.
     optional_output
         Evaluates entries; a failure is reported and does not stop the run.
     pull_off
@@ -46,10 +46,10 @@ def summary(
     """
     krylov = [state.krylov_iterations for state in states if state.krylov_iterations is not None]
     expected = scene.plan.adhesion
-    # Theory and Hertz fit describe elastic equilibria.
-    is_in_time = scene.history_on_curve is not None or scene.physics.is_time_dependent
+    # Theory and Hertz fit describe elastic equilibria only.
+    is_time_dependent = scene.history_on_curve is not None or scene.physics.is_time_dependent
     # Energy is dissipated in snap-in and pull-off, relaxation and drainage.
-    balance = None if expected or is_in_time else energy_balance(states)
+    balance = None if expected or is_time_dependent else energy_balance(states)
     audit = {"force_against_reaction": worst_audit, "energy_by_trapezoid": balance}
     audit["newton_iterations"] = sum(state.newton_iterations for state in states)
     if krylov:
@@ -57,7 +57,7 @@ def summary(
     audit["substeps"] = sum(state.substeps for state in states)
     entries = {
         "theory": None
-        if is_in_time
+        if is_time_dependent
         else optional_output(
             "theory", lambda: theory_comparison(scene, states, optional_output), None
         )
@@ -67,7 +67,9 @@ def summary(
             "adhesion", lambda: adhesion_entry(expected, states, pull_off), {}
         )
     fitted = (
-        None if is_in_time else optional_output("Hertz fit", lambda: hertz_fit(scene, states), None)
+        None
+        if is_time_dependent
+        else optional_output("Hertz fit", lambda: hertz_fit(scene, states), None)
     )
     entries |= {"hertz": fitted, "audit": audit}
     if states and states[-1].reactions is not None:
@@ -81,7 +83,7 @@ def summary(
 
 
 def _reactions_by_support(state: State) -> dict[str, Any]:
-    """Return the step of a row, and the force [force] of each support by support and axis."""
+    """Return the step of a row and its reactions [force] as {support: {axis: force}}."""
     supports: dict[str, Any] = {}
     for name, force in (state.reactions or {}).items():
         support, axis = name.rsplit("_", 1)
@@ -97,8 +99,8 @@ def rounded_timings(seconds: Mapping[str, float]) -> dict[str, float]:
 def row_of_interest(states: Sequence[State], is_force_prescribed: bool) -> State:
     """Return the row with the largest force, or the last row if no force is positive.
 
-    Of several rows with this force the first one is returned, or if forces are prescribed the
-    deepest one, which is the end of a creep test.
+    Of several rows with this force the first one is returned; if forces are prescribed, the
+    deepest one, which is the last row of a creep test.
     """
     largest_force = max(state.force for state in states)
     if not largest_force > 0:

@@ -94,10 +94,13 @@ def theory_comparison(
 
 
 def _mirror_notes(scene: Scene) -> list[str]:
-    """Return a note if the theory values are a fraction of those of the mirrored contact."""
+    """Return a note if the theory's force is a fraction of that of contact and mirror images."""
     fraction_names = {2: "half", 4: "a quarter"}
     return (
-        [f"{fraction_names[scene.physics.mirror_multiplicity]} of the mirrored contact's"]
+        [
+            f"{fraction_names[scene.physics.mirror_multiplicity]} of the force of the contact "
+            "with its mirror images"
+        ]
         if scene.physics.mirror_multiplicity > 1
         else []
     )
@@ -182,7 +185,7 @@ def _theory_differences(scene: Scene) -> tuple[str, ...]:
     """Return the differences between the problem and the theory, which may include friction."""
     known_friction = FRICTION_WHY if scene.plan.friction else ""
     sphere_reason = (
-        ("its friction is that of a paraboloid",)
+        ("the theory's effect of friction is that under a paraboloid",)
         if known_friction and isinstance(scene.physics.indenter, Sphere)
         else ()
     )

@@ -41,7 +41,7 @@ class HysteresisLoop:
     area
         Difference of the work of loading and of unloading [force length].
     error
-        Estimated error of the area by linear interpolation between rows [force length].
+        Estimated error of the area due to linear interpolation between rows [force length].
     loading_work
         Work of loading [force length].
     end_depth
@@ -64,7 +64,7 @@ def hysteresis_loop(states: Sequence[State]) -> HysteresisLoop | None:
     turning points is left out.
     """
     rows = [(state.delta, state.force) for state in states]
-    if rows[0][0] > 0:  # loading begins at first touch
+    if rows[0][0] > 0:  # loading begins at first contact
         rows.insert(0, (0.0, 0.0))
     steps = [end[0] - begin[0] for begin, end in pairwise(rows)]
     work = [_work(*step) for step in pairwise(rows)]

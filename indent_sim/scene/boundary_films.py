@@ -1,10 +1,10 @@
 """Boundary layers at drained faces: error of the force on thicker elements, and sizes to avoid it.
 
-At a time t after a load, the pore fluid has drained from a film (boundary layer) of thickness
-(D t)^(1/2) at every drained face, and the rest of the body is undrained. Elements thicker than
-the film overestimate the drained length by E (`excess_length` of `theory.drained_layer`). Let p
-be the undrained pressure at a depth delta. By Betti's reciprocity, fluid of the volume dV that
-drains at the face lowers the force by (dp/ddelta) dV, so that the error of the force is
+At a time t after a load, the pore fluid has drained from a boundary layer of thickness (D t)^(1/2)
+at every drained face, and the rest of the body is undrained. Elements thicker than this layer
+overestimate the drained length by E (`excess_length` of `theory.drained_layer`). Let p be the
+undrained pressure at a depth delta. By Betti's reciprocity, fluid of the volume dV that drains at
+the face lowers the force by (dp/ddelta) dV, so that the error of the force is
 
     dF = 1/2 d/ddelta int p^2 E/M dA,      1/M = alpha^2/M_c + storage,
 
@@ -34,7 +34,8 @@ from indent_sim.scene.path_rows import PathRow, path_rows
 from indent_sim.scene.problem_definition import ProblemDefinition, is_undrained_incompressible
 from indent_sim.scene.problem_setup import ProblemSetup
 
-# The film error is not considered in rows below this part of the largest depth or force.
+# Rows with a smaller depth or force, relative to the largest one, are not considered for the error
+# by boundary layers.
 MIN_VALUE_FRACTION = 0.05
 
 
@@ -57,7 +58,7 @@ def largest_inverse_modulus(physics: ProblemDefinition) -> float:
 def film_force_fraction(
     row: PathRow, h: float, diffusivity: float, fraction_per_length: float | None
 ) -> float:
-    """Return the error of a row's force due to the film at a drained face under the tip.
+    """Return the error of a row's force due to the boundary layer of a drained face under the tip.
 
     Parameters
     ----------
@@ -115,12 +116,12 @@ def force_fraction_per_length(setup: ProblemSetup) -> float | None:
 
 
 def drained_faces(setup: ProblemSetup, earliest: float) -> dict[str, float]:
-    """Return the faces that have a film, each with its distance [length] from the contact.
+    """Return the faces with a drained boundary layer, each with its distance to the contact.
 
-    A face with a finite conductance has no film until the drained thickness exceeds
-    permeability/conductance. The free surface beside a sealed tip has no film: its undrained pore
-    pressure is almost zero, and 10 elements per contact radius resolve the drainage around the edge
-    of the contact to 0.2 % of the force.
+    A face with a finite conductance has no boundary layer until the drained thickness exceeds
+    permeability/conductance. The free surface beside a sealed tip has none either: its undrained
+    pore pressure is almost zero, and 10 elements per contact radius resolve the drainage around the
+    edge of the contact to 0.2 % of the force.
 
     Parameters
     ----------
@@ -132,7 +133,7 @@ def drained_faces(setup: ProblemSetup, earliest: float) -> dict[str, float]:
     Returns
     -------
     dict
-        Distances by the name of the face.
+        Distances [length] by the name of the face.
     """
     physics = setup.physics
     drainage = physics.drainage
@@ -161,9 +162,10 @@ def _is_drained(physics: ProblemDefinition, kind: str | Conductance, earliest: f
 
 
 def distance_weight(setup: ProblemSetup, distance: float) -> float:
-    """Return the film error of a face at a distance [length], relative to a face under the tip.
+    """Return the weight of the boundary-layer error of a face at a distance [length].
 
-    The weight is 1 if the tip covers the body, since the pressure is then uniform.
+    It is the error divided by that of a face under the tip. It is 1 if the tip covers the body,
+    since the pressure is then uniform.
     """
     a = setup.a
     rim_distance = setup.physics.body.lateral_extent(setup.physics.center)
@@ -172,7 +174,7 @@ def distance_weight(setup: ProblemSetup, distance: float) -> float:
 
 @dataclass(frozen=True)
 class UnresolvedFilm:
-    """Film (thin drained boundary layer) at a drained face that the elements do not resolve.
+    """Thin drained boundary layer at a drained face that the elements do not resolve.
 
     Attributes
     ----------
@@ -215,7 +217,7 @@ def unresolved_film(
     Returns
     -------
     UnresolvedFilm or None
-        The film with the largest error.
+        The boundary layer with the largest error.
     """
     rows = path_rows(physics.path)
     D = smallest_diffusivity(physics)
@@ -257,14 +259,14 @@ def film_element_size(
     largest_size: float,
     smallest_size: float,
 ) -> float:
-    """Return the largest element size at a face under the tip for a permitted film error.
+    """Return the largest element size at a face under the tip for a permitted error of the force.
 
     Parameters
     ----------
     rows : sequence of PathRow
         Rows of the path.
     max_fraction : float
-        Permitted error divided by the largest force.
+        Permitted error due to the boundary layer, divided by the largest force.
     diffusivity : float
         Diffusivity D [length^2/time].
     fraction_per_length : float or None
@@ -282,7 +284,7 @@ def film_element_size(
         for row in rows
         if row.value >= MIN_VALUE_FRACTION and row.drained_length(diffusivity) > 0
     ]
-    # Number of rows by which an element size is chosen.
+    # Largest number of rows from which the element size is determined.
     max_rows = 100
     relevant_rows = sorted(
         relevant_rows, key=lambda row: row.drained_length(diffusivity) / row.changes.sum()

@@ -46,7 +46,7 @@ def model_choices(setup: ProblemSetup) -> Choices:
     strain = (
         ("small", "the material is linear elastic")
         if physics.small_strain
-        else ("finite", "it is hyperelastic")
+        else ("finite", "the material is hyperelastic")
     )
     force_reason = (
         "forces are prescribed: the depth of each is found by load control, with force(depth) "
@@ -71,7 +71,7 @@ def side_force_choices(physics: ProblemDefinition) -> Choices:
     """Return the side forces that have no column in the result table, with the reasons."""
     own_wall = (
         "the roller wall through the tip is a mirror plane, and the mirror image of the body "
-        "pushes back as much; all other forces are those on the body itself, without its image"
+        "exerts the opposite side force; all other forces are those on the body without its image"
     )
     part = "zero by symmetry: a mirror plane of body and tip is normal to this axis"
     return [
@@ -183,7 +183,7 @@ def mesh(
         refinements_choice = Choice(
             "mesh.refinements",
             sizes.refinements or 0,
-            "from accuracy; each one halves every edge" if fineness else refinement_reason,
+            "from accuracy; each refinement halves every edge" if fineness else refinement_reason,
         )
         size_choice = Choice(
             "mesh.h_contact",
@@ -205,7 +205,7 @@ def mesh(
     far_reason = (
         "as given"
         if settings.h_far != "auto"
-        else f"sizes grow by {sizes.grading:.3g} per unit distance up to this"
+        else f"the element size grows by {sizes.grading:.3g} per unit distance up to this value"
     )
     contact = ("h_contact", f"{contact_reason}; {elements_text}")
     axis = (
@@ -286,19 +286,19 @@ def time_steps(setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes) ->
     first = first_step(setup, physics, drained_face_size(physics, sizes))
     if setup.history.has_jumps and not physics.path.has_jumps:
         reasons.append(
-            "a jump has no equilibrium before fluid has left this body: it is resolved within the "
-            "first time step"
+            "this body has no equilibrium directly after a jump, before fluid has left it: the "
+            "jump takes place within the first time step"
         )
     choices_made: Choices = [Choice("time.first_step", float(f"{first:.4g}"), "; ".join(reasons))]
     if physics.bath_ramp:
         given_as = (
             "as given"
             if physics.drainage.bath_ramp != "auto"
-            else "1/75 of the time of diffusion over the contact radius"
+            else "1/75 of the time of diffusion over the contact radius (or height, if smaller)"
         )
         reason = (
-            "a sudden change of the bath is applied linearly over this time, since Newton's method "
-            f"finds no equilibrium for an instantaneous one: {given_as}"
+            f"{given_as}; a sudden change of the bath is applied linearly over this time, since "
+            "Newton's method finds no equilibrium for an instantaneous one"
         )
         choices_made.append(Choice("drainage.bath_ramp", float(f"{physics.bath_ramp:.4g}"), reason))
     return choices_made
@@ -307,12 +307,10 @@ def time_steps(setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes) ->
 def refuse_reactions(config: Config, why: str) -> None:
     """Raise ConfigError if reactions are requested; `why` explains why there are none."""
     if config.output.reactions:
-        raise ConfigError(
-            "output.reactions", f"true: no reactions can be written: {why}", "leave it out"
-        )
+        raise ConfigError("output.reactions", f"no reactions can be written: {why}", "leave it out")
 
 
 def refuse_nodal_stress(config: Config, has_fields: bool) -> None:
     """Raise ConfigError if nodal stresses are requested but no fields are written."""
     if config.output.nodal_stress and not (has_fields and config.output.fields != "none"):
-        raise ConfigError("output.nodal_stress", "true: this run writes no fields", "leave it out")
+        raise ConfigError("output.nodal_stress", "this run writes no fields", "leave it out")

@@ -129,7 +129,7 @@ def _bar_model(layers: Sequence[BodyLayer], constrained_directions: int) -> tupl
 
 
 def _area_of_top(body: Cylinder | BodyStrip | Box, center: tuple[float, ...]) -> float:
-    """Return the area of a flat top with its mirror images [length^2], or its plane width."""
+    """Return the area of a flat top with its mirror images; in plane strain, its width."""
     if isinstance(body, Cylinder):
         return float(np.pi) * body.radius**2
     return float(np.prod(body.mirrored_widths(center)))

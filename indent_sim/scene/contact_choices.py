@@ -66,13 +66,17 @@ def gap(settings: Contact, setup: ProblemSetup) -> tuple[str, Choice]:
             f"the depth is {setup.max_depth / end:.3g} times the radius at which the tip ends: "
             f"{outcome}"
         )
-        raise ConfigError("indenter", problem, "give both in the same unit of length")
+        raise ConfigError("indenter", problem, "give depth and tip in the same unit of length")
     if gap_kind == "current" and physics.domain.pins and not physics.is_compressed:
         remedy = (
-            "fix the base, hold a side, use gap: reference, or put the tip in the middle and "
-            "use symmetry"
+            "use base: fixed, a fixed or roller side, or gap: reference; or put the tip in the "
+            "middle and use symmetry: auto"
         )
-        raise ConfigError("contact.gap", f"'current' {SIDEWAYS_TEXT}", remedy)
+        raise ConfigError(
+            "contact.gap",
+            f"'current' does not fit this scene: the contact pressure {SIDEWAYS_TEXT}",
+            remedy,
+        )
     reasons = {
         "reference": (
             "linear elastic: evaluated at the undeformed point, as in the problem of Hertz"
@@ -116,7 +120,7 @@ def contact(
     """
     scales = setup.physics.scales
     unit = setup.physics.material.E_star / sizes.h_contact
-    # The scene holds the kind of gap, so the law needs none.
+    # The scene states where the gap is evaluated, so that the law need not.
     law: Any = replace(scales.nondimensionalize(settings), gap="auto")
     why = "as given"
     if isinstance(law, AutoContact):
@@ -139,7 +143,7 @@ def contact(
             "gives wrong forces"
         )
         remedy = (
-            f"at least {smallest * unit * scales.stiffness:.4g}, or auto "
+            f"use at least {smallest * unit * scales.stiffness:.4g}, or auto "
             f"({law.auto_stiffness_factor:g} E*/h_contact)"
         )
         raise ConfigError(f"contact.{name}", problem, remedy)
@@ -167,7 +171,9 @@ def _set_tangential_stiffness(law: Any, unit: float, stiffness: float) -> Any:
         f"is {law.epsilon_t / unit:.2g} E*/h_contact; below {min_multiple:g} E*/h_contact {outcome}"
     )
     raise ConfigError(
-        "contact.epsilon_t", problem, f"at least {min_multiple * unit * stiffness:.4g}{auto_text}"
+        "contact.epsilon_t",
+        problem,
+        f"use at least {min_multiple * unit * stiffness:.4g}{auto_text}",
     )
 
 
@@ -232,18 +238,22 @@ def friction(
     if not coefficient:
         return law, "implicit", []
     midstep_reason = (
-        "new contact sticks at the position where it first touches within the load increment, "
-        "found in a first solution without friction for the new contact"
+        "a point that comes into contact sticks where it first touches the tip within the load "
+        "increment, which a first solution without friction of the new contact determines"
     )
     on_its_way = [Choice("contact.friction", coefficient, midstep_reason)]
     if physics.domain.pins:
         problem = f"does not fit this scene: friction {SIDEWAYS_TEXT}"
-        remedy = "fix the base, hold a side, or put the tip in the middle and use symmetry"
+        remedy = (
+            "use base: fixed or a fixed or roller side; or put the tip in the middle and use "
+            "symmetry: auto"
+        )
         raise ConfigError("contact.friction", problem, remedy)
     if not isinstance(coefficient, str):
         if coefficient <= MAX_SLIPPING_FRICTION:
             start_reason = (
-                "new contact sticks at the position at the beginning of its load increment"
+                "a point that comes into contact sticks to the point of the tip above it at the "
+                "beginning of the load increment"
             )
             return law, "implicit", [Choice("contact.friction", coefficient, start_reason)]
         return law, "mid", on_its_way
@@ -275,8 +285,8 @@ def adhesion(
     Raises
     ------
     ConfigError
-        If the elements do not resolve the cohesive zone, or in plane strain, for which adhesion is
-        not verified.
+        If the range is missing, if the elements do not resolve the cohesive zone, or in plane
+        strain, for which adhesion is not verified.
     """
     attraction = law.adhesion
     if attraction is None:
@@ -292,8 +302,8 @@ def adhesion(
     smallest = attraction.range_for_cohesive_zone(h / MAX_ELEMENT_RATIO, E_star) * L
     if attraction.range is None:
         remedy = (
-            f"at least {smallest:.3g} for h_contact = {h * L:.3g}; for the limit of range 0 use "
-            "experiment.adhesion"
+            f"use at least {smallest:.3g} for h_contact = {h * L:.3g}; for the limit of range 0 "
+            "use experiment.adhesion"
         )
         raise ConfigError(
             "contact.adhesion.range",
@@ -302,13 +312,13 @@ def adhesion(
         )
     zone = attraction.cohesive_zone(E_star)
     if h > MAX_ELEMENT_RATIO * zone * (1 + 1e-9):
-        size_text = f"which needs elements of at most {MAX_ELEMENT_RATIO:g} times its size"
+        size_text = f"they may be at most {MAX_ELEMENT_RATIO:g} times as large as the zone"
         problem = (
-            f"has a cohesive zone of {zone * L:.3g}, and elements of {h * L:.3g} do not "
-            f"resolve it, {size_text}"
+            f"gives a cohesive zone of {zone * L:.3g}, which elements of {h * L:.3g} do not "
+            f"resolve: {size_text}"
         )
         remedy = (
-            f"a range of at least {smallest:.3g}, or mesh.h_contact of at most "
+            f"use a range of at least {smallest:.3g}, or mesh.h_contact of at most "
             f"{MAX_ELEMENT_RATIO * zone * L:.3g}"
         )
         raise ConfigError("contact.adhesion.range", problem, remedy)
@@ -335,8 +345,8 @@ def _expected_adhesion(
     assert attraction.range is not None
     numbers = (attraction.work, attraction.range, R, setup.physics.material.E_star)
     unit = pi * attraction.work * R
-    # Relative difference of the pull-off force without range up to which a body is treated as a
-    # half-space.
+    # Relative difference between the JKR pull-off force and that of a half-space up to which the
+    # body is treated as a half-space.
     pull_off_difference = 0.05
     is_half_space_like = (
         pull_off is not None and abs(pull_off / (-1.5 * unit) - 1) <= pull_off_difference
@@ -385,7 +395,7 @@ def tip(config: Config, setup: ProblemSetup, gap: str) -> tuple[Indenter, Choice
         ratio = solutions[1].force / solutions[0].force
         change = f", which changes the force by {ratio - 1:+.1g} according to layer theory"
     why = (
-        f"gap: current needs a normal everywhere; {rounding_fraction:g} of the expected contact "
-        f"radius{change}"
+        f"gap: current needs a normal everywhere: the tip is rounded by {rounding_fraction:g} of "
+        f"the expected contact radius{change}"
     )
     return rounded_tip, [Choice(f"indenter.{key}", radius * physics.scales.length, why)]

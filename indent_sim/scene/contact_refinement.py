@@ -57,8 +57,8 @@ def refine_below_deep_tip(
     """Return sizes with smaller elements below a tip whose depth exceeds the radius of its end.
 
     Without friction the surface slides outwards along the tip and up its side. Below a rod at a
-    depth of five radii, the contact surface was originally a disc of a tenth of the rod's radius;
-    one element of the usual size would cover all of it.
+    depth of five radii, the contact surface is in the undeformed body a disc of a tenth of the
+    rod's radius, which one element of the usual size would cover.
 
     Parameters
     ----------
@@ -87,19 +87,18 @@ def refine_below_deep_tip(
         setup.a / ELEMENTS_PER_RADIUS[2], setup.physics.domain.height / 4
     )
     edge_radius = getattr(tip, "edge_radius", 0.0)
-    # Smallest such radius, in radii of the punch; a sharper edge would need thousands of
-    # elements.
+    # Smallest radius of an edge that is resolved, in radii of the punch; a sharper edge would need
+    # thousands of elements.
     min_arc_fraction = 0.02
     if edge_radius >= min_arc_fraction * end_radius:
-        # Elements per radius of a punch's rounded edge, when the surface slides around
-        # it.
+        # Elements per radius of a punch's rounded edge around which the surface slides.
         elements_per_arc = 10.0
         h_contact = min(h_contact, edge_radius / elements_per_arc)
     h_edge = round_length(h_contact) if edge is not None and edge_radius > 0 else fixed_sizes.h_edge
     stretch = exp(STRETCH_GROWTH * (depth_ratio - 1))
-    # The grading is divided by this power of the stretch, since the stretched region is a
-    # slender column around the axis. With 1/3 that rod reached a depth of 5 radii with a
-    # grading of 0.08, and with the usual 0.2 elements below it folded at 4.5.
+    # The grading is divided by this power of the stretch, since the stretched region is a slender
+    # column around the axis. With 1/3, which gives a grading of 0.08, a rod reached a depth of 5
+    # radii; with the usual grading of 0.2, elements below it were inverted at 4.5 radii.
     grading_stretch_exponent = 1 / 3
     growth = fixed_sizes.grading or round_length(GRADING / stretch**grading_stretch_exponent)
     return replace(
@@ -129,7 +128,8 @@ def refine_cohesive_zone(
     if config.mesh.h_contact != "auto" or not attraction.range:
         return fixed_sizes
     E_star = physics.material.E_star
-    # Most elements in the contact radius that a cohesive zone may need.
+    # Largest number of elements in the contact radius that a cohesive zone may require, by
+    # dimension.
     max_elements = {2: 1000.0, 3: 60.0}[physics.domain.dim]
     default_size = fixed_sizes.h_contact or min(
         a / ELEMENTS_PER_RADIUS[physics.domain.dim], physics.domain.height / 4
@@ -147,10 +147,10 @@ def refine_cohesive_zone(
         )
         zone = attraction.cohesive_zone(E_star) * L
         problem = (
-            f"is too short for a mesh: its cohesive zone is {zone:.3g}, the contact radius "
+            f"is too short for a mesh: the cohesive zone is {zone:.3g} wide, the contact radius is "
             f"{a * L:.3g}"
         )
-        remedy = f"at least {min_range:.3g}, or experiment.adhesion, the limit without range"
+        remedy = f"use at least {min_range:.3g}, or experiment.adhesion, the limit of range 0"
         raise ConfigError("contact.adhesion.range", problem, remedy)
     h_axis = fixed_sizes.h_axis and min(fixed_sizes.h_axis, h)
     h_edge, h_corner = (

@@ -94,7 +94,12 @@ def corners(
 
 
 def _base_edge_corners(domain: ModelDomain, radius: float, a: float, nu: float) -> list[Corner]:
-    """Return the edge between base and curved surface as a corner with a right angle."""
+    """Return the stress singularity at the rim of the base of a cap or ball; empty if negligible.
+
+    A bonded rim is treated as a right-angled corner of a fixed and a free face. Where the body
+    overhangs its base, the rim is a notch, whatever the support. `radius` is that of the sphere,
+    and `a` that of the contact [length].
+    """
     r, z = next(side.end for side in domain.outline if side.surface == "base")
     distance = min(r, -z)
     is_bonded = domain.supports["base"] == "fixed"
@@ -118,8 +123,8 @@ def _side_corners(
     side is fixed.
     """
     height = domain.height
-    # Least gap to a side in distances of the side from the axis; the contact is expected to
-    # reach the side if the gap is smaller.
+    # Lower bound of the gap to a side, relative to the distance of the side from the axis: if the
+    # expected gap is smaller, the contact may reach the side.
     min_gap_fraction = 0.02
     gap = max(r - a, min_gap_fraction * r if edge is None else 0.0)
     side_corners = []

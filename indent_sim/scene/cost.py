@@ -23,7 +23,8 @@ from indent_sim.scene.measured_constants import (
 )
 from indent_sim.scene.mesh_counts import candidate_count, mesh_counts
 
-# Most candidate nodes of a condensed body; with more its dense matrices have gigabytes.
+# Largest number of candidate nodes of a condensed body; with more, its dense matrices need
+# gigabytes.
 MAX_CANDIDATES = 5000
 # Memory of the dense matrices of a condensed body per pair of candidates [bytes]: eight matrices.
 DENSE_BYTES = 64.0
@@ -71,8 +72,8 @@ class SolverWork:
 
         A fine path needs few solves per step, but more at its beginning.
         """
-        # Linear solves of a jump into or out of adhesive contact: 25 to 150, most at
-        # large Maugis numbers.
+        # Linear solves of a jump into or out of adhesive contact: 25 to 150, the largest numbers at
+        # large Maugis parameters.
         snap_solves = 100.0
         return (4.0 if self.is_nonlinear else 1.5) * self.steps + 10.0 + snap_solves * self.snaps
 

@@ -76,17 +76,18 @@ def curve(
 def _refuse_curve_features(setup: ProblemSetup, why: str) -> None:
     """Raise ConfigError if a property needs an elastic curve; `why` states why there is none."""
     if setup.relaxation:
-        problem = f"all: applies to the elastic curve of a linear, frictionless contact: {why}"
+        problem = f"'all' needs the elastic curve of a linear, frictionless contact: {why}"
         raise ConfigError(
             "material.relaxation.of",
             problem,
-            "use of: shear, or remove that part of the model",
+            "use of: shear, or remove the part of the model that this reason names",
         )
     if experiment_part := next(
         (name for name, part in vars(setup.experiment or Experiment()).items() if part), None
     ):
-        problem = f"needs an elastic curve, and this scene is solved row by row: {why}"
-        raise ConfigError(f"experiment.{experiment_part}", problem, "leave one of the two out")
+        problem = f"needs an elastic curve, but this scene is solved row by row: {why}"
+        remedy = "leave it out, or remove the part of the model that this reason names"
+        raise ConfigError(f"experiment.{experiment_part}", problem, remedy)
 
 
 def _refuse_curve(config: Config, setup: ProblemSetup, solver: Choice, key: str) -> None:
@@ -103,7 +104,7 @@ def _refuse_curve(config: Config, setup: ProblemSetup, solver: Choice, key: str)
             "needs the elastic curve of a tip without friction and adhesion, but the contact of "
             "this scene has friction or adhesion"
         )
-        raise ConfigError(key, problem, "leave one of the two out")
+        raise ConfigError(key, problem, f"leave {key} out, or remove friction and adhesion")
     if solver.value == "newton":
         problem = (
             "needs a linear body with a known surface compliance, but this scene is solved with "
@@ -144,16 +145,16 @@ def _refuse_radius_range(setup: ProblemSetup, smallest: float, largest: float) -
     max_rim_fraction = 0.95
     if largest > max_rim_fraction * rim:
         problem = (
-            f"widens the contact to a radius of {largest * L:.3g}, and the body ends at "
-            f"{rim * L:.3g}"
+            f"widens the contact to a radius of {largest * L:.3g}, but the body ends at a distance "
+            f"of {rim * L:.3g} from the tip's axis"
         )
         raise ConfigError("experiment.adhesion.work", problem, UNITS_REMEDY)
     # Largest ratio of contact radii that one mesh resolves.
     max_radius_spread = 500.0
     if largest > max_radius_spread * smallest:
         problem = (
-            f"gives a contact radius of {smallest * L:.3g} at pull-off, which is far below that of "
-            f"the deepest contact, {largest * L:.3g}"
+            f"gives a contact radius of {smallest * L:.3g} at pull-off, too small for a mesh that "
+            f"also resolves the deepest contact of radius {largest * L:.3g}"
         )
         raise ConfigError(
             "experiment.adhesion.work", problem, "use a smaller depth, or solver.method: theory"

@@ -29,7 +29,7 @@ from indent_sim.theory.theory import Theory
 
 Center = tuple[float, ...]  # Horizontal position of the tip's axis [length].
 # Distance from the tip's axis to the edge of an imported contact surface, relative to the largest
-# one, up to which the axis is on the edge.
+# such distance, up to which the axis counts as lying on the edge.
 RIM_TOLERANCE = 1e-9
 
 
@@ -54,7 +54,8 @@ def expected_depths(
     theory : Theory or None
         The reference theory.
     tip : Indenter
-        The tip that has the same gap over a flat body.
+        The equivalent tip: over a flat body it has the gap that the real tip has over the curved
+        one.
     material : Material
         The material below the tip.
     height : float
@@ -62,7 +63,8 @@ def expected_depths(
     scales : Scales
         Scales of the problem, for messages.
     mirror_multiplicity : int, optional
-        Number of mirrored bodies that the tip indents, each with the prescribed force.
+        Number of bodies in contact with the tip, including mirror images (1, 2 or 4). The theory is
+        evaluated at the total force, which is this number times the prescribed one.
 
     Returns
     -------
@@ -157,25 +159,27 @@ def check_scene(
         return
     if delta >= thickness:
         problem = f"depth {delta:g} is beyond the body's thickness {thickness:g}"
-        raise ConfigError(key, problem, f"stay below {thickness:g}")
+        raise ConfigError(key, problem, f"use a depth below {thickness:g}")
     if delta >= (coverage_depth := top_coverage_depth(body, layers, tip, center)):
         problem = (
             f"depth {delta:g} is impossible for an incompressible body held on all sides: at "
             f"{coverage_depth:g} the tip would cover its whole top"
         )
-        raise ConfigError(key, problem, "stay well below, free a side, or use nu < 0.5")
+        raise ConfigError(
+            key, problem, f"use a depth well below {coverage_depth:g}, a free side, or nu < 0.5"
+        )
     if delta > (side_depth := side_contact_depth(body, tip, center)):
         problem = (
-            f"depth {delta:g} presses the tip onto the top of a fixed side, which it reaches at "
-            f"{side_depth:g}: that side cannot move, and the force has no bound"
+            f"at the depth {side_depth:g} the tip touches the upper edge of a fixed side, which "
+            f"cannot move: at {delta:g} the force would grow without bound as the elements shrink"
         )
         raise ConfigError(
-            key, problem, f"stay below {side_depth:g}, free that side, or take a wider body"
+            key, problem, f"use a depth of at most {side_depth:g}, a free side, or a wider body"
         )
 
 
 def _check_punch_width(body: Body, tip: Indenter, center: Center) -> None:
-    """Raise ConfigError if the edge of a sharp punch crosses the edge of a flat top."""
+    """Raise ConfigError if a sharp punch is wider than a flat top that it does not cover."""
     if (
         not isinstance(tip, FlatPunch)
         or tip.edge_radius
@@ -183,12 +187,16 @@ def _check_punch_width(body: Body, tip: Indenter, center: Center) -> None:
         or covers_top(tip, body, center)
     ):
         return
-    widest = body.lateral_extent(body.center)
+    widest = body.lateral_extent(center)
     if tip.radius > widest:
         problem = f"the edge of a flat punch of radius {tip.radius:g} crosses the edge of the body"
-        remedy = f"at most {widest:g}"
+        remedy = f"use a radius of at most {widest:g}, so that the punch is inside the top"
         if not isinstance(body, ImportedBody):
-            remedy += f", at least {body.max_lateral_extent(center):g}, or shape: plate"
+            # All digits, since a smaller radius would not cover the top.
+            covering_radius = f"{body.max_lateral_extent(center):.10g}"
+            remedy += (
+                f", or of at least {covering_radius}, so that it covers the top, or shape: plate"
+            )
         raise ConfigError("indenter.radius", problem, remedy)
 
 
@@ -204,7 +212,8 @@ def expected_radius(
     theory : Theory or None
         The reference theory.
     tips : sequence of Indenter
-        The tip that has the same gap over a flat body, and the tip itself.
+        The equivalent tip (over a flat body it has the gap that the real tip has over the curved
+        one), and the real tip.
     body : Body
         The nondimensional body.
     center : tuple of float
@@ -293,10 +302,11 @@ def path_to_max_depth(
         Smallest fraction of the instantaneous modulus during the history. The depth at a prescribed
         force is that of a body with this modulus.
     compliance : float
-        Compliance of the spring that carries the tip [length/force]. The force of the spring is at
-        least that on a half-space of the softest layer.
+        Compliance of the spring that carries the tip [length/force]. Its force, the contact force,
+        is at least that on a half-space of the softest layer; this bounds the depth from above.
     tip : Indenter
-        The tip that has the same gap over a flat body.
+        The equivalent tip: over a flat body it has the gap that the real tip has over the curved
+        one.
     layers : sequence of Layer
         Layers from the top.
 

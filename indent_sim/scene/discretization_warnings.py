@@ -27,8 +27,8 @@ from indent_sim.scene.model_warnings import NO_CONTACT, ModelWarning, theory_war
 from indent_sim.scene.problem_setup import ProblemSetup
 from indent_sim.theory.solution import SOLUTION_ERRORS
 
-# A shallow contact is worth a warning from this expected error of its force on: about that of two
-# elements in the contact radius.
+# Expected relative error of the force from which on a shallow contact gets a warning; it is about
+# the error with two elements in the contact radius.
 UNDERRESOLVED_ERROR = 0.02
 # Largest penalty stiffness, in units of E*/h_contact; beyond it the contact pressures oscillate.
 MAX_STIFFNESS_MULTIPLE = 1e3
@@ -86,8 +86,8 @@ def _contact_law_warnings(
     # Nodal pressures on a deformed surface have several equilibria.
     if gap == "current" and law.multiplier == "nodal":
         several_text = (
-            "several equilibria with different contact nodes exist, and the steps select one of "
-            "them"
+            "several equilibria with different contact nodes exist, one of which the load steps "
+            "select"
         )
         message = (
             f"{law.method} with gap: current: {several_text}, and their forces differ by "
@@ -98,7 +98,8 @@ def _contact_law_warnings(
     max_stiffness = (1 + 1e-9) * MAX_STIFFNESS_MULTIPLE * material.E_star / sizes.h_contact
     if isinstance(law, Penalty | Nitsche) and law.stiffness > max_stiffness:
         yield ModelWarning(
-            "stiffness", "a stiffness of more than 1000 E*/h_contact: the pressures oscillate"
+            "stiffness",
+            "the contact stiffness is more than 1000 E*/h_contact: the pressures oscillate",
         )
     if isinstance(law, Penalty):
         force_loss, last_row_loss = _deepest_and_last_error(
@@ -156,13 +157,16 @@ def _mesh_warnings(
 ) -> Iterator[ModelWarning]:
     """Yield warnings about surface tension, moduli, corners and the elements in the contact."""
     if (tension_ratio := setup.elastocapillary_length / setup.a) > TENSION_PRESSURE_LIMIT:
-        step_text = f"gamma/E* is {tension_ratio:.2g} contact radii: the pressure ends with a step"
+        step_text = (
+            f"gamma/E* is {tension_ratio:.2g} contact radii: the pressure falls to zero in a step"
+        )
         yield ModelWarning(
-            "p_max", f"{step_text}, where p_max of a mesh is up to 5 % too large; the force is not"
+            "p_max",
+            f"{step_text}, where p_max of a mesh is up to 5 % too large; the force is not affected",
         )
     if setup.physics.is_drop:
-        # Relative error of the force by the membrane that holds the surface of a drop in
-        # its plane, at most.
+        # Largest relative error of the force by the membrane that holds the surface of a drop in
+        # its plane.
         surface_membrane_error = 5e-4
         yield ModelWarning("drop", "", surface_membrane_error)
     moduli = [region.material.constants.E for region in setup.physics.domain.regions]
@@ -171,13 +175,15 @@ def _mesh_warnings(
     verified_contrast = 1001.0
     if max(moduli) > verified_contrast * min(moduli):
         message = (
-            f"the largest modulus is {max(moduli) / min(moduli):.0e} times the smallest: the "
-            "element sizes are verified up to 1000 times"
+            f"the moduli differ by a factor of {max(moduli) / min(moduli):.0e}; automatic element "
+            "sizes have been tested only up to 1000"
         )
-        yield ModelWarning("contrast", f"{message}; set an accuracy, and compare")
+        yield ModelWarning(
+            "contrast", f"{message}: set `accuracy`, or compare the force with that of a finer mesh"
+        )
     if sizes.corner_error >= NEGLIGIBLE_ERROR:
         bound_text = f"the force may be too high by up to {error_text(sizes.corner_error)}"
-        remedy = "use smaller sizes everywhere, or leave them to the program"
+        remedy = "use smaller element sizes in `mesh`, or leave them out"
         message = f"coarse elements at corners close to the contact: {bound_text}; {remedy}"
         yield ModelWarning("corners", message, sizes.corner_error)
     yield from _element_warnings(setup, row_depths, sizes)
@@ -201,7 +207,7 @@ def _element_warnings(
         and sizes.h_edge is not None
         and force_error >= NEGLIGIBLE_ERROR
     ):
-        advice = refinement_advice(sizes, "give a smaller h_contact or h_edge")
+        advice = refinement_advice(sizes, "give a smaller mesh.h_contact or mesh.h_edge")
         low_text = f"the force may be too low by {error_text(force_error)}; {advice}"
         message = (
             f"elements of {sizes.h_edge / sizes.punch_edge:.2g} radii at the punch's edge: "
@@ -209,7 +215,7 @@ def _element_warnings(
         )
     elif not sizes.is_resolved(a):
         advice = refinement_advice(
-            sizes, f"give h_contact at most {1 / DOUBTFUL_ELEMENTS:.2g} of the contact radius"
+            sizes, f"use mesh.h_contact of at most {1 / DOUBTFUL_ELEMENTS:.2g} contact radii"
         )
         wrong_text = (
             f"the force may be wrong by {error_text(force_error)}, the contact radius by up to "
@@ -248,8 +254,8 @@ def _facet_warnings(setup: ProblemSetup, sizes: Sizes) -> Iterator[ModelWarning]
     sag = physics.domain.facet_sagitta(physics.center, setup.a, sizes.refinements or 0)
     if (error := FORCE_DEPTH_EXPONENT * sag / setup.max_depth) >= NEGLIGIBLE_ERROR:
         sag_text = (
-            f"they lie up to {sag * physics.scales.length:.2g} inside it, {error_text(error)} "
-            "of the force"
+            f"they lie up to {sag * physics.scales.length:.2g} inside it, which changes the force "
+            f"by {error_text(error)}"
         )
         yield ModelWarning(
             "facets",

@@ -1,9 +1,9 @@
 """Truncation of unbounded bodies to finite ones, with a bound of the error of the force.
 
-For a half-space, a finite body of width and height n a (a: contact radius) is too stiff by about
-1/n. For a layer, the error of a wall decays with its distance in heights of the layer. Layer theory
-gives both exactly for a cylinder between frictionless walls. Elements that grow with the distance
-allow an n of thousands at little cost.
+For a half-space, a finite body of half-width and height n a (a: contact radius) is too stiff by
+about 1/n. For a layer, the error of a wall decays with its distance in heights of the layer. Layer
+theory gives both exactly for a cylinder between frictionless walls. Elements that grow with the
+distance allow an n of thousands at little cost.
 """
 
 from __future__ import annotations
@@ -63,12 +63,11 @@ class Truncation:
     @property
     def why(self) -> str:
         """Return the reason for the finite body, as the plan shows it."""
-        size = "wide and high" if self.represents == "half-space" else "wide"
+        size = "half-width and height" if self.represents == "half-space" else "half-width"
         basis = f"{TRUNCATION_SAFETY:g} times the error by layer theory"
-        error_text = f"too stiff by at most {100 * self.error:.2g} % of the force ({basis})"
-        return (
-            f"replaces the {self.represents}: {self.ratio:.3g} contact radii {size}, {error_text}"
-        )
+        error_text = f"the force is at most {100 * self.error:.2g} % too large ({basis})"
+        size_text = f"{size} of {self.ratio:.3g} contact radii"
+        return f"replaces the {self.represents}: {size_text}; {error_text}"
 
 
 def truncate(
@@ -215,8 +214,8 @@ def _truncate_half_space(
     theory_layers = [
         replace(layer, material=_nonnegative_nu_law(layer.material)) for layer in layers
     ]
-    # Where theory does not know the tip, or cannot reach the depth, a flat punch as wide as the
-    # contact replaces the tip, at last on the substrate alone, if films are far too thin.
+    # If there is no theory for the tip, or it does not reach the depth, a flat punch as wide as the
+    # contact replaces the tip; if the upper layers are too thin for the theory, they are omitted.
     punch = profiles.flat_punch(tip.radius_at(depth))
     models = [
         *([(tip_shape, theory_layers)] if tip_shape else []),

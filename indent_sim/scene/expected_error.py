@@ -108,7 +108,7 @@ def penalty_force_loss(
     """
     if not isinstance(contact, Penalty) or delta <= 0:
         return 0.0
-    # Depth that a penalty takes from the tip, at most, in units of mean pressure/epsilon_n.
+    # Largest reduction of the depth by a penalty, in units of mean pressure/epsilon_n.
     max_penetration_factor = 1.5
     # This penetration grows as a power of 1/(1 - delta/height) at finite strain, with this
     # exponent.

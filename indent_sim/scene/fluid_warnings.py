@@ -51,7 +51,7 @@ def _seal_warnings(
     drainage = physics.drainage
     if {drainage.surface, drainage.tip, drainage.base} == {"sealed"} and not physics.drained_walls:
         yield ModelWarning(
-            "sealed", "every surface is sealed: no fluid leaves the body, it only flows inside"
+            "sealed", "every surface is sealed: fluid flows inside the body, but none leaves it"
         )
     elements = setup.a / sizes.h_contact
     if (
@@ -60,8 +60,8 @@ def _seal_warnings(
         and elements < 0.99 * MIN_SEALED_ELEMENTS
     ):
         problem = (
-            f"the sealed contact has {elements:.2g} elements in its radius, and its edge is known "
-            "to within one element"
+            f"the sealed contact has {elements:.2g} elements in its radius, and the mesh resolves "
+            "its edge to within one element"
         )
         remedy = (
             f"with {MIN_SEALED_ELEMENTS:g} elements the error is 2 % of the force that relaxes; "
@@ -82,8 +82,8 @@ def _locking_warnings(physics: ProblemDefinition) -> Iterator[ModelWarning]:
     )
     if largest_nu > DRAINED_LOCKING_NU:
         message = (
-            f"the drained gel has nu = {largest_nu:g}, at which displacement elements lock: at "
-            "0.4999 the force is 1 % too large"
+            f"the drained body has nu = {largest_nu:g}, at which displacement elements lock: at "
+            "nu = 0.4999 the force is 1 % too large"
         )
         yield ModelWarning("locking", message, LOCKING_ERROR)
 
@@ -130,7 +130,7 @@ def _bath_warnings(physics: ProblemDefinition, start_time: float) -> Iterator[Mo
     )
     yield ModelWarning(
         "bath",
-        f"{rows_text}, and after a sudden change the gel would have risen more by then, by "
+        f"{rows_text}, so that the gel has risen less than after a sudden change, by "
         f"{deficit_text}; use a smaller drainage.bath_ramp",
     )
 

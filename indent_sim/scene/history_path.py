@@ -52,7 +52,8 @@ def problem_along_history(
     Raises
     ------
     ConfigError
-        If the body cannot be compressed because no fluid drains.
+        If the body cannot be compressed because no fluid drains, or if a row is requested at a jump
+        at which the body has no equilibrium.
     """
     assert setup.history is not None
     path = setup.history.path
@@ -71,7 +72,7 @@ def problem_along_history(
                 "drain the tip, the base or the sides, free the sides, or give the material a "
                 "flow.storage"
             )
-            raise ConfigError("drainage", f"{problem}: it cannot be compressed", remedy)
+            raise ConfigError("drainage", f"{problem}: the body cannot be compressed", remedy)
         if path.has_jumps and is_undrained_incompressible(physics):
             path = _remove_jumps(
                 path, "loading.force_history" if path.control == "force" else "loading.history"
@@ -136,12 +137,12 @@ def bath_ramp_time(setup: ProblemSetup, physics: ProblemDefinition) -> float:
 
 
 def _remove_jumps(path: LoadPath, key: str) -> LoadPath:
-    """Return the path without instantaneous load increments.
+    """Return the path without jumps of the prescribed value.
 
     Raises
     ------
     ConfigError
-        If an instantaneous increment ends at a requested time, or if there are no other rows.
+        If a jump is at a requested time, or if there are no other rows.
     """
     requested_jumps = path.sudden_rows if path.turns else ()
     if requested_jumps or len(path.sudden_rows) == len(path.values):
@@ -167,7 +168,7 @@ def first_step(setup: ProblemSetup, physics: ProblemDefinition, h_contact: float
         if region.relaxation_series
         for t in region.relaxation_series.times
     ]
-    # First steps of a segment per shortest relaxation time.
+    # Number of first time steps of a segment in the shortest relaxation time.
     steps_per_relaxation_time = 20.0
     shortest = max(
         min(times, default=inf) / steps_per_relaxation_time,

@@ -28,7 +28,7 @@ from indent_sim.scene.resolution import FixedSizes, MeshResolution
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
 
-# Relative error of the force that the sizes may cost without a requested accuracy.
+# Permitted relative error of the force due to the element sizes without a requested accuracy.
 AUTO_ERROR = 0.003
 # Share of the allowed error of the force that the elements in inclusions may cost.
 INCLUSION_ERROR_SHARE = 0.25
@@ -58,7 +58,7 @@ def refine_corners(
     if fixed_sizes.h_corner and (physics.domain.dim == 3 or not near_corners):
         where = "corners of a bonded base and narrow gaps next to the contact in two dimensions"
         raise ConfigError(
-            "mesh.h_corner", f"is for {where}, and this scene has none", "leave it out"
+            "mesh.h_corner", f"applies only to {where}, but this scene has none", "leave it out"
         )
     if resolution:
         error, n = resolution.error, resolution.n
@@ -176,7 +176,7 @@ def refine_films(
 def _film_sizes(
     setup: ProblemSetup, default_sizes: Sizes, given_size: float | None, max_fraction: float
 ) -> tuple[tuple[DrainedFace, ...], float]:
-    """Return the drained faces that need smaller elements, and the element size at the contact.
+    """Return the drained faces that need smaller elements, and the size at a face under the tip.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ def _elements_in_inclusion(inclusion: Inclusion, setup: ProblemSetup, error: flo
     """
     physics = setup.physics
     dim = physics.domain.dim
-    # Least and most elements in half the thickness of an inclusion.
+    # Smallest and largest number of elements in half the thickness of an inclusion.
     min_elements, max_elements = {2: (2.0, 30.0), 3: (2.0, 6.0)}[dim]
     x, *y = physics.center
     d = max(float(inclusion.distance((x, y[0] if y else 0.0, 0.0))), inclusion.min_half_width)

@@ -94,8 +94,8 @@ def _model_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
     if physics.is_compressed:
         strain = delta / body.height
         formula = "delta/height"
-    # Characteristic strain up to which forces at small strain are good to some per cent: a/R
-    # = 0.25.
+    # Characteristic strain up to which the error of forces at small strain is a few per cent: a/R =
+    # 0.25.
     max_small_strain = 0.05
     if physics.small_strain and strain > max_small_strain:
         yield ModelWarning(
@@ -110,14 +110,15 @@ def _model_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
         yield ModelWarning("paraboloid", message)
     # Compression of the whole height is already reported by its strain.
     if physics.small_strain and delta > 0.1 * body.height and not physics.is_compressed:
-        depth_text = f"depth is {delta / body.height:.0%} of the thickness"
+        depth_text = f"the depth is {delta / body.height:.0%} of the thickness"
         yield ModelWarning("small_strain", f"{depth_text}: small strain is no longer a good model")
     if a > 0.8 * body.lateral_extent(physics.center) and not physics.is_compressed:
         yield ModelWarning("rim", "the contact comes close to the edge of the body")
     if (nu := physics.largest_locking_nu) >= LOCKING_POISSON_RATIO:
         yield ModelWarning(
             "locking",
-            f"nu = {nu:g} with displacement elements: pressures oscillate, forces are too high",
+            f"nu = {nu:g} with displacement elements: the pressures oscillate, the force is too "
+            "high",
         )
     for message in stability.instability_warnings(
         material, stability.largest_strain(setup.relative_tip, a, delta, body.height)
@@ -133,7 +134,7 @@ def _model_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
             cause = "its surface is under tension"
         yield ModelWarning(
             "half_space",
-            f"{formula_and_force[0]}, half-space, does not apply: {cause}",
+            f"the half-space formula {formula_and_force[0]} does not apply: {cause}",
         )
 
 
@@ -153,15 +154,15 @@ def _tip_end_warnings(setup: ProblemSetup, gap: str) -> Iterator[ModelWarning]:
         )
     elif isinstance(tip, Sphere):
         message = (
-            "the depth exceeds the ball's radius: it is modelled as whole except for a stem within "
-            f"{STEM_HALF_ANGLE:g} degrees of its top"
+            "the depth exceeds the radius of the sphere, which is modelled as a whole sphere "
+            f"except for a stem within {STEM_HALF_ANGLE:g} degrees of its top"
         )
     yield ModelWarning("tip_end", message)
     # A tip that reaches deeper than 100 radii is a needle, or a unit is wrong.
     if delta > 100.0 * end_radius:
         message = (
             f"the depth is {delta / end_radius:.3g} times the radius at which the tip ends: do "
-            "both have the same unit?"
+            "depth and tip have the same unit?"
         )
         yield ModelWarning("units", message)
 
@@ -213,6 +214,6 @@ def _adhesion_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
         )
         pull_off_text = (
             f"on a half-space the pull-off force is {-pull_off_factor:.4g} pi work R "
-            "(Maugis-Dugdale), and 1.5 pi work R in the JKR limit"
+            "(Maugis-Dugdale), but 1.5 pi work R in the JKR limit"
         )
         yield ModelWarning("adhesion", f"adhesion: {range_text}: {pull_off_text}")

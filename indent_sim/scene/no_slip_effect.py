@@ -133,7 +133,7 @@ def _small_strain_effect(setup: ProblemSetup) -> NoSlipEffect | None:
     if ratios is None:
         return None
     low, high = (100 * (ratio - 1) for ratio in ratios)
-    return NoSlipEffect(None, low, high, "map of bonded layers at small strain")
+    return NoSlipEffect(None, low, high, "interpolated from bonded layers at small strain")
 
 
 def _is_homogeneous_isotropic(domain: ModelDomain) -> bool:
@@ -199,7 +199,9 @@ def friction_sentence(physics: ProblemDefinition, correction: FrictionCorrection
     stick_text = ""
     if correction.sticks < 1.0:
         cause = f"friction {physics.contact.friction:g}"
-        stick_text = f", and the surface sticks within {correction.sticks:.2g} of its radius"
+        stick_text = (
+            f", and the surface sticks within {correction.sticks:.2g} of the contact radius"
+        )
     return (
         f"{cause} changes this force by {100 * (correction.force - 1):+.1f} %{stick_text} "
         "(half-space, exact)"

@@ -90,8 +90,8 @@ def path_rows(path: LoadPath) -> list[PathRow]:
         [(segment.begin, segment.end, segment.change) for segment in segments if segment.change]
     ).T
     rows = []
-    # Number of changes of the load before a row that are considered: films of earlier changes have
-    # grown thick.
+    # Number of changes of the load before a row that are considered: the boundary layers of earlier
+    # changes have grown thick.
     max_changes = 30
     for increment in increments:
         value, t = increment[-1]

@@ -67,8 +67,8 @@ def time_steps_per_doubling(config: Config) -> int:
     The error of the time integration falls with the square of this number.
     """
     # Relative error of the force by time stepping with STEPS_PER_DOUBLING steps of each length. It
-    # is of second order in the step size. With friction it is known less accurately: the error bar
-    # is three times the change by half the step size.
+    # is of second order in the step size. With friction it is known less accurately: the error
+    # estimate is three times the change of the force if the step size is halved.
     time_stepping_error = 0.004
     friction_stepping_error = 0.02
     default_error = (

@@ -137,7 +137,7 @@ class ProblemDefinition:
 
     @property
     def mirror_multiplicity(self) -> int:
-        """Number of bodies that the tip indents, including the images behind mirror planes."""
+        """Number of bodies in contact with the tip, including mirror images (1, 2 or 4)."""
         return self.domain.mirrored_body_count(self.center)
 
     def full_contact_radius(self, a: float) -> float:

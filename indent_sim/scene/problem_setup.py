@@ -81,7 +81,8 @@ class ProblemSetup:
     layers : tuple of Layer
         Layers from the top, each with its thickness and material.
     relative_tip : Indenter
-        The tip that has the same gap over a flat body.
+        The equivalent tip: over a flat body it has the gap that the real tip has over the curved
+        one.
     domain_reason : str
         The reason for the symmetry of the model domain.
     theory : Theory or None
@@ -229,7 +230,7 @@ def truncate_body(config: Config, setup: ProblemSetup) -> ProblemSetup:
         return setup
     deepest = setup.max_depth
     if setup.adhesive_radii:
-        # The body must be large enough for the contact of a tip without adhesion of this radius.
+        # The body must be large enough for a contact of this radius without adhesion.
         deepest = max(deepest, 2 * float(setup.physics.indenter.height(setup.a, 0.0)))
     if setup.attraction:
         # The attraction acts up to its cut-off distance.

@@ -149,7 +149,9 @@ def choose_formulation(key: str, material: Material, min_shear_fraction: float) 
     max_displacement_nu = 0.49999
     if chosen == "displacement" and nu > max_displacement_nu:
         raise ConfigError(
-            f"{key}.formulation", f"displacement elements cannot have {law_text}", "use 'mixed'"
+            f"{key}.formulation",
+            f"displacement elements are not possible with {law_text}",
+            "use 'mixed'",
         )
     if chosen == "mixed" and nu <= 0:
         raise ConfigError(

@@ -91,8 +91,8 @@ class MeshResolution:
     @property
     def penalty_stiffness(self) -> float:
         """Penalty stiffness epsilon_n [pressure/length] with the permitted error of the penalty."""
-        # Share of the error that a penalty may take where its stiffness is left to the
-        # program.
+        # Share of the permitted error that the penalty may cause if the program chooses its
+        # stiffness.
         enforcement_error_share = 0.2
         return self.penalty_error_coefficient / (
             enforcement_error_share * min(self.error, self.target)
@@ -105,10 +105,12 @@ class MeshResolution:
             for radius in sorted({self.smallest_radius, self.largest_radius})
         )
         elements_text = (
-            f"{self.n:.3g} elements in the contact radius of every step ({radii}), by the "
+            f"{self.n:.3g} elements in the contact radius of every step ({radii}), from the "
             "measured relation of elements and error"
         )
-        return f"{elements_text}; the error is estimated, and the mesh refined until it is met"
+        return (
+            f"{elements_text}; the mesh is refined until the estimated error is within the accuracy"
+        )
 
     def sizes(
         self,
@@ -176,7 +178,8 @@ def target_error(accuracy: float | str | None) -> float | None:
 
 def error_decay(n: float) -> float:
     """Return the error with n elements in the contact radius, up to a constant factor."""
-    # With fewer elements in the contact radius the error no longer follows that power.
+    # With fewer elements in the contact radius the error no longer falls as
+    # n^-ORDER_OF_CONVERGENCE.
     saturation_elements = 2.0
     return float((n**4 + saturation_elements**4) ** (-ORDER_OF_CONVERGENCE / 4))
 
@@ -202,7 +205,7 @@ def required_elements(
     confined_layer_factor = 1.6
     factor = confined_layer_factor if is_confined else 1.0
     elements = factor * (ERROR_CONSTANT[dim] / target) ** (1 / ORDER_OF_CONVERGENCE)
-    # Least elements in the contact radius; much coarser meshes have no meaning.
+    # Smallest number of elements in the contact radius; much coarser meshes are useless.
     min_elements = {2: 5.0, 3: 4.6}
     return min(anisotropy * max(elements, min_elements[dim]), MAX_ELEMENTS)
 

@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from indent_sim.config.scene_sections import SolverSettings
     from indent_sim.config.schema import Config
 
-FRICTION_WHY = "the surface has friction, the theory has none"
+FRICTION_WHY = "the surface has friction, but the theory has none"
 
 
 @dataclass(frozen=True)
@@ -201,20 +201,20 @@ class Scene:
         reasons = (
             (
                 not physics.small_strain and not is_finite,
-                "strains are finite, the theory is for small strain",
+                "strains are finite, but the theory is for small strain",
             ),
             (physics.has_friction, FRICTION_WHY),
             (
                 bool(physics.permeable_regions),
-                "fluid flows in the pores, the theory has no pore fluid",
+                "fluid flows in the pores, but the theory has no pore fluid",
             ),
             (
                 bool(physics.relaxing_regions),
-                "the shear modulus relaxes, the theory is elastic",
+                "the shear modulus relaxes, but the theory is elastic",
             ),
             (
                 physics.contact.may_snap_through,
-                "the attraction has a finite range, in the theory it has none",
+                "the attraction has a finite range, but none in the theory",
             ),
             (
                 physics.gap == "current" and not has_plate,
@@ -222,8 +222,8 @@ class Scene:
             ),
             (
                 physics.gap == "reference" and is_finite,
-                "the gap is evaluated at the undeformed point, in the theory the surface slides "
-                "under the plate",
+                "the gap is evaluated at the undeformed point, but in the theory the surface "
+                "slides under the plate",
             ),
             (theory is not None and not theory.is_exact, theory.reason if theory else ""),
         )
@@ -523,10 +523,11 @@ def _memory_error(
     cost = cost_of(sizes, physics.domain, work)
     available_memory = machine_memory()
     # The remedy names the key that determined the element sizes.
-    key, name = ("accuracy", "accuracy") if fineness else ("mesh.h_contact", "h_contact")
+    key = "accuracy" if fineness else "mesh.h_contact"
+    name = key
     if cost_of(replace(sizes, inclusions=()), physics.domain, work).memory <= available_memory:
         key = "mesh.h_inclusions"
-        name = "h_inclusions, or inclusions"
+        name = "mesh.h_inclusions, larger inclusions"
     memory_text = (
         f"about {cost.dofs:.2g} unknowns need {cost.memory / 1e9:.3g} GB; this machine "
         f"has {available_memory / 1e9:.3g} GB"
@@ -538,9 +539,9 @@ def _memory_error(
         config, physics, sizes
     ):
         return ConfigError(
-            key, memory_text, f"solver.linear: iterative needs {iterative / 1e9:.3g} GB"
+            key, memory_text, f"use solver.linear: iterative, which needs {iterative / 1e9:.3g} GB"
         )
-    return ConfigError(key, memory_text, f"use a larger {name}, or symmetry")
+    return ConfigError(key, memory_text, f"use a larger {name}, or mesh.symmetry: auto")
 
 
 def _predict(

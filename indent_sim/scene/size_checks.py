@@ -44,19 +44,19 @@ def configured_sizes(
     }
     h = lengths.get("h_contact", 0.0)
     if h and lengths.get("h_far", h) < h:
-        raise ConfigError("mesh.h_far", "is smaller than h_contact", f"at least {h:g}")
+        raise ConfigError("mesh.h_far", "is smaller than h_contact", f"use at least {h:g}")
     if h > height * scales.length:
         raise ConfigError(
             "mesh.h_contact",
             "is larger than the height of the body",
-            f"at most {height * scales.length:g}",
+            f"use at most {height * scales.length:g}",
         )
     for name in ("h_axis", "h_edge", "h_corner", "h_film"):
         if name in lengths and not h:
             problem = "needs h_contact, to which the element size grows"
-            raise ConfigError(f"mesh.{name}", problem, "give both")
+            raise ConfigError(f"mesh.{name}", problem, "give both keys")
         if lengths.get(name, 0.0) > h:
-            raise ConfigError(f"mesh.{name}", "is larger than h_contact", f"at most {h:g}")
+            raise ConfigError(f"mesh.{name}", "is larger than h_contact", f"use at most {h:g}")
     if edge is None and "h_edge" in lengths:
         problem = "applies only to the sharp edge of a punch, or of a tip that ends in the contact"
         raise ConfigError("mesh.h_edge", problem, "leave it out")
@@ -81,8 +81,8 @@ def check_sizes(sizes: Sizes, setup: ProblemSetup, longest_side: float) -> None:
     Raises
     ------
     ConfigError
-        If sizes or a punch are too small for the rounding of lengths on the model domain, or if
-        elements are larger than the radius of the tip's edge.
+        If elements or a punch are too small for gmsh on a model domain of this size, or if elements
+        are larger than the radius of the tip's edge.
     """
     domain = setup.physics.domain
     L = setup.physics.scales.length
@@ -93,28 +93,28 @@ def check_sizes(sizes: Sizes, setup: ProblemSetup, longest_side: float) -> None:
     min_radius = min_punch_radius * longest_side
     if edge is not None and domain.dim == 3 and domain.wall_radius is None and edge < min_radius:
         problem = (
-            f"a punch of radius {edge * L:g} is too small for a box of this size, at least "
-            f"{min_radius * L:.3g}"
+            f"a punch of radius {edge * L:g} is too small for a box of this size, which needs at "
+            f"least {min_radius * L:.3g}"
         )
         raise ConfigError(
-            "indenter.radius", problem, "make the box smaller, or the body a half_space"
+            "indenter.radius", problem, "use a smaller box, or body.shape: half_space"
         )
     is_axisymmetric = domain.kinematics.name == "axisymmetric"
     min_size = (MIN_AXIS_SIZE if is_axisymmetric else MIN_ELEMENT_SIZE) * longest_side
     if sizes.min_size < min_size * (1 - 1e-9):
         problem = (
-            f"elements of {sizes.min_size * L:.3g} are too small for a body of this size, at least "
-            f"{min_size * L:.3g}"
+            f"elements of {sizes.min_size * L:.3g} are too small for a body of this size, which "
+            f"needs at least {min_size * L:.3g}"
         )
         raise ConfigError(
             "mesh",
             problem,
-            "make the body smaller: with 1e5 contact radii it deforms as a half-space",
+            "use a smaller body: with 1e5 contact radii it deforms as a half-space",
         )
     if edge is None:
         return
     edge_size = float(sizes.size_at(np.array(edge), np.array(0.0)))
     if edge_size > edge * (1 + 1e-9):
         problem = f"elements of {edge_size * L:.3g} are larger than the tip's radius {edge * L:.3g}"
-        remedy = f"at most {edge * L / 4:.3g}, or auto; are both in the same unit of length?"
+        remedy = f"use at most {edge * L / 4:.3g}, or auto; are both in the same unit of length?"
         raise ConfigError("mesh.h_contact", problem, remedy)

@@ -24,14 +24,15 @@ if TYPE_CHECKING:
     from indent_sim.config.schema import Config
 
 
-WHOLE_BODY_WHY = "solver.linear: iterative applies to the whole body only"
+WHOLE_BODY_WHY = "solver.linear: iterative requires the whole body (solver.method: newton)"
 
 
 def solver(config: Config, setup: ProblemSetup, physics: ProblemDefinition, nodes: float) -> Choice:
     """Choose the solution method: condensed or newton.
 
-    A linear body under a frictionless tip, with the gap at the undeformed point, is condensed to
-    one surface compliance. That matrix is dense, so it is limited to MAX_CANDIDATES nodes.
+    A linear elastic body with the gap at the undeformed point is condensed to one surface
+    compliance, unless the contact law prevents it (`reason_not_condensable`). That matrix is dense,
+    so it is limited to MAX_CANDIDATES nodes.
 
     Parameters
     ----------
@@ -92,9 +93,9 @@ def iterative_obstacle(config: Config, physics: ProblemDefinition, sizes: Sizes)
     law = physics.contact
     locking_nu = physics.largest_locking_nu
     stiffness_multiple = getattr(law, "stiffness", 0.0) * sizes.h_contact / physics.material.E_star
-    # Measured on a half and a quarter of a rubber cylinder: no equilibrium within 23 Newton
-    # iterations, however short the step. Linear bodies take 83 Krylov iterations instead of 45 with
-    # free walls.
+    # The reason for curved roller walls was measured on a half and a quarter of a rubber cylinder:
+    # no equilibrium was found within 23 Newton iterations, however short the step. Linear bodies
+    # with such a wall take 83 Krylov iterations, and 45 with a free wall.
     return first_reason(
         (physics.domain.dim == 2, "axisymmetric and plane problems are solved directly"),
         (bool(law.reason_unsymmetric), law.reason_unsymmetric),
@@ -104,7 +105,7 @@ def iterative_obstacle(config: Config, physics: ProblemDefinition, sizes: Sizes)
         ),
         (
             bool(physics.relaxing_regions),
-            "bodies with shear relaxation are factorized, once for each length of a time step",
+            "bodies with shear relaxation are factorized once for each length of the time step",
         ),
         (
             law.multiplier in ("stress", "nodal"),
@@ -112,11 +113,12 @@ def iterative_obstacle(config: Config, physics: ProblemDefinition, sizes: Sizes)
         ),
         (
             locking_nu > MAX_ITERATIVE_NU,
-            f"formulation: displacement at nu = {locking_nu:g} needs too many iterations",
+            f"displacement elements at nu = {locking_nu:g} need too many iterations",
         ),
         (
             stiffness_multiple > MAX_ITERATIVE_STIFFNESS,
-            f"a contact of {stiffness_multiple:.2g} E*/h_contact needs too many iterations",
+            f"a contact stiffness of {stiffness_multiple:.2g} E*/h_contact needs too many "
+            "iterations",
         ),
         (
             bool(physics.wall_stiffness) and not physics.small_strain,
@@ -175,12 +177,12 @@ def linear_solver(
     cost_texts = [
         f"about {cost.seconds:.2g} s and {cost.memory / 1e9:.2g} GB" for cost in (direct, iterative)
     ]
-    # Iterations must save this many seconds of a factorization, which never fails, to be
-    # chosen.
+    # An iterative solver is chosen only if it saves this many seconds, since a factorization never
+    # fails.
     min_seconds_saved = 2.0
     is_worth_it = direct.seconds - iterative.seconds > min_seconds_saved
-    # Iterations must take less than this part of the time of a factorization: predicted times
-    # are no more accurate.
+    # It must also take less than this fraction of the time of a factorization, because predicted
+    # times are inaccurate.
     max_time_ratio = 0.8
     is_cheaper = is_worth_it and iterative.seconds < max_time_ratio * direct.seconds
     is_needed = direct.memory > available_memory >= iterative.memory
@@ -244,7 +246,7 @@ def theory_obstacle(config: Config, setup: ProblemSetup) -> str:
     if not reference_theory.covers_path(setup.max_depth, setup.physics.largest_force):
         return (
             "the deepest contact is outside the range of the theory: it reaches a wall, the end of "
-            "the tip, or 100 thicknesses"
+            "the tip, or a radius of 100 layer thicknesses"
         )
     return ""
 
@@ -272,7 +274,10 @@ def config_obstacle(config: Config) -> str:
         ),
         (law.gap == "current", "theory evaluates the gap at the undeformed point"),
         (not isinstance(law, AutoContact), f"contact.method: {law.method} needs a mesh"),
-        (bool(law.feature_without_theory), f"theory has no {law.feature_without_theory}"),
+        (
+            bool(law.feature_without_theory),
+            f"the theory does not include {law.feature_without_theory}",
+        ),
         (
             other_settings != type(other_settings)(),
             "solver.linear, solver.rtol and solver.max_iterations need a mesh",

@@ -33,7 +33,7 @@ def nondimensional_drainage(config: Config, history: History | None, scales: Sca
         return scaled
     if any(key[:2] == ("drainage", "bath") for key in config.source.quantities):
         problem = "has a unit, but for a gel it is the chemical potential of the solvent over kT"
-        raise ConfigError("drainage.bath", problem, "a plain number, 0 for the pure solvent")
+        raise ConfigError("drainage.bath", problem, "give a plain number; 0 is the pure solvent")
     return replace(scaled, bath=drainage.bath)
 
 
@@ -62,7 +62,9 @@ def max_surface_rise(drainage: Drainage, layers: Layers) -> float:
     if not isfinite(max_rise):
         problem = "makes an infinitely thick gel swell, whose surface rises without bound"
         raise ConfigError(
-            "drainage.bath", problem, "use a layer or a cylinder, or stretch: auto and one bath"
+            "drainage.bath",
+            problem,
+            "use a layer or a cylinder, or stretch: auto and a constant bath",
         )
     return max_rise
 

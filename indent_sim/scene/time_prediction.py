@@ -216,7 +216,7 @@ class _LimitTransition:
     def _nearest_limit_text(self, remaining_fraction: float | None) -> str:
         """Return as text the nearest limiting case, or how far the force is from both cases."""
         if remaining_fraction is None:
-            return "`require` computes which elastic limiting case is near"
+            return "`indent-sim require` computes which elastic limiting case is near"
         percent_below = 100 * (1 - 1 / self.force_ratio) * (1 - remaining_fraction)
         percent_above = 100 * (self.force_ratio - 1) * remaining_fraction
         # Difference up to which a body counts as being in a limiting case [%].
@@ -226,7 +226,7 @@ class _LimitTransition:
                 f"about {_percent_text(percent_below)} below the {self.first_limit[0]} force and "
                 f"{_percent_text(percent_above)} above the {self.last_limit[0]} force"
             )
-            return f"neither limit, {limits_text}"
+            return f"close to neither limit: {limits_text}"
         name, percent = (
             (self.first_limit[0], percent_below)
             if percent_below < percent_above
@@ -256,7 +256,7 @@ def _drainage_transition(
     tip = physics.drainage.tip
     power = profile_exponent(physics.indenter)
     is_single_solid = len(physics.domain.regions) == 1 and physics.scales.dim == 3
-    # Contact radius over height up to which the tabled decay of the force on a half-space is
+    # Contact radius over height up to which the tabulated decay of the force on a half-space is
     # used.
     max_radius_ratio = 0.6
     has_known_decay = (

@@ -42,7 +42,10 @@ class CurveGroups:
         return self.value_names(self.keys)
 
     def value_names(self, keys: Sequence[str]) -> list[str]:
-        """Return the values of some keys as text for each curve; of sections only what differs."""
+        """Return the values of some keys as text for each curve.
+
+        Of a value that is a section only the entries that differ are given.
+        """
         common_entries = {
             key: _common_entries([curve.values.get(key) for curve in self.curves]) for key in keys
         }

@@ -256,8 +256,12 @@ def read_study(folder: Path) -> Study:
                 read_regular_file(folder / study_folder.SCOREBOARD).decode("utf-8")
             )
         keys = tuple(map(str, record["keys"]))
-        if not rows or not {"status", "verdict", *keys} <= rows[0].keys():
-            raise ValueError("its table has no rows or lacks columns")
+        required_columns = {"status", "verdict", *keys}
+        if not rows or not required_columns <= rows[0].keys():
+            raise ValueError(
+                "its table has no rows or lacks one of the columns "
+                f"{', '.join(sorted(required_columns))}"
+            )
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise UsageError(f"{folder} has no readable study: {error}", file=str(folder)) from None
     return Study(

@@ -420,7 +420,7 @@ def is_grid(curve_groups: CurveGroups, keys: Sequence[str]) -> bool:
     )
     counts = [len({pair[i] for pair in pairs}) for i in (0, 1)]
     is_full = len(pairs) == len(curve_groups.curves) == counts[0] * counts[1]
-    # A map needs so many values of each of its two keys.
+    # A map needs this number of values of each of its two keys.
     min_values = 3
     return min(counts) >= min_values and is_full
 

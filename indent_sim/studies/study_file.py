@@ -331,7 +331,9 @@ class _StudyReader:
         """Read one entry of `cases`; raise ConfigError if it is not a section with known keys."""
         if not isinstance(raw_case, dict):
             raise self.config_error(
-                case_keys, "must be a section of keys", f"its keys are {', '.join(CASE_KEYS)}"
+                case_keys,
+                "must be a mapping of keys to values",
+                f"its keys are {', '.join(CASE_KEYS)}",
             )
         if unknown := [key for key in raw_case if key not in CASE_KEYS]:
             match = closest_match(unknown[0], CASE_KEYS)
@@ -376,7 +378,7 @@ class _StudyReader:
     def read_settings(self, raw_settings: Any, section_keys: KeyPath) -> ParameterPoint:
         """Return the settings of a case, which override the common settings."""
         if not isinstance(raw_settings, dict):
-            raise self.config_error(section_keys, "must be a section of keys")
+            raise self.config_error(section_keys, "must be a mapping of keys to values")
         for key in raw_settings:
             self.check_key((*section_keys, key), key)
         return tuple(
@@ -456,7 +458,7 @@ class _StudyReader:
         """Return a section of the study; {} if it is not given."""
         value = self.document.get(key, {})
         if not isinstance(value, dict):
-            raise self.config_error((key,), "must be a section of keys")
+            raise self.config_error((key,), "must be a mapping of keys to values")
         return value
 
     def read_blocks(self) -> tuple[ParameterBlock, ...]:

@@ -441,7 +441,10 @@ def _draw_error_over_cost(axes: Axes, groups: dict[str, list[Row]]) -> None:
     for i, (name, rows) in enumerate(groups.items()):
         style = _marker_style(i) | {"label": picture_text(name) or "runs"}
         axes.plot(
-            [row["cpu_s"] for row in rows], [_absolute_error(row) for row in rows], ls="", **style
+            [row["cpu_s"] for row in rows],
+            [_relative_error_size(row) for row in rows],
+            ls="",
+            **style,
         )
     _set_log_axes(
         axes, "CPU seconds of a run", [row["cpu_s"] for rows in groups.values() for row in rows], 1
@@ -450,7 +453,7 @@ def _draw_error_over_cost(axes: Axes, groups: dict[str, list[Row]]) -> None:
 
 def _draw_pareto_front(axes: Axes, front: Sequence[Row]) -> list[Row]:
     """Draw the Pareto front as a line with numbered points; return the numbered rows."""
-    points = [(row["cpu_s"], _absolute_error(row)) for row in front]
+    points = [(row["cpu_s"], _relative_error_size(row)) for row in front]
     axes.plot(*zip(*points, strict=True), color=figures.INK, lw=1.2, zorder=2, label="Pareto front")
     # The positions are fractions of the panel's width and height.
     positions = axes.transLimits.transform(axes.transScale.transform(points))
@@ -496,7 +499,7 @@ def _draw_error_over_number(axes: Axes, groups: dict[str, list[Row]], key: str) 
         style = "-" if len(set(x)) == len(x) else ""
         axes.plot(
             x,
-            [_absolute_error(row) for row in ordered],
+            [_relative_error_size(row) for row in ordered],
             ls=style,
             lw=1.0,
             **_marker_style(i),
@@ -597,7 +600,7 @@ def _is_number(value: object) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
-def _absolute_error(row: Row) -> float:
+def _relative_error_size(row: Row) -> float:
     """Return the absolute value of the relative force error of a row."""
     return abs(row["force_error_vs"])
 

@@ -91,13 +91,13 @@ def read_study_folder(folder: Path) -> tuple[Report, list[Row]]:
             )
         )
         if not record or any(None in row for row in table_rows):
-            raise ValueError("it was not written by this program")
+            raise ValueError("its files were not written by this program")
         keys = record.get("keys")
         required_columns = ("index", "run", "status", "method", "force_error_vs", "cpu_s")
         if not isinstance(keys, list) or not all(
             name in row for row in table_rows for name in (*required_columns, *keys)
         ):
-            raise ValueError("its table lacks columns")
+            raise ValueError("its table lacks columns of varied keys or of results")
         rows = [
             {name: _parse_cell(name, text, keys) for name, text in row.items()}
             for row in table_rows

@@ -205,7 +205,7 @@ def _case_row(
     row |= {
         "newton_iterations": int(results["newton_iterations"].sum()) if len(results) else None
     } | _cost_cells(report)
-    # A failed run stopped at a smaller depth: its numbers do not answer the question.
+    # A failed run ended at a smaller depth: its last row is not that of the scene.
     if row["status"] != "done":
         return row
     numbers = ("force", "a", "p_max", "penetration")
@@ -370,7 +370,7 @@ def recommendations(table: Sequence[Row], keys: Sequence[str]) -> list[str]:
         return []
     lines = []
     for target in (0.05, 0.01, 0.001):
-        choice = "none of these"
+        choice = "none of these runs"
         row = recommended_run(table, keys, target)
         if row:
             settings = ", ".join(

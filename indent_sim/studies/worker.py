@@ -49,7 +49,7 @@ class Worker:
 
     def begin_job(self, job: Job) -> None:
         """Begin a job; `wait_for_job` returns its exit status."""
-        # A new process for every so many jobs bounds the memory that PETSc and compiled
+        # A new process after this number of jobs bounds the memory that PETSc and compiled
         # forms keep: about half a MB of each run.
         max_jobs_of_a_process = 100
         if self._job_count % max_jobs_of_a_process == 0:

@@ -69,7 +69,7 @@ class Jkr:
         self.punches = punches
         self.work = work
         self.pull_off = cache(self._find_pull_off)
-        # Searches come back to the ends of their brackets.
+        # Searches evaluate the ends of their brackets several times.
         self._cached_equilibrium = lru_cache(500)(self._solve)
 
     def equilibrium_at(self, a: float) -> AdhesiveContact:
@@ -117,7 +117,8 @@ class Jkr:
                 f"{low:g}, the smallest of the load curve"
             )
         largest = high
-        # Every contact at a wall pulls, since K' vanishes there: smaller radii are tried in turn.
+        # A contact that reaches a wall is always tensile, since K' vanishes there: smaller radii
+        # are tried in turn.
         while self.equilibrium_at(high).force < 0.0:
             high /= 1.25
             if high <= low:

@@ -25,7 +25,7 @@ from indent_sim.theory.solution import Solution, no_contact
 
 # Step of finite differences in logarithmic strain. The five-point formula has a truncation error of
 # DIFFERENCE_STEP^4/30 times the fifth derivative, 3e-14 of a modulus, and a rounding error of
-# 1e-16/DIFFERENCE_STEP of one: stresses have ten digits at strains above 1e-3.
+# 1e-16/DIFFERENCE_STEP of a modulus: stresses have ten digits at strains above 1e-3.
 DIFFERENCE_STEP = 1e-3
 # Strain energy psi(l1, l2, l3) [F/L^2] of the principal stretches, the last one along z.
 Energy = Callable[[float, float, float], float]
@@ -209,8 +209,8 @@ class Compression:
         Raises
         ------
         ValueError
-            If a depth is not below the height, if the bar has no equilibrium there, or if the top
-            bulges past the edge of the tip.
+            If a depth is not less than the height, if the bar has no equilibrium there, or if the
+            top bulges past the edge of the tip.
         """
         return [
             self._solution_at_depth(delta) if delta > 0 else no_contact(delta) for delta in deltas
@@ -243,7 +243,7 @@ class Compression:
         strain = delta / self.height
         if not strain < 1:
             raise ValueError(
-                f"the depth {delta:g} is not below the height {self.height:g} of the body"
+                f"the depth {delta:g} is not less than the height {self.height:g} of the body"
             )
         area_ratio = self.bar.area_ratio(strain)
         if area_ratio > self.max_area_ratio:

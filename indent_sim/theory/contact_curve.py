@@ -96,7 +96,7 @@ class ContactCurve(ABC):
         """Return the load curve of a tip on a stack, infinitely wide or between frictionless walls.
 
         `wall` is the distance [L] of the walls from the axis. Raises ValueError for walls around a
-        half-space, where the depth would be infinite.
+        half-space, which would have an infinite indentation depth.
         """
         return cls(
             tip, stack.scaled_by_top(), stack.E_star, stack.h, stack.scaled_wall_distance(wall)
@@ -505,7 +505,10 @@ class ChebyshevContactCurve:
         if not np.all(
             np.abs(self._load_values(a)[column] - requested) <= 1e-11 * np.abs(requested)
         ):
-            raise ArithmeticError("the simultaneous search for the contact sizes did not converge")
+            raise ArithmeticError(
+                "the secant method for the contact sizes at all requested depths or forces did not "
+                "converge"
+            )
         return a
 
 

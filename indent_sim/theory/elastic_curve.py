@@ -38,7 +38,7 @@ class ElasticCurve:
     def __init__(self, delta: np.ndarray, force: np.ndarray, a: np.ndarray):
         if len(delta) < MIN_CURVE_SAMPLES:
             raise ValueError(
-                f"{len(delta)} rows are too few for a load curve, at least {MIN_CURVE_SAMPLES}"
+                f"a load curve needs at least {MIN_CURVE_SAMPLES} samples, got {len(delta)}"
             )
         self.deepest = float(delta[-1])
         self._low = math.log(delta[0])

@@ -82,8 +82,8 @@ def increasing_root(
     low = high = math.log(start if start < limit else 0.9 * limit)
     # Tolerance of the logarithm of the root, and thus its relative error.
     tolerance = 1e-13
-    # A power law of the exponent 2, that of a paraboloid's depth, or more has its root within half
-    # of the logarithm.
+    # If the function grows with the power 2 of x (the depth of a paraboloid) or more, the root is
+    # at a distance of at most half of |ln(function/target)| in ln x.
     width = max(0.6 * abs(log_excess(low)), tolerance)
     while log_excess(high) < 0.0:
         size = math.exp(high)
@@ -93,12 +93,12 @@ def increasing_root(
                 "end of the tip, or where the layer is too thin for the theory"
             )
         low = high
-        # The limit is approached by nine tenths of the distance.
+        # A step covers at most nine tenths of the distance to the limit.
         high = min(high + width, math.log(limit - 0.1 * (limit - size)))
         width *= 2.0
     while log_excess(low) >= 0.0:
         if math.exp(low) == 0.0:
-            raise ArithmeticError(f"the value {target:g} is below the values of all contact sizes")
+            raise ArithmeticError(f"no contact size has a value as small as {target:g}")
         high = low
         low -= width
         width *= 2.0

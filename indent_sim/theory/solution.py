@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 PEAK_POINTS = 101  # Points of the first round of the search for the largest pressure.
-# Errors by which a theory says that it has no solution. In numpy 1.24 LinAlgError is a subclass of
-# neither ValueError nor ArithmeticError.
+# Exceptions with which a theory reports that it has no solution. In numpy 1.24 LinAlgError is a
+# subclass of neither ValueError nor ArithmeticError.
 SOLUTION_ERRORS = (ValueError, ArithmeticError, np.linalg.LinAlgError)
 MAX_SLENDERNESS = 100.0  # Largest a/h: the dense matrices of the layer theories grow with it.
 

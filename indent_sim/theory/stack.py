@@ -140,15 +140,18 @@ class Stack:
         Raises
         ------
         ValueError
-            If the distance is not > 0, or for walls around a half-space, where the depth would be
-            infinite.
+            If the distance is not > 0, or for walls around a half-space, which would have an
+            infinite indentation depth.
         """
         if distance is not None and not distance > 0.0:
             raise ValueError(f"wall must be > 0 or None, got {distance!r}")
         if distance is None or math.isinf(distance):
             return math.inf
         if self.is_bottomless:
-            raise ValueError("the depth of a half-space between side walls would be infinite")
+            raise ValueError(
+                "a half-space between side walls has no finite indentation depth: give a base, or "
+                "wall=None"
+            )
         # Farther walls change the force by less than 1e-9.
         return distance / self.h if distance < 1e6 * self.height else math.inf
 

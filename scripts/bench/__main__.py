@@ -154,7 +154,7 @@ def steps_table(repeat: int) -> str:
     for count, cpu in measurements:
         per_step = 1e3 * (cpu - base_cpu) / (count - fewest) if count > fewest else None
         lines.append([str(count), number(cpu), number(per_step, 2)])
-    return table(["steps", "CPU s of the process", f"ms a step beyond {fewest}"], lines)
+    return table(["steps", "CPU s of the process", f"ms per step beyond the first {fewest}"], lines)
 
 
 def throughput_table(repeat: int) -> str:
@@ -163,7 +163,8 @@ def throughput_table(repeat: int) -> str:
         [str(jobs), number(wall), number(cpu), number(processes.STUDY_RUNS * 60 / wall)]
         for jobs, wall, cpu in processes.measure_throughput(repeat)
     ]
-    return table(["runs at a time", "wall s of the study", "CPU s", "scenes a minute"], lines)
+    head = ["runs at the same time", "wall s of the study", "CPU s", "scenes per minute"]
+    return table(head, lines)
 
 
 def kernels_table(repeat: int) -> str:
@@ -172,7 +173,7 @@ def kernels_table(repeat: int) -> str:
         [scene, number(cold), number(warm), number(cold - warm, 2)]
         for scene, cold, warm in processes.measure_kernels(KERNEL_SCENES, repeat)
     ]
-    return table(["scene", "empty", "full", "difference"], lines)
+    return table(["scene", "empty cache", "full cache", "difference"], lines)
 
 
 def deep_table(repeat: int) -> str:
@@ -200,10 +201,10 @@ def ranks_table(repeat: int) -> str:
         "dofs",
         "ranks",
         "wall s",
-        "wall s, assemble and solve",
+        "wall s, assembly and solution",
         "CPU s, all ranks",
         "gain",
-        "gain, assemble and solve",
+        "gain, assembly and solution",
     ]
     lines: list[list[str]] = []
     one_rank: dict[tuple[str, ...], tuple[float, float]] = {}

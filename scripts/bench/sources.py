@@ -50,28 +50,28 @@ def varies_mesh_only(row: Row) -> bool:
 
 SOURCES = (
     Source(
-        "near mesh",
+        "element size at the contact",
         "mesh",
         lambda row: varies_mesh_only(row) and row["mesh.h_far"] == 0.05,
         WORST,
         ("mesh.h_contact",),
     ),
     Source(
-        "far mesh",
+        "element size far from the contact",
         "mesh",
         lambda row: varies_mesh_only(row) and row["mesh.h_contact"] == 0.0025,
         WORST,
         ("mesh.h_far",),
     ),
     Source(
-        "enforcement: penalty",
+        "stiffness of the penalty",
         "mesh",
         lambda row: row["contact.method"] == "penalty",
         WORST,
         ("stiffness",),
     ),
     Source(
-        "load step, linear",
+        "load steps, linear",
         "mesh",
         lambda row: bool(row["loading.steps"]),
         LAST,
@@ -85,21 +85,21 @@ SOURCES = (
         ("body.radius", "body.height"),
     ),
     Source(
-        "small for finite strain",
+        "small instead of finite strain",
         "model",
         lambda row: row["indenter"]["shape"] == "sphere",
         LAST,
         ("material",),
     ),
     Source(
-        "paraboloid for sphere",
+        "paraboloid instead of sphere",
         "model",
         lambda row: row["material"]["model"] != "linear_elastic" and not row["loading.steps"],
         LAST,
         ("indenter",),
     ),
     Source(
-        "load step, finite strain",
+        "load steps, finite strain",
         "model",
         lambda row: bool(row["loading.steps"]),
         LAST,
@@ -110,7 +110,14 @@ SOURCES = (
 
 def sources_table(rows: dict[str, Sequence[Row]]) -> str:
     """Return the table of all sources; `rows` are those of the studies by name."""
-    head = ["source", "at its largest", "error", "under 0.1 % with", "error", "CPU s"]
+    head = [
+        "source",
+        "setting with the largest error",
+        "error",
+        "cheapest setting below 0.1 %",
+        "error",
+        "CPU s",
+    ]
     return table(head, [line(source, rows[source.study]) for source in SOURCES])
 
 

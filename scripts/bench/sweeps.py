@@ -95,20 +95,20 @@ def accuracy_table(study: Study) -> str:
                 number(row["memory_MB"]),
             ]
         )
-    return table(["asked for", "largest error bar", "worst error", "dofs", "CPU s", "MB"], lines)
+    return table(["requested accuracy", "largest error bar", "error", "dofs", "CPU s", "MB"], lines)
 
 
 def reductions_table(rows: Sequence[Row]) -> str:
     """Return the table of one scene with different symmetries and solvers."""
     cheapest = min(row["cpu_s"] for row in rows)
     head = [
-        "modelled",
+        "model domain",
         "solver",
         "dofs",
         "error of the last step",
         "iterations",
         "CPU s",
-        "times the cheapest",
+        "CPU s / smallest",
         "MB",
     ]
     lines = [
@@ -145,4 +145,5 @@ def growth_table(rows: Sequence[Row]) -> str:
         last = kind_rows[-1]
         ratios = [last[name] / first[name] for name in ("dofs", "cpu_s", "memory_MB")]
         lines.append([*kind, costs, *(f"x {number(ratio, 2)}" for ratio in ratios)])
-    return table(["modelled", "solver", "dofs: CPU s, MB", "dofs", "CPU s", "MB"], lines)
+    ratio_heads = [f"ratio of {quantity}" for quantity in ("dofs", "CPU s", "MB")]
+    return table(["model domain", "solver", "dofs: CPU s, MB", *ratio_heads], lines)

@@ -16,7 +16,7 @@ from indent_sim.run.previous_rows import PreviousRows
 from indent_sim.run.sanity_checks import violated_bound
 from indent_sim.scene.scene import resolve
 
-SAID = "inside the surface outside the contact surface"
+SAID = "outside the contact surface, where no contact is modelled"
 BODIES = {
     "axisymmetric": lambda: section(1.0, 0.5, 20, 10),
     "plane_strain": lambda: section(1.0, 0.5, 20, 10),

@@ -169,7 +169,7 @@ def test_a_multiplier_at_finite_strain_bears_a_huge_stiffness() -> None:
 def test_elements_too_small_for_the_body_are_refused() -> None:
     """Elements too small for gmsh are refused, and a smaller body is accepted."""
     needle = {"shape": "cone", "half_angle": 1.0}
-    with pytest.raises(ConfigError, match="make the body smaller"):
+    with pytest.raises(ConfigError, match="use a smaller body"):
         layer(indenter=needle, **once(1e-9))
     layer(WIDE | {"radius": 4e-3, "height": 1e-3}, indenter=needle, **once(1e-9))
 
@@ -221,7 +221,7 @@ def test_no_tip_moves_the_top_of_a_fixed_side(body: dict[str, Any], gap: str) ->
     """
     scene = {"indenter": BLUNT, "contact": {"method": "auto", "gap": gap}}
     with pytest.raises(
-        ConfigError, match=r"top of a fixed side, which it reaches at 0\.1:"
+        ConfigError, match=r"at the depth 0\.1 the tip touches the upper edge of a fixed side"
     ) as refused:
         layer(body, **scene, **once(0.101))
     assert refused.value.exit_code == 3 and refused.value.key == "loading"
@@ -237,7 +237,7 @@ def test_a_tip_beside_the_middle_meets_one_side_first(center: float) -> None:
     strip, tip = SIDES["strip"], BLUNT | {"center": [center]}
     meets = (1 - center) ** 2 / 2.5
     assert layer(strip, indenter=tip, **once(0.99 * meets)).physics.deltas[-1] > 0
-    with pytest.raises(ConfigError, match="top of a fixed side"):
+    with pytest.raises(ConfigError, match="upper edge of a fixed side"):
         layer(strip, indenter=tip, **once(1.01 * meets))
 
 

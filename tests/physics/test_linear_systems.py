@@ -318,7 +318,7 @@ def test_only_the_reason_of_the_own_convergence_test_is_accepted(tmp_path, monke
     ):
         with monkeypatch.context() as patch:
             patch.setattr(newton.PETSc, "SNES", says(reason))
-            with pytest.raises(NotConverged, match=f"SNES stopped with reason {reason}"):
+            with pytest.raises(NotConverged, match=f"SNES stopped with the reason code {reason}"):
                 solved(tmp_path)
     assert solved(tmp_path).states[-1].force == pytest.approx(FORCE, rel=0.1)
     with tuned(snes_stol=1.0):  # nor does a short step end a solve, whatever the environment says

@@ -79,7 +79,8 @@ def test_a_solved_corner_stands_beside_theory_as_the_whole_does() -> None:
             ]
         )
         assert rows[0].E_hertz == pytest.approx(fitted["E"], rel=1e-6)
-        assert ("a quarter of the mirrored contact's" in theory["why"]) == (seen == 4)
+        note = "a quarter of the force of the contact with its mirror images"
+        assert (note in theory["why"]) == (seen == 4)
     np.testing.assert_allclose(*deviations, atol=0.05)
     assert abs(deviations[1][0]) < 0.1
 

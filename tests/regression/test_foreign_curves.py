@@ -90,7 +90,8 @@ def test_a_file_that_a_repository_lacks_is_named_with_the_reason(script, tmp_pat
     assert [one.name for one in folder.iterdir()] == ["a.spm"] and list(missing) == [
         "PyFMReader/b.spm"
     ]
-    assert "could not be had: the repository from local copies" in script["outcomes"]({}, missing)
+    said = "was not available: it is missing in the repository from local copies"
+    assert said in script["outcomes"]({}, missing)
 
 
 def test_a_program_that_cannot_be_had_is_a_reason_on_the_page(script):
@@ -100,7 +101,7 @@ def test_a_program_that_cannot_be_had_is_a_reason_on_the_page(script):
     assert script["had"]("git", missing, lambda: script["called"]("/no such program")) is None
     assert missing["git"] == "/no such program: No such file or directory"
     assert "| nanite | all |" in script["outcomes"]({}, missing)
-    assert "Not measured: nanite could not be had (sh: " in script["lacking"]("nanite", missing)
+    assert "Not measured: nanite was not available (sh: " in script["lacking"]("nanite", missing)
     assert "| nanite |  |" in script["summary"]({}, missing)
 
 

@@ -77,7 +77,7 @@ TEXTS = {
         "a list of 1 to 20",
     ),
     "small elements": (SCENE + "mesh: {h_contact: 1e-9}\n", "machine has"),
-    "tiny elements": (SCENE + "mesh: {h_contact: 1e-28}\n", "make the body smaller"),
+    "tiny elements": (SCENE + "mesh: {h_contact: 1e-28}\n", "use a smaller body"),
     "small elements everywhere": (SCENE + "mesh: {h_contact: 1e-6, h_far: 1e-6}\n", "machine has"),
     "a billion elements": (BOX + "mesh: {h_contact: 1e-3, h_far: 1e-3}\n", "machine has"),
     "an accuracy beyond any machine": (BOX + "accuracy: 1e-9\n", "accuracy: about"),

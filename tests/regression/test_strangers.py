@@ -335,7 +335,7 @@ class TestDamaged:
     @pytest.mark.parametrize(
         ("code", "reason", "again"),
         [
-            (137, "the process of the run died of SIGKILL", True),
+            (137, "the process of the run was ended by the signal SIGKILL", True),
             (135, "", True),
             (143, "", True),
             (1, "MemoryError: ", True),

@@ -10,6 +10,7 @@ import html_page
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from nanoscope_files import PEAKFORCE_CAPTURE
 
 import indent_sim
 from indent_sim.cli import commands
@@ -113,11 +114,14 @@ def test_no_curve_at_all_is_exit_5(command, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "package, name", [("afmformats", "curve.jpk-force"), ("pyfmreader", "curve.spm")]
+    "package, name, data",
+    [("afmformats", "curve.ibw", b"PK"), ("pyfmreader", "curve.pfc", PEAKFORCE_CAPTURE)],
 )
-def test_an_afm_file_without_its_reader_is_exit_7(command, tmp_path, monkeypatch, package, name):
+def test_an_afm_file_without_its_reader_is_exit_7(
+    command, tmp_path, monkeypatch, package, name, data
+):
     monkeypatch.setitem(__import__("sys").modules, package, None)
-    (tmp_path / name).write_bytes(b"PK")
+    (tmp_path / name).write_bytes(data)
     done = command("fit", name, "--scene", "scene.yaml", "--vary", "material.E")
     assert done.exit_code == 7 and "make setup AFM=1" in done.output
 
@@ -149,7 +153,7 @@ def test_a_design_says_what_a_measurement_would_tell(command, tmp_path):
     "words, code, said",
     [
         (("--design", "scene.yaml"), 2, "needs --noise"),
-        (("--noise", "0.01"), 2, "belong to --design"),
+        (("--noise", "0.01"), 2, "require --design"),
         ((), 2, "needs CURVE_OR_FOLDER"),
         (("--design", "scene.yaml", "--noise", "0"), 2, "is not in the range"),
         (("curves", "--design", "scene.yaml", "--noise", "0.01"), 2, "takes no curves"),
@@ -203,7 +207,7 @@ def test_what_a_scene_requires_for_a_curve(command, tmp_path):
     [
         (("--curve", "short.csv"), 5, "short.csv: 2 points"),
         (("--curve", "nothing.csv"), 2, "cannot read nothing.csv"),
-        (("--columns", "a,b"), 2, "belong to --curve"),
+        (("--columns", "a,b"), 2, "require --curve"),
         (("--curve", "short.csv", "--columns", "x,y"), 3, "no column 'x'"),
         (("--curve", "short.csv", "--set", "material.E=-1"), 3, "material.E"),
     ],

@@ -164,7 +164,8 @@ def test_a_report_replaces_nothing_but_pages(tmp_path):
         done = CliRunner().invoke(
             commands.program, ["report", str(folder), "--output", str(folder / name)]
         )
-        assert done.exit_code == 2 and "the name of a report must end in .html, .htm" in done.output
+        assert done.exit_code == 2
+        assert "the name of a report must end in .html or .htm" in done.output
         assert before == ((folder / name).read_bytes() if (folder / name).exists() else None)
     words = ["report", str(folder), "--output", str(tmp_path / "a.HTM")]
     assert CliRunner().invoke(commands.program, words).exit_code == 0

@@ -112,7 +112,7 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "gmsh": ("mesh/mesher_process.py", "fe/compat.py"),
     "meshio": ("mesh/mesh_file.py",),
     "afmformats": ("results/measured/afm_file.py",),
-    "pyfmreader": ("results/measured/nanoscope_file.py",),
+    "pyfmreader": ("results/measured/peakforce_file.py",),
     "h5py": ("results/", "mesh/mesh_file.py"),
     "matplotlib": (
         "results/pictures/",

@@ -141,8 +141,8 @@ class Condenser:
             if failure == -10:
                 reason = "is singular to working precision"
             raise NotConverged(
-                f"the stiffness matrix of the body {reason}; a larger size of the smallest "
-                "elements may help"
+                f"the stiffness matrix of the body {reason}; larger elements where the mesh is "
+                "finest may help"
             )
         # Dofs at which penetration outside the contact surface is checked; several ranks recover
         # the whole body instead
@@ -367,10 +367,11 @@ class Condenser:
     def _locate_dofs(
         self, candidates: np.ndarray, axes: Sequence[int]
     ) -> tuple[OwnedDofs, np.ndarray, np.ndarray]:
-        """Return the dofs of the candidates, ordered axis by axis.
+        """Return the displacement dofs of the candidates: all vertical ones, then axis by axis.
 
-        Returns the dofs that this rank solves for (their positions, their columns of C and a mask
-        of the free ones), the global numbers of all candidate dofs, and a mask of the free ones.
+        Returns, first, the dofs that this rank solves for, as local numbers, columns of the
+        compliance matrix and a mask of the unconstrained ones; second, the global numbers of all
+        candidate dofs; third, the mask of the unconstrained ones among these.
         """
         is_candidate = np.isin(self._owned_rows, candidates)
         n = len(candidates) * len(axes)

@@ -37,7 +37,8 @@ class CondensedState:
     def nodal_displacement(self) -> np.ndarray:
         """Return the displacement (facets, nodes, dim) [length] with zero horizontal components.
 
-        A reference gap does not depend on the horizontal displacement.
+        They are not computed, because the gap of a condensed contact is that of undeformed points
+        and depends on the vertical displacement only.
         """
         u = np.zeros(self.trace.X.shape)
         compliance = self.contact.compliance

@@ -239,7 +239,7 @@ class CondensedContact:
         return False
 
     def update_multiplier(self, mixing: uzawa.Mixing) -> float:
-        """Update the multiplier; return its previous relative difference from the projection."""
+        """Update the multiplier; return its relative difference from the projection before that."""
         before = self.lam
         image = self.project(self.F)
         change = np.linalg.norm(image - before)

@@ -81,7 +81,8 @@ class CondensedEquilibrium(Equilibrium):
         if scene.uses_elastic_curve or a == 0:
             # A history on the elastic curve may need larger contacts than the deepest one
             return patch
-        # 3.5 elements beyond the expected contact: each node costs a solution, now or later
+        # The candidates extend only 3.5 elements beyond the expected contact, because every
+        # candidate costs a solution
         return min(patch, a + 3.5 * scene.sizes.h_contact)
 
     def _condense(self, radius: float) -> None:
@@ -106,7 +107,7 @@ class CondensedEquilibrium(Equilibrium):
         is_rim = (distance >= radius - 2 * self.scene.sizes.h_contact) & (
             radius < self._largest_radius
         )
-        # There are none if no contact surface lies beyond the candidates
+        # There are no rim nodes if the candidates include the whole contact surface
         self._rim_nodes = np.unique(trace.nodes[is_rim])
 
     @property

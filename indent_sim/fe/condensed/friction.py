@@ -92,7 +92,7 @@ class TrialTraction(CoulombPoint):
 
 
 class CondensedFriction:
-    """Friction of a `CondensedContact`: tangential forces, their history and the dissipation."""
+    """Friction of a `CondensedContact`: tangential forces, last accepted state and dissipation."""
 
     def __init__(self, contact: Any):
         self._law = contact.law

@@ -33,7 +33,8 @@ def failed_state(
     cause
         Reason why the solution failed.
     inverted
-        Points with the smallest J and the largest stretch of the last equilibrium, if J < 0.
+        Points with the smallest J and the largest stretch of the last equilibrium; None if J > 0
+        everywhere.
     cost
         Newton iterations and time since the beginning of the run [s].
     """

@@ -8,8 +8,8 @@ depths. Every trial depth lies within a bracket of depths with smaller and large
 If time passes, the force-depth curve and its depth of zero force change with every increment. The
 depth is then found by the secant method, starting from the depth of the previous increment.
 
-An adhesive tip is pulled towards the body at first touch, delta = 0. The force at first touch is
-subtracted, so that this curve also begins at zero and grows with the depth.
+An adhesive tip is pulled towards the body at first contact, delta = 0. The force at first contact
+is subtracted, so that this curve also begins at zero and grows with the depth.
 """
 
 from __future__ import annotations
@@ -56,10 +56,10 @@ class LoadControl:
         self.tolerance = 1e-10  # relative error of the force
         self._curve: list[ForceDepth] = []  # known points in the order of their force
         self._slope = 0.0  # last slope of the curve; 0 if unknown
-        self._touch_pull: float | None = None  # pull of an adhesive tip at delta = 0
+        self._touch_pull: float | None = None  # tension on an adhesive tip at delta = 0
 
     def measure_touch_pull(self) -> None:
-        """Determine the pulling force on an adhesive tip at first touch, delta = 0."""
+        """Determine the tensile force on an adhesive tip at first contact, delta = 0."""
         self._touch_pull = max(-self._go_to_depth(0.0)[0], 0.0)
         self._curve = []
 
@@ -117,7 +117,7 @@ class LoadControl:
                 slope = self._slope = force_change / depth_change
             elif not reached_force:
                 slope /= 2  # without contact, the body may be further away
-            # A step is at most four times the one before: the slope at first touch says little
+            # A step is at most four times the one before: the slope at first contact says little
             # about the rest of the curve
             step = min(max((force - reached_force) / slope, -longest_step), longest_step)
             delta = reached_depth + step
@@ -154,7 +154,7 @@ class LoadControl:
         if self._touch_pull is not None:
             if force < -self._touch_pull:
                 self.failure = (
-                    "the tensile force exceeds the attraction at first touch (delta = 0), which "
+                    "the tensile force exceeds the attraction at first contact (delta = 0), which "
                     "load control does not support; prescribe depths instead"
                 )
                 return False
@@ -202,7 +202,9 @@ class LoadControl:
         if (reached_force < force and reached_depth != target_depth) or is_blocked_out:
             self.failure = ""
         elif reached_force < force and reached_depth >= self._deepest:
-            self.failure = "the force is too small even with the tip close to the base of the body"
+            self.failure = (
+                "this force is not reached even with the tip close to the base of the body"
+            )
         elif upper <= lower * (1 + 4e-16):
             self.failure = "the force is a discontinuous function of the depth there"
         else:

@@ -76,7 +76,7 @@ class LoadStepper:
         self._adhesion_range = physics.contact.adhesion_range  # 0 without adhesion
         self.started = time.perf_counter() if started is None else started
         # An adhesive tip starts at 12 ranges above the body, where the attraction is 6e-6 of that
-        # at first touch. `0.0 -` avoids -0.0.
+        # at first contact. `0.0 -` avoids -0.0.
         start = LoadPoint(0.0 - 12.0 * self._adhesion_range)
         # The last equilibria, beginning with the undeformed body
         self._points = [EquilibriumPoint(start, equilibrium.snapshot())]
@@ -91,7 +91,8 @@ class LoadStepper:
         self._substeps = 0
         self._cuts = 0
         self._search_time = 0.0  # time at which the depth of a force is searched for
-        # Change of the depth of first touch in the last increment, for a body that changes in time
+        # Change of the depth of first contact in the last increment, for a body that changes in
+        # time
         self._last_rise = 0.0
         self._unloading: UnloadingBranch | None = (
             UnloadingBranch() if physics.searches_pull_off else None
@@ -173,7 +174,7 @@ class LoadStepper:
 
     @property
     def pull_off_points(self) -> dict[int, PackedState]:
-        """Packed states around the largest pull, keyed by load point number, for `resume`."""
+        """Packed states around the largest tensile force, by load point number, for `resume`."""
         packed: dict[int, PackedState] = {}
         for point in self._unloading.search_points if self._unloading else ():
             packed[point.number] = point.delta, point.t, self.equilibrium.pack(point.state.state)
@@ -296,7 +297,7 @@ class LoadStepper:
         Returns
         -------
         PullOff or None
-            Pull-off in nondimensional units; None if no row with a pulling force has unloading rows
+            Pull-off in nondimensional units; None if no row with a tensile force has unloading rows
             on both sides.
 
         Raises
@@ -579,8 +580,9 @@ class LoadStepper:
     def _try_load_point(self, load_point: LoadPoint) -> bool:
         """Solve one increment; return whether it succeeded.
 
-        If an adhesive tip snaps or the increment fails, a short increment is solved by dynamic
-        relaxation instead.
+        If an adhesive tip snaps, or Newton's method fails for an adhesive tip, the increment is
+        solved again by dynamic relaxation, provided that it is short (`_is_long_step`); a longer
+        one counts as failed and is cut back.
         """
         is_found = self._solve_load_point(load_point)
         delta = load_point.delta

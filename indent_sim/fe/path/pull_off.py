@@ -94,7 +94,10 @@ class UnloadingBranch:
 
     @property
     def bracket(self) -> tuple[PullPoint, PullPoint, PullPoint] | None:
-        """Three points around the smallest force in the order of the path; None if incomplete."""
+        """Three points around the smallest force in the order of the path.
+
+        None if one of them is missing, or if the smallest force is not tensile.
+        """
         before = self.before
         lowest = self.lowest
         after = self.after

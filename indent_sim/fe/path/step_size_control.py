@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from math import ceil, inf
 
-# Shortest increment relative to the distance to the target: what fails there fails for another
-# reason than the length of the increment
+# Shortest increment relative to the distance to the target: an increment of this length fails for
+# another reason than its length
 SMALLEST_STEP_FRACTION = 2.0**-10
 MOST_FAILURES = 10  # failed increments without two successes in a row between them
 # Newton iterations in failed increments to one target; the costliest row that was found had 425

@@ -166,7 +166,10 @@ class FieldBlocks:
         return gradient - ufl.dot(gradient, n) * n
 
     def _assemble_product(self, density: Expr) -> PETSc.Mat:
-        """Assemble a bilinear form on the free dofs, scaled by the weights of their rows."""
+        """Assemble the bilinear form with the integrand `density` on the free dofs of the field.
+
+        Its rows and columns are scaled by the residual weight of the field.
+        """
         matrix = fem_petsc.assemble_matrix(compile_form(self._domain_integral(density)))
         matrix.assemble()
         matrix.scale(self.weight**2)

@@ -259,7 +259,8 @@ class BodyEquilibrium:
     def _numberings(self) -> list[list[DofNumbering]]:
         """Numberings of the fields of each array of a state.
 
-        The arrays are the unknowns, the frozen functions and the history, in this order.
+        The arrays are the unknowns, the functions `frozen` of the problem and the internal
+        variables, in this order.
         """
         unknowns = self.problem.unknowns
         problem = self.problem

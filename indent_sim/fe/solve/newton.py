@@ -440,7 +440,7 @@ class Newton:
             f"{self.snes.getIterationNumber()} Newton iterations",
             compat.SNES_RESIDUAL_NOT_FINITE: "the residual is not a number",
             reasons.DIVERGED_LINE_SEARCH: "the line search found no smaller residual",
-        }.get(reason, f"PETSc's SNES stopped with reason {reason}")
+        }.get(reason, f"PETSc's SNES stopped with the reason code {reason}")
 
 
 def _reaction_floor(problem: Problem) -> float:
@@ -470,10 +470,10 @@ def finest_tolerance(problem: Problem) -> float:
 def line_search(problem: Problem) -> str:
     """Return the name of PETSc's line search: "bt" for a penalty with Coulomb's law, else "basic".
 
-    With a penalty the traction goes from one slip limit to the opposite one over a slip of 2
-    friction p/epsilon_t. Where a point reverses its slip, full Newton steps jump back and forth
-    across this range without end; "bt" shortens a step that does not reduce the residual. "basic"
-    takes full steps.
+    With a penalty, the tangential traction goes from the slip limit f p (coefficient of friction f,
+    pressure p) to -f p over a slip of 2 f p/epsilon_t. Where a point reverses its slip, full Newton
+    steps jump back and forth across this range without end; "bt" shortens a step that does not
+    reduce the residual. "basic" takes full steps.
     """
     may_oscillate = problem.law.multiplier == "none" and problem.law.may_slip
     return "bt" if may_oscillate else "basic"

@@ -36,7 +36,7 @@ class Term:
         Internal variables. They are stored with every state, are never extrapolated, and change
         in `accept` only.
     frozen : tuple of fem.Function
-        Functions that belong to the current iterate but that Newton's method does not solve for.
+        Functions of the current iterate that are fixed during Newton's method.
     has_memory : bool
         Whether an equilibrium depends on the load path that leads to it.
     has_symmetric_tangent : bool

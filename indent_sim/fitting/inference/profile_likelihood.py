@@ -1,4 +1,4 @@
-"""Intervals by profile likelihood: other parameters are fitted at each value of one.
+"""Intervals by profile likelihood: for each fixed value of a parameter, all others are refitted.
 
 Over a wide interval the sum of squares is not a quadratic function of a parameter. With
 Q(v) = min r'V^-1 r/s2 at the value v, the interval is where Q(v) - Q < (1.96 f)^2; f is the

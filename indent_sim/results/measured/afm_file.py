@@ -1,17 +1,19 @@
-"""Reader of AFM files by the optional package afmformats.
+"""Reader of AFM files: those of JPK, and those of other makers by the optional package afmformats.
 
-Supported files are those of JPK, Asylum, NT-MDT, Optics11 and AFM workshop.
+The other makers are Asylum, NT-MDT, Optics11 and AFM workshop.
 """
 
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from indent_sim.process.errors import BackendError
+from indent_sim.results.measured import jpk_file
 from indent_sim.results.measured.measurement import (
     INSTALL_HINT,
     SI,
@@ -21,11 +23,11 @@ from indent_sim.results.measured.measurement import (
     Uncalibrated,
 )
 
-SUFFIXES = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".ibw", ".h5", ".zip")
+SUFFIXES = (*jpk_file.SUFFIXES, ".ibw", ".h5", ".zip")
 TEXT_SUFFIXES = (".txt", ".csv", ".tab")  # Text files with these suffixes may be AFM files.
 
 
-def read_afm_file(path: Path, stiffness: float | None = None) -> list[MeasuredCurve] | None:
+def read_afm_file(path: Path, stiffness: float | None = None) -> Sequence[MeasuredCurve] | None:
     """Read the curves of an AFM file, in SI units.
 
     Parameters
@@ -37,16 +39,19 @@ def read_afm_file(path: Path, stiffness: float | None = None) -> list[MeasuredCu
 
     Returns
     -------
-    list of MeasuredCurve, or None
-        None for a text file that is not an AFM file.
+    sequence of MeasuredCurve, or None
+        The curves; those of a map of JPK are read one by one. None for a text file that is not an
+        AFM file.
 
     Raises
     ------
     NoCurve
         If the file cannot be read, or lacks data needed for forces; the message gives the reason.
     BackendError
-        If the package is missing.
+        If the package that reads this format is missing.
     """
+    if path.suffix.lower() in jpk_file.SUFFIXES:
+        return jpk_file.read_jpk_file(path, stiffness)
     try:
         from afmformats import errors, formats
     except ImportError as error:
@@ -64,7 +69,7 @@ def read_afm_file(path: Path, stiffness: float | None = None) -> list[MeasuredCu
     except (*broken, Exception) as error:
         if path.suffix.lower() in TEXT_SUFFIXES:
             return None
-        raise NoCurve(f"unknown to afmformats ({_error_text(error)})", str(path)) from None
+        raise NoCurve(f"afmformats cannot read it ({_error_text(error)})", str(path)) from None
     try:
         return [
             _measured_curve(path, data, k)
@@ -110,7 +115,7 @@ def _measured_curve(path: Path, data: Any, index: int) -> MeasuredCurve:
     ends = np.cumsum([0, *(np.count_nonzero(where) for where in rows.values())]).tolist()
     parts = {name: slice(*ends[k : k + 2]) for k, name in enumerate(rows)}
     t = np.asarray(data["time"], dtype=float)[order] if "time" in columns else None
-    name = f"{path.stem}-{index}" if index or path.suffix != ".jpk-force" else path.stem
+    name = f"{path.stem}-{index}"
     k = data.metadata.get("spring constant", None)
     stiffness = float(k) if k is not None and np.isfinite(k) and k > 0 else None
     z, force = (np.asarray(data[column], dtype=float)[order] for column in (height, "force"))
@@ -125,15 +130,16 @@ def _measured_curve(path: Path, data: Any, index: int) -> MeasuredCurve:
 def _segment_rows(data: Any) -> dict[str, np.ndarray]:
     """Return a mask of the rows of each part of a curve.
 
-    In files of force-distance curves approach and retract have the numbers 0 and 1. In other files
-    segments are numbered from 1.
+    The numbers of the segments depend on the kind of the measurement.
     """
     segment = np.asarray(data["segment"]).astype(int)
-    # Segment 0 is a pause before.
+    known_segments = {
+        "force-distance": {0: "approach", 1: "retract"},
+        "creep-compliance": {0: "approach", 1: "hold", 2: "retract"},
+    }
+    # Segment 0 of a stress relaxation is a pause before.
     relaxation_segments = {1: "approach", 2: "hold", 3: "retract"}
-    segment_names = (
-        relaxation_segments if data.modality != "force-distance" else {0: "approach", 1: "retract"}
-    )
+    segment_names = known_segments.get(data.modality, relaxation_segments)
     rows_by_part = {word: segment == number for number, word in segment_names.items()}
     return {word: where for word, where in rows_by_part.items() if where.any()}
 

@@ -20,6 +20,9 @@ from indent_sim.results.measured.measurement import SI, MeasuredCurve
 TAB_METADATA = re.compile(r"# BEGIN METADATA\n(.*?)# END METADATA", re.DOTALL)
 
 
+TEXT_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".tab", ".asc")
+
+
 def curve_files(path: Path) -> list[Path]:
     """Return the file itself, or the files of a folder that may contain curves, sorted by name.
 
@@ -29,16 +32,16 @@ def curve_files(path: Path) -> list[Path]:
         if not path.exists():
             raise UsageError(f"there is no file {path}", file=str(path))
         return [path]
-    text_suffixes = (".csv", ".txt", ".tsv", ".dat", ".tab", ".asc")
+    suffixes = (*TEXT_SUFFIXES, *afm_file.SUFFIXES, *nanoscope_file.SUFFIXES)
     files = [
         file
         for file in sorted(path.iterdir())
-        if file.suffix.lower() in (*text_suffixes, *afm_file.SUFFIXES, *nanoscope_file.SUFFIXES)
+        if file.suffix.lower() in suffixes or nanoscope_file.is_numbered_file(file)
     ]
     if not files:
         raise UsageError(
-            f"{path} contains no file of a curve",
-            f"files of curves end in {', '.join(text_suffixes)}, or are AFM files",
+            f"the folder {path} contains no curve file",
+            f"names of curve files end in {', '.join(TEXT_SUFFIXES)} or are those of AFM files",
             str(path),
         )
     return files
@@ -49,8 +52,10 @@ def read_curves(
     columns: Sequence[str] | None = None,
     given: Mapping[str, str] | None = None,
     stiffness: float | None = None,
-) -> list[MeasuredCurve]:
+) -> Sequence[MeasuredCurve]:
     """Read the measured curves of a file, in the units that it gives.
+
+    Those of a map are read one by one, when they are asked for.
 
     Parameters
     ----------
@@ -66,7 +71,8 @@ def read_curves(
     Raises
     ------
     NoCurve
-        If the file contains no curve; the message gives the reason.
+        If the file contains no curve; the message gives the reason. The sequence of a map raises it
+        for a curve that is damaged.
     ConfigError
         A column of `columns` does not exist.
     UsageError
@@ -76,9 +82,11 @@ def read_curves(
     """
     path = Path(path)
     suffix = path.suffix.lower()
-    if suffix in nanoscope_file.SUFFIXES:
+    # The text that NanoScope exports begins with the same header.
+    if suffix not in (*TEXT_SUFFIXES, *afm_file.SUFFIXES):
         _refuse_unreadable(path)
-        return nanoscope_file.read_nanoscope_file(path, stiffness)
+        if suffix in nanoscope_file.SUFFIXES or nanoscope_file.is_nanoscope_file(path):
+            return nanoscope_file.read_nanoscope_file(path, stiffness)
     if suffix in (*afm_file.SUFFIXES, *afm_file.TEXT_SUFFIXES) and not columns:
         _refuse_unreadable(path)
         curves = afm_file.read_afm_file(path, stiffness)

@@ -1,28 +1,69 @@
-"""Reader of NanoScope files (Bruker .spm, .pfc) by the optional package pyfmreader."""
+"""Reader of NanoScope files of Bruker: force curves, and force volumes as maps."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from indent_sim.process.errors import BackendError
+from indent_sim.results.measured.measured_map import MeasuredMap, grid_places
 from indent_sim.results.measured.measurement import (
-    INSTALL_HINT,
     SI,
     STIFFNESS_KEY,
     MeasuredCurve,
     NoCurve,
     Uncalibrated,
 )
+from indent_sim.results.measured.peakforce_file import read_peakforce_file
 
+# NanoScope files have these or numbers as suffixes; other files have them too.
 SUFFIXES = (".spm", ".pfc")
+NUMBER_SUFFIX = re.compile(r"\.\d{3}", re.ASCII)
+BEGINNINGS = (b"\\*File list", b"\\*Force file list")
+END = b"\\*File list end"
+SCAN, FORCE, FORCE_IMAGE, IMAGE = (
+    "ciao scan list",
+    "ciao force list",
+    "ciao force image list",
+    "ciao image list",
+)
+MAX_HEADER_BYTES = 4_000_000
+NUMBER = r"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?"
+# Such as V [Sens. DeflSens] (0.0003750000 V/LSB) 1.200000 V.
+QUANTITY = re.compile(
+    rf"V\s*(?:\[(?P<sensitivity>[^\]]*)\])?\s*(?:\((?P<step>{NUMBER}) V/LSB\))?"
+    rf"\s*(?P<value>{NUMBER})\s*(?P<unit>\S*)\s*"
+)
+LENGTH_UNITS = {"nm": 1e-9, "~m": 1e-6, "um": 1e-6, "µm": 1e-6}
+# Words of 32 bit are in steps of V/LSB, or of a part of it; no line of the header says of which.
+STEP_FACTORS = (1.0, 1 / 256, 1 / 65536)
+# The deflection at the turn is as near to the trigger, relative to it.
+TRIGGER_TOLERANCE = 0.2
+# So many curves of a map are compared with the trigger.
+COMPARED_CURVES = 64
+Section = dict[str, str]
 
 
-def read_nanoscope_file(path: Path, stiffness: float | None = None) -> list[MeasuredCurve]:
-    """Read all curves of a NanoScope file, in SI units.
+def is_nanoscope_file(path: Path) -> bool:
+    """Return whether a file begins as the files of NanoScope do; OSError if it cannot be read."""
+    with path.open("rb") as file:
+        return file.read(max(map(len, BEGINNINGS))).startswith(BEGINNINGS)
+
+
+def is_numbered_file(path: Path) -> bool:
+    """Return whether a file of a folder is one of NanoScope whose suffix is a number."""
+    if not NUMBER_SUFFIX.fullmatch(path.suffix) or not path.is_file():
+        return False
+    try:
+        return is_nanoscope_file(path)
+    except OSError:
+        return False
+
+
+def read_nanoscope_file(path: Path, stiffness: float | None = None) -> Sequence[MeasuredCurve]:
+    """Return the curves of a NanoScope file in SI units; those of a volume are read one by one.
 
     Parameters
     ----------
@@ -35,61 +76,292 @@ def read_nanoscope_file(path: Path, stiffness: float | None = None) -> list[Meas
     ------
     NoCurve
         If the file cannot be read or its deflections are impossible; the message gives the reason.
+        The sequence of a volume raises it for a curve.
     BackendError
-        The package is missing.
+        If the file is a PeakForce capture, and the package that reads it is missing.
     """
-    try:
-        from pyfmreader.nanosc.loadnanosccurve import loadNANOSCcurve
-        from pyfmreader.nanosc.parsenanoscheader import parseNANOSCheader
-    except ImportError as error:
-        raise BackendError(
-            f"{path} is a NanoScope file, and pyfmreader is missing ({error}); {INSTALL_HINT}"
-        ) from error
-    try:
-        with np.errstate(all="ignore"):
-            header = parseNANOSCheader(str(path))
-            data_sets = [
-                loadNANOSCcurve(k, header) for k in range(int(header["Entry_tot_nb_curve"]))
-            ]
-    except Exception as error:
-        error_text = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-        raise NoCurve(f"pyfmreader cannot read it ({error_text})", str(path)) from None
-    k = header.get("spring_const_Nbym") or stiffness
-    if "defl_sens_nmbyV" not in header or not k:
-        missing = "spring constant" if "defl_sens_nmbyV" in header else "sensitivity"
-        raise Uncalibrated(f"lacks {missing}: {STIFFNESS_KEY}", str(path))
-    return [
-        _measured_curve(path, data, index, header, float(k)) for index, data in enumerate(data_sets)
-    ]
+    sections = _read_header(path)
+    if _first(sections, SCAN).get("peakforce capture", "").lower() == "allow":
+        return read_peakforce_file(path, stiffness)
+    file = NanoscopeFile(path, sections, stiffness)
+    return file.measured_map() if file.is_volume else [file.curve(0)]
 
 
-def _measured_curve(
-    path: Path, data: Any, index: int, header: Mapping[str, Any], k: float
-) -> MeasuredCurve:
-    """Return one curve, approach first, with z increasing towards the body."""
-    segments = [segment.segment_formated_data for _, segment in data.get_segments()]
-    base_paths = [np.asarray(segment_data["height"], dtype=float) for segment_data in segments]
-    volts = [np.asarray(segment_data["vDeflection"], dtype=float) for segment_data in segments]
-    # Some files store the retraction in reverse order, from its far end on.
-    if np.ptp(base_paths[-1]) and base_paths[-1][0] < base_paths[-1][-1]:
-        base_paths[-1] = base_paths[-1][::-1]
-        volts[-1] = volts[-1][::-1]
-    z = np.concatenate(base_paths)
-    deflection = 1e-9 * float(header["defl_sens_nmbyV"]) * np.concatenate(volts)
-    # A deflection can exceed the travel of the base by a snap-in only; beyond this ratio of
-    # their ranges it is wrong.
-    max_deflection_ratio = 1.5
-    if (
-        not np.isfinite(z).all()
-        or not np.isfinite(deflection).all()
-        or np.ptp(deflection) > max_deflection_ratio * np.ptp(z)
+class NanoscopeFile:
+    """Curves of a NanoScope file, each of which is read when it is asked for.
+
+    Parameters
+    ----------
+    path
+        The file.
+    sections
+        Sections of its header, each with its title.
+    stiffness
+        Spring constant of the cantilever [N/m], for a file that contains none.
+
+    Raises
+    ------
+    NoCurve
+        If the file has no deflections, or their scale is unknown.
+    """
+
+    def __init__(
+        self, path: Path, sections: Sequence[tuple[str, Section]], stiffness: float | None = None
     ):
-        raise NoCurve(
-            "the deflections that pyfmreader computes exceed the travel of the base", str(path)
+        self.path = path
+        self._sections = sections
+        self._image = self._deflection_image()
+        self.is_volume = "volume" in _first(sections, SCAN).get("operating mode", "").lower()
+        self.shape = self._grid_shape() if self.is_volume else (1, 1)
+        self._points = self._points_of_segment()
+        count = self.shape[0] * self.shape[1] * 2 * self._points
+        self._offset, self._words = self._data_words(self._image, count)
+        k = _number(self._image.get("spring constant", "")) or stiffness or 0.0
+        volts, sensitivity = self._step(self._image, "z scale")
+        if not k > 0 or not sensitivity:
+            missing = "spring constant" if sensitivity else "sensitivity"
+            raise Uncalibrated(f"lacks {missing}: {STIFFNESS_KEY}", str(path))
+        self.stiffness = k
+        self._step_factor = self._step_factor_by_trigger(volts)
+        # Deflection [m] of one step of a word, and displacement of the base [m] between two points.
+        self._deflection_step = volts * self._step_factor * sensitivity
+        ramp = QUANTITY.fullmatch(self._image.get("ramp size", ""))
+        if not ramp or not float(ramp["value"]) > 0:
+            raise self._no_curve("no size of the ramp")
+        self._ramp_volts = float(ramp["value"])
+        self._z_step = self._ramp_volts * self._sensitivity(ramp["sensitivity"]) / self._points
+
+    def curve(self, index: int) -> MeasuredCurve:
+        """Return a curve in SI units, approach first.
+
+        Raises NoCurve if it is damaged or has deflections that are impossible.
+        """
+        n = self._points
+        stored = self._read_words(self._words, self._offset, index, 2 * n)
+        # The approach is stored from the turn on, the retraction in the order of time.
+        words = np.concatenate([stored[:n][::-1], stored[n:]])
+        # Points that were not measured, at both ends, are the lowest number.
+        measured = np.flatnonzero(words != np.iinfo(words.dtype).min)
+        if not len(measured) or np.ptp(measured) + 1 != len(measured):
+            raise self._no_curve(f"points of curve {index} are missing")
+        rows = slice(int(measured[0]), int(measured[-1]) + 1)
+        k = self.stiffness
+        with np.errstate(all="ignore"):
+            z = self._z_step * np.concatenate([np.arange(n), np.arange(n)[::-1]])[rows]
+            deflection = self._deflection_step * words[rows]
+            force = k * deflection
+            travel = float(np.ptp(z))
+            swing = float(np.ptp(deflection))
+        # A deflection can exceed the travel of the base by a snap-in only; beyond this ratio of
+        # their ranges it is wrong.
+        max_deflection_ratio = 1.5
+        if not swing <= max_deflection_ratio * travel < np.inf or not np.isfinite(force).all():
+            raise self._no_curve("the deflections exceed the travel of the base")
+        turn = min(max(n - rows.start, 0), len(z))
+        parts = {"approach": slice(0, turn), "retract": slice(turn, len(z))}
+        name = f"{self.path.stem}-{index}" if self.is_volume else self.path.stem
+        t = self._times()
+        return MeasuredCurve(
+            name,
+            force,
+            z=z,
+            t=None if t is None else t[rows],
+            stiffness=k,
+            parts={part: place for part, place in parts.items() if place.start < place.stop},
+            units=SI,
         )
-    times = [np.asarray(segment_data["time"], dtype=float) for segment_data in segments]
-    t = np.concatenate([times[0], times[0][-1] + times[0][1] + times[-1]])
-    turn = len(base_paths[0])
-    parts = {"approach": slice(0, turn), "retract": slice(turn, len(z))}
-    name = f"{path.stem}-{index}" if int(header["Entry_tot_nb_curve"]) > 1 else path.stem
-    return MeasuredCurve(name, k * deflection, z=z, t=t, stiffness=k, parts=parts, units=SI)
+
+    def measured_map(self) -> MeasuredMap:
+        """Return the curves of a force volume as a map, with the image of the height if any.
+
+        Rows are in the order of the file; none is traversed backwards.
+        """
+        rows, columns = self.shape
+        places = grid_places(np.arange(rows * columns), columns, False)
+        image = self._height_image()
+        return MeasuredMap(
+            self.shape,
+            _scan_size(image.get("scan size", "")),
+            places,
+            self.curve,
+            self._height(image),
+            self.stiffness,
+        )
+
+    def _deflection_image(self) -> Section:
+        """Return the section of the force image of the deflection."""
+        images = [section for title, section in self._sections if title == FORCE_IMAGE]
+        named = [one for one in images if "deflection" in one.get("image data", "").lower()]
+        if not images or not (named or len(images) == 1):
+            raise self._no_curve("a NanoScope file without deflections of force curves")
+        return (named or images)[0]
+
+    def _grid_shape(self) -> tuple[int, int]:
+        """Return the numbers of rows and columns of a force volume."""
+        force = _first(self._sections, FORCE)
+        image = self._height_image()
+        columns = _count(force.get("force/line") or image.get("samps/line", ""))
+        rows = _count(image.get("number of lines") or _first(self._sections, SCAN).get("lines", ""))
+        if not rows or not columns:
+            raise self._no_curve("the number of curves of the force volume is unknown")
+        return rows, columns
+
+    def _points_of_segment(self) -> int:
+        """Return the number of points of the approach, which is that of the retraction."""
+        text = self._image.get("samps/line") or _first(self._sections, FORCE).get("samps/line", "")
+        counts = {_count(word) for word in text.split()}
+        if len(counts) != 1 or not (points := counts.pop()):
+            raise self._no_curve(f"'{text}' are not equal numbers of points in and out")
+        return points
+
+    def _data_words(self, image: Section, count: int) -> tuple[int, np.dtype]:
+        """Return the place of the data of an image in the file, and the type of its words."""
+        offset = _count(image.get("data offset", ""))
+        length = _count(image.get("data length", ""))
+        if offset is None or length not in (2 * count, 4 * count):
+            raise self._no_curve(f"{length} bytes are not {count} words of 16 or 32 bit")
+        if offset + length > self.path.stat().st_size:
+            raise self._no_curve(f"the file ends before the {length} bytes of its data")
+        return offset, np.dtype("<i2" if length == 2 * count else "<i4")
+
+    def _read_words(self, words: np.dtype, offset: int, index: int, count: int) -> np.ndarray:
+        """Return the words (count,) of one curve or image."""
+        place = offset + index * count * words.itemsize
+        try:
+            data = np.fromfile(self.path, words, count, offset=place)
+        except OSError as error:
+            raise self._no_curve(f"cannot be read ({error})") from None
+        if len(data) != count:
+            raise self._no_curve(f"the file ends within curve {index}")
+        return data
+
+    def _step(self, image: Section, key: str) -> tuple[float, float]:
+        """Return V/LSB of a quantity and its sensitivity [m/V], 0 if that is unknown."""
+        quantity = QUANTITY.fullmatch(image.get(key, ""))
+        if not quantity or not quantity["step"]:
+            raise self._no_curve(f"no V/LSB of the {key}")
+        return float(quantity["step"]), self._sensitivity(quantity["sensitivity"])
+
+    def _sensitivity(self, name: str | None) -> float:
+        """Return a sensitivity [m/V] by its name, 0 if the file lacks it or it is no length."""
+        for _, section in self._sections:
+            quantity = QUANTITY.fullmatch(section.get((name or "").lower(), ""))
+            # That of the deflection may have no unit, and is in nm/V.
+            if quantity and quantity["unit"] in ("nm/V", ""):
+                return 1e-9 * float(quantity["value"])
+        return 0.0
+
+    def _step_factor_by_trigger(self, volts: float) -> float:
+        """Return the factor of the step of a word, by the deflection at which the tip turned.
+
+        Parameters
+        ----------
+        volts
+            V/LSB of the deflection.
+        """
+        if self._words.itemsize == 2:
+            return 1.0
+        force = _first(self._sections, FORCE)
+        trigger = QUANTITY.fullmatch(force.get("trig threshold deflection", ""))
+        mode = force.get("trigger mode", "").lower()
+        problem = "the step of its words of 32 bit is unknown"
+        if not trigger or not float(trigger["value"]) or mode == "off":
+            raise self._no_curve(f"{problem}, since it has no trigger")
+        n = self._points
+        curves = self.shape[0] * self.shape[1]
+        turns = []
+        for index in np.unique(np.linspace(0, curves - 1, COMPARED_CURVES).astype(int)).tolist():
+            approach = self._read_words(self._words, self._offset, index, 2 * n)[:n]
+            approach = approach[approach != np.iinfo(approach.dtype).min]
+            if len(approach):
+                far = float(np.median(approach[-max(len(approach) // 4, 1) :]))
+                turns.append(approach[0] - (far if mode != "absolute" else 0.0))
+        turn = volts * abs(float(np.median(turns))) if turns else 0.0
+        ratio = turn / abs(float(trigger["value"]))
+        for factor in STEP_FACTORS:
+            if abs(ratio * factor - 1) <= TRIGGER_TOLERANCE:
+                return factor
+        raise self._no_curve(f"{problem}: it turned at {ratio:.3g} times its trigger")
+
+    def _times(self) -> np.ndarray | None:
+        """Return the times (2 n,) [s] of the points of approach and retraction, None if unknown."""
+        force = _first(self._sections, FORCE)
+        rates = [_number(force.get(f"{way} vel.", "")) or 0.0 for way in ("forward", "reverse")]
+        if not all(rate > 0 for rate in rates):
+            return None
+        durations = [self._ramp_volts / rate for rate in rates]
+        begin = durations[0] + (_number(force.get("hold time", "")) or 0.0)
+        n = self._points
+        approach = np.linspace(0, durations[0], n, endpoint=False)
+        retraction = begin + np.linspace(0, durations[1], n, endpoint=False)
+        return np.concatenate([approach, retraction])
+
+    def _height_image(self) -> Section:
+        """Return the section of the image of the height; empty if there is none."""
+        images = [section for title, section in self._sections if title == IMAGE]
+        return next((one for one in images if "[height]" in one.get("image data", "").lower()), {})
+
+    def _height(self, image: Section) -> np.ndarray | None:
+        """Return the image of the height (rows, columns) [m], None if it is not readable."""
+        count = self.shape[0] * self.shape[1]
+        try:
+            offset, words = self._data_words(image, count)
+            volts, sensitivity = self._step(image, "z scale")
+            # Words of 32 bit have the steps of the deflections.
+            factor = self._step_factor if words.itemsize == self._words.itemsize else 1.0
+            values = self._read_words(words, offset, 0, count)
+        except NoCurve:
+            return None
+        return volts * factor * sensitivity * values.reshape(self.shape) if sensitivity else None
+
+    def _no_curve(self, why: str) -> NoCurve:
+        """Return the error of this file."""
+        return NoCurve(why, str(self.path))
+
+
+def _read_header(path: Path) -> list[tuple[str, Section]]:
+    """Return the sections of a header, each with its title; NoCurve if there are none.
+
+    Titles and keys are in lower case, keys without the number of their group.
+    """
+    with path.open("rb") as file:
+        data = file.read(MAX_HEADER_BYTES)
+    head, end, _ = data.partition(END)
+    if not data.startswith(BEGINNINGS) or not end:
+        raise NoCurve("no NanoScope file", str(path))
+    sections: list[tuple[str, Section]] = []
+    for line in head.decode("latin-1").splitlines():
+        text = line.strip()
+        if text.startswith("\\*"):
+            sections.append((text[2:].strip().lower(), {}))
+        elif sections and text.startswith("\\"):
+            key, _, value = text[1:].partition(": ")
+            key = re.sub(r"^@?(?:\d+:)?", "", key).rstrip(":").strip().lower()
+            sections[-1][1].setdefault(key, value.strip())
+    return sections
+
+
+def _first(sections: Sequence[tuple[str, Section]], title: str) -> Section:
+    """Return the first section of a title; empty if there is none."""
+    return next((section for name, section in sections if name == title), {})
+
+
+def _scan_size(text: str) -> tuple[float, float] | None:
+    """Return the lengths [m] along a column and along a row of a scan, such as 2 2 ~m."""
+    found = re.fullmatch(rf"({NUMBER}) ({NUMBER}) (\S+)", text)
+    if not found or found[3] not in LENGTH_UNITS:
+        return None
+    unit = LENGTH_UNITS[found[3]]
+    along_row, along_column = (float(number) * unit for number in found.groups()[:2])
+    return (along_column, along_row) if along_row > 0 and along_column > 0 else None
+
+
+def _count(text: str) -> int | None:
+    """Return the number of at most ten digits that a text is, None if it is none."""
+    return int(text) if re.fullmatch(r"\d{1,10}", text, re.ASCII) else None
+
+
+def _number(text: str) -> float | None:
+    """Return the number at the beginning of a text, None if there is none."""
+    found = re.match(NUMBER, text)
+    return float(found[0]) if found else None

@@ -90,21 +90,21 @@ def detect_layout(text: str) -> TextLayout:
     if separator is None and "," in middle and not _has_decimal_commas(middle):
         separator = ","
     decimal = "," if separator != "," and "," in middle else "."
-    shape = TextLayout(separator, decimal, (), 0, 0)
-    width = len(shape.cells(middle))
+    headless = TextLayout(separator, decimal, (), 0, 0)
+    width = len(headless.cells(middle))
     # The first line of numbers is searched in these lines.
     max_lines = 2000
     head = text[: max_lines * 200].split("\n")[:max_lines]
-    first = next((k for k, line in enumerate(head) if _is_number_row(shape, line, width)), None)
+    first = next((k for k, line in enumerate(head) if _is_number_row(headless, line, width)), None)
     if first is None:
         raise NoCurve("no line of numbers")
-    return TextLayout(separator, decimal, _read_titles(shape, head[:first], width), first, width)
+    return TextLayout(separator, decimal, _read_titles(headless, head[:first], width), first, width)
 
 
 def _middle_line(text: str) -> str:
     """Return the first line from the middle on that is neither blank nor a comment."""
     begin = text.rfind("\n", 0, len(text) // 2) + 1
-    # A longer line does not belong to a table of curves.
+    # A longer line does not belong to a table of a curve.
     max_characters = 100_000
     for start in (begin, 0):
         for line in text[start : start + 10 * max_characters].split("\n"):
@@ -123,22 +123,22 @@ def _has_decimal_commas(line: str) -> bool:
     )
 
 
-def _is_number_row(shape: TextLayout, line: str, width: int) -> bool:
-    """Return whether a line has the table's width, and numbers in half of its cells."""
-    cells = shape.cells(line.strip())
+def _is_number_row(layout: TextLayout, line: str, width: int) -> bool:
+    """Return whether a line has the table's width, and numbers in at least half of its cells."""
+    cells = layout.cells(line.strip())
     if len(cells) != width or line.lstrip()[:1] in ("#", "%", ""):
         return False
-    return sum(shape.is_number(cell) for cell in cells) >= max(1, (width + 1) // 2)
+    return sum(layout.is_number(cell) for cell in cells) >= max(1, (width + 1) // 2)
 
 
-def _read_titles(shape: TextLayout, head: Sequence[str], width: int) -> tuple[str, ...]:
+def _read_titles(layout: TextLayout, head: Sequence[str], width: int) -> tuple[str, ...]:
     """Return the titles in the last line before the numbers.
 
     If this line contains units, it is joined with the titles above it.
     """
     lines = [line.strip().lstrip("#% ").strip() for line in head]
-    rows = [cells for line in lines if line and len(cells := shape.cells(line)) == width]
-    if not rows or not lines or shape.cells(lines[-1]) != rows[-1]:
+    rows = [cells for line in lines if line and len(cells := layout.cells(line)) == width]
+    if not rows or not lines or layout.cells(lines[-1]) != rows[-1]:
         return ()
     *above, last = rows
     is_comment = next(line for line in reversed(head) if line.strip()).lstrip()[0] in "#%"
@@ -213,10 +213,12 @@ def find_columns(layout: TextLayout, requested: Sequence[str] | None, file: str)
         }
     if not layout.titles:
         if layout.width not in DEFAULT_COLUMNS:
-            column_count = (
-                "1 column" if layout.width == 1 else f"{layout.width} columns without a header"
+            if layout.width == 1:
+                raise NoCurve("only one column, but a curve needs columns of depth and force")
+            raise NoCurve(
+                f"{layout.width} columns without a header: give the numbers of the columns of "
+                "depth and force with --columns, e.g. --columns 1,2"
             )
-            raise NoCurve(f"{column_count}: name the columns with --columns DEPTH,FORCE")
         return {name: place for place, name in enumerate(DEFAULT_COLUMNS[layout.width])}
     columns: dict[str, int] = {}
     for name, known_titles in COLUMN_TITLES.items():
@@ -234,7 +236,7 @@ def find_columns(layout: TextLayout, requested: Sequence[str] | None, file: str)
         missing = "force" if "force" not in columns else "depth"
         raise NoCurve(
             f"no column of {missing} among {', '.join(layout.titles)[:200]}: "
-            "name the columns with --columns"
+            "give the titles of the columns with --columns DEPTH,FORCE"
         )
     return columns
 
@@ -242,9 +244,8 @@ def find_columns(layout: TextLayout, requested: Sequence[str] | None, file: str)
 def _columns_by_unit(layout: TextLayout) -> dict[str, int]:
     """Return the columns of depth, force and time that are recognized by their units.
 
-    A column is recognized if it is the only one with a unit of length, force or time.
-
-    This works for titles in any language.
+    A column is recognized if it is the only one whose unit has the wanted dimension. This works for
+    titles in any language.
     """
     columns = {}
     for name in ("delta", "force", "t"):

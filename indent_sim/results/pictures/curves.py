@@ -76,7 +76,7 @@ def smooth_curve(x: np.ndarray, y: np.ndarray) -> Points:
     n = _power_law_exponent(x, y)
     order = slice(None, None, 1 if goes_up else -1)
     straightened = PchipInterpolator(x[order], y[order] ** (1 / n))
-    # A drawn curve has so many points between two rows.
+    # Number of points of a drawn curve between two rows.
     points_between_rows = 20
     fine_x = np.append(np.linspace(x[:-1], x[1:], points_between_rows, endpoint=False).T, x[-1])
     fine_y = np.maximum(straightened(fine_x), 0.0) ** n

@@ -30,7 +30,10 @@ EXPERIMENT_PICTURE = "experiment.png"
 
 
 def has_elastic_curve(folder: Path, report: Report) -> bool:
-    """Return whether a run has rows in experiment.csv, or a history on its elastic curve."""
+    """Return whether a run has an experiment to draw.
+
+    It has rows in experiment.csv, or its history was evaluated on its elastic curve.
+    """
     return (folder / EXPERIMENT).exists() or (report.get("time") or {"way": "steps"}).get(
         "way"
     ) != "steps"
@@ -43,8 +46,8 @@ def draw(folder: Path, path: Path | None = None) -> None:
     config = config_by_key(folder)
     has_times = not np.isnan(rows["t"][0])
     has_base = bool((rows["z"] != rows["delta"]).any())
-    # The depth is drawn over time if forces are prescribed.
-    has_forces = any(
+    # Under force control the depth is drawn over time.
+    is_force_controlled = any(
         config.get(f"{section}.force_history") for section in ("loading", "experiment")
     )
     panels = ["depth", *(["base"] if has_base else []), *(["time"] if has_times else ["radius"])]
@@ -52,7 +55,7 @@ def draw(folder: Path, path: Path | None = None) -> None:
         panel_axes: dict[str, Axes] = figure.subplot_mosaic([panels])
         report = read_report(folder)
         method = (report.get("experiment") or {}).get("by") or (report.get("time") or {}).get(
-            "method", "?"
+            "method"
         )
         effects = [
             name
@@ -67,7 +70,7 @@ def draw(folder: Path, path: Path | None = None) -> None:
                 panel_axes["base"], rows, "z", replace(depth, name="displacement of base z"), force
             )
         t = time_axis([results])
-        if has_times and has_forces:
+        if has_times and is_force_controlled:
             draw_branches(panel_axes["time"], rows, "t", t, depth, "delta")
         elif has_times:
             draw_branches(panel_axes["time"], rows, "t", t, force)
@@ -77,7 +80,7 @@ def draw(folder: Path, path: Path | None = None) -> None:
         draw_title(
             figure,
             results.report.get("title") or folder.name,
-            "  \N{MIDDLE DOT}  ".join([f"by {method}", *effects]),
+            "  \N{MIDDLE DOT}  ".join([*([f"by {method}"] if method else []), *effects]),
         )
         save(figure, path or folder / EXPERIMENT_PICTURE)
 

@@ -194,7 +194,8 @@ def deformed_section(results: Results, step: float, field: FieldQuantity) -> Sec
         values = field.values(fields)
     except KeyError as missing:
         raise UsageError(
-            f"{results.path} has no field {missing.args[0]}", f"it is of {field.available_for}"
+            f"{results.path} has no field {missing.args[0]}",
+            f"this field exists only for {field.available_for}",
         ) from None
     parts = [
         _region_part(fields, values, fields["region"] == region)
@@ -371,7 +372,7 @@ class FieldRow:
             thin_body_heights * (top - bottom) / size, thin_body_view, field_view
         )
         sides = (self.axis_position - half_width, self.axis_position + half_width)
-        # A body that is so many times wider or deeper than the view is shown whole.
+        # A body that is up to this many times as wide or deep as the view is shown whole.
         whole_body_ratio = 1.6
         if right - left <= 2 * whole_body_ratio * half_width:
             sides = (left, right)

@@ -189,7 +189,7 @@ def _wrap_text(text: str, width: float) -> str:
     # Width of a small letter at the standard font size [inches].
     letter_width = 0.07
     letters = int(width / (letter_width * _font_scale()))
-    # Texts are broken into lines of so many letters at least.
+    # Least number of letters in a line of a broken text.
     min_letters = 12
     return "\n".join(textwrap.wrap(text, max(min_letters, letters)))
 

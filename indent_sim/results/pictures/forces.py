@@ -65,7 +65,7 @@ def draw_force_indentation(results: Results, path: Path | str) -> None:
             draw_pressure(panels["pressure"], results, step)
             if results.report.get("accuracy"):
                 panel_title = panels["pressure"].get_title(loc="left")
-                note = "the required accuracy is that of the force"
+                note = "the required accuracy applies to the force, not to the pressure"
                 panels["pressure"].set_title(
                     f"{panel_title}\n{note}", loc="left", fontsize="small", color=GREY
                 )

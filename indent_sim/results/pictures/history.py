@@ -82,7 +82,7 @@ def panel_names(results: Results) -> list[str]:
 
 
 def _draw_over_time(axes: Axes, results: Results, name: str) -> None:
-    """Draw a column over time, on a logarithmic axis if most rows are at early times."""
+    """Draw a column over time, on a logarithmic axis if the times span decades."""
     t = time_axis([results])
     column = axis_of_column(name, [results])
     if not _spans_decades(results):
@@ -170,9 +170,9 @@ def first_visible_time(results: Results) -> float:
 
 
 def _spans_decades(results: Results) -> bool:
-    """Return whether most rows of a history are at the left end of a linear time axis."""
+    """Return whether the times of a history span decades, so that its time axis is logarithmic."""
     t = results["t"]
-    # The time axis is logarithmic if the last time is so many times the first visible one.
+    # The time axis is logarithmic if the last time exceeds this multiple of the first visible one.
     log_ratio = 1e3
     return bool(t[0] >= 0 and t[-1] > 0 and t[-1] > log_ratio * first_visible_time(results))
 
@@ -183,7 +183,7 @@ def film_steps(results: Results, steps: Sequence[int]) -> list[int]:
     The steps are evenly spaced. In a history they are evenly spaced in the logarithm of time,
     beginning at the first visible time, and include the step of the largest force.
     """
-    # A film shows about so many states.
+    # Approximate number of states in a film.
     count = 5
     if len(steps) <= count + 1:
         return list(steps)

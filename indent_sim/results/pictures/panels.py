@@ -159,9 +159,9 @@ class _Panel:
     Attributes
     ----------
     draw
-    Function that draws into axes with a given ratio of height to width.
+        Function that draws into axes with a given ratio of height to width.
     draw_in_own_figure
-    Function that draws into axes of another program's figure.
+        Function that draws into axes of another program's figure.
     aspect
         Smallest ratio of height to width; None if any ratio is possible.
     """

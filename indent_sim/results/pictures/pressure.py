@@ -33,11 +33,11 @@ from indent_sim.results.pictures.profile import values_on_line
 from indent_sim.results.reader import Results
 from indent_sim.results.result_scene import scene_of
 
-# A peak is shown up to so many medians of the pressure inside the contact: beside a singularity the
-# rest of the curve would be invisible otherwise.
+# A peak is shown up to this multiple of the median pressure inside the contact; otherwise a
+# singularity would make the rest of the curve invisible.
 PEAK_MEDIANS = 5.0
-# A pressure above this fraction of the median inside the contact is contact; below it, it may be an
-# oscillation of the solution.
+# A point is in contact if its pressure exceeds this fraction of the median pressure inside the
+# contact; a smaller pressure may be an oscillation of the solution.
 PRESSED_FRACTION = 0.02
 
 
@@ -230,8 +230,8 @@ def _pressure_singularities(
     mesh = scene.mesh
     size = mesh.h_contact if isinstance(mesh.h_contact, float) else 0.0
     element_sizes = {True: mesh.h_axis or size, False: mesh.h_edge or size}
-    # A singularity up to so many contact radii is in contact: the radius of a row is that of
-    # nodes.
+    # A singularity up to this multiple of the contact radius counts as inside the contact, since
+    # the contact radius of a row is that of nodes.
     contact_radius_factor = 1.02
     radii = [r for r, _ in tip.slope_discontinuities() if r <= contact_radius_factor * a]
     end = max_radius(tip)

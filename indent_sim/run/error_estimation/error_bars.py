@@ -1,31 +1,33 @@
 """Error estimates (half-widths of error bars) of the rows of a run, from a run on a coarser mesh.
 
 Let f be a result with elements of size h, and f_q with elements of size q h. If the error falls
-as h^p with the convergence rate p, Richardson extrapolation gives the error |f_q - f|/(q^p - 1) of
-f. Roache's grid convergence index multiplies it by the factor of safety 3 if only two meshes are
-known, since nothing then tests the assumed order. Two meshes may agree by coincidence: the set of
-elements in contact changes from step to step, and the difference passes through zero. Therefore
-every estimate has a lower bound, a fraction of the error that a mesh of this resolution has in
-general.
+as h^r with the order of convergence r, Richardson extrapolation gives the error
+|f_q - f|/(q^r - 1) of f. Roache's grid convergence index multiplies it by the factor of safety 3 if
+only two meshes are known, since nothing then tests the assumed order. Two meshes may agree by
+coincidence: the set of elements in contact changes from step to step, and the difference passes
+through zero. Therefore every estimate has a lower bound, a fraction of the error that a mesh of
+this resolution has in general.
 
-    force    max(SAFETY_FACTOR |F_q - F|/(q^p - 1), MIN_ERROR_FRACTION C n^-p F', edge F')
-             + corners F', with F' = |F| + SAFETY_FACTOR F_a, C = ERROR_CONSTANT and
-             p = ORDER_OF_CONVERGENCE
+F is the force, F_a the adhesive force (see `ErrorBars._jkr_adhesive_force`) and
+F' = |F| + SAFETY_FACTOR F_a the force to which relative errors refer. n is the number of elements
+in the contact radius of the row; for p_max under the rounded edge of a punch it is the number of
+elements in the part of the contact on the arc. C is ERROR_CONSTANT, r is ORDER_OF_CONVERGENCE for
+the force and PRESSURE_ORDER = 2 for p_max. `edge` is the relative error due to the sharp edge of a
+punch or to a contact that ends where the slope of the tip jumps, and `corners` the relative error
+due to bonded corners. The errors due to the mesh are
+
+    force    max(SAFETY_FACTOR |F_q - F|/(q^r - 1), MIN_ERROR_FRACTION C n^-r F', edge F')
+             + corners F'
     a        RADIUS_ERROR times the size of the element in which the contact ends
-    p_max    max(SAFETY_FACTOR |p_q - p|/(q^2 - 1), PEAK_ERROR n^-2 p), 2 = PRESSURE_ORDER
+    p_max    max(SAFETY_FACTOR |p_q - p_max|/(q^r - 1), PEAK_ERROR n^-r p_max)
 
-n is the number of elements in the contact radius of the row. For p_max under the rounded edge of a
-punch it is the number of elements in the part of the contact on the arc. F_a is the adhesive force
-(see `ErrorBars._jkr_adhesive_force`), `edge` the relative error by the sharp edge of a punch or by
-a contact that ends where the slope of the tip jumps, and `corners` the error by bonded corners. The
-rule has eight numbers: the refinement ratio q, SAFETY_FACTOR, ORDER_OF_CONVERGENCE,
-MIN_ERROR_FRACTION, RADIUS_ERROR, PRESSURE_ORDER, PEAK_ERROR, and EDGE_ERROR of
-`scene.measured_constants` for `edge` in three dimensions. ERROR_CONSTANT is also used
-to choose the mesh for a requested `accuracy`. Errors that do not depend on the mesh are added; each
-is computed by an auxiliary run or known in advance, see `ErrorBudget`. The estimate for a force is
-at least its distance from a theory that is exact for the body.
-`scripts/make_error_bar_table` measures coverage and width of the error bars with and without each
-of these numbers.
+The estimate has eight empirical constants: the refinement ratio q, SAFETY_FACTOR,
+ORDER_OF_CONVERGENCE, MIN_ERROR_FRACTION, RADIUS_ERROR, PRESSURE_ORDER, PEAK_ERROR, and EDGE_ERROR
+of `scene.measured_constants` for `edge` in three dimensions. ERROR_CONSTANT is also used to choose
+the mesh for a requested `accuracy`. Errors that do not depend on the mesh are added; each is
+computed by an auxiliary run or known in advance, see `ErrorBudget`. The estimate for a force is at
+least its distance from a theory that is exact for the body. `scripts/make_error_bar_table` measures
+coverage and width of the error bars with and without each of these constants.
 
 Roache, J. Fluids Eng. 116, 405 (1994); Annu. Rev. Fluid Mech. 29, 123 (1997), whose safety factors
 are 3 for two grids and 1.25 for three; Verification and Validation in Computational Science and
@@ -85,11 +87,13 @@ class ErrorBars:
         The coarser run with half the penalty stiffness; None without a penalty.
     step_refinement
         The coarser run with its own and with halved increments; None if the result is independent
-        of them.
+        of the increments.
     film_error
-        Error due to unresolved drainage films; None for a body without drainage.
+        Error due to thin drained boundary layers that the mesh does not resolve; None for a body
+        without drainage.
     slow_bath_states
-        The coarser run with a bath ramp of twice the duration; None without a bath ramp.
+        The coarser run with twice the duration of the ramp that replaces a sudden change of the
+        bath; None without such a ramp.
     """
 
     def __init__(
@@ -116,7 +120,7 @@ class ErrorBars:
         self._sizes = scene.sizes
         self._scales = scene.physics.scales
         self._has_prescribed_forces = scene.physics.path.control == "force"
-        # The error by an artificial outer boundary is known in advance, and stated in a warning.
+        # The error due to an artificial outer boundary is known in advance and stated in a warning.
         self._truncation = sum(
             warning.force_error
             for warning in scene.plan.model_warnings
@@ -124,8 +128,8 @@ class ErrorBars:
         )
         domain = scene.physics.domain
         contact_place = scene.physics.center, scene.sizes.a, scene.sizes.refinements or 0
-        # Flat facets of an imported mesh, instead of a curved surface, lie below it by their
-        # sagitta and have ridges between them, at which the pressure is too large.
+        # An imported mesh approximates a curved surface by flat facets. They lie below it by the
+        # sagitta, which reduces the depth, and the pressure is too large at the edges between them.
         self._sagitta = domain.facet_sagitta(*contact_place)
         ridge_excess = ridge_pressure(
             domain.facet_angle(*contact_place), scene.sizes.refinements or 0
@@ -151,8 +155,8 @@ class ErrorBars:
         budget = ErrorBudget(state.step, theory=self._theory_distance(state), **force_parts)
         self.budgets.append(budget)
         errors: dict[str, Any] = {
-            f"{name}_error": self._secondary_error(state, name)
-            for name in self._secondary_names(state)
+            f"{name}_error": self._error_of_other_column(state, name)
+            for name in self._other_columns(state)
         }
         return replace(
             state,
@@ -179,8 +183,9 @@ class ErrorBars:
     def _discretisation_error(self, state: State) -> float:
         """Return the error of the force due to the mesh [force].
 
-        Relative errors are multiplied by the sum of the compressive force and SAFETY_FACTOR times
-        the adhesive force, because the rim of an adhesive contact moves from element to element.
+        Relative errors are multiplied by |F| + SAFETY_FACTOR F_a with the contact force F and the
+        adhesive force F_a: the edge of an adhesive contact moves from element to element, so that
+        both opposing parts of F have errors even if F = 0.
         """
         force = abs(state.force) + SAFETY_FACTOR * self._jkr_adhesive_force(state)
         dim = self._physics.domain.dim
@@ -207,8 +212,7 @@ class ErrorBars:
         It is 0 without adhesion. A flat contact of radius a whose edge has the energy release rate
         K_I^2/(2 E*) = w carries the tensile force (8 pi w E* a^3)^(1/2), in plane strain (2 pi w E*
         a)^(1/2) per length. An adhesion with a finite range has a smaller force. The contact force
-        is the difference between a compressive and this adhesive part. At zero contact force the
-        errors of both parts remain.
+        is a compressive part minus this adhesive part.
 
         Johnson, Kendall, Roberts, Proc. R. Soc. A 324, 301 (1971); Maugis, J. Colloid Interface
         Sci. 150, 243 (1992). Coverage with and without it: scripts/make_error_bar_table --only
@@ -225,7 +229,7 @@ class ErrorBars:
     def _slope_discontinuity_error(self, state: State) -> float:
         """Return the relative error of a contact that ends near a slope discontinuity of the tip.
 
-        It applies if the contact ends within an element of the discontinuity. The computed contact
+        It is 0 unless the contact ends within an element of the discontinuity. The computed contact
         is then narrower or wider than the exact one, as at the edge of a sharp punch: the error is
         EDGE_ERROR times the ratio of element size and radius. Under profiles and rounded punches
         errors of 0.02 to 0.1 of that ratio were measured (tests/physics/test_accuracy.py). Elements
@@ -262,7 +266,7 @@ class ErrorBars:
         """Return |F_q - F| of a time-dependent row at the same depth.
 
         A difference of the depths is corrected with the slope of the load curve. The errors due to
-        unresolved drainage films are estimated separately and subtracted from both forces.
+        drainage films are estimated separately, and both forces are corrected for them.
         """
         difference = (
             coarse_state.force
@@ -286,13 +290,16 @@ class ErrorBars:
         soft_force = interpolate_force(soft_state, stiff_state.delta, self._soft_states)
         if stiff_state.force == soft_force:
             return 0.0
-        # The compliances of body and penalty are in series: 1/F is linear in 1/epsilon_n, and
-        # F_stiff/F_rigid = 2 - F_stiff/F_soft for half the stiffness.
-        inverse = 2 - stiff_state.force / soft_force if soft_force else -1.0
-        return abs(1 / inverse - 1) / self._stiffness_ratio if inverse > 0 else inf
+        # The compliances of body and penalty are in series: 1/F is linear in 1/epsilon_n. With
+        # F_soft at half the stiffness, extrapolation to infinite stiffness gives
+        # F_stiff/F_rigid = 2 - F_stiff/F_soft.
+        stiff_over_rigid = 2 - stiff_state.force / soft_force if soft_force else -1.0
+        if stiff_over_rigid <= 0:
+            return inf
+        return abs(1 / stiff_over_rigid - 1) / self._stiffness_ratio
 
     def _geometry_error(self, state: State) -> float:
-        """Return the relative error due to truncation of a half-space and flat facets of a surface.
+        """Return the relative error of the force due to domain truncation and to flat facets.
 
         Facets reduce the effective depth by their sagitta.
         """
@@ -311,7 +318,7 @@ class ErrorBars:
         return abs(state.force - solution.force * self._scales.force) if solution else 0.0
 
     def _depth_error(self, state: State, error: float) -> float | None:
-        """Return the error of a computed depth, from the error of the force and the slope.
+        """Return the error of a computed depth: error of the force over slope of the load curve.
 
         None if depths are prescribed; NaN (unknown) if the force does not increase with the depth.
         """
@@ -323,10 +330,10 @@ class ErrorBars:
         return nan if error > 0 else 0.0
 
     def _force_slope(self, state: State) -> float:
-        """Return the slope dF/ddelta of the coarser run.
+        """Return the slope dF/ddelta at a row, from neighbouring rows of the coarser run.
 
-        For a time-dependent body it is taken at fixed time, as the larger of the slopes of a
-        paraboloid, F ~ delta^1.5, and of a flat punch on a half-space.
+        For a time-dependent body it is the slope at fixed time, estimated as the larger of the
+        slopes of a paraboloid, F ~ delta^1.5, and of a flat punch on a half-space.
         """
         if self._physics.is_time_dependent:
             contact_stiffness = self._physics.material.E_star * self._scales.pressure
@@ -345,19 +352,19 @@ class ErrorBars:
 
     # ---- contact radius, pressure, stick radius, dissipation
 
-    def _secondary_names(self, state: State) -> list[str]:
+    def _other_columns(self, state: State) -> list[str]:
         """Return the columns of the row that have error estimates, except the force."""
         columns = ("a", "p_max", "stick_radius", "dissipation")
         return [name for name in columns if getattr(state, name) is not None]
 
-    def _secondary_error(self, state: State, name: str) -> float:
+    def _error_of_other_column(self, state: State, name: str) -> float:
         """Return the error of a quantity other than the force."""
         if self._is_contact_missed(state):
-            return self._shallowest_value(state, name)
+            return self._value_at_next_deeper_row(state, name)
         value = abs(getattr(state, name))
         contributions = [
-            self._secondary_mesh_error(state, name),
-            self._secondary_penalty_error(state.step, name),
+            self._mesh_error_of_other_column(state, name),
+            self._penalty_error_of_other_column(state.step, name),
             self._geometry_error(state) * value,
             self._step_error(state, name),
             self._bath_error(state, name),
@@ -365,7 +372,7 @@ class ErrorBars:
         ]
         return sum(contributions)
 
-    def _secondary_mesh_error(self, state: State, name: str) -> float:
+    def _mesh_error_of_other_column(self, state: State, name: str) -> float:
         """Return the error of a quantity other than the force due to the mesh."""
         L = self._scales.length
         end_element = self._sizes.surface_size(state.a / L) * L if state.a > 0 else 0.0
@@ -374,19 +381,22 @@ class ErrorBars:
         value = abs(getattr(state, name))
         min_error = RADIUS_ERROR * end_element / state.a * value if state.a > 0 else 0.0
         if name == "p_max":
-            # The largest pressure is that of the element that came into contact last. Other meshes
-            # have other elements there.
+            # With contact closed by swelling, p_max occurs in the element that came into contact
+            # last. Its position relative to the contact edge differs from mesh to mesh, so that
+            # the difference of two meshes is no error estimate.
             if self._physics.is_closed_by_swelling(state.delta / self._scales.depth, state.a / L):
                 return nan
             min_error = (
-                PEAK_ERROR * self._relative_peak_size(state, end_element) ** PRESSURE_ORDER * value
+                PEAK_ERROR
+                * self._element_size_over_peak_width(state, end_element) ** PRESSURE_ORDER
+                * value
             )
         difference = value_difference(self._coarse_states, self._run_states, state.step, name)
         estimate = grid_convergence_index(difference, self.coarser_run.ratio, PRESSURE_ORDER)
         return float(np.max([estimate, min_error]))  # NaN if either is
 
-    def _relative_peak_size(self, state: State, end_element: float) -> float:
-        """Return the element size at the contact's end divided by the width of the pressure peak.
+    def _element_size_over_peak_width(self, state: State, end_element: float) -> float:
+        """Return the element size at the contact edge divided by the width of the pressure peak.
 
         The width of the peak is the contact radius, or the part of it on the arc if the contact
         ends at a punch's rounded edge.
@@ -396,7 +406,7 @@ class ErrorBars:
         state
             The row [user's units].
         end_element
-            Size of the element at the end of the contact [length].
+            Size of the element at the contact edge [length].
         """
         if state.a <= 0:
             return 0.0
@@ -405,8 +415,8 @@ class ErrorBars:
             width -= flat_radius(self._physics.indenter) * self._scales.length
         return end_element / max(width, min(end_element, state.a))
 
-    def _secondary_penalty_error(self, step: int, name: str) -> float:
-        """Return the error due to the penalty of a quantity that is linear in 1/epsilon_n."""
+    def _penalty_error_of_other_column(self, step: int, name: str) -> float:
+        """Return the error of a quantity due to the penalty, assuming it linear in 1/epsilon_n."""
         if self._soft_states is None:
             return 0.0
         return (
@@ -419,7 +429,7 @@ class ErrorBars:
     def _step_error(self, state: State, name: str) -> float:
         """Return the error of a quantity due to the load increments or time steps.
 
-        For a prescribed force it follows from the error of the depth.
+        The error of a prescribed force is that of the depth times the slope of the load curve.
         """
         if self._step_refinement is None:
             return 0.0
@@ -433,8 +443,9 @@ class ErrorBars:
     def _bath_error(self, state: State, name: str) -> float:
         """Return the error of a quantity due to the finite duration of the bath ramp.
 
-        After the ramp, doubling its duration changes a quantity as much as replacing a sudden
-        change by the ramp. For a prescribed force the error follows from that of the depth.
+        After the ramp, its effect is linear in its duration T: the change from T to 2 T is an
+        estimate of that from 0 to T. The error of a prescribed force is that of the depth times
+        the slope of the load curve.
         """
         if self._bath_states is None:
             return 0.0
@@ -453,7 +464,8 @@ class ErrorBars:
 
         Halving the increment may not show this error. The relative error of the dissipation (per
         area) is the square of the relative change of the contact radius in the increment; that of
-        the stick radius is at least this change. An increment from rest has the relative change 1.
+        the stick radius is at least this change. In an increment from no contact the relative
+        change is 1.
         """
         previous = self._run_states.get(state.step - 1)
         value = getattr(state, name)
@@ -474,18 +486,21 @@ class ErrorBars:
         r = stick / self._scales.length
         return max(self._sizes.surface_size(r) - r, 0.0) / 2 * self._scales.length
 
-    # ---- contact between the points of the mesh
+    # ---- contact smaller than the distance of the integration points
 
     def _is_contact_missed(self, state: State) -> bool:
-        """True if the depth is so small that no integration point is in contact."""
+        """True if no integration point is in contact because the depth is so small.
+
+        For a time-dependent body it is always False.
+        """
         return state.delta > 0 and state.force == 0 and not self._physics.is_time_dependent
 
     def _missed_contact_parts(self, state: State) -> dict[str, float]:
-        """Return the error budget of a row whose contact the mesh misses."""
-        return {"discretisation": self._shallowest_value(state, "force")}
+        """Return the parts of the error of the force [force] for such a row."""
+        return {"discretisation": self._value_at_next_deeper_row(state, "force")}
 
-    def _shallowest_value(self, state: State, name: str) -> float:
-        """Return the value at the smallest depth of the coarser run that is not below the row's.
+    def _value_at_next_deeper_row(self, state: State, name: str) -> float:
+        """Return the value of the coarser run's shallowest row that is at least as deep as `state`.
 
         Only rows in contact are considered. The value is an upper bound of a quantity that grows
         with the depth; it is NaN if there is no such row.
@@ -502,8 +517,8 @@ class ErrorBars:
 class TheoryBars:
     """Error estimates of a scene that is solved by theory: the stated error of the theory.
 
-    If the contact pressure of the theory is tensile somewhere, the errors of contact radius and
-    pressure are unknown (NaN).
+    If the contact pressure of the theory is tensile somewhere, contact radius and pressure have an
+    error of 100 %.
     """
 
     coarser_run: CoarserRun | None = None
@@ -554,7 +569,7 @@ def interpolate_force(state: State, delta: float, curve: StatesByStep) -> float:
 
 
 def _log_slope(state: State, curve: StatesByStep) -> float:
-    """Return the slope dlnF/dlndelta between the neighbours of a state; 1.5 without neighbours."""
+    """Return the slope dlnF/dlndelta between the neighbouring rows of a state; 1.5 if undefined."""
     neighbours = [curve[k] for k in (state.step - 1, state.step, state.step + 1) if k in curve]
     first = min(neighbours, key=lambda s: s.delta)
     last = max(neighbours, key=lambda s: s.delta)

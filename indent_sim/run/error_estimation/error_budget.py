@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from math import acosh
 
-# Numbers of the rule; docs/accuracy.md has coverage and width with and without each.
+# Empirical constant of the error estimate; docs/accuracy.md has coverage and width without it.
 SAFETY_FACTOR = 3.0  # Roache's factor of safety for two meshes
 
 
@@ -31,7 +31,8 @@ class ErrorBudget:
     time
         Error due to the time steps of a time-dependent body.
     film
-        Error due to unresolved drainage films: thin drained layers at drained faces.
+        Error due to drainage films: thin drained layers at drained faces that the mesh does not
+        resolve.
     bath
         Error due to the ramp that replaces a sudden change of the bath.
     """
@@ -80,12 +81,12 @@ def grid_convergence_index(difference: float, ratio: float, rate: float) -> floa
 
 
 def ridge_pressure(turn: float, refinements: int) -> float:
-    """Return the largest excess pressure at the ridges of a faceted surface, divided by E*.
+    """Return the largest excess pressure at the edges of a faceted surface, divided by E*.
 
-    Under a tip that is flat at the ridge, two facets that meet at the angle theta act as a cone of
-    the slope theta/2, whose pressure grows as E* theta/4 * arccosh(l/r) towards the ridge (Sneddon
+    Under a tip that is flat at the edge, two facets that meet at the angle theta act as a cone of
+    the slope theta/2, whose pressure grows as E* theta/4 * arccosh(l/r) towards the edge (Sneddon
     1965, Int. J. Eng. Sci. 3, 47; Johnson, Contact Mechanics, 5.2). l is the length of a facet. No
-    pressure is evaluated nearer to the ridge than a quarter of an element, which gives the largest
+    pressure is evaluated nearer to the edge than a quarter of an element, which gives the largest
     value. On meshes of caps under balls and plates, refined one to three times, p_max was too large
     by 0.57 to 0.67, 0.67 to 0.72 and 0.83 to 0.87 times E* theta; the formula gives 0.69, 0.87 and
     1.04.

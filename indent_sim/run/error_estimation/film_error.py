@@ -8,7 +8,8 @@ effect on the force:
     dF(row) = 1/2 d/ddelta sum_i p_i^2 A_i E(h_i)/M
 
 The sum extends over the vertices i of drained faces, with the height h_i and the area A_i of their
-elements.
+elements, the excess E of the drained length (`PathRow.excess_length`) and the modulus M
+(`boundary_films.largest_inverse_modulus`).
 """
 
 from __future__ import annotations

@@ -76,7 +76,11 @@ def no_slip_base_run(run: CoarserRun, coarser_run: CoarserRun | None) -> Coarser
 
 
 def _frictionless_scene(scene: Scene) -> Scene | None:
-    """Return the scene without friction, but with a contact law that allows friction, or None."""
+    """Return the scene without friction, but with a contact law that allows friction.
+
+    None for a path-dependent contact, for a body that is held only by pins, or if an iteratively
+    solved scene exceeds the memory with a direct solver.
+    """
     physics = scene.physics
     if physics.is_path_dependent or physics.domain.pins:
         return None
@@ -90,7 +94,7 @@ def _frictionless_scene(scene: Scene) -> Scene | None:
 
 
 def _direct_solver_scene(scene: Scene) -> Scene | None:
-    """Return the scene with a direct solver; None if it exceeds the memory."""
+    """Return the scene with a direct solver; None if it exceeds the memory of the machine."""
     physics = scene.physics
     domain = scene.physics.domain
     is_linear = physics.small_strain and physics.gap == "reference"

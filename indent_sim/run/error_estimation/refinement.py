@@ -19,7 +19,7 @@ from indent_sim.scene.resolution import MAX_ELEMENTS, MeshResolution, target_err
 from indent_sim.scene.scene import Scene
 
 MAX_LEVELS = 6
-# Rows with less than this fraction of the largest force are not held to the accuracy.
+# The accuracy is not required of rows whose force is at most this fraction of the largest force.
 MIN_FORCE_FRACTION = 1e-6
 # Bounds of the ratio by which the next mesh is finer.
 MIN_REFINEMENT = 1.3
@@ -98,10 +98,10 @@ class RefinementLevel:
                 next_scene, resolutions, CoarserRun(ratio, states, self.scene)
             )
         self.failure = (
-            f"accuracy not reached: the error at step {worst.step} is estimated as "
-            f"{error:.2g} of the force"
+            f"accuracy not reached: the relative error of the force at step {worst.step} is "
+            f"estimated as {error:.2g}"
         )
-        self.failure += f", {resolution.target:g} is requested; {outcome_text}"
+        self.failure += f", but at most {resolution.target:g} is requested; {outcome_text}"
 
 
 def adaptive_refinement(
@@ -141,9 +141,9 @@ def refinement_ratio(error_ratio: float) -> float:
 def forceless_row_warnings(
     scene: Scene, states: Sequence[State], error_bars: AnyErrorBars
 ) -> list[str]:
-    """Return warnings about rows without a significant force whose error exceeds the accuracy.
+    """Return warnings about rows with a small force whose error exceeds the requested accuracy.
 
-    Such rows are excluded from the requested accuracy.
+    The accuracy is not required of rows whose force is at most MIN_FORCE_FRACTION of the largest.
     """
     threshold = _force_threshold(states)
     resolution = scene.plan.resolution
@@ -163,8 +163,9 @@ def forceless_row_warnings(
         return []
     steps_text = f"{', '.join(wide_steps[:5])}{' and more' if len(wide_steps) > 5 else ''}"
     return [
-        "the accuracy is not checked for steps with less than "
-        f"{MIN_FORCE_FRACTION:g} of the largest force: {steps_text}"
+        "the requested accuracy is not required of rows whose force is at most "
+        f"{MIN_FORCE_FRACTION:g} of the largest force; the error estimate exceeds it at steps "
+        f"{steps_text}"
     ]
 
 
@@ -218,35 +219,35 @@ def _next_refinement(
     if worst.enforcement >= allowed and resolution.stiffness_given:
         return (
             None,
-            "the penalty stiffness epsilon_n alone causes an error of "
-            f"{error * worst.enforcement / worst.total:.2g}",
+            "the penalty stiffness epsilon_n alone causes a relative error of "
+            f"{error * worst.enforcement / worst.total:.2g}: increase contact.epsilon_n",
         )
     if worst.path >= allowed:
         advice = (
-            "more increments may help"
+            "give more loading.steps or more values"
             if first_step_error < resolution.target
-            else f"{first_step_error:.2g} at the first row, which is a single step from rest with "
-            "any number of steps"
+            else f"in the first row it is {first_step_error:.2g}, since this row is a single "
+            "increment from no contact with any number of steps"
         )
         return (
             None,
-            "the load increments alone cause an error of "
+            "the load increments alone cause a relative error of "
             f"{error * worst.path / worst.total:.2g}: {advice}",
         )
     if worst.time >= allowed:
         return (
             None,
-            "the time steps alone cause an error of "
+            "the time steps alone cause a relative error of "
             f"{error * worst.time / worst.total:.2g}: increase loading.per_doubling",
         )
     if worst.truncation >= allowed:
         return (
             None,
-            "the truncation of the half-space to a finite body, or the flat facets of a curved "
-            "surface, cause a larger error",
+            "the truncation of the half-space to a finite body, or the approximation of a curved "
+            "surface by flat facets, causes a larger error",
         )
     if level_count >= MAX_LEVELS:
-        return None, f"{level_count} meshes were not enough"
+        return None, f"no more than {level_count} meshes are tried"
     fixed_errors = worst.truncation + worst.path + worst.time
     error_ratio = (allowed - fixed_errors) / (worst.total - fixed_errors)
     factor = 2.0 if resolution.refinements else refinement_ratio(error_ratio)
@@ -255,7 +256,7 @@ def _next_refinement(
     try:
         return resolve(resolution.n * factor), ""
     except ConfigError as limit:
-        return None, f"the next mesh exceeds this machine ({limit.problem})"
+        return None, f"the next mesh is too large for this machine ({limit.problem})"
 
 
 def accuracy_entry(

@@ -40,7 +40,7 @@ class StepRefinement:
 def step_refinement(
     base_run: CoarserRun, follow: Callable[[Scene], States]
 ) -> StepRefinement | None:
-    """Solve a run with halved increments; return None if the result does not depend on them."""
+    """Solve a run with halved increments; None if its result is independent of increments."""
     half_increment_scene = halve_increments(base_run.scene) if base_run.scene else None
     if base_run.scene is None or half_increment_scene is None:
         return None

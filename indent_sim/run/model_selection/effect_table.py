@@ -54,7 +54,7 @@ from indent_sim.scene.prescribed_history import remaining_modulus_fraction
 
 # Friction coefficients that are tried if a scene has no friction.
 SAMPLE_FRICTIONS: tuple[Friction, ...] = (0.1, 0.3, "stick")
-# Poisson's ratio of that substrate.
+# Poisson's ratio of the substrate that is assumed below a layer without one.
 SUBSTRATE_NU = 0.3
 
 
@@ -158,7 +158,7 @@ def _inclusion_source(v: SceneVariants) -> str:
 
 
 def _finite_strain_tip(v: SceneVariants) -> Indenter:
-    """Return the tip; a sharp flat punch gets a rounded edge."""
+    """Return the tip; a flat punch with a sharper edge gets the edge radius EDGE_ROUNDING R."""
     tip = v.tip
     if isinstance(tip, FlatPunch) and tip.edge_radius < EDGE_ROUNDING * tip.radius:
         return v.rounded_tip(EDGE_ROUNDING * tip.radius)
@@ -167,7 +167,7 @@ def _finite_strain_tip(v: SceneVariants) -> Indenter:
 
 def _strain_source(v: SceneVariants) -> str:
     """Return the description of the comparison of finite with small strain."""
-    law = "neo-Hookean" if v.scene.physics.small_strain else "its own law"
+    law = "neo-Hookean" if v.scene.physics.small_strain else "law of the scene"
     edge = f", the punch's edge rounded by {EDGE_ROUNDING:g} of its radius in both"
     return (
         f"finite strain ({law}, gap: current) relative to small strain (gap: reference), on one "
@@ -274,7 +274,7 @@ def _calibration(v: SceneVariants) -> Calibration | None:
 def _calibration_source(v: SceneVariants) -> str:
     """Return the description of the effect of uncertain spring constant and tip radius."""
     radius = f"; force ~ R^{v.radius_exponent:.2g}" if v.tip_radius is not None else ""
-    return f"a relative error of the spring constant is one of the force{radius}"
+    return f"the force has the relative error of the spring constant{radius}"
 
 
 def _calibration_needs(v: SceneVariants) -> str:
@@ -323,7 +323,7 @@ EFFECTS: dict[str, Cases] = {
             when=lambda v: v.is_half_space,
         ),
         Change(
-            "the body as it is relative to a half-space{v.stand_in_text}",
+            "the body of the scene relative to a half-space{v.stand_in_text}",
             lambda v: v.scene_force / v.solver.force(v.half_space_scene) - 1,
             when=lambda v: v.layer_scene is None,
         ),
@@ -360,8 +360,8 @@ EFFECTS: dict[str, Cases] = {
         ),
         Range(
             lambda v: (
-                f"between no sides and {' or '.join(v.side_supports)} sides all around at the "
-                "distance of the nearest side"
+                f"range between a body without sides and one with {' or '.join(v.side_supports)} "
+                "sides all around at the distance of the nearest side"
             ),
             _side_wall_range,
         ),

@@ -248,7 +248,7 @@ class _Model:
         return float(100 * (np.prod(factors) - 1))
 
     def is_within(self, tolerance: float) -> bool:
-        """True if each neglected effect and all of them together are below a relative tolerance."""
+        """True if the neglected effects, each and all together, are within a relative tolerance."""
         changes = [effect.max_change for effect in self.neglected_effects]
         if self.percent is None:
             return sum(changes) <= 100 * tolerance
@@ -399,7 +399,7 @@ def _recommendation_text(
         text += "nothing simpler is within the tolerance."
     # The row "stick" tells the effect of any friction only if the scene has none.
     slip_effect = "friction" if effects["friction"].is_possible else "stick"
-    # Effects that only the scene itself can have, and no model that is chosen here.
+    # Effects that the scene can have, but none of the candidate models.
     scene_only_effects = ("rate", "adhesion", "cantilever", "calibration")
     names = [
         name
@@ -416,7 +416,8 @@ def _recommendation_text(
         text += f" The experiment section adds the effects of {_joined_names(computed)}."
     if unknown := [name for name in significant if name not in computed]:
         text += (
-            f" Effects that it neglects may exceed {100 * tolerance:g} %: {_joined_names(unknown)}."
+            " Effects that the model neglects may exceed "
+            f"{100 * tolerance:g} %: {_joined_names(unknown)}."
         )
     return text
 
@@ -424,8 +425,8 @@ def _recommendation_text(
 def _deviation_text(model: _Model) -> str:
     """Return the deviation of the force of a model as text."""
     if model.percent is None:
-        return "its force is off by less than the tolerance"
-    return f"its force is off by {model.percent:+.2g} %"
+        return "its force deviates by less than the tolerance"
+    return f"its force deviates by {model.percent:+.2g} %"
 
 
 def _joined_names(names: list[str]) -> str:

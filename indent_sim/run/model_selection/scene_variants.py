@@ -35,8 +35,8 @@ from indent_sim.scene.scene import Scene, resolve
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.roots import increasing_root
 
-# Steps of a path-dependent contact. Friction then has an error of 0.1 % of the force. Adhesion has
-# no memory, and its error cancels in a ratio of forces.
+# Load increments of variants with friction or adhesion. The force with friction then has an error
+# of 0.1 %. The force with adhesion does not depend on the path, and its error cancels in a ratio.
 PATH_STEPS = {"friction": 20, "adhesion": 2}
 
 

@@ -1,4 +1,4 @@
-"""Effects of drainage and of relaxation in shear on the force, and their elastic limiting cases.
+"""Effects of drainage and of shear relaxation on the force, relative to the elastic limits.
 
 The scene is solved along its history. Its elastic limiting cases are solved at the depth of the
 row with the largest force. All solutions use the same mesh and no friction. The limits of the

@@ -39,7 +39,7 @@ class VariantSolver:
             raise NotConverged("there is no axisymmetric stand-in for a three-dimensional mesh")
         last_row = self.rows(config)[-1]
         if not last_row.converged:
-            raise NotConverged("did not converge")
+            raise NotConverged("the solution of this variant did not converge")
         return last_row.force
 
     def rows(self, config: Config) -> list[State]:

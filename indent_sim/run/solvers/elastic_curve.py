@@ -76,7 +76,10 @@ def elastic_forces(prospect: PlannedRun, depths: np.ndarray) -> ElasticForces:
     states_found = _solve_depths(scene, depths)
     if len(states_found) < len(depths) or not states_found[-1].converged:
         raise NotConverged(
-            next((state.reason for state in states_found if not state.converged), "the path ended")
+            next(
+                (state.reason for state in states_found if not state.converged),
+                "the load path ended early",
+            )
         )
     curve = theory.solutions_at_depths(scaled_depths) if theory else None
     theory_forces = (
@@ -158,7 +161,7 @@ def flat_punches(
         widest = contact_radius(punches, adhering_depth * deepest / scales.depth)
     except SOLUTION_ERRORS:
         widest = 0.999 * punches.max_radius
-    # number of flat punches.
+    # Number of flat punches.
     punch_count = 40
     radii = np.geomspace(max(min_ratio * widest, punches.min_radius), widest, punch_count)
     rows = [punches.punch_of_radius(float(a)) for a in radii]

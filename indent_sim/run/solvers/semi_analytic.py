@@ -88,8 +88,8 @@ class SemiAnalyticSolver:
         seconds = time.perf_counter() - self._started
         if solution is None:
             reason = (
-                "theory has no solution here: it ends at a lateral wall, at the end of the tip or "
-                "at a contact radius of 100 layer thicknesses"
+                "theory has no solution for this depth or force: the contact would reach a lateral "
+                "wall, the end of the tip or a radius of 100 layer thicknesses"
             )
             return State(
                 step, nan, nan, nan, nan, nan, nan, 0, seconds, converged=False, reason=reason

@@ -108,7 +108,7 @@ def read_exact(raw_section: Any, keys: KeyPath) -> ExactValue:
     if ("value" in section) == ("case" in section):
         raise _config_error(
             keys,
-            "must have one of value and case",
+            "must have either value or case",
             "give a number, or the name of a case of this study",
         )
     value = _read_number(section, "value", keys) if "value" in section else None
@@ -125,7 +125,9 @@ def _check_section(
     raw_section: Any, keys: KeyPath, valid_keys: tuple[str, ...], required_keys: tuple[str, ...]
 ) -> Mapping[str, Any]:
     if not isinstance(raw_section, dict):
-        raise _config_error(keys, "must be a section of keys", f"it has {', '.join(valid_keys)}")
+        raise _config_error(
+            keys, "must be a mapping of keys to values", f"it has {', '.join(valid_keys)}"
+        )
     if unknown := [key for key in raw_section if key not in valid_keys]:
         raise _config_error(
             (*keys, unknown[0]), "unknown key", f"valid here: {', '.join(valid_keys)}"

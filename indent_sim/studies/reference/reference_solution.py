@@ -335,7 +335,7 @@ def result_curve(results: Results) -> ReferenceCurve:
 
 def _peak_pressure(solution: Any) -> float:
     """Return the largest pressure; NaN where it is infinite (a sharp edge or apex)."""
-    # The pressure of theory is sampled at so many radii to find its peak.
+    # Number of radii at which the pressure of theory is sampled to find its peak.
     peak_radii = 200
     radii = solution.a * np.linspace(0, 1, peak_radii + 1)
     with np.errstate(all="ignore"):

@@ -132,13 +132,15 @@ def verdict_text(row: Row) -> str:
     parts = []
     if row["wrong"] in (PUBLISHED, BOTH):
         parts.append(
-            f"published value: off by {row['difference']:+.2g} %, "
+            f"the published value deviates by {row['difference']:+.2g} %, "
             f"claimed accuracy {100 * row['within']:.2g} %"
         )
     if row["wrong"] in (OURS, BOTH):
-        parts.append(f"computed value: off by {row['ours_difference']:+.2g} %")
+        parts.append(f"the computed value deviates by {row['ours_difference']:+.2g} %")
     if row["within"] is None:
-        parts.append(f"published value: off by {row['difference']:+.2g} %, no accuracy claimed")
+        parts.append(
+            f"the published value deviates by {row['difference']:+.2g} %, no accuracy claimed"
+        )
     return "; ".join(parts) or NOBODY
 
 

@@ -371,7 +371,7 @@ def test_a_file_that_cannot_be_read_is_a_usage_error(tmp_path):
 def test_bytes_that_are_no_scene(tmp_path):
     path = tmp_path / "scene.yaml"
     path.write_bytes(b"title: a\nbody: \xff\n")
-    with pytest.raises(ConfigError, match=r"scene.yaml:2: not UTF-8"):
+    with pytest.raises(ConfigError, match=r"scene.yaml:2: the file is not UTF-8"):
         load(path)
     path.write_bytes(b"#" * 2_000_000)
     with pytest.raises(ConfigError, match="longer than"):

@@ -28,7 +28,11 @@ SCENE: dict[str, Any] = {
 @pytest.mark.parametrize(
     ("sections", "key", "words"),
     [
-        ({"material": WET | {"flow": {}}}, "material", "exactly one of permeability, diffusivity"),
+        (
+            {"material": WET | {"flow": {}}},
+            "material",
+            "exactly one of permeability and diffusivity",
+        ),
         ({"material": WET | {"flow": FLOW | {"diffusivity": 1.0}}}, "material", "exactly one"),
         ({"material": WET | {"nu": 0.5}}, "material", "an incompressible body cannot drain"),
         ({"loading": {"delta": 0.02}}, "material.flow", "needs a load path in time"),

@@ -212,7 +212,7 @@ def test_a_history_is_a_loading() -> None:
     assert forces.physics.path.control == "force"
     with pytest.raises(ConfigError, match="contradicts delta"):
         config_from_mapping(SCENE | {"loading": {"delta": 0.01, "history": RAMP}})
-    with pytest.raises(ConfigError, match="belongs to delta"):
+    with pytest.raises(ConfigError, match="applies only to a single delta"):
         config_from_mapping(SCENE | {"loading": {"history": RAMP, "steps": 3}})
 
 
@@ -254,7 +254,7 @@ def test_what_relaxes_does_so_alike_everywhere() -> None:
 def test_times_are_those_of_the_history(times: list[float], words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         config_from_mapping(SCENE | {"loading": {"history": RAMP, "times": times}})
-    with pytest.raises(ConfigError, match="applies to a history"):
+    with pytest.raises(ConfigError, match="applies only to a history"):
         config_from_mapping(SCENE | {"loading": {"delta": 0.01, "times": [1.0]}})
 
 

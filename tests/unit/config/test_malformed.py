@@ -147,7 +147,7 @@ MALFORMED = [
         edited("mesh:\n  h_contact: 0.01\n  order: 2", "mesh: 3"),
         22,
         "mesh",
-        "a section of keys, got 3",
+        "a mapping of keys to values, got 3",
     ),
     # choices
     (
@@ -207,7 +207,12 @@ MALFORMED = [
     (edited("plot: true", "plot: on"), 30, "output.plot", "must be true or false, got 'on'"),
     (edited("plot: true", "plot: 1"), 30, "output.plot", "must be true or false, got 1"),
     (edited("title: Hertz", "title: 1882"), 1, "title", "must be text, got 1882"),
-    (edited("{length: m, force: N}", "m"), 2, "units", "must be a section of keys, got 'm'"),
+    (
+        edited("{length: m, force: N}", "m"),
+        2,
+        "units",
+        "must be a mapping of keys to values, got 'm'",
+    ),
     (edited("directory: results/hertz", "directory: ''"), 28, "output.directory", "non-empty text"),
     (
         edited("size: [1.0, 1.0, 1.0]", "size: 1.0"),
@@ -293,7 +298,7 @@ MALFORMED = [
         "loading.deltas",
         "contradicts delta",
     ),
-    (edited("delta: 0.01", "deltas: [0.1]"), 21, "loading.steps", "belongs to delta"),
+    (edited("delta: 0.01", "deltas: [0.1]"), 21, "loading.steps", "applies only to a single delta"),
     (edited("  delta: 0.01\n", ""), 19, "loading", "gives no depth and no force"),
     (edited("delta: 0.01", "delta: 0.01\n  force: 0.1"), 21, "loading.force", "contradicts delta"),
     (
@@ -312,7 +317,7 @@ MALFORMED = [
         edited("delta: 0.01", "forces: [0.1]"),
         21,
         "loading.steps",
-        "belongs to force, and forces are given",
+        "applies only to a single force, which is divided into equal steps, but forces are given",
     ),
     (edited("delta: 0.01", "force: -0.1"), 20, "loading.force", "must be > 0, got -0.1"),
     (edited("delta: 0.01", "force: 0"), 20, "loading.force", "must be > 0, got 0"),
@@ -391,12 +396,17 @@ MALFORMED = [
         "must be > 0, got -1",
     ),
     (matter("model: fung\n  mu: 1.0\n  b: 0\n  nu: 0.3"), 11, "material.b", "must be > 0, got 0"),
-    (matter("model: fung\n  mu: 1.0\n  b: 1.0"), 8, "material", "needs exactly one of nu, kappa"),
+    (
+        matter("model: fung\n  mu: 1.0\n  b: 1.0"),
+        8,
+        "material",
+        "needs exactly one of nu and kappa",
+    ),
     (
         matter("model: fung\n  mu: 1.0\n  b: 1.0\n  nu: 0.3\n  kappa: 2.0"),
         8,
         "material",
-        "exactly one of nu, kappa",
+        "exactly one of nu and kappa",
     ),
     (
         tip("shape: cone\n  half_angle: 60\n  faces: 4"),

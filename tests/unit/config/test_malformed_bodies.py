@@ -90,7 +90,11 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
     (CYLINDER | layers(0.4, None), "body.layers[1].thickness", "missing; give a number > 0"),
     (CYLINDER | {"layers": []}, "body.layers", "a list of 1 to 50 sections, got []"),
     (CYLINDER | {"layers": {"thickness": 1.0}}, "body.layers", "a list of 1 to 50 sections"),
-    (CYLINDER | {"layers": [1.0]}, "body.layers[0]", "must be a section of keys, got 1.0"),
+    (
+        CYLINDER | {"layers": [1.0]},
+        "body.layers[0]",
+        "must be a mapping of keys to values, got 1.0",
+    ),
     (
         CYLINDER | {"layers": [{"thickness": 1.0, "matter": "gel"}]},
         "body.layers[0].matter",
@@ -114,7 +118,7 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
     (
         CYLINDER | {"radius": 1e6},
         "body.height",
-        "lengths of a body may differ by a factor of 100000",
+        "lengths of a body may differ by a factor of at most 100000",
     ),
     (CAP | {"contact_angle": 53.0}, "body.contact_angle", "contradicts height"),
     # skins
@@ -408,7 +412,7 @@ NO_BODY = [
     (
         FILE | {"file": "points.msh"},
         "body.file",
-        "the file has no cells, and a body in 2 dimensions is made of triangles",
+        "the file has no cells, but a body in 2 dimensions is made of triangles",
     ),
 ]
 

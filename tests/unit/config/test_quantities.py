@@ -130,7 +130,7 @@ def test_mixed_units_give_the_digits_of_one_system(seed):
         (
             "units={length: um}",
             "material.E",
-            "units does not define force",
+            "does not define the unit of force",
             "length: um, force: nN",
         ),
         ("units={length: zorp, force: nN}", "units.length", "no unit 'zorp'", ""),

@@ -7,6 +7,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import jpk_files
 import numpy as np
 import pytest
 from measurements import N, drawn, measured
@@ -126,6 +127,26 @@ def test_curves_of_one_name_have_rows_of_their_own(curves, tmp_path):
         [curves / "c0.csv", tmp_path / "more" / "c0.csv", curves / "c0.csv"], tmp_path / "fit"
     )
     assert [entry["curve"] for entry in fits.entries] == ["c0", "c0.csv", "c0-2"]
+
+
+def test_a_damaged_curve_of_a_map_is_its_own_reason(tmp_path):
+    delta = np.linspace(-1e-6, 0.5e-6, N)
+    draw = np.random.default_rng(0)
+    hertz = 4 / 3 * 2e3 / 0.75 * np.sqrt(5e-6) * np.maximum(delta, 0.0) ** 1.5
+    force = hertz + 0.01 * hertz.max() * draw.standard_normal(N)
+    curve = [jpk_files.measured("extend", delta + hertz / jpk_files.STIFFNESS, force)]
+    files = jpk_files.members([curve, curve, curve], kind="force-scan-map")
+    del files["index/1/segments/0/channels/vDeflection.dat"]
+    path = jpk_files.write(tmp_path / "gel.jpk-force-map", files)
+    damaged, *good = sorted(
+        fitted([path], tmp_path / "fit").entries, key=lambda entry: entry["status"] == "done"
+    )
+    assert damaged["curve"] == "gel-1"
+    assert damaged["reason"].endswith("vDeflection.dat is missing")
+    assert [entry["curve"] for entry in good] == ["gel-0", "gel-2"]
+    for entry in good:
+        stated = entry["parameters"]["material.E"]
+        assert stated["low"] < 2.0 < stated["high"] < 1.2 * stated["low"]
 
 
 def test_a_curve_deeper_than_the_body_is_its_reason(tmp_path):

@@ -165,7 +165,7 @@ def test_cells_alone_have_the_surfaces_that_their_names_would_give(
     )  # tilted: the base is not level
     with pytest.raises(
         MeshFileError,
-        match="no single part of the boundary faces down and is horizontal; in gmsh: Physical",
+        match="boundary faces down and is horizontal; name it in gmsh: Physical",
     ):
         piece(tmp_path, without_names(body), kinematics, name, MeshSurfaces())
     body["points"][:, -1 if kinematics == "3d" else 1] -= body["points"][:, 0] / 10
@@ -474,12 +474,12 @@ MALFORMED: list[tuple[Callable[[dict[str, Any]], None], str, str]] = [
     ),
     (_shared, "body.surfaces.sides", "'wall' shares facets with another surface"),
     (_stepped, "body.surfaces.contact", "parts of 'top' lie above one another at"),
-    (_left, "body.kinematics", "points of the section have r = -0.5; the axis is r = 0"),
+    (_left, "body.kinematics", "points of the section have r = -0.5; move the section to r >= 0"),
     (_tilted, "body.kinematics", "the triangles do not lie in one plane z = const"),
     (
         _lines_alone,
         "body.file",
-        "the file has lines, and a body in 2 dimensions is made of triangles",
+        "the file has lines, but a body in 2 dimensions is made of triangles",
     ),
 ]
 
@@ -508,7 +508,7 @@ def test_a_malformed_mesh_has_its_message(
         (
             "body.surfaces.base=gel",
             "body.surfaces.base",
-            "'gel' is a group of triangles, and lines are needed here",
+            "'gel' is a group of triangles, but lines are needed here",
         ),
         ("body.kinematics=3d", "body.kinematics", "a body in 3 dimensions is made of tetrahedra"),
         (
@@ -526,14 +526,14 @@ def test_a_malformed_mesh_has_its_message(
             "indenter.shape",
             "is not a tip of revolution",
         ),
-        ("mesh.h_contact=0.1", "mesh.h_contact", "is for bodies that the program meshes"),
-        ("mesh.symmetry=full", "mesh.symmetry", "is for bodies that the program meshes"),
+        ("mesh.h_contact=0.1", "mesh.h_contact", "applies only to bodies that the program meshes"),
+        ("mesh.symmetry=full", "mesh.symmetry", "applies only to bodies that the program meshes"),
         ("body.hash=0123456789abcdef", "body.hash", "'part.msh' is not the mesh of this scene"),
         ("body.file=other.msh", "body.file", "cannot read the mesh 'other.msh': No such file"),
         (
             "body.file=scene.yaml",
             "body.file",
-            "has no known file extension; it must end in one of .msh, .xdmf, .vtu, .inp",
+            "has no known file extension; its name must end in one of .msh, .xdmf, .vtu, .inp",
         ),
         (
             "body.file=/etc/passwd",
@@ -747,7 +747,7 @@ def test_a_few_bytes_do_not_fill_the_memory(
     tmp_path: Path, kept: Callable[[h5py.File], None]
 ) -> None:
     with_numbers(tmp_path, kept)
-    with pytest.raises(MeshFileError, match="it may take 10 s and 500 MB"):
+    with pytest.raises(MeshFileError, match="reading may take 10 s and 500 MB"):
         scene(tmp_path, "part.xdmf")
 
 

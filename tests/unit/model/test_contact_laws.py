@@ -38,7 +38,7 @@ def test_adhesion_is_named() -> None:
     law = AugmentedLagrangian(adhesion=ADHESION)
     assert law.is_path_dependent and law.is_conservative and law.path_key == "adhesion"
     assert (
-        law.feature_without_theory == "attraction with a range"
+        law.feature_without_theory == "adhesion with a range"
         and law.reason_unsymmetric.startswith("adhesion")
     )
 

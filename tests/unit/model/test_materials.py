@@ -91,8 +91,8 @@ def test_an_isotropic_material_stands_for_itself(nu: float) -> None:
 
 AXIS = {"model": "transversely_isotropic", "E": 1.0, "E_z": 2.0, "nu": 0.3, "nu_z": 0.4, "G_z": 0.5}
 WRONG = {
-    "neither": ({"model": "gent", "mu": 1.0, "Jm": 9.0}, "exactly one of nu, kappa"),
-    "both": ({"model": "yeoh", "C10": 1.0, "nu": 0.3, "kappa": 1.0}, "exactly one of nu, kappa"),
+    "neither": ({"model": "gent", "mu": 1.0, "Jm": 9.0}, "exactly one of nu and kappa"),
+    "both": ({"model": "yeoh", "C10": 1.0, "nu": 0.3, "kappa": 1.0}, "exactly one of nu and kappa"),
     "no_constants": ({"model": "mooney_rivlin", "nu": 0.3}, "shear modulus is 0; it must be > 0"),
     "pulls": (
         {"model": "ogden", "mu": [1.0], "alpha": [-2.0], "nu": 0.3},
@@ -100,7 +100,7 @@ WRONG = {
     ),
     "pairs": (
         {"model": "ogden", "mu": [1.0], "alpha": [2.0, 1.0], "nu": 0.3},
-        "1 entries and alpha 2",
+        "1 entries and alpha has 2",
     ),
     "zero": (
         {"model": "ogden", "mu": [1.0, 1.0], "alpha": [2.0, 0.0], "nu": 0.3},

@@ -242,7 +242,7 @@ def test_files_that_are_not_there(tmp_path):
         read_curves(tmp_path / "nothing.csv")
     with pytest.raises(UsageError, match="there is no file"):
         curve_files(tmp_path / "nothing.csv")
-    with pytest.raises(UsageError, match="contains no file of a curve"):
+    with pytest.raises(UsageError, match="contains no curve file"):
         curve_files(tmp_path)
     os.mkfifo(tmp_path / "pipe.csv")
     with pytest.raises(UsageError, match="cannot read"):

@@ -475,7 +475,7 @@ def test_sizes_that_do_not_fit_the_scene(mesh: dict[str, float], key: str) -> No
 
 @pytest.mark.parametrize(
     ("paths", "said"),
-    [((0.02, 0.05), "single step from rest"), ((0.001, 0.05), "more increments may")],
+    [((0.02, 0.05), "single increment from"), ((0.001, 0.05), "more loading.steps")],
 )
 def test_more_steps_are_advised_where_they_help(paths: tuple[float, float], said: str) -> None:
     """More increments are advised, except for the error of the first one."""

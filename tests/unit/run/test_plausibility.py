@@ -126,7 +126,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "from afar": ({"delta": -0.02}, "the tip is above the body"),
     "no force": ({"force": 0.0}, "there is no force"),
     "no contact": ({"a": 0.0}, "there is no contact radius"),
-    "a plate": ({"a": 1.9}, "beyond the tip, which ends at 0.5"),
+    "a plate": ({"a": 1.9}, "exceeds the radius 0.5 at which the surface of the tip ends"),
     "went through": ({"overlap": 0.09}, "lies 0.09 inside the tip"),
     "energy": ({"energy": 0.02}, "but the work of a force that grew to"),
     "no energy": ({"energy": -0.001}, "the energy is -0.001"),
@@ -169,7 +169,7 @@ def test_a_tip_on_the_top_of_a_fixed_side() -> None:
     base = scene(tip="paraboloid", body=body, loading={"force": 0.01, "steps": 1})
     state = State(1, 0.124, 0.01, 0.4, 0.1, 0.0, 0.0005, 5, 0.1, reaction=0.01)
     assert violated_bound(base, state, PreviousRows()) is None
-    assert "from the depth 0.125 on the tip is in contact" in (
+    assert "from the depth 0.125 on the tip touches the upper edge" in (
         violated_bound(base, replace(state, delta=0.126), PreviousRows()) or ""
     )
 
@@ -371,5 +371,5 @@ def test_rows_while_a_bath_comes_are_said(ramp: float) -> None:
     assert said.startswith(
         f"rows up to t = {max(early):.3g}: the bath changes over a time of {ramp:.3g}"
     )
-    assert f"would have risen more by then, by {' to '.join(lost)};" in said
+    assert f"has risen less than after a sudden change, by {' to '.join(lost)};" in said
     assert not any(doubt.key == "bath" for doubt in scene(**DRAINING).plan.model_warnings)

@@ -59,10 +59,10 @@ def test_the_first_that_helps_is_the_last_that_is_tried() -> None:
     config, scene = configured()
     said = try_remedies(remedies(config, scene), 2, 1000, resolve, walk_to({1.0: 3}))
     ends, comes = (
-        "indenter.edge_radius: 0.3 ends after delta = 0.5",
-        "indenter.edge_radius: 1 reaches delta = 1 ",
+        "with indenter.edge_radius: 0.3 the run ends after delta = 0.5",
+        "with indenter.edge_radius: 1 the run reaches delta = 1, where the force is 10",
     )
-    assert said.startswith(f"; tried: {ends}; {comes}with the force 10")
+    assert said.startswith(f"; tried: {ends}; {comes}")
     assert "h_contact" not in said
 
 
@@ -73,7 +73,7 @@ def test_all_tries_cost_no_more_than_the_run() -> None:
     """
     config, scene = configured()
     said = try_remedies(remedies(config, scene), 3, 15, resolve, walk_to({}))
-    assert said == "; tried: indenter.edge_radius: 0.3 ends after delta = 0.5"
+    assert said == "; tried: with indenter.edge_radius: 0.3 the run ends after delta = 0.5"
 
 
 @pytest.mark.parametrize(

@@ -167,7 +167,7 @@ def test_rows_are_read_back_as_they_were(tmp_path: Path) -> None:
         (
             PUBLISHED,
             "    exact: {by: x}\n",
-            r":10: cases\[0\].exact: must have one of value and case",
+            r":10: cases\[0\].exact: must have either value or case",
         ),
         (
             PUBLISHED,

@@ -100,7 +100,7 @@ class NodalContact(Term):
         """Discard the active sets recorded in the previous solve."""
         self._visited_sets: list[tuple[int, ...]] = []
         self._return_count = 0
-        self._last_active_set: np.ndarray | None = None  # The last Newton iteration's.
+        self._last_active_set: np.ndarray | None = None  # that of the last Newton iteration
 
     def basis(self, points: np.ndarray) -> np.ndarray:
         """Values (points, nodes) of the hat functions psi_i at points of the reference facet."""

@@ -22,8 +22,8 @@ Friction has no potential. The virtual work is
 
     - int t . ds    and, for the multiplier,    int (t - tau)/epsilon_t . dtau,
 
-and its derivative is not symmetric. The history is stored in the multipliers; there are no internal
-variables at quadrature points.
+and its derivative is not symmetric. The path dependence is contained in the multipliers of the last
+equilibrium; there are no internal variables at quadrature points.
 """
 
 from __future__ import annotations
