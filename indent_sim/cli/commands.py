@@ -11,7 +11,7 @@ import logging
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from functools import cache, partial
 from pathlib import Path
@@ -57,7 +57,9 @@ from indent_sim.process.version import VERSION
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
+    from indent_sim.fitting.curve_fit import FitRequest
     from indent_sim.fitting.fit_folder import CurveFits, ReadOptions
+    from indent_sim.fitting.map_folder import MapFit
     from indent_sim.results.reader import Results
     from indent_sim.run.pipeline import Outcome
 
@@ -393,6 +395,24 @@ def _print_curve_requirements(
     metavar="N",
     help="Curves at the same time [1].",
 )
+@click.option(
+    "--map/--no-map",
+    "as_map",
+    default=None,
+    help="Fit the curves of a grid together, or one by one [together from 64 curves on].",
+)
+@click.option(
+    "--thickness",
+    metavar="FILE|height[:MEAN]",
+    help="With a map: thickness of each pixel, in a .gsf, .tif or text file, or from the height at "
+    "zero force, if the base is flat; MEAN is the median thickness [body.height].",
+)
+@click.option(
+    "--grid",
+    callback=parse_layout,
+    metavar="ROWSxCOLUMNS",
+    help="The files, in the order of their names, are the rows of a map.",
+)
 @click.option("--output", type=PATH, help="Folder of the fit [results/fit-<CURVE's stem>].")
 @quiet_option
 @json_option
@@ -432,6 +452,9 @@ def fit(
     with _quiet_libraries(LOG_LEVELS[verbosity]), raise_on_signals():
         config = load(scene, overrides)
         print_progress = print_stderr if verbosity == "all" else _discard_line
+        map_fit = _fit_map(curves, config, output, print_progress, **options)
+        if map_fit is not None:
+            return _print_map(map_fit, output, output_format)
         fits = _fit_curves(curves, config, output, print_progress, **options)
     if fits.exit_code:
         failure = errors.NotConverged(
@@ -490,6 +513,47 @@ def _discard_line(line: str) -> None:
     """Discard a progress line."""
 
 
+def _fit_map(
+    curves: tuple[Path, ...],
+    config: Config,
+    output: Path,
+    print_progress: Callable[[str], None],
+    **options: Any,
+) -> MapFit | None:
+    """Fit a map with the options of the command line; return None if the curves are no map."""
+    from indent_sim.fitting import map_folder
+
+    request = _fit_request(config, options)
+    reading = _reading_options(options["columns"], options["units"])
+    measured_map = map_folder.find_map(curves, request, reading, options["as_map"], options["grid"])
+    if measured_map is None:
+        if options["thickness"]:
+            raise UsageError("--thickness belongs to a map", "leave it out, or add --map")
+        return None
+    return map_folder.fit_map_folder(
+        measured_map, request, output, options["thickness"], print_progress
+    )
+
+
+def _print_map(map_fit: MapFit, output: Path, output_format: OutputFormat) -> None:
+    """Print the folder of a map; raise NotConverged if no curve was fitted."""
+    if not map_fit.entry["map"]["fitted"]:
+        raise errors.NotConverged(f"no curve of the map could be fitted: {map_fit.words}")
+    if output_format == "json":
+        print_done({"directory": output} | map_fit.entry)
+    else:
+        print_stdout(str(output))
+
+
+def _fit_request(config: Config, options: Mapping[str, Any]) -> FitRequest:
+    """Return the settings of a fit from the options of the command line."""
+    from indent_sim.fitting.curve_fit import FitRequest
+    from indent_sim.fitting.inference.estimate import OriginOptions
+
+    origin = OriginOptions(options["contact_point"], options["baseline"] == "tilted")
+    return FitRequest(config, options["keys"], options["segment"], origin, options["models"])
+
+
 def _fit_curves(
     curves: tuple[Path, ...],
     config: Config,
@@ -499,12 +563,9 @@ def _fit_curves(
 ) -> CurveFits:
     """Fit curves with the options of the command line."""
     from indent_sim.fitting import fit_folder
-    from indent_sim.fitting.curve_fit import FitRequest
-    from indent_sim.fitting.inference.estimate import OriginOptions
 
     reading = _reading_options(options["columns"], options["units"])
-    origin = OriginOptions(options["contact_point"], options["baseline"] == "tilted")
-    request = FitRequest(config, options["keys"], options["segment"], origin, options["models"])
+    request = _fit_request(config, options)
     return fit_folder.fit_curves(curves, request, output, reading, options["jobs"], print_progress)
 
 

@@ -206,7 +206,7 @@ def _scene_units(config: Config) -> dict[str, str]:
 def _fit_and_assess(
     curve: MeasuredCurve, request: FitRequest, tables: ForwardModelCache, start_time: float
 ) -> CurveFit:
-    config, samples, notes = _prepare_curve(curve, request)
+    config, samples, notes = prepare_curve(curve, request)
     reject_without_signal(samples)
     if is_time_dependent(config) and samples.t is None:
         raise NoCurve("no column of time, which a viscoelastic or poroelastic scene needs")
@@ -297,7 +297,7 @@ def _elastic_contact_point(
     if request.origin.contact_point is not None:
         return request.origin.contact_point
     elastic_model = _graded_forward_model(
-        _elastic_config_with_spring(config, _max_contact_depth(approach, config)),
+        _elastic_config_with_spring(config, max_contact_depth(approach, config)),
         (pressure_keys(config)[0],),
         approach,
         tables,
@@ -316,7 +316,7 @@ def _elastic_config_with_spring(config: Config, depth: float) -> Config:
     return config_from_mapping(document | ({"experiment": experiment} if experiment else {}))
 
 
-def _prepare_curve(curve: MeasuredCurve, request: FitRequest) -> tuple[Config, Samples, list[str]]:
+def prepare_curve(curve: MeasuredCurve, request: FitRequest) -> tuple[Config, Samples, list[str]]:
     """Return the scene for this curve, the samples, and notes on the assumptions."""
     config = request.config
     notes = []
@@ -351,7 +351,7 @@ def _graded_forward_model(
     If the scene is not valid at that depth, the model extends slightly beyond the depth of the
     curve.
     """
-    contact_depth = _max_contact_depth(samples, config)
+    contact_depth = max_contact_depth(samples, config)
     # Solved depths are powers of this ratio, so that curves share solutions.
     grade_ratio = 1.25
     graded_depth = grade_ratio ** math.ceil(
@@ -363,7 +363,7 @@ def _graded_forward_model(
         return tables.forward_model(config, keys, MIN_DEPTH_FACTOR * contact_depth)
 
 
-def _max_contact_depth(samples: Samples, config: Config) -> float:
+def max_contact_depth(samples: Samples, config: Config) -> float:
     """Return an upper bound of the depth [length], from the samples above the baseline."""
     block_count = 200
     block_means = samples.block_means(block_count)

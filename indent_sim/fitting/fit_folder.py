@@ -8,6 +8,7 @@ from __future__ import annotations
 import fcntl
 import os
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
@@ -17,12 +18,15 @@ from multiprocessing import connection
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from indent_sim.fitting import fit_table
 from indent_sim.fitting.curve_fit import (
     CurveFit,
     FitRequest,
     cantilever_stiffness_si,
     fit_curve,
+    format_value,
     rejected_fit,
     request_identity,
 )
@@ -131,7 +135,7 @@ def fit_curves(
     for key in request.varied_keys:
         number_at(request.config, key)
     PlannedRun.resolve(request.config)
-    with _open_locked(directory, request) as earlier_entries:
+    with open_locked(directory, request) as earlier_entries:
         writer = _Writer(directory, request, earlier_entries)
         try:
             curves = _read_curves(files, request, reading, writer)
@@ -152,6 +156,8 @@ def fit_curves(
             writer.write("interrupted")
             raise
         fits = writer.finish()
+    if len(fits.entries) > 1:
+        tell(_summary_line(fits))
     return fits
 
 
@@ -220,7 +226,7 @@ class _Writer:
 
 
 @contextmanager
-def _open_locked(directory: Path, request: FitRequest) -> Iterator[list[Entry]]:
+def open_locked(directory: Path, request: FitRequest) -> Iterator[list[Entry]]:
     """Lock the folder, and yield the entries of an earlier call with the same request.
 
     Raises
@@ -417,6 +423,25 @@ def _fit_and_write(task: _FitTask, request: FitRequest, tables: ForwardModelCach
             task.picture.parent.mkdir(exist_ok=True)
             fit_picture.draw_curve(fit, request.config, task.picture)
     return fit.entry | {"source": task.source}
+
+
+def _summary_line(fits: CurveFits) -> str:
+    """Return how many curves were fitted, why others were not, and the values of the first key."""
+    done = [entry for entry in fits.entries if entry["status"] == "done"]
+    reasons = Counter(str(entry["reason"]) for entry in fits.entries if entry["status"] != "done")
+    text = f"{len(fits.entries)} curves: {len(done)} fitted"
+    if reasons:
+        causes = ", ".join(f"{reason} {count}" for reason, count in reasons.most_common())
+        text += f", {reasons.total()} refused ({causes})"
+    if done and fits.request.varied_keys:
+        key = fits.request.varied_keys[0]
+        values = [float(entry["parameters"][key]["value"]) for entry in done]
+        low, median, high = (
+            format_value(key, fits.request.config, float(value))
+            for value in np.percentile(values, [25, 50, 75])
+        )
+        text += f"; {key} = {median} in the median, {low} to {high} for the middle half"
+    return text
 
 
 def _progress_line(entry: Entry, number: int) -> str:

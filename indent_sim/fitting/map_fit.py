@@ -199,22 +199,13 @@ class MapFitter:
     count
         Number N of curves.
     model
-        The scene.
-    on_progress
-        Called with the number of curves that are done.
+        The scene; it may be replaced after the first pass.
     """
 
-    def __init__(
-        self,
-        read: Callable[[int], Samples],
-        count: int,
-        model: MapModel,
-        on_progress: Callable[[int], None] = lambda _: None,
-    ):
+    def __init__(self, read: Callable[[int], Samples], count: int, model: MapModel):
         self._read = read
         self._count = count
-        self._model = model
-        self._on_progress = on_progress
+        self.model = model
         self.fits = PixelFits.empty(count)
         # Parameters by ordinary least squares: theta, c, level at c and slope.
         self._initial = np.full((count, 4), math.nan)
@@ -252,14 +243,27 @@ class MapFitter:
             baselines.append(self._read(int(curve)).force[end - m : end])
         return estimate_pooled_noise(np.array(baselines))
 
-    def fit(self, noise: PooledNoise) -> None:
-        """Fit all curves with the noise of the map."""
+    @property
+    def initial_contact_points(self) -> np.ndarray:
+        """Contact points by ordinary least squares (N,) [length]; NaN for rejected curves."""
+        return self._initial[:, 1]
+
+    def fit(self, noise: PooledNoise, on_progress: Callable[[int], None] = lambda _: None) -> None:
+        """Fit all curves with the noise of the map.
+
+        Parameters
+        ----------
+        noise
+            The noise.
+        on_progress
+            Function that is called with the number of curves that are done.
+        """
         done = int(np.count_nonzero(~self.fits.is_fitted))
         for curves in self._blocks_of_equal_length():
             _, samples = next(self._equally_long(curves, int(self._near_counts[curves[0]])))
             self._fit_block(curves, samples, noise)
             done += len(curves)
-            self._on_progress(done)
+            on_progress(done)
 
     def _equally_long(
         self, curves: Iterable[int], last: int | None = None
@@ -290,7 +294,7 @@ class MapFitter:
             return
         samples = samples.select_curves(is_kept)
         pilot = samples.block_means(MAX_PILOT_SAMPLES)
-        model = self._model.curve_model(curves, pilot)
+        model = self.model.curve_model(curves, pilot)
         p = initial_parameters(model)
         is_rising = np.isfinite(p).all(axis=-1)
         self.fits.reason[curves[~is_rising]] = NOT_RISING
@@ -324,7 +328,7 @@ class MapFitter:
 
     def _fit_block(self, curves: np.ndarray, samples: Samples, noise: PooledNoise) -> None:
         """Fit curves with the noise of the map, and assess the fits."""
-        model = self._model.curve_model(curves, samples)
+        model = self.model.curve_model(curves, samples)
         fit = _fit_weighted(model, _with_relative_baseline(model, self._initial[curves]), noise)
         absolute = _with_absolute_baseline(model, fit.p)
         max_force = np.abs(model.contact_force(fit.p)).max(axis=-1)
@@ -369,7 +373,7 @@ class MapFitter:
         # Relative excess of the depth over the solved one, up to which the load curve may be
         # continued as a power law.
         depth_tolerance = 0.02
-        max_depth = (1.0 + depth_tolerance) * self._model.forward_model.max_depth
+        max_depth = (1.0 + depth_tolerance) * self.model.forward_model.max_depth
         uncertainty = NORMAL_95 * fits.theta_sd[curves]
         for reason, is_rejected in (
             (UNCERTAIN, ~(uncertainty < math.log(MAX_UNCERTAINTY_FACTOR))),
