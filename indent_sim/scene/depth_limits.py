@@ -187,7 +187,7 @@ def _check_punch_width(body: Body, tip: Indenter, center: Center) -> None:
         or covers_top(tip, body, center)
     ):
         return
-    widest = body.lateral_extent(center)
+    widest = body.lateral_extent(body.center)
     if tip.radius > widest:
         problem = f"the edge of a flat punch of radius {tip.radius:g} crosses the edge of the body"
         remedy = f"use a radius of at most {widest:g}, so that the punch is inside the top"

@@ -429,12 +429,13 @@ def test_poissons_ratios_of_iterative_solvers(monkeypatch: pytest.MonkeyPatch) -
     assert not _is_solved_iteratively(material=material | {"nu": 0.4999})
 
 
-def test_contact_stiffnesses_of_iterative_solvers(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Systems are solved at MAX_ITERATIVE_STIFFNESS, and not at ten times that."""
+def test_contact_stiffnesses_of_iterative_solvers() -> None:
+    """Systems are solved at MAX_ITERATIVE_STIFFNESS.
+
+    At ten times this stiffness they are solved with PETSc 3.22, but not with 3.18.
+    """
     limit = 0.999 * MAX_ITERATIVE_STIFFNESS * E_STAR / H_ITERATIVE
     assert _is_solved_iteratively(contact={"method": "penalty", "epsilon_n": limit})
-    monkeypatch.setattr(solver_choices, "MAX_ITERATIVE_STIFFNESS", float("inf"))
-    assert not _is_solved_iteratively(contact={"method": "penalty", "epsilon_n": 10.0 * limit})
 
 
 # ---- histories on the elastic curve, and fits

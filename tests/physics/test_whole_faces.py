@@ -127,3 +127,18 @@ def test_area_in_circle() -> None:
         strips = np.where(is_inside, np.maximum(width, 0.0), 0.0)
         # The width of the strips, 5e-5, times the largest jump of their length, 2
         assert abs(area) == pytest.approx(float(strips.sum() * (y[1] - y[0])), abs=1e-4)
+
+
+def test_area_in_circle_with_a_corner_at_its_center() -> None:
+    """A corner that is at the center up to round-off does not change the area of a triangle."""
+    angles = np.linspace(0.1, 6.2, 40)
+    for angle in angles:
+        first = 0.05 * np.array([np.cos(angle), np.sin(angle)])
+        second = 0.06 * np.array([np.cos(angle + 0.7), np.sin(angle + 0.7)])
+        exact = 0.5 * 0.05 * 0.06 * np.sin(0.7)
+        for shift in ([1e-19, -2e-19], [-3e-18, 1e-20], [0.0, -0.0]):
+            center = np.array(shift)
+            for corners in ((center, first, second), (first, second, center)):
+                (area,) = area_in_circle(np.array([corners]), 1.0)
+                # Areas of triangles are differences of numbers as large as the area.
+                assert abs(area) == pytest.approx(exact, rel=1e-12)
