@@ -32,6 +32,7 @@ from indent_sim.fitting.curve_fit import (
 )
 from indent_sim.fitting.forward_model.forward_model import ForwardModelCache
 from indent_sim.fitting.forward_model.parameters import number_at
+from indent_sim.fitting.inference.model_assessment import Interval
 from indent_sim.process.child_process import ChildProcess, ProcessCrash
 from indent_sim.process.errors import BackendError, ConfigError, NotConverged, UsageError
 from indent_sim.process.limits import write_error
@@ -436,9 +437,10 @@ def _summary_line(fits: CurveFits) -> str:
     if done and fits.request.varied_keys:
         key = fits.request.varied_keys[0]
         values = [float(entry["parameters"][key]["value"]) for entry in done]
+        quartiles = np.percentile(values, [25, 50, 75]).tolist()
+        interval = Interval(quartiles[1], quartiles[0], quartiles[2])
         low, median, high = (
-            format_value(key, fits.request.config, float(value))
-            for value in np.percentile(values, [25, 50, 75])
+            format_value(key, fits.request.config, value, interval) for value in quartiles
         )
         text += f"; {key} = {median} in the median, {low} to {high} for the middle half"
     return text

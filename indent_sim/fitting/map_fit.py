@@ -72,7 +72,7 @@ REASONS = (
     "no contact: too few points in contact",
     "no contact: no fit was found",
     "the modulus is known to a factor of more than 4 only",
-    "the contact is deeper than the scene was solved",
+    "the contact is too deep for the thickness or for the solved scene",
 )
 FITTED = 0
 INCOMPLETE = 1
@@ -181,6 +181,13 @@ class MapModel:
     load_curves: TabulatedLoadCurve | None = None
     rows: np.ndarray | None = None
 
+    @property
+    def max_depth(self) -> float:
+        """Largest depth of the load curves [length]."""
+        if self.load_curves is not None:
+            return self.load_curves.max_depth
+        return self.forward_model.max_depth
+
     def curve_model(self, curves: np.ndarray, samples: Samples) -> CurveModel:
         """Return the model of some curves."""
         model = self.forward_model
@@ -209,6 +216,7 @@ class MapFitter:
         self.fits = PixelFits.empty(count)
         # Parameters by ordinary least squares: theta, c, level at c and slope.
         self._initial = np.full((count, 4), math.nan)
+        self._initial_depths = np.full(count, math.nan)
         self._near_counts = np.zeros(count, dtype=int)
         self._baseline_counts = np.zeros(count, dtype=int)
 
@@ -242,6 +250,15 @@ class MapFitter:
             end = self._baseline_counts[curve]
             baselines.append(self._read(int(curve)).force[end - m : end])
         return estimate_pooled_noise(np.array(baselines))
+
+    def reject(self, is_rejected: np.ndarray, reason: int) -> None:
+        """Reject curves (N,) that have not been rejected yet."""
+        self.fits.reason[self.fits.is_fitted & is_rejected] = reason
+
+    @property
+    def initial_depths(self) -> np.ndarray:
+        """Depths of the first pass, without the spring's deflection (N,) [length]; or NaN."""
+        return np.where(self.fits.is_fitted, self._initial_depths, math.nan)
 
     @property
     def initial_contact_points(self) -> np.ndarray:
@@ -308,6 +325,11 @@ class MapFitter:
         self._initial[curves] = _with_absolute_baseline(model, p)
         c = p[:, 1, None]
         depth = samples.x.max(axis=-1, keepdims=True) - c
+        max_force = model.contact_force(p).max(axis=-1)
+        rms = np.sqrt((model.residual(p) ** 2).mean(axis=-1))
+        self.fits.reason[curves[max_force < MIN_SIGNAL_TO_NOISE * rms]] = NOISY
+        deflection = model.forward_model.experiment.compliance * max_force
+        self._initial_depths[curves] = depth[:, 0] - deflection
         margin = np.maximum(
             MAX_BASELINE_DEPTHS * depth,
             MIN_BASELINE_FRACTION * np.ptp(samples.x, axis=-1, keepdims=True),
@@ -373,7 +395,7 @@ class MapFitter:
         # Relative excess of the depth over the solved one, up to which the load curve may be
         # continued as a power law.
         depth_tolerance = 0.02
-        max_depth = (1.0 + depth_tolerance) * self.model.forward_model.max_depth
+        max_depth = (1.0 + depth_tolerance) * self.model.max_depth
         uncertainty = NORMAL_95 * fits.theta_sd[curves]
         for reason, is_rejected in (
             (UNCERTAIN, ~(uncertainty < math.log(MAX_UNCERTAINTY_FACTOR))),

@@ -40,14 +40,29 @@ from indent_sim.fitting.fit_folder import (
 )
 from indent_sim.fitting.forward_model.forward_model import ForwardModelCache
 from indent_sim.fitting.forward_model.parameters import number_at, replace_numbers
+from indent_sim.fitting.inference.model_assessment import Interval
 from indent_sim.fitting.inference.noise import NORMAL_95
 from indent_sim.fitting.inference.pooled_noise import (
     MIN_BASELINE_SAMPLES,
     MIN_BASELINES,
     PooledNoise,
 )
-from indent_sim.fitting.map_fit import FITTED, REASONS, UNCERTAIN, MapFitter, MapModel, PixelFits
-from indent_sim.fitting.map_scene import HEIGHT_KEY, MapScene, plan_map, thickness_model
+from indent_sim.fitting.map_fit import (
+    FITTED,
+    REASONS,
+    TOO_DEEP,
+    UNCERTAIN,
+    MapFitter,
+    MapModel,
+    PixelFits,
+)
+from indent_sim.fitting.map_scene import (
+    HEIGHT_KEY,
+    MapScene,
+    plan_map,
+    thickness_model,
+    thinnest_body,
+)
 from indent_sim.process.errors import NotConverged, UsageError
 from indent_sim.process.limits import write_error
 from indent_sim.process.version import VERSION
@@ -204,20 +219,25 @@ def _initial_fit(
     scene: MapScene, thickness: Thickness | None
 ) -> tuple[MapFitter, np.ndarray | None]:
     """Return the fitter after its first pass, and the thickness of each curve (N,)."""
-    places = scene.curves.places
     model = MapModel(scene.forward_model, scene.request.origin)
-    thicknesses = None
-    if thickness is not None and thickness.values is not None:
-        thicknesses = thickness.values[places[:, 0], places[:, 1]]
-        model = thickness_model(scene, thicknesses)
     fitter = MapFitter(scene.samples, len(scene.curves), model)
     with np.errstate(all="ignore"):
         fitter.fit_initially()
-    if thickness is not None and thickness.mean is not None:
+    if thickness is None or not np.isfinite(fitter.initial_depths).any():
+        return fitter, None
+    if thickness.values is not None:
+        places = scene.curves.places
+        thicknesses = thickness.values[places[:, 0], places[:, 1]]
+    else:
+        assert thickness.mean is not None
         height = _surface_height(scene.curves, fitter.initial_contact_points)
         height = np.where(np.isfinite(height), height, np.nanmedian(height))
         thicknesses = thickness.mean + height - np.median(height)
-        fitter.model = thickness_model(scene, thicknesses)
+    # The contact point moves by less than this fraction of the depth when the thickness is right.
+    margin = 1.1
+    max_depth = margin * float(np.nanmax(fitter.initial_depths))
+    fitter.model = thickness_model(scene, thicknesses, max_depth)
+    fitter.reject(thicknesses < thinnest_body(max_depth), TOO_DEEP)
     return fitter, thicknesses
 
 
@@ -462,13 +482,16 @@ def _summary(scene: MapScene, map_fit: MapFit, record: dict[str, Any]) -> str:
     if record["fitted"]:
         config = scene.request.config
         key = map_fit.key
-        median, low, high = (
-            format_value(key, config, number) for number in (record["median"], *record["quartiles"])
+        low, high = record["quartiles"]
+        interval = Interval(record["median"], low, high)
+        median_text, low_text, high_text = (
+            format_value(key, config, number, interval) for number in (interval.value, low, high)
         )
         width = 50.0 * np.nanmedian((map_fit.high - map_fit.low) / map_fit.value)
         name = key.rpartition(".")[2]
         sentences.append(
-            f"{name} = {median} in the median, {low} to {high} for the middle half; the half width "
+            f"{name} = {median_text} in the median, {low_text} to {high_text} for the middle half; "
+            f"the half width "
             f"of an interval is {width:.2g} % in the median"
         )
         sentences.append(f"Noise of the map: {noise_text(map_fit.noise)}")
@@ -645,9 +668,11 @@ def _draw(map_fit: MapFit, sample: list[CurveFit], request: FitRequest, director
 
     map_picture.draw_map(map_fit, request.config, directory / MAP_PICTURE)
     (directory / PICTURES).mkdir(exist_ok=True)
-    for fit in sample:
-        if fit.plotted is not None:
-            fit_picture.draw_curve(fit, request.config, directory / PICTURES / f"{fit.name}.png")
+    # Pictures of single curves take longer than the fit of a small map.
+    max_pictures = 12
+    plotted = [fit for fit in sample if fit.plotted is not None]
+    for fit in plotted[:: max(1, len(plotted) // max_pictures)]:
+        fit_picture.draw_curve(fit, request.config, directory / PICTURES / f"{fit.name}.png")
 
 
 def _si_unit(request: FitRequest, kind: str | None) -> tuple[str, float]:

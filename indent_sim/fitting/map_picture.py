@@ -149,7 +149,7 @@ def _draw_image(
     )
     axes.set_facecolor(NO_VALUE)
     _label_axes(axes, map_fit)
-    figure.colorbar(image, ax=axes, label=label, fraction=0.046, pad=0.04)
+    figure.colorbar(image, ax=axes, label=label, shrink=0.9)
 
 
 def _extent(map_fit: MapFit) -> dict[str, Any]:

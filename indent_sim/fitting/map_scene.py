@@ -122,7 +122,7 @@ def _check_model(forward_model: ForwardModel, request: FitRequest) -> None:
         )
 
 
-def thickness_model(scene: MapScene, thickness: np.ndarray) -> MapModel:
+def thickness_model(scene: MapScene, thickness: np.ndarray, max_depth: float) -> MapModel:
     """Return the model of a map whose pixels have different thicknesses.
 
     Load curves are solved for thicknesses at equal ratios and interpolated by splines.
@@ -132,7 +132,10 @@ def thickness_model(scene: MapScene, thickness: np.ndarray) -> MapModel:
     scene
         The scene, with a body that has a height.
     thickness
-        Thickness of each curve (N,) [length].
+        Thickness of each curve (N,) [length]. Load curves of thinner bodies than
+        `thinnest_body(max_depth)` are those of this thickness.
+    max_depth
+        Largest depth of the map [length].
 
     Raises
     ------
@@ -143,9 +146,7 @@ def thickness_model(scene: MapScene, thickness: np.ndarray) -> MapModel:
     number_at(config, HEIGHT_KEY)
     if not (np.isfinite(thickness).all() and (thickness > 0).all()):
         raise ConfigError("--thickness", "is not positive for every curve", "give other heights")
-    max_depth = scene.forward_model.max_depth
-    thinnest = MIN_HEIGHT_DEPTHS * max_depth
-    log_h = np.log(np.maximum(thickness, thinnest))
+    log_h = np.log(np.maximum(thickness, thinnest_body(max_depth)))
     # Ratios of neighbouring thicknesses that are solved, and of those that are tabulated: the force
     # of a thin layer changes by 0.1 to 0.3 % between two rows of the table.
     solved_ratio = 0.05
@@ -161,6 +162,11 @@ def thickness_model(scene: MapScene, thickness: np.ndarray) -> MapModel:
     coefficients = spline(np.linspace(low, high, row_count))
     table = TabulatedLoadCurve(replace(curves[0], coefficients=coefficients), interval_count=300)
     return MapModel(scene.forward_model, scene.request.origin, table, rows)
+
+
+def thinnest_body(max_depth: float) -> float:
+    """Return the smallest thickness [length] that is solved for a depth [length]."""
+    return MIN_HEIGHT_DEPTHS * max_depth
 
 
 def _solve_thickness(config: Config, height: float, max_depth: float, exponent: float):  # type: ignore[no-untyped-def]

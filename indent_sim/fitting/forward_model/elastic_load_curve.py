@@ -135,7 +135,7 @@ class TabulatedLoadCurve:
                 ]
             )
         self._interval_count = interval_count
-        self._max_depth = load_curve.max_depth
+        self.max_depth = load_curve.max_depth
         self._interval = h
         self._polynomials = np.concatenate(polynomials, axis=1)
 
@@ -157,7 +157,7 @@ class TabulatedLoadCurve:
             F [force] and dF/d(delta) [force/length], 0 out of contact.
         """
         is_in_contact = delta > 0
-        root = np.sqrt(np.where(is_in_contact, delta, 0.0) / self._max_depth)
+        root = np.sqrt(np.where(is_in_contact, delta, 0.0) / self.max_depth)
         position = root / self._interval
         node = np.minimum(position.astype(np.intp), self._interval_count - 1)
         u = position - node
@@ -167,7 +167,7 @@ class TabulatedLoadCurve:
         force = c0 + u * (c1 + u * (c2 + u * c3))
         slope = c1 + u * (2.0 * c2 + 3.0 * u * c3)
         # The smallest root avoids 0/0 at first contact.
-        root_change = 2.0 * self._max_depth * self._interval * np.maximum(root, 1e-9)
+        root_change = 2.0 * self.max_depth * self._interval * np.maximum(root, 1e-9)
         return force * is_in_contact, slope / root_change * is_in_contact
 
     def force(self, delta: np.ndarray) -> np.ndarray:
