@@ -27,7 +27,7 @@ def draw_map(map_fit: MapFit, config: Config, path: Path, panels: tuple[str, ...
     names = panels or default_panels(map_fit)
     columns = min(len(names), 2)
     rows = math.ceil(len(names) / columns)
-    with figures.new_figure((5.2 * columns, 4.3 * rows)) as figure:
+    with figures.new_figure((6.0 * columns, 4.3 * rows)) as figure:
         axes = np.atleast_1d(figure.subplots(rows, columns)).ravel()
         for one, name in zip(axes, names, strict=False):
             PANELS[name](figure, one, map_fit, config)
@@ -107,7 +107,6 @@ def _draw_histogram(figure: Figure, axes: Axes, map_fit: MapFit, config: Config)
     axis = _value_axis(map_fit, config)
     values = axis(map_fit.value)
     values = values[np.isfinite(values) & (values > 0)]
-    axes.set_title("distribution")
     axes.set(xlabel=axis.label, ylabel="curves")
     if not len(values):
         return
@@ -122,13 +121,8 @@ def _draw_histogram(figure: Figure, axes: Axes, map_fit: MapFit, config: Config)
     quartiles = np.percentile(values, [25, 50, 75])
     for value, style in zip(quartiles, (":", "-", ":"), strict=True):
         axes.axvline(value, color=INK, ls=style, lw=1.2)
-    axes.annotate(
-        f"median {quartiles[1]:.4g}\nmiddle half {quartiles[0]:.4g} to {quartiles[2]:.4g}",
-        (0.97, 0.95),
-        xycoords="axes fraction",
-        ha="right",
-        va="top",
-        fontsize="small",
+    axes.set_title(
+        f"median {quartiles[1]:.4g}, middle half {quartiles[0]:.4g} to {quartiles[2]:.4g}"
     )
 
 

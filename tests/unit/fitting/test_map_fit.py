@@ -1,0 +1,171 @@
+"""Maps: curves of one scene that are fitted together, and the noise that they share."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from measurements import HALF_SPACE, drawn, scene
+from scipy.linalg import toeplitz
+
+from indent_sim.fitting import map_fit
+from indent_sim.fitting.forward_model.forward_model import ForwardModel
+from indent_sim.fitting.inference.estimate import OriginOptions, Samples, fit_model
+from indent_sim.fitting.inference.noise import Noise
+from indent_sim.fitting.inference.pooled_noise import (
+    NoiseComponent,
+    PooledNoise,
+    estimate_pooled_noise,
+)
+from indent_sim.fitting.map_fit import REASONS, MapFitter, MapModel, PixelFits
+
+MAX_DEPTH = 0.14
+N = 300
+X = np.linspace(-0.1, 0.113, N)
+SPRING = {"cantilever": {"stiffness": 0.5}}
+
+
+def curves(
+    model: ForwardModel, count: int, noise: Noise, x: np.ndarray = X, seed: int = 2
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Forces (count, n) on tilted baselines, with 1 % of noise; moduli and contact points."""
+    draw = np.random.default_rng(seed)
+    theta = draw.uniform(-0.7, 1.4, count)
+    c = 0.013 + 0.005 * draw.uniform(-1.0, 1.0, count)
+    force = model(theta[:, None], x - c[:, None])
+    scale = force.max(axis=-1, keepdims=True)
+    noises = np.array([drawn(noise, len(x), draw) for _ in range(count)])
+    return force + scale * (0.01 * noises + 0.3 + 0.05 * x / x.max()), theta, c
+
+
+def fitted(model: ForwardModel, force: np.ndarray, x: np.ndarray = X) -> PixelFits:
+    """Fits of the curves (count, n) of a map."""
+    fitter = MapFitter(lambda k: Samples(x, force[k]), len(force), MapModel(model))
+    fitter.fit_initially()
+    noise = fitter.estimate_noise()
+    assert noise is not None
+    fitter.fit(noise)
+    return fitter.fits
+
+
+@pytest.mark.parametrize(
+    ("noise", "spring"),
+    [(Noise(), {}), (Noise(10.0, 0.5), {}), (Noise(5.0, 0.0003), {}), (Noise(10.0, 0.5), SPRING)],
+    ids=["white", "half AR 10", "AR 5", "half AR 10 behind a spring"],
+)
+def test_intervals_of_a_map_hold_modulus_and_contact_point(noise, spring):
+    """Intervals of 95 % contain the truth, and a right scene is not contradicted.
+
+    Of 256 intervals, fewer than 231 or more than 254 happen once in 1000 by chance, if 95 % hold.
+    """
+    model = ForwardModel(scene(experiment=spring) if spring else scene(), ["material.E"], MAX_DEPTH)
+    x = np.linspace(-0.1, 0.2, N) if spring else X
+    force, theta, c = curves(model, 256, noise, x)
+    fits = fitted(model, force, x)
+    assert fits.is_fitted.all()
+    for value, sd, truth in (
+        (fits.theta, fits.theta_sd, theta),
+        (fits.contact_point, fits.contact_point_sd, c),
+    ):
+        assert 231 <= np.count_nonzero(abs(value - truth) < 1.96 * sd) <= 254
+    # 0.1 % of tests fail by chance.
+    assert np.count_nonzero(fits.is_explained) >= 252
+
+
+def test_a_map_gives_the_values_of_single_curves():
+    """The values differ from those of single fits by little more than the noises differ."""
+    model = ForwardModel(scene(), ["material.E"], MAX_DEPTH)
+    force, _, _ = curves(model, 64, Noise())
+    fits = fitted(model, force)
+    for k in range(0, 64, 16):
+        single = fit_model(model, Samples(X, force[k]), OriginOptions())
+        assert abs(single.theta[0] - fits.theta[k]) < 0.2 * fits.theta_sd[k]
+        assert single.sd[0] == pytest.approx(fits.theta_sd[k], rel=0.3)
+
+
+def test_wrong_thickness_is_seen_by_the_map():
+    """Curves of a thin layer contradict a half-space."""
+    layer = ForwardModel(scene({"shape": "layer", "height": 0.6}), ["material.E"], MAX_DEPTH)
+    half_space = ForwardModel(scene(HALF_SPACE), ["material.E"], MAX_DEPTH)
+    force, _, _ = curves(layer, 64, Noise())
+    fits = fitted(half_space, force)
+    assert np.count_nonzero(fits.is_explained) <= 6
+
+
+def test_curves_without_a_contact_are_rejected_for_their_reasons():
+    """Each kind of curve has its own reason, and good curves are not rejected."""
+    model = ForwardModel(scene(), ["material.E"], MAX_DEPTH)
+    force, _, _ = curves(model, 96, Noise())
+    draw = np.random.default_rng(0)
+    force[0] = 0.01 * draw.standard_normal(N)
+    force[1] = np.minimum(force[1], 0.5 * force[1].max())
+    force[2, 7] = np.nan
+    force[3] = 1.0
+    force[4] = -force[4]
+    reasons = fitted(model, force).reason
+    expected = [
+        map_fit.NOISY,
+        map_fit.SATURATED,
+        map_fit.INCOMPLETE,
+        map_fit.CONSTANT_FORCE,
+        map_fit.NOT_RISING,
+    ]
+    assert [REASONS[k] for k in reasons[:5]] == [REASONS[k] for k in expected]
+    assert not reasons[5:].any()
+
+
+def test_curves_of_different_lengths_and_few_points():
+    model = ForwardModel(scene(), ["material.E"], MAX_DEPTH)
+    force, theta, _ = curves(model, 80, Noise())
+    starts = [0, 17, 60]
+
+    def read(k: int) -> Samples:
+        start = 290 if k == 3 else starts[k % 3]
+        return Samples(X[start:], force[k, start:])
+
+    fitter = MapFitter(read, 80, MapModel(model))
+    fitter.fit_initially()
+    noise = fitter.estimate_noise()
+    assert noise is not None
+    fitter.fit(noise)
+    fits = fitter.fits
+    assert fits.reason[3] == map_fit.FEW_POINTS and np.count_nonzero(fits.reason) == 1
+    inside = abs(fits.theta - theta)[fits.is_fitted] < 1.96 * fits.theta_sd[fits.is_fitted]
+    assert np.count_nonzero(inside) >= 70
+
+
+def test_variance_of_the_pooled_noise_is_that_of_the_dense_covariance():
+    components = (NoiseComponent(0.0), NoiseComponent(8.0), NoiseComponent(300.0, 120.0))
+    noise = PooledNoise(components, (0.3, 0.5, 0.2))
+    rows = np.random.default_rng(1).standard_normal((3, 150))
+    V = toeplitz(noise.autocovariance(150))
+    # The circulant contains V exactly.
+    np.testing.assert_allclose(noise.variances(rows), np.einsum("ki,ij,kj->k", rows, V, rows))
+    assert V[0, 0] == pytest.approx(1.0)
+
+
+def test_metric_of_white_noise_is_the_identity():
+    rows = np.random.default_rng(1).standard_normal((2, 64))
+    metric = PooledNoise((NoiseComponent(0.0),), (1.0,)).metric(64)
+    np.testing.assert_allclose(metric.gram(rows), rows @ rows.T, rtol=1e-12)
+    np.testing.assert_allclose(metric.apply(rows), rows, rtol=1e-12)
+
+
+def test_noise_of_baselines_is_found():
+    """Half white and half correlated noise is found in 200 baselines of 128 samples."""
+    draw = np.random.default_rng(6)
+    line = np.linspace(0.0, 3.0, 128)
+    baselines = np.array([5.0 + line + drawn(Noise(10.0, 0.5), 128, draw) for _ in range(200)])
+    noise = estimate_pooled_noise(baselines)
+    # The likelihood of 25 000 numbers knows the fraction to 0.01 and the time to a tenth.
+    assert noise.white_fraction == pytest.approx(0.5, abs=0.05)
+    assert noise.correlation_time == pytest.approx(10.0, rel=0.3)
+    assert noise.wave_fraction == 0.0
+
+
+def test_waves_in_baselines_are_found():
+    draw = np.random.default_rng(7)
+    k = np.arange(128)
+    phases = draw.uniform(0.0, 2.0 * np.pi, 200)
+    waves = np.array([np.sqrt(2.0) * np.cos(2.0 * np.pi * k / 40.0 + phase) for phase in phases])
+    noise = estimate_pooled_noise(waves + draw.standard_normal((200, 128)))
+    assert noise.wave_fraction == pytest.approx(0.5, abs=0.1)
