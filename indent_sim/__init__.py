@@ -3,8 +3,8 @@ estimate of each number.
 
 The names of a notebook: `load` a scene from a file or a dictionary, `resolve` it to a Scene, walk
 its `states` or `condense` its body, `simulate` it into a result folder, `read` one; `plan`,
-`require`, `study`, `compare`, `plot` and `fit` are the commands of these names; `sensitivities` are
-derivatives of the force.
+`require`, `study`, `compare`, `plot` and `fit` are the commands of these names; `fit_map` is a fit
+of a map of curves; `sensitivities` are derivatives of the force.
 """
 
 # No module is imported here, not even `typing`: Ctrl-C until the program has started would be a
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from indent_sim.cli.calls import compare, plan, plot, read, require, sensitivities, study
     from indent_sim.config.scene_file import load
-    from indent_sim.fitting.notebook import fit
+    from indent_sim.fitting.notebook import fit, fit_map
     from indent_sim.process.version import VERSION as __version__
     from indent_sim.run.pipeline import condense, simulate, states
     from indent_sim.scene.scene import resolve
@@ -27,6 +27,7 @@ __all__ = [
     "compare",
     "condense",
     "fit",
+    "fit_map",
     "load",
     "plan",
     "plot",
@@ -54,10 +55,10 @@ def __getattr__(name: str) -> "Any":
         from indent_sim.scene.scene import resolve
 
         return resolve
-    if name == "fit":
-        from indent_sim.fitting.notebook import fit
+    if name in ("fit", "fit_map"):
+        from indent_sim.fitting import notebook
 
-        return fit
+        return getattr(notebook, name)
     if name in ("simulate", "states", "condense"):
         from indent_sim.run import pipeline
 

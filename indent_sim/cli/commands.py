@@ -632,7 +632,8 @@ def compare(
     "--what",
     callback=parse_words,
     help="Panels, separated by commas: force, time, pressure, pressure_x, pressure_y, profile, "
-    "fields, film; for a study one of curves, force, a, p_max, penetration.",
+    "fields, film; for a study one of curves, force, a, p_max, penetration; for a fitted map "
+    "modulus, height, interval, cause, histogram.",
 )
 @click.option(
     "--field",
@@ -712,6 +713,8 @@ def plot(paths: tuple[Path, ...], output: Path | None, **given_options: Any) -> 
     options = {name: value for name, value in given_options.items() if value}
     if any(path.is_dir() and folder_kind(path) == "study" for path in paths):
         return _plot_study(paths, output, options)
+    if len(paths) == 1 and paths[0].is_dir() and folder_kind(paths[0]) == "fit":
+        return _plot_map(paths[0], output, options)
     request = panels.plot_request(options) if options else None
     runs = [reader.read(path) for path in paths]
     if output is not None and output.suffix.lower() == ".tab":
@@ -724,6 +727,30 @@ def plot(paths: tuple[Path, ...], output: Path | None, **given_options: Any) -> 
         figures.refuse_foreign_picture(output)
     try:
         panels.draw(runs, request, output) if request else panels.draw_results(runs, output)
+    except OSError as error:
+        raise write_error(output, error) from error
+    print_stdout(str(output))
+
+
+def _plot_map(folder: Path, output: Path | None, options: dict[str, Any]) -> None:
+    """Plot panels of a fitted map."""
+    from indent_sim.config.scene_file import config_from_mapping
+    from indent_sim.fitting import map_folder, map_picture
+    from indent_sim.results.pictures import figures
+
+    if unused_options := [name for name in options if name not in ("what", "dpi")]:
+        raise UsageError(
+            f"the picture of a map has no option {unused_options[0]}",
+            "there are --what, --dpi and --output",
+        )
+    map_fit = map_folder.read_map(folder)
+    panels = options.get("what", ())
+    if output is None:
+        output = folder / f"{'-'.join(panels) or 'map'}.png"
+        figures.refuse_foreign_picture(output)
+    config = config_from_mapping(map_fit.entry["request"]["scene"])
+    try:
+        map_picture.draw_map(map_fit, config, output, panels, options.get("dpi"))
     except OSError as error:
         raise write_error(output, error) from error
     print_stdout(str(output))

@@ -49,7 +49,19 @@ FIT_TABLE = "fit.csv"
 FIT_PICTURE = "fit.png"
 CURVES_FOLDER = "curves"
 PICTURES = "pictures"
-FIT_FILES = (FIT, FIT_TABLE, FIT_PICTURE, CURVES_FOLDER, PICTURES)
+MAP_FIELDS = "map.h5"
+MAP_TABLE = "map.csv"
+MAP_PICTURE = "map.png"
+FIT_FILES = (
+    FIT,
+    FIT_TABLE,
+    FIT_PICTURE,
+    CURVES_FOLDER,
+    PICTURES,
+    MAP_FIELDS,
+    MAP_TABLE,
+    MAP_PICTURE,
+)
 ReportLine = Callable[[str], None]
 Entry = dict[str, Any]
 
@@ -136,7 +148,7 @@ def fit_curves(
     for key in request.varied_keys:
         number_at(request.config, key)
     PlannedRun.resolve(request.config)
-    with open_locked(directory, request) as earlier_entries:
+    with open_locked(directory, request_identity(request)) as earlier_entries:
         writer = _Writer(directory, request, earlier_entries)
         try:
             curves = _read_curves(files, request, reading, writer)
@@ -227,8 +239,8 @@ class _Writer:
 
 
 @contextmanager
-def open_locked(directory: Path, request: FitRequest) -> Iterator[list[Entry]]:
-    """Lock the folder, and yield the entries of an earlier call with the same request.
+def open_locked(directory: Path, identity: Mapping[str, Any]) -> Iterator[list[Entry]]:
+    """Lock the folder, and yield the entries of an earlier call with the same settings.
 
     Raises
     ------
@@ -237,7 +249,7 @@ def open_locked(directory: Path, request: FitRequest) -> Iterator[list[Entry]]:
     """
     result_files.refuse_foreign(directory, "fit", (FIT_PICTURE,))
     report = read_report(directory, FIT)
-    if report and report.get("request") != _json_roundtrip(request_identity(request)):
+    if report and report.get("request") != _json_roundtrip(identity):
         problem = f"{directory} contains the fit of another scene or with other options"
         raise UsageError(problem, "choose another --output", str(directory))
     created_folders = [folder for folder in (directory, *directory.parents) if not folder.exists()]

@@ -12,11 +12,12 @@ from typing import Any
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import dump
-from indent_sim.fitting import fit_picture
+from indent_sim.fitting import fit_picture, map_picture
 from indent_sim.fitting.curve_fit import INTERVAL_KEYS, CurveFit, format_value
 from indent_sim.fitting.fit_folder import CURVES_FOLDER, FIT_TABLE
 from indent_sim.fitting.fit_table import read_curve_table
 from indent_sim.fitting.inference.model_assessment import Interval
+from indent_sim.fitting.map_folder import read_map
 from indent_sim.process.errors import IndentSimError, UsageError, printable
 from indent_sim.process.version import VERSION
 from indent_sim.results.atomic_files import read_regular_file
@@ -37,11 +38,15 @@ def fit_page(folder: Path) -> str:
         config = config_from_mapping(document)
         done_entries = [entry for entry in entries if entry["status"] == "done"]
         parts = _page_parts(folder, config, entries, done_entries, keys)
+        if "map" in record:
+            parts |= _map_parts(folder, config, record, parts)
     except (KeyError, TypeError, ValueError, AttributeError, IndentSimError) as error:
         raise UsageError(
             f"{folder} contains no readable fit: {type(error).__name__} {error}"
         ) from None
     curves_text = f"{len(entries)} curves"
+    if "map" in record:
+        curves_text = f"a map of {record['map']['curves']} curves"
     if len(entries) == 1 and done_entries:
         curves_text = done_entries[0]["curve"]
     title = f"{record['scene']} fitted to {curves_text}"
@@ -92,6 +97,23 @@ def _page_parts(
         "pictures": pictures,
         "tables": tables,
         "warnings": warnings,
+    }
+
+
+def _map_parts(
+    folder: Path, config: Config, record: Entry, parts: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return the content of the page of a map; further pictures are those of its sample."""
+    map_fit = read_map(folder)
+    picture = Picture(
+        figures.svg_element(partial(map_picture.draw_map, map_fit, config)),
+        "The map; grey pixels were refused",
+        broad=True,
+    )
+    return {
+        "said": [map_fit.words],
+        "pictures": [picture, *parts["pictures"][1:]],
+        "warnings": record["warnings"],
     }
 
 

@@ -14,11 +14,12 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from indent_sim.config.quantities import si_factor
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.fitting import fit_table
 from indent_sim.fitting.curve_fit import (
     CurveFit,
@@ -34,6 +35,9 @@ from indent_sim.fitting.curve_fit import (
 from indent_sim.fitting.fit_folder import (
     CURVES_FOLDER,
     FIT_TABLE,
+    MAP_FIELDS,
+    MAP_PICTURE,
+    MAP_TABLE,
     PICTURES,
     ReadOptions,
     open_locked,
@@ -45,6 +49,7 @@ from indent_sim.fitting.inference.noise import NORMAL_95
 from indent_sim.fitting.inference.pooled_noise import (
     MIN_BASELINE_SAMPLES,
     MIN_BASELINES,
+    NoiseComponent,
     PooledNoise,
 )
 from indent_sim.fitting.map_fit import (
@@ -72,11 +77,11 @@ from indent_sim.results.map_images import gwyddion_field, read_image, tiff_image
 from indent_sim.results.measured.curve_file import curve_files, read_curves
 from indent_sim.results.measured.measured_map import MeasuredMap
 from indent_sim.results.measured.measurement import MeasuredCurve, NoCurve
-from indent_sim.results.result_files import FIT, PROGRAM
+from indent_sim.results.result_files import FIT, PROGRAM, read_report
 
-MAP_FIELDS = "map.h5"
-MAP_TABLE = "map.csv"
-MAP_PICTURE = "map.png"
+if TYPE_CHECKING:
+    from indent_sim.results.pictures.figures import Figure
+
 # Curves that are also fitted one by one: as many at random as with the largest misfit.
 SAMPLE_SIZE = 48
 ReportLine = Callable[[str], None]
@@ -133,6 +138,17 @@ class MapFit:
     def words(self) -> str:
         """Sentences on the result."""
         return str(self.entry["words"])
+
+    def figure(self, *panels: str) -> Figure:
+        """Return the figure of the map: modulus, height, interval or cause, and histogram.
+
+        `panels` names some of these only.
+        """
+        from indent_sim.fitting import map_picture
+
+        config = config_from_mapping(self.entry["request"]["scene"])
+        with map_picture.map_figure(self, config, panels) as figure:
+            return figure
 
 
 @dataclass(frozen=True)
@@ -377,6 +393,7 @@ def _entry(
     }
     warnings = [*scene.notes, *_warnings(scene, map_fit, record)]
     return {
+        "request": request_identity(scene.given_request),
         "scene": str(scene.request.config.source.name),
         "vary": list(scene.request.varied_keys),
         "map": record,
@@ -597,8 +614,10 @@ def fit_map_folder(
         Function that is called with each line of progress.
     """
     pixel_thickness = parse_thickness(thickness, request, curves.shape) if thickness else None
-    with open_locked(directory, request):
+    identity = dict(request_identity(request)) | {"map": {"thickness": thickness}}
+    with open_locked(directory, identity):
         map_fit, sample = fit_map(curves, request, pixel_thickness, tell)
+        map_fit = replace(map_fit, entry=map_fit.entry | {"request": identity})
         write_map(map_fit, sample, request, directory)
     tell(map_fit.words)
     for warning in map_fit.entry["warnings"]:
@@ -657,8 +676,7 @@ def write_map(
         status = "done" if map_fit.entry["map"]["fitted"] else "failed"
         code = 0 if status == "done" else NotConverged.exit_code
         header = {"program": PROGRAM, "version": VERSION, "status": status, "exit_code": code}
-        record = header | map_fit.entry | {"request": request_identity(request)}
-        write_atomically(directory / FIT, to_json(record) + "\n")
+        write_atomically(directory / FIT, to_json(header | map_fit.entry) + "\n")
     except OSError as error:
         raise write_error(directory, error) from error
 
@@ -735,6 +753,43 @@ def _table(map_fit: MapFit, quantities: dict[str, np.ndarray]) -> str:
 
 def _cell(value: float) -> str:
     return f"{value:.7g}" if math.isfinite(value) else ""
+
+
+def read_map(folder: Path) -> MapFit:
+    """Return the map of a folder; raise UsageError if it has no readable map."""
+    import h5py
+
+    entry = read_report(folder, FIT)
+    try:
+        with h5py.File(folder / MAP_FIELDS) as file:
+            arrays = {name: np.asarray(data) for name, data in file.items()}
+            key = str(file.attrs["key"])
+            size = file.attrs.get("size_m")
+        noise = entry["map"]["noise"]
+        components = tuple(
+            NoiseComponent(one["decay_length"], one["wavelength"] or math.inf)
+            for one in noise["components"]
+        )
+        return MapFit(
+            key,
+            arrays.pop(key),
+            arrays.pop(f"{key}_low"),
+            arrays.pop(f"{key}_high"),
+            arrays.pop("statistical_low"),
+            arrays.pop("statistical_high"),
+            arrays.pop("explained"),
+            arrays.pop("reason").astype(int),
+            arrays.pop("height"),
+            arrays.pop("thickness", None),
+            arrays,
+            None if size is None else (float(size[0]), float(size[1])),
+            PooledNoise(components, tuple(noise["weights"]), noise["baselines"], noise["samples"]),
+            entry,
+        )
+    except (OSError, KeyError, TypeError, ValueError) as error:
+        raise UsageError(
+            f"{folder} contains no readable map: {type(error).__name__} {error}"
+        ) from None
 
 
 def parse_thickness(text: str, request: FitRequest, shape: tuple[int, int]) -> Thickness:

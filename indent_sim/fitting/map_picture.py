@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from indent_sim.config.schema import Config
 from indent_sim.fitting.curve_fit import quantity_kind
+from indent_sim.process.errors import UsageError
 from indent_sim.results.pictures import figures
 from indent_sim.results.pictures.axes import Axis, scaled_axis
 from indent_sim.results.pictures.figures import COLOURS, GREY, INK, Axes, Figure
@@ -22,8 +24,31 @@ if TYPE_CHECKING:
 NO_VALUE = "#d0d0d0"  # colour of pixels without a value
 
 
-def draw_map(map_fit: MapFit, config: Config, path: Path, panels: tuple[str, ...] = ()) -> None:
-    """Draw panels of a map into a file: all four, or those that are named in PANELS."""
+def draw_map(
+    map_fit: MapFit,
+    config: Config,
+    path: Path,
+    panels: Sequence[str] = (),
+    dpi: float | None = None,
+) -> None:
+    """Draw panels of a map into a file; see `map_figure`."""
+    with map_figure(map_fit, config, panels) as figure:
+        figures.save(figure, path, dpi)
+
+
+@contextmanager
+def map_figure(map_fit: MapFit, config: Config, panels: Sequence[str] = ()) -> Iterator[Figure]:
+    """Yield the figure of a map with its four panels, or with those that are named in PANELS.
+
+    Raises
+    ------
+    UsageError
+        If there is no such panel.
+    """
+    if wrong := [name for name in panels if name not in PANELS]:
+        raise UsageError(
+            f"a map has no panel {wrong[0]}", f"--what must be one of {', '.join(PANELS)}"
+        )
     names = panels or default_panels(map_fit)
     columns = min(len(names), 2)
     rows = math.ceil(len(names) / columns)
@@ -38,7 +63,7 @@ def draw_map(map_fit: MapFit, config: Config, path: Path, panels: tuple[str, ...
         refused = f", {curves - fitted} refused" if curves > fitted else ""
         key = map_fit.key
         figures.draw_title(figure, f"{fitted} of {curves} curves fitted{refused}", f"varied: {key}")
-        figures.save(figure, path)
+        yield figure
 
 
 def default_panels(map_fit: MapFit) -> tuple[str, ...]:

@@ -42,6 +42,8 @@ class MapScene:
 
     Attributes
     ----------
+    given_request
+        Settings of the fit as they were given.
     request
         Settings of the fit, with the scene that the curves need, such as its spring.
     curves
@@ -52,6 +54,7 @@ class MapScene:
         Sentences about assumptions.
     """
 
+    given_request: FitRequest
     request: FitRequest
     curves: MeasuredMap
     forward_model: ForwardModel
@@ -103,7 +106,7 @@ def plan_map(curves: MeasuredMap, request: FitRequest, tables: ForwardModelCache
         ) from None
     _check_model(forward_model, request)
     planned = replace(request, config=config)
-    return MapScene(planned, curves, forward_model, tuple(notes))
+    return MapScene(request, planned, curves, forward_model, tuple(notes))
 
 
 def _check_keys(request: FitRequest) -> None:

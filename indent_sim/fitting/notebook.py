@@ -1,4 +1,4 @@
-"""Fit of one curve from Python, with its parameters and a figure."""
+"""Fits of a curve and of a map from Python, with their parameters and figures."""
 
 from __future__ import annotations
 
@@ -11,12 +11,15 @@ import numpy as np
 
 from indent_sim.config.scene_file import config_from_mapping, load
 from indent_sim.config.schema import Config
+from indent_sim.fitting import map_folder
 from indent_sim.fitting.curve_fit import INTERVAL_KEYS, CurveFit, FitRequest, ModelChoice, fit_curve
 from indent_sim.fitting.forward_model.forward_model import ForwardModelCache
 from indent_sim.fitting.inference.estimate import OriginOptions
 from indent_sim.fitting.inference.model_assessment import Interval
+from indent_sim.fitting.map_folder import MapFit
 from indent_sim.process.errors import NotConverged, UsageError
 from indent_sim.results.measured.curve_file import read_curves
+from indent_sim.results.measured.measured_map import MeasuredMap
 from indent_sim.results.measured.measurement import CurvePart, MeasuredCurve, curve_parts
 
 if TYPE_CHECKING:
@@ -94,12 +97,7 @@ def fit(
     ConfigError
         If a key or the scene is invalid.
     """
-    if isinstance(scene, Config):
-        config = scene
-    elif isinstance(scene, Mapping):
-        config = config_from_mapping(scene)
-    else:
-        config = load(scene)
+    config = _load_scene(scene)
     request = FitRequest(config, tuple(vary), segment, OriginOptions(contact_point), models)
     curve_fit = fit_curve(_read_curve(curve, columns, units), request, ForwardModelCache())
     if not curve_fit.is_done:
@@ -114,6 +112,76 @@ def fit(
         curve_fit,
         config,
     )
+
+
+def fit_map(
+    curves: str | Path | MeasuredMap | tuple[Any, Any],
+    scene: Config | Mapping[str, Any] | str | Path,
+    vary: str = "material.E",
+    *,
+    thickness: str | np.ndarray | None = None,
+    contact_point: float | None = None,
+) -> MapFit:
+    """Fit the modulus of a scene to every curve of a map.
+
+    Parameters
+    ----------
+    curves
+        File of a map, a `MeasuredMap`, or arrays (depth, force) in the units of the scene: depth of
+        shape (n,) or (rows, columns, n), force of shape (rows, columns, n).
+    scene
+        The scene, or its document or file.
+    vary
+        Key of the modulus.
+    thickness
+        Thickness of each pixel (rows, columns) [length], or the text of `--thickness`.
+    contact_point
+        Displacement at first contact, if it is known.
+
+    Raises
+    ------
+    UsageError
+        If there is no map, or too few curves have a baseline.
+    ConfigError
+        If a key or the scene is invalid.
+    """
+    request = FitRequest(_load_scene(scene), (vary,), "approach", OriginOptions(contact_point))
+    measured_map = _read_map(curves)
+    pixels = None
+    if isinstance(thickness, str):
+        pixels = map_folder.parse_thickness(thickness, request, measured_map.shape)
+    elif thickness is not None:
+        pixels = map_folder.Thickness(values=np.asarray(thickness, dtype=float))
+    return map_folder.fit_map(measured_map, request, pixels)[0]
+
+
+def _read_map(curves: str | Path | MeasuredMap | tuple[Any, Any]) -> MeasuredMap:
+    if isinstance(curves, MeasuredMap):
+        return curves
+    if isinstance(curves, tuple):
+        depth, force = (np.asarray(values, dtype=float) for values in curves)
+        if force.ndim != 3 or depth.shape not in (force.shape, force.shape[-1:]):
+            raise UsageError("a map needs depths (n,) or (rows, columns, n), and as many forces")
+        depths = np.broadcast_to(depth, force.shape).reshape(-1, force.shape[-1])
+        forces = force.reshape(-1, force.shape[-1])
+        rows, columns = force.shape[:2]
+
+        def read_curve(index: int) -> MeasuredCurve:
+            parts = curve_parts(depths[index])
+            return MeasuredCurve("curve", forces[index], depths[index], parts=parts)
+
+        places = np.column_stack(np.divmod(np.arange(rows * columns), columns))
+        return MeasuredMap((rows, columns), None, places, read_curve, units={})
+    found = read_curves(curves)
+    if not isinstance(found, MeasuredMap):
+        raise UsageError(f"{curves} contains no grid of curves")
+    return found
+
+
+def _load_scene(scene: Config | Mapping[str, Any] | str | Path) -> Config:
+    if isinstance(scene, Config):
+        return scene
+    return config_from_mapping(scene) if isinstance(scene, Mapping) else load(scene)
 
 
 def _read_curve(

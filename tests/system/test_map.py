@@ -1,0 +1,209 @@
+"""Fits of maps from the shell and from Python: files, images, pictures, reports, refusals."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import h5py
+import jpk_files
+import numpy as np
+import pytest
+import yaml
+from click.testing import CliRunner
+
+from indent_sim import fit_map
+from indent_sim.cli import commands
+from indent_sim.config.scene_file import config_from_mapping
+from indent_sim.fitting.forward_model.forward_model import ForwardModel
+from indent_sim.fitting.map_folder import read_map
+from indent_sim.results.map_images import read_image
+
+SIZE = 10
+POINTS = 240
+STIFFNESS = 1e3 * jpk_files.STIFFNESS  # nN/um
+SCENE = {
+    "units": {"length": "um", "force": "nN"},
+    "body": {"shape": "layer", "height": 4.0},
+    "material": {"model": "linear_elastic", "E": 2.0, "nu": 0.5},
+    "indenter": {"shape": "sphere", "R": 5.0},
+    "loading": {"delta": 0.5},
+    "experiment": {"cantilever": {"stiffness": STIFFNESS}},
+}
+TRUE_MODULI = np.where(np.add.outer(np.arange(SIZE), np.arange(SIZE)) < SIZE, 2.0, 5.0)
+DEAD = (3, 4)
+
+
+def true_curves() -> tuple[np.ndarray, np.ndarray]:
+    """Displacements (n,) [um] and forces (rows, columns, n) [nN] with 1 % of white noise."""
+    model = ForwardModel(config_from_mapping(SCENE), ["material.E"], 1.2)
+    z = np.linspace(-1.5, 1.0, POINTS)
+    draw = np.random.default_rng(4)
+    force = model(np.log(TRUE_MODULI.reshape(-1, 1)), z).reshape(SIZE, SIZE, POINTS)
+    force[DEAD] = 0.0
+    return z, force + 0.05 * draw.standard_normal(force.shape) + 0.02 * z
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a JPK map, a scene, and the fit of the map."""
+    folder = tmp_path_factory.mktemp("map")
+    z, force = true_curves()
+    curves = [
+        [
+            jpk_files.measured("extend", 1e-6 * z, 1e-9 * one),
+            jpk_files.measured("retract", 1e-6 * z[::-8], 1e-9 * one[::-8]),
+        ]
+        for one in force.reshape(-1, POINTS)
+    ]
+    grid = jpk_files.Grid(SIZE, SIZE, 2e-5, 1e-5, back_and_forth=False)
+    jpk_files.write(
+        folder / "cells.jpk-force-map", jpk_files.members(curves, "force-scan-map", grid)
+    )
+    (folder / "scene.yaml").write_text(yaml.safe_dump(SCENE))
+    done = fit(folder, "--output", str(folder / "fit"))
+    assert done.exit_code == 0, done.output
+    return folder
+
+
+def fit(folder: Path, *options: str):  # type: ignore[no-untyped-def]
+    """Call `indent-sim fit` with the map."""
+    return CliRunner().invoke(
+        commands.program,
+        [
+            "fit",
+            str(folder / "cells.jpk-force-map"),
+            "--scene",
+            str(folder / "scene.yaml"),
+            "--vary",
+            "material.E",
+            *options,
+        ],
+    )
+
+
+def test_moduli_of_the_pixels(folder: Path) -> None:
+    """Rows and columns are those of the file, and 95 % of the intervals contain the truth."""
+    with h5py.File(folder / "fit" / "map.h5") as file:
+        value = file["material.E"][:]
+        low = file["material.E_low"][:]
+        high = file["material.E_high"][:]
+        reason = file["reason"]
+        assert reason.attrs["words"][reason[DEAD]].startswith("no contact")
+    is_dead = np.zeros((SIZE, SIZE), dtype=bool)
+    is_dead[DEAD] = True
+    np.testing.assert_array_equal(np.isnan(value), is_dead)
+    # A half width is some 2 %: moduli of 2 and 5 cannot be confused.
+    np.testing.assert_allclose(value[~is_dead], TRUE_MODULI[~is_dead], rtol=0.1)
+    inside = (low < TRUE_MODULI) & (high > TRUE_MODULI)
+    # Fewer than 88 of 99 happen once in 500 by chance.
+    assert np.count_nonzero(inside) >= 88
+
+
+def test_tables_and_images_have_the_same_numbers(folder: Path) -> None:
+    """map.csv in units of the scene, .gsf and .tif in SI units with the size of the map."""
+    fitted = read_map(folder / "fit")
+    with open(folder / "fit" / "map.csv", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == SIZE * SIZE
+    values = [float(row["material.E"] or "nan") for row in rows]
+    np.testing.assert_allclose(values, fitted.value.ravel(), rtol=1e-6)
+    assert float(rows[1]["x"]) == pytest.approx(3e-6) and float(rows[1]["y"]) == pytest.approx(5e-7)
+    for name in ("E.gsf", "E.tif"):
+        image = read_image(folder / "fit" / name)
+        # Images have single precision.
+        np.testing.assert_allclose(image, 1e3 * fitted.value, rtol=1e-6)
+    header = (folder / "fit" / "E.gsf").read_bytes()[:200]
+    assert b"XReal = 2e-05\n" in header and b"ZUnits = Pa\n" in header
+    report = json.loads((folder / "fit" / "fit.json").read_text())
+    assert report["map"]["fitted"] == SIZE * SIZE - 1
+    assert sum(report["map"]["refused"].values()) == 1
+    assert 40 <= report["map"]["sample"]["curves"] <= 48
+
+
+def test_map_is_drawn_and_reported(folder: Path) -> None:
+    result = folder / "fit"
+    assert (result / "map.png").stat().st_size > 20_000
+    for panels in ("modulus", "cause,histogram"):
+        drawn = CliRunner().invoke(commands.program, ["plot", str(result), "--what", panels])
+        assert drawn.exit_code == 0, drawn.output
+        assert Path(drawn.output.strip()).stat().st_size > 10_000
+    refused = CliRunner().invoke(commands.program, ["plot", str(result), "--what", "force"])
+    assert refused.exit_code == 2 and "modulus" in refused.stderr
+    told = CliRunner().invoke(commands.program, ["report", str(result)])
+    assert told.exit_code == 0, told.output
+    assert "curves: 99 fitted" in Path(told.output.strip()).read_text()
+
+
+def test_arrays_give_the_same_map(folder: Path) -> None:
+    """Arrays in a notebook, with depths and without a spring."""
+    scene = {name: section for name, section in SCENE.items() if name != "experiment"}
+    z, _ = true_curves()
+    model = ForwardModel(config_from_mapping(scene), ["material.E"], 1.0)
+    force = model(np.log(TRUE_MODULI.reshape(-1, 1)), 0.5 * z).reshape(SIZE, SIZE, POINTS)
+    force = force + 0.05 * np.random.default_rng(2).standard_normal(force.shape)
+    fitted = fit_map((0.5 * z, force), scene)
+    np.testing.assert_allclose(fitted.value, TRUE_MODULI, rtol=0.1)
+    same = fit_map((0.5 * z, force), scene, thickness=np.full((SIZE, SIZE), 4.0))
+    # Splines between thicknesses and the steps of their table change the force by 0.1 %.
+    np.testing.assert_allclose(same.value, fitted.value, rtol=2e-3)
+
+
+def test_thickness_of_each_pixel_changes_its_modulus(folder: Path) -> None:
+    """A file of thicknesses: a pixel that is taken for thicker needs a larger modulus."""
+    thickness = np.full((SIZE, SIZE), 4.0)
+    thickness[:5] = 8.0
+    np.savetxt(folder / "thickness.csv", thickness, delimiter=",")
+    done = fit(
+        folder,
+        "--thickness",
+        str(folder / "thickness.csv"),
+        "--output",
+        str(folder / "thick"),
+    )
+    assert done.exit_code == 0, done.output
+    reference = read_map(folder / "fit").value
+    ratio = read_map(folder / "thick").value / reference
+    assert np.nanmin(ratio[:5]) > 1.05
+    np.testing.assert_allclose(np.nanmedian(ratio[5:]), 1.0, atol=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "word"),
+    [
+        (("--vary", "body.height"), 3, "a map varies one modulus"),
+        (("--thickness", "no.csv"), 2, "cannot be read"),
+        (("--thickness", "height:soft"), 3, "body.height"),
+        (("--grid", "3x3"), 2, "files"),
+        (("--no-map", "--thickness", "height"), 2, "--thickness"),
+    ],
+)
+def test_options_that_do_not_fit_are_refused(folder: Path, options, code: int, word: str) -> None:  # type: ignore[no-untyped-def]
+    refused = fit(folder, *options, "--output", str(folder / "refused"))
+    assert refused.exit_code == code, refused.output
+    assert word in refused.stderr
+    assert not (folder / "refused" / "fit.json").exists()
+
+
+def test_a_folder_of_curves_ends_with_a_summary(tmp_path: Path) -> None:
+    """How many curves were fitted, and the median and the middle half of the modulus."""
+    z, force = true_curves()
+    scene = {name: section for name, section in SCENE.items() if name != "units"}
+    (tmp_path / "scene.yaml").write_text(yaml.safe_dump(scene))
+    (tmp_path / "curves").mkdir()
+    for k, place in enumerate(((0, 0), (0, 1), DEAD)):
+        table = np.column_stack([z, force[place]])
+        np.savetxt(
+            tmp_path / "curves" / f"{k}.csv", table, delimiter=",", header="z,force", comments=""
+        )
+    done = CliRunner().invoke(
+        commands.program,
+        [
+            *("fit", str(tmp_path / "curves"), "--scene", str(tmp_path / "scene.yaml")),
+            *("--vary", "material.E", "--output", str(tmp_path / "out")),
+        ],
+    )
+    assert done.exit_code == 0, done.output
+    assert "3 curves: 2 fitted, 1 refused (no contact" in done.stderr
+    assert "in the median" in done.stderr
