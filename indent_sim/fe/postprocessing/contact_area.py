@@ -137,8 +137,8 @@ def area_in_circle(corners: np.ndarray, radius: float) -> np.ndarray:
     b = (start * side).sum(axis=-1)
     c = (start**2).sum(axis=-1) - radius**2
     root = np.sqrt(np.maximum(b * b - a * c, 0.0))
-    # The ends of a side are kept exactly: a corner at the origin, up to round-off, has no direction,
-    # and rounding would turn it by any angle.
+    # The ends of a side are kept exactly: a corner at the origin, up to round-off, has no
+    # direction, and rounding would turn it by any angle.
     t_entry = np.clip((-b - root) / a, 0.0, 1.0)[..., None]
     t_exit = np.clip((-b + root) / a, 0.0, 1.0)[..., None]
     entry = (1.0 - t_entry) * start + t_entry * end
