@@ -121,7 +121,7 @@ def parse_zoom(ctx: click.Context, option: click.Parameter, text: str | None) ->
     except ValueError:
         radii = -1.0
     if not radii > 0:
-        raise click.BadParameter(f"'{text}' is neither a number > 0 nor all")
+        raise click.BadParameter(f"'{text}' is neither a number > 0 nor 'all'")
     return radii
 
 

@@ -1,4 +1,4 @@
-"""Limits of numbers for double precision: size, and ratio of lengths."""
+"""Limits that keep a scene within double precision: size of numbers, ratio of lengths."""
 
 from __future__ import annotations
 

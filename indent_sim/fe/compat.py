@@ -170,7 +170,10 @@ def zero_bc(dofs: np.ndarray, space: fem.FunctionSpace) -> fem.DirichletBC:
 
 
 def cell_dofs(dofmap: Any) -> np.ndarray:
-    """Return the dofs of each cell, or the geometry nodes, as an array (cells, dofs per cell)."""
+    """Return the dofs of each cell as an array (cells, dofs per cell).
+
+    `dofmap` is the dofmap of a function space, or of a mesh's geometry, whose dofs are its nodes.
+    """
     table = dofmap.list if hasattr(dofmap, "list") else dofmap
     if hasattr(table, "array"):  # an AdjacencyList
         return np.asarray(table.array).reshape(table.num_nodes, -1)

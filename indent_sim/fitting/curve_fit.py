@@ -175,7 +175,9 @@ def fit_curve(curve: MeasuredCurve, request: FitRequest, tables: ForwardModelCac
         return rejected_fit(curve.name, error.problem, time.process_time() - start_time)
     except NUMERICAL_ERRORS as error:
         error_text = " ".join(str(error).split())[:120]
-        reason = f"not a curve: its numbers overflow or are not numbers ({error_text})"
+        reason = (
+            f"the fit failed numerically ({error_text}); check the columns and units of the curve"
+        )
         return rejected_fit(curve.name, reason, time.process_time() - start_time)
 
 

@@ -133,11 +133,17 @@ def passed_gap(initial_gap: Expr, is_new: Expr, trial_pressure: Expr, stiffness:
 
 
 def step_fraction_at_contact(passed_gap: Expr, largest_gap: Expr) -> Expr:
-    """Return the fraction of the increment that had passed when a point came into contact.
+    """Return the fraction of the load increment before a point came into contact.
 
-    For a point that lost contact, the fraction that remained is returned. The fraction is estimated
-    as CLOSING_FRACTION * (passed_gap/largest_gap)^CLOSING_EXPONENT, where largest_gap is the
-    largest gap closed in this increment.
+    For a point that lost contact, it is the fraction of the increment after the separation. The
+    estimate is CLOSING_FRACTION * (passed_gap/largest_gap)^CLOSING_EXPONENT.
+
+    Parameters
+    ----------
+    passed_gap : Expr
+        Gap that the point closed or opened in the increment [length]; see `passed_gap`.
+    largest_gap : Expr
+        Largest passed gap of all points [length].
     """
     return (
         CLOSING_FRACTION * maximum(0.0, minimum(passed_gap / largest_gap, 1.0)) ** CLOSING_EXPONENT

@@ -65,7 +65,7 @@ def overwrite_in_place(path: Path, content: bytes) -> None:
 
 
 def sync_to_disk(path: Path) -> None:
-    """Wait until a file is on the disk."""
+    """Flush a file to the disk (fsync)."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)

@@ -8,7 +8,7 @@ from indent_sim.model.state import State
 from indent_sim.model.tips import flat_radius
 from indent_sim.run.measured_constants import MAX_ROUGHNESS, MAX_STEP_CHANGE
 from indent_sim.run.sanity_checks import FORCE_NOISE
-from indent_sim.scene.discretization_warnings import UNDERRESOLVED_ERROR, refinement_advice
+from indent_sim.scene.discretisation_warnings import UNDERRESOLVED_ERROR, refinement_advice
 from indent_sim.scene.expected_error import error_text, expected_force_error, swelling_force_error
 from indent_sim.scene.scene import Scene
 

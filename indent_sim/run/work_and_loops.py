@@ -88,7 +88,7 @@ def hysteresis_loop(states: Sequence[State]) -> HysteresisLoop | None:
 
 
 def _rows_beyond(rows: list[tuple[float, float]], depth: float) -> list[tuple[float, float]]:
-    """Return rows from the first crossing of a depth on, beginning with an interpolated row."""
+    """Return the rows from the first crossing of a depth, with an interpolated row there."""
     first = next(i for i, (row_depth, _) in enumerate(rows) if row_depth >= depth)
     (depth_before, force_before), (depth_after, force_after) = rows[first - 1 : first + 1]
     fraction = (depth - depth_before) / (depth_after - depth_before)

@@ -199,7 +199,7 @@ def mesh(
     auto = (
         "from accuracy"
         if fineness
-        else "auto: discretization error of at most 0.3 % of the force at the last step"
+        else "auto: discretisation error of at most 0.3 % of the force at the last step"
     )
     contact_reason = "as given" if settings.h_contact != "auto" else auto
     far_reason = (

@@ -21,7 +21,7 @@ from indent_sim.model.tips import FlatPunch, Indenter, Plate, max_radius
 from indent_sim.model.units import round_length
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.choices import Choice, Choices
-from indent_sim.scene.discretization_warnings import MAX_STIFFNESS_MULTIPLE
+from indent_sim.scene.discretisation_warnings import MAX_STIFFNESS_MULTIPLE
 from indent_sim.scene.expected_error import NEGLIGIBLE_ERROR, penalty_force_loss
 from indent_sim.scene.measured_constants import (
     MAX_ELEMENT_RATIO,
@@ -252,8 +252,8 @@ def friction(
     if not isinstance(coefficient, str):
         if coefficient <= MAX_SLIPPING_FRICTION:
             start_reason = (
-                "a point that comes into contact sticks to the point of the tip above it at the "
-                "beginning of the load increment"
+                "the slip of a point that comes into contact is counted from the point of the tip "
+                "that was above it at the beginning of the load increment"
             )
             return law, "implicit", [Choice("contact.friction", coefficient, start_reason)]
         return law, "mid", on_its_way

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.scene.boundary_films import unresolved_film
 from indent_sim.scene.diffusion_times import DiffusionTimes, drained_face_size
-from indent_sim.scene.discretization_warnings import refinement_advice
+from indent_sim.scene.discretisation_warnings import refinement_advice
 from indent_sim.scene.expected_error import NEGLIGIBLE_ERROR, error_text
 from indent_sim.scene.measured_constants import (
     DRAINED_LOCKING_NU,

@@ -1,7 +1,7 @@
 """Model warnings: reasons to doubt the model of a scene, known before it is solved.
 
 Each warning has the relative error of the force that is expected from its cause, if it is known.
-`discretization_warnings` and `fluid_warnings` add warnings about the contact law, the mesh and
+`discretisation_warnings` and `fluid_warnings` add warnings about the contact law, the mesh and
 the drainage.
 """
 

@@ -24,7 +24,7 @@ from indent_sim.scene.choices import Choice
 from indent_sim.scene.cost import Cost, SolverWork
 from indent_sim.scene.cost import predict_cost as cost_of
 from indent_sim.scene.diffusion_times import drained_face_size
-from indent_sim.scene.discretization_warnings import scene_warnings
+from indent_sim.scene.discretisation_warnings import scene_warnings
 from indent_sim.scene.fluid_warnings import fluid_warnings
 from indent_sim.scene.history_path import problem_along_history, row_depths
 from indent_sim.scene.measured_constants import (

@@ -163,7 +163,7 @@ def _facet_keys(key_roles: KeyRoles) -> tuple[tuple[str, int], tuple[str, int]]:
 
 
 def _value_names(curve_groups: CurveGroups, key: str) -> list[str]:
-    """Return the values of a key as text, with numbers in order; [""] without a key."""
+    """Return the distinct values of a key as text, numbers ascending; [""] if `key` is empty."""
     if not key:
         return [""]
     names = list(dict.fromkeys(curve_groups.value_names([key])))

@@ -522,7 +522,7 @@ class _StudyReader:
             and os.path.exists(self.path.parent / compare_to)
         ):
             return self.path.parent / compare_to
-        problem = f"is not theory, finest, a force or a result: {compare_to!r}"
+        problem = f"is not 'theory', 'finest', a force or the path of a result: {compare_to!r}"
         raise self.config_error(
             ("compare_to",), problem, "a path is relative to the folder of the study file"
         )

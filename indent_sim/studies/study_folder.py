@@ -164,16 +164,16 @@ class StudyFolder:
         return code not in machine_codes and not reason.startswith(resource_failures)
 
     def ended_results(self, name: str) -> Results | None:
-        """Return the result of a run that has ended with this version, else None.
+        """Return the result of a finished or failed run of this program version, else None.
 
-        The result is cached, so that this may be called only if the run will not be repeated.
+        The result is cached: do not call this before a run that is still to be computed again.
         """
         if name not in self._results_by_run:
             self._results_by_run[name] = self._read_ended_run(name)
         return self._results_by_run[name]
 
     def _read_ended_run(self, name: str) -> Results | None:
-        """Read the result of a run that has ended with this version; None for other runs."""
+        """Read the result of a finished or failed run of this program version, else None."""
         report = read_report(self.run_folder(name))
         if report.get("status") in ("done", "failed") and report.get("version") == VERSION:
             # A damaged result counts as none.

@@ -513,7 +513,11 @@ class ChebyshevContactCurve:
 
 
 class _PeakPressures:
-    """Largest contact pressures, interpolated if a polynomial converges, else searched for."""
+    """Largest contact pressure at each contact size.
+
+    It is interpolated by a Chebyshev polynomial of the contact size if that converges; otherwise
+    each contact is searched for its largest pressure.
+    """
 
     def __init__(self, curve: ChebyshevContactCurve, a: np.ndarray):
         self._curve = curve
@@ -553,7 +557,7 @@ class _PeakPressures:
 
     @cached_property
     def _interpolated_peaks(self) -> np.ndarray | None:
-        """Interpolated largest pressures of all contacts; None if no polynomial converges."""
+        """Interpolated largest pressures of all contacts; None if they are not interpolated."""
         curve = self._curve
         contact_curve = self._curve.curve
         if self._are_central:

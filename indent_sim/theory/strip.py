@@ -134,7 +134,7 @@ class Strip(ContactCurve):
         return least_count + math.ceil(6.0 * a + 12.0 * end_terms)
 
     def _position_in_strip(self, q: np.ndarray, a: float) -> tuple[np.ndarray, float]:
-        """Return x(q) [h], and dx/dq in the middle."""
+        """Return the positions x [h] of the collocation points q, and dx/dq [h] at q = 0."""
         if math.isinf(self.wall):
             return a * q, a
         c = math.pi / (2.0 * self.wall)

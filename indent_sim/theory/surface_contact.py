@@ -37,7 +37,7 @@ class SearchNotConverged(ArithmeticError):
 
 @dataclass(frozen=True)
 class RelaxingSurface:
-    """Discretized contact problem: compliance of weighted points, and heights of the tip there.
+    """Discretised contact problem: compliance of weighted points, and heights of the tip there.
 
     Attributes
     ----------

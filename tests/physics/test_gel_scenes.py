@@ -19,7 +19,7 @@ from indent_sim.run.error_estimation.coarser_run import REFINEMENT_RATIO, Coarse
 from indent_sim.run.error_estimation.error_bars import ErrorBars
 from indent_sim.run.pipeline import simulate
 from indent_sim.run.row_warnings import underresolved_rows
-from indent_sim.scene.discretization_warnings import UNDERRESOLVED_ERROR
+from indent_sim.scene.discretisation_warnings import UNDERRESOLVED_ERROR
 from indent_sim.scene.expected_error import swelling_force_error
 from indent_sim.scene.scene import Scene
 

@@ -161,7 +161,7 @@ def test_a_design_says_what_a_measurement_would_tell(command, tmp_path):
         (
             ("--design", "scene.yaml", "--noise", "0.01", "--vary", "loading.delta"),
             3,
-            "loading.delta: cannot be found from a measured curve",
+            "loading.delta: cannot be determined from a measured curve",
         ),
         (
             ("--design", "scene.yaml", "--noise", "0.01", "--set", "loading.delta=-1"),

@@ -671,7 +671,7 @@ class TestRoom:
         ({"fields": ("J",)}, "--field is only for --what fields"),
         ({"steps": ("2",)}, "--steps is only for"),
         ({"what": ("fields",), "fields": ("mises",)}, "there is no field mises"),
-        ({"what": ("pressure",), "steps": ("two",)}, "neither a step nor last nor all"),
+        ({"what": ("pressure",), "steps": ("two",)}, "expected step numbers, 'last' or 'all'"),
         ({"units": {"stress": "kPa"}}, "there are length"),
     ],
 )

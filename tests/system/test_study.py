@@ -271,7 +271,7 @@ MALFORMED = [
         "base: scene.yaml\ncompare_to: Theory\nvary: {mesh.h_far: [0.4]}\n",
         2,
         "compare_to",
-        "is not theory, finest",
+        "is not 'theory', 'finest'",
     ),
     (
         "base: scene.yaml\ncompare_to: theory\nvary: {material.nu: [0.3, -0.2]}\n",

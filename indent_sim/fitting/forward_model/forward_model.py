@@ -271,14 +271,14 @@ class ForwardModel:
         return model
 
     def with_load_curves(self, load_curves: TabulatedLoadCurve, rows: np.ndarray) -> ForwardModel:
-        """Return the model of a batch whose curves have load curves of their own.
+        """Return a copy of the model with one tabulated load curve for each measured curve.
 
         Parameters
         ----------
         load_curves
             Table of the load curves.
         rows
-            Row of the table for each curve of the batch (B,).
+            Row of the table for each measured curve of the batch (B,).
         """
         model = copy.copy(self)
         model.tabulated_curve = load_curves

@@ -121,7 +121,7 @@ def number_at(config: Config, key: str) -> float:
     if str(next(iter(key_path(key)), "")) not in measurable_sections:
         raise ConfigError(
             key,
-            "cannot be found from a measured curve",
+            "cannot be determined from a measured curve",
             f"--vary names a key of {', '.join(measurable_sections)}",
         )
     section: Any = to_mapping(config)

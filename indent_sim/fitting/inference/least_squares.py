@@ -22,7 +22,7 @@ class Metric(Protocol):
     """Inverse covariance V^-1 of the residuals, up to a factor."""
 
     def gram(self, X: np.ndarray) -> np.ndarray:
-        """Return X'V^-1 X (..., c, c) of columns X (..., c, n), each as a row."""
+        """Return X'V^-1 X (..., c, c); the c columns of X are stored as rows (..., c, n)."""
 
 
 class Regression(Protocol):

@@ -78,8 +78,9 @@ class ModelAssessment:
     def misfit_causes(self) -> list[str]:
         """Reasons why the scene does not explain the curve; empty if it does.
 
-        They are names of better models, shape (trend of the residuals), window (dependence on the
-        depth range) and baseline (noise). Residuals at the level of round-off are not a reason.
+        Each entry is the name of a significantly better model, or "shape" (the residuals have a
+        trend), "window" (the parameters depend on the depth range) or "baseline" (the contact is
+        noisier than the baseline). Residuals at the level of round-off are not a reason.
         """
         # Residuals below this fraction of the largest force are round-off, as of a
         # simulated curve.

@@ -10,8 +10,8 @@ two ends of the curve, U = [e_1, e_n]:
     D = C diag(d) C',            d = w t + 1 - w
     V^-1 = C diag(t/d) C' + (1 - w) k D^-1 U (I + w k U'D^-1 U)^-1 U'D^-1
 
-so that one transform of the columns X gives X'V^-1 X for all noises by a matrix product. For a
-linear model r = J p + noise
+so that one transform of the columns X gives X'V^-1 X for all noise models by a matrix product. For
+a linear model r = J p + noise
 
     A = J'V^-1 J,   s^2 = r'P r/(n - p),   -2 ln L = ln|V| + ln|A| + (n - p) ln s^2
 
@@ -85,12 +85,12 @@ WHITE = Noise()
 
 @dataclass(frozen=True)
 class NoiseModels:
-    """Inverse covariances V^-1 of n samples for m noises, in the basis of the cosine transform.
+    """Inverse covariances V^-1 of n samples for m noise models, in the cosine transform's basis.
 
     Attributes
     ----------
     noises : tuple of Noise
-        The noises (m,).
+        The noise models (m,).
     weights : ndarray, shape (n, m)
         Diagonal t/d.
     edge_weights : ndarray, shape (n, m)
@@ -109,12 +109,12 @@ class NoiseModels:
     log_determinant: np.ndarray
 
     def gram(self, X: np.ndarray) -> np.ndarray:
-        """Return X'V^-1 X of every noise.
+        """Return X'V^-1 X for each of the m noise models.
 
         Parameters
         ----------
         X : ndarray, shape (..., c, n)
-            Columns of models or residuals, each as a row.
+            The c columns of X, n samples each (columns of a Jacobian or residuals), stored as rows.
 
         Returns
         -------

@@ -2,9 +2,9 @@
 
 Over a wide interval the sum of squares is not a quadratic function of a parameter. With
 Q(v) = min r'V^-1 r/s2 at the value v, the interval is where Q(v) - Q < (1.96 f)^2; f is the
-standard deviation averaged over all noises, relative to that with the most likely noise. Example:
-modulus and Poisson's ratio of a layer with 2 % noise (60 curves); the 95 % intervals of a quadratic
-approximation contained 82 % of the true values, and these intervals 95 %.
+standard deviation averaged over all noise models, relative to that with the most likely one.
+Example: modulus and Poisson's ratio of a layer with 2 % noise (60 curves); the 95 % intervals of a
+quadratic approximation contained 82 % of the true values, and these intervals 95 %.
 """
 
 from __future__ import annotations

@@ -106,7 +106,7 @@ class MeasuredCurve:
         return self._select_rows(slice(0, rows.stop) if name == "hold" else rows)
 
     def _select_rows(self, rows: slice) -> MeasuredCurve:
-        """Return the curve with some of its rows, without parts."""
+        """Return a copy of the curve restricted to a slice of its rows, with `parts` empty."""
         cut = {
             name: None if (values := getattr(self, name)) is None else values[rows]
             for name in DIMENSIONS

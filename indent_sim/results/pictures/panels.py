@@ -144,7 +144,7 @@ def plot_request(options: Mapping[str, Any]) -> PlotRequest:
     if invalid := [
         word for word in request.steps if not (word in ("last", "all") or word.isdecimal())
     ]:
-        raise UsageError(f"--steps {invalid[0]} is neither a step nor last nor all")
+        raise UsageError(f"--steps {invalid[0]}: expected step numbers, 'last' or 'all'")
     if invalid := [kind for kind in request.units if kind not in BASE_UNITS]:
         raise UsageError(f"--units {invalid[0]}: there are {', '.join(BASE_UNITS)}")
     for name in request.fields:

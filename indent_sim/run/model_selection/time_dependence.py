@@ -41,21 +41,21 @@ from indent_sim.scene.scene import Scene, resolve
 TIME_EFFECTS: dict[str, Cases] = {
     "drainage": (
         Range(
-            "the scene relative to its swelling equilibrium; the range includes the body before "
-            "any flow{v.row_text}",
+            "the force relative to that in swelling equilibrium; the range extends to the force "
+            "before any flow{v.row_text}",
             lambda v: v.swelling_range,
             when=lambda v: v.has_bath,
         ),
         Range(
-            "the scene relative to its drained body; the range includes its undrained body"
-            "{v.row_text}",
+            "the force relative to that of the drained body; the range extends to the force of "
+            "the undrained body{v.row_text}",
             lambda v: v.drainage_range,
         ),
     ),
     "rate": (
         Range(
-            "the scene relative to its unrelaxed body; the range includes its relaxed body"
-            "{v.row_text}",
+            "the force relative to that of the unrelaxed body; the range extends to the force of "
+            "the relaxed body{v.row_text}",
             lambda v: v.relaxation_range,
         ),
     ),

@@ -110,7 +110,7 @@ class ReferenceSolution:
                 raise _config_error(
                     location,
                     "a single force cannot be the reference for runs with prescribed forces",
-                    "give theory, finest or a result",
+                    "use compare_to: theory, compare_to: finest, or the path of a result",
                 )
         elif not isinstance(self._compare_to, str):
             try:

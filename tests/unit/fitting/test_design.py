@@ -162,10 +162,10 @@ def test_the_baseline_is_as_long_as_it_has_to_be():
 @pytest.mark.parametrize(
     "keys, problem",
     [
-        (["loading.delta"], "cannot be found from a measured curve"),
+        (["loading.delta"], "cannot be determined from a measured curve"),
         (["material.Q"], "is not a number of the scene"),
         (["contact.epsilon_n"], "is not a number"),
-        ([""], "cannot be found from a measured curve"),
+        ([""], "cannot be determined from a measured curve"),
     ],
 )
 def test_keys_that_tell_nothing_are_refused(keys, problem):
