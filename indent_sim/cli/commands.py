@@ -59,7 +59,7 @@ if TYPE_CHECKING:
     from indent_sim.config.schema import Config
     from indent_sim.fitting.curve_fit import FitRequest
     from indent_sim.fitting.fit_folder import CurveFits, ReadOptions
-    from indent_sim.fitting.map_folder import MapFit
+    from indent_sim.fitting.map_result import MapFit
     from indent_sim.results.reader import Results
     from indent_sim.run.pipeline import Outcome
 

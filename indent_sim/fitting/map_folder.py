@@ -14,12 +14,11 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from indent_sim.config.quantities import si_factor
-from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.fitting import fit_table
 from indent_sim.fitting.curve_fit import (
     CurveFit,
@@ -61,6 +60,7 @@ from indent_sim.fitting.map_fit import (
     MapModel,
     PixelFits,
 )
+from indent_sim.fitting.map_result import MapFit
 from indent_sim.fitting.map_scene import (
     HEIGHT_KEY,
     MapScene,
@@ -73,82 +73,16 @@ from indent_sim.process.limits import write_error
 from indent_sim.process.version import VERSION
 from indent_sim.results.atomic_files import write_atomically
 from indent_sim.results.json_text import to_json
+from indent_sim.results.map_arrays import hdf5_file, read_hdf5_file
 from indent_sim.results.map_images import gwyddion_field, read_image, tiff_image
 from indent_sim.results.measured.curve_file import curve_files, read_curves
 from indent_sim.results.measured.measured_map import MeasuredMap
 from indent_sim.results.measured.measurement import MeasuredCurve, NoCurve
 from indent_sim.results.result_files import FIT, PROGRAM, read_report
 
-if TYPE_CHECKING:
-    from indent_sim.results.pictures.figures import Figure
-
 # Curves that are also fitted one by one: as many at random as with the largest misfit.
 SAMPLE_SIZE = 48
 ReportLine = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class MapFit:
-    """Fit of a map, in units of the scene. Arrays have the shape of the map (rows, columns).
-
-    Attributes
-    ----------
-    key
-        The varied key.
-    value, low, high
-        The parameter and its stated interval; NaN for rejected curves.
-    statistical_low, statistical_high
-        The interval by noise alone.
-    explained
-        Whether the scene explains the curve.
-    reason
-        Index of `reasons`: 0 for a fitted curve, -1 where the map has no curve.
-    height
-        Height of the surface at zero force, relative to its median [length].
-    thickness
-        Thickness of the body [length], if it differs from pixel to pixel.
-    pixels
-        Further results by name: contact point, baseline, largest force, depth, residual, tests.
-    size
-        Height and width of the scanned area [m], if known.
-    noise
-        Noise of the map.
-    entry
-        Content of fit.json.
-    """
-
-    key: str
-    value: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    statistical_low: np.ndarray
-    statistical_high: np.ndarray
-    explained: np.ndarray
-    reason: np.ndarray
-    height: np.ndarray
-    thickness: np.ndarray | None
-    pixels: dict[str, np.ndarray]
-    size: tuple[float, float] | None
-    noise: PooledNoise
-    entry: dict[str, Any]
-
-    reasons = REASONS
-
-    @property
-    def words(self) -> str:
-        """Sentences on the result."""
-        return str(self.entry["words"])
-
-    def figure(self, *panels: str) -> Figure:
-        """Return the figure of the map: modulus, height, interval or cause, and histogram.
-
-        `panels` names some of these only.
-        """
-        from indent_sim.fitting import map_picture
-
-        config = config_from_mapping(self.entry["request"]["scene"])
-        with map_picture.map_figure(self, config, panels) as figure:
-            return figure
 
 
 @dataclass(frozen=True)
@@ -647,7 +581,15 @@ def write_map(
         "explained": map_fit.explained,
     }
     try:
-        write_atomically(directory / MAP_FIELDS, _hdf5(map_fit, quantities))
+        attributes: dict[str, Any] = {
+            "key": map_fit.key,
+            "program": f"{PROGRAM} {VERSION}",
+            "reasons": REASONS,
+        }
+        if map_fit.size is not None:
+            attributes |= {"size_m": map_fit.size}
+        arrays = quantities | {"reason": map_fit.reason.astype(np.int8)}
+        write_atomically(directory / MAP_FIELDS, hdf5_file(arrays, attributes))
         write_atomically(directory / MAP_TABLE, _table(map_fit, quantities))
         for name, values, kind in (
             (
@@ -704,23 +646,6 @@ def _si_unit(request: FitRequest, kind: str | None) -> tuple[str, float]:
     return "Pa", si_factor(units.force, "force") / length**2
 
 
-def _hdf5(map_fit: MapFit, quantities: dict[str, np.ndarray]) -> bytes:
-    """Return map.h5: a dataset (rows, columns) of every quantity."""
-    import h5py
-
-    data = io.BytesIO()
-    with h5py.File(data, "w") as file:
-        for name, values in quantities.items():
-            file.create_dataset(name, data=values, compression="gzip", shuffle=True)
-        reason = file.create_dataset("reason", data=map_fit.reason.astype(np.int8))
-        reason.attrs["words"] = list(REASONS)
-        file.attrs["key"] = map_fit.key
-        file.attrs["program"] = f"{PROGRAM} {VERSION}"
-        if map_fit.size is not None:
-            file.attrs["size_m"] = map_fit.size
-    return data.getvalue()
-
-
 def _table(map_fit: MapFit, quantities: dict[str, np.ndarray]) -> str:
     """Return map.csv: a row for each pixel."""
     text = io.StringIO()
@@ -757,14 +682,11 @@ def _cell(value: float) -> str:
 
 def read_map(folder: Path) -> MapFit:
     """Return the map of a folder; raise UsageError if it has no readable map."""
-    import h5py
-
     entry = read_report(folder, FIT)
     try:
-        with h5py.File(folder / MAP_FIELDS) as file:
-            arrays = {name: np.asarray(data) for name, data in file.items()}
-            key = str(file.attrs["key"])
-            size = file.attrs.get("size_m")
+        arrays, attributes = read_hdf5_file(folder / MAP_FIELDS)
+        key = str(attributes["key"])
+        size = attributes.get("size_m")
         noise = entry["map"]["noise"]
         components = tuple(
             NoiseComponent(one["decay_length"], one["wavelength"] or math.inf)

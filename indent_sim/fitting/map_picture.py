@@ -6,20 +6,18 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from indent_sim.config.schema import Config
 from indent_sim.fitting.curve_fit import quantity_kind
+from indent_sim.fitting.map_result import MapFit
 from indent_sim.process.errors import UsageError
 from indent_sim.results.pictures import figures
 from indent_sim.results.pictures.axes import Axis, scaled_axis
 from indent_sim.results.pictures.figures import COLOURS, GREY, INK, Axes, Figure
 from indent_sim.results.reader import Results
-
-if TYPE_CHECKING:
-    from indent_sim.fitting.map_folder import MapFit
 
 NO_VALUE = "#d0d0d0"  # colour of pixels without a value
 

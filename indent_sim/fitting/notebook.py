@@ -16,7 +16,7 @@ from indent_sim.fitting.curve_fit import INTERVAL_KEYS, CurveFit, FitRequest, Mo
 from indent_sim.fitting.forward_model.forward_model import ForwardModelCache
 from indent_sim.fitting.inference.estimate import OriginOptions
 from indent_sim.fitting.inference.model_assessment import Interval
-from indent_sim.fitting.map_folder import MapFit
+from indent_sim.fitting.map_result import MapFit
 from indent_sim.process.errors import NotConverged, UsageError
 from indent_sim.results.measured.curve_file import read_curves
 from indent_sim.results.measured.measured_map import MeasuredMap
@@ -114,6 +114,18 @@ def fit(
     )
 
 
+class FittedMap(MapFit):
+    """Scene fitted to a map, with its figure."""
+
+    def figure(self, *panels: str) -> Figure:
+        """Return the figure: modulus, height, interval or cause, and histogram, or some of them."""
+        from indent_sim.fitting import map_picture
+
+        config = config_from_mapping(self.entry["request"]["scene"])
+        with map_picture.map_figure(self, config, panels) as figure:
+            return figure
+
+
 def fit_map(
     curves: str | Path | MeasuredMap | tuple[Any, Any],
     scene: Config | Mapping[str, Any] | str | Path,
@@ -121,7 +133,7 @@ def fit_map(
     *,
     thickness: str | np.ndarray | None = None,
     contact_point: float | None = None,
-) -> MapFit:
+) -> FittedMap:
     """Fit the modulus of a scene to every curve of a map.
 
     Parameters
@@ -152,7 +164,7 @@ def fit_map(
         pixels = map_folder.parse_thickness(thickness, request, measured_map.shape)
     elif thickness is not None:
         pixels = map_folder.Thickness(values=np.asarray(thickness, dtype=float))
-    return map_folder.fit_map(measured_map, request, pixels)[0]
+    return FittedMap(**vars(map_folder.fit_map(measured_map, request, pixels)[0]))
 
 
 def _read_map(curves: str | Path | MeasuredMap | tuple[Any, Any]) -> MeasuredMap:

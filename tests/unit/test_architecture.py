@@ -116,6 +116,7 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "h5py": ("results/", "mesh/mesh_file.py"),
     "matplotlib": (
         "results/pictures/",
+        "fitting/map_picture.py",
         "studies/study_picture.py",
         "studies/small_multiples.py",
         "fitting/fit_picture.py",

@@ -1,0 +1,31 @@
+"""Arrays of a map in an HDF5 file."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+
+def hdf5_file(arrays: Mapping[str, np.ndarray], attributes: Mapping[str, Any]) -> bytes:
+    """Return a file with a compressed dataset for each array, and attributes."""
+    import h5py
+
+    data = io.BytesIO()
+    with h5py.File(data, "w") as file:
+        for name, values in arrays.items():
+            file.create_dataset(name, data=values, compression="gzip", shuffle=True)
+        for name, value in attributes.items():
+            file.attrs[name] = list(value) if isinstance(value, tuple) else value
+    return data.getvalue()
+
+
+def read_hdf5_file(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """Return arrays and attributes of a file; raise OSError if it cannot be read."""
+    import h5py
+
+    with h5py.File(path) as file:
+        return {name: np.asarray(data) for name, data in file.items()}, dict(file.attrs)
