@@ -59,6 +59,8 @@ BLOCK_SIZE = 64
 LENGTH_STEP = 32
 # Relative change of the sums of squares at which the fits of a map end.
 MAP_TOLERANCE = 1e-6
+# The same for fits to a part of the depth: some hundredths of a standard deviation.
+PART_TOLERANCE = 1e-5
 
 REASONS = (
     "",
@@ -442,11 +444,13 @@ class WeightedFit:
         )
 
 
-def _fit_weighted(model: CurveModel, p: np.ndarray, noise: PooledNoise) -> WeightedFit:
+def _fit_weighted(
+    model: CurveModel, p: np.ndarray, noise: PooledNoise, tolerance: float = MAP_TOLERANCE
+) -> WeightedFit:
     """Fit curves with the weights of the noise, and compute the covariance for its true form."""
     n = model.samples.x.shape[-1]
     metric = noise.metric(n)
-    p, _ = minimize_squares(model, p, metric, tolerance=MAP_TOLERANCE)
+    p, _ = minimize_squares(model, p, metric, tolerance=tolerance)
     rows = model.linearize(p)
     J = rows[:, :-1]
     norms = np.sqrt((J * J).sum(axis=-1))
@@ -504,7 +508,9 @@ def _fit_part(
     is_inside = x - c <= depth_fraction * (x.max(axis=-1, keepdims=True) - c)
     ends = n - np.argmax(is_inside[:, ::-1], axis=-1)
     in_contact = np.count_nonzero(is_inside & (x > c), axis=-1)
-    lengths = LENGTH_STEP * (ends // LENGTH_STEP)
+    # Fewer lengths than those of whole curves, since every block has several of them.
+    step = 2 * LENGTH_STEP
+    lengths = step * (ends // step)
     theta = np.full(b, math.nan)
     z = np.full(b, math.nan)
     for length in np.unique(lengths[(in_contact >= MIN_CONTACT_POINTS) & (lengths > 0)]):
@@ -517,7 +523,7 @@ def _fit_part(
         initial = _with_relative_baseline(
             part_model, _with_absolute_baseline(model.select(rows), fit.p[rows])
         )
-        part = _fit_weighted(part_model, initial, noise)
+        part = _fit_weighted(part_model, initial, noise, PART_TOLERANCE)
         difference = -fit.solver[rows]
         np.put_along_axis(
             difference,

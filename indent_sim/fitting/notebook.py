@@ -174,13 +174,13 @@ def _read_map(curves: str | Path | MeasuredMap | tuple[Any, Any]) -> MeasuredMap
         depth, force = (np.asarray(values, dtype=float) for values in curves)
         if force.ndim != 3 or depth.shape not in (force.shape, force.shape[-1:]):
             raise UsageError("a map needs depths (n,) or (rows, columns, n), and as many forces")
-        depths = np.broadcast_to(depth, force.shape).reshape(-1, force.shape[-1])
         forces = force.reshape(-1, force.shape[-1])
+        depths = depth.reshape(-1, force.shape[-1])
         rows, columns = force.shape[:2]
 
         def read_curve(index: int) -> MeasuredCurve:
-            parts = curve_parts(depths[index])
-            return MeasuredCurve("curve", forces[index], depths[index], parts=parts)
+            x = depths[index if len(depths) > 1 else 0]
+            return MeasuredCurve("curve", forces[index], x, parts=curve_parts(x))
 
         places = np.column_stack(np.divmod(np.arange(rows * columns), columns))
         return MeasuredMap((rows, columns), None, places, read_curve, units={})
