@@ -444,8 +444,8 @@ def _summary_line(fits: CurveFits) -> str:
     reasons = Counter(str(entry["reason"]) for entry in fits.entries if entry["status"] != "done")
     text = f"{len(fits.entries)} curves: {len(done)} fitted"
     if reasons:
-        causes = ", ".join(f"{reason} {count}" for reason, count in reasons.most_common())
-        text += f", {reasons.total()} refused ({causes})"
+        causes = ", ".join(f"{reason} ({count})" for reason, count in reasons.most_common())
+        text += f", {reasons.total()} refused: {causes}"
     if done and fits.request.varied_keys:
         key = fits.request.varied_keys[0]
         values = [float(entry["parameters"][key]["value"]) for entry in done]

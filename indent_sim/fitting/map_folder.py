@@ -428,8 +428,8 @@ def _summary(scene: MapScene, map_fit: MapFit, record: dict[str, Any]) -> str:
     refused = sum(record["refused"].values())
     sentences = [f"{record['curves']} curves: {record['fitted']} fitted"]
     if refused:
-        reasons = ", ".join(f"{reason} {count}" for reason, count in record["refused"].items())
-        sentences[0] += f", {refused} refused ({reasons})"
+        reasons = ", ".join(f"{reason} ({count})" for reason, count in record["refused"].items())
+        sentences[0] += f", {refused} refused: {reasons}"
     if record["fitted"]:
         config = scene.request.config
         key = map_fit.key
@@ -489,7 +489,7 @@ def find_map(
         return None
     if grid is not None:
         return _map_of_files([file for path in paths for file in curve_files(path)], grid, reading)
-    if len(paths) == 1 and not paths[0].is_dir():
+    if len(paths) == 1 and paths[0].is_file():
         try:
             curves = read_curves(
                 paths[0],

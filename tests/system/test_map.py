@@ -206,5 +206,5 @@ def test_a_folder_of_curves_ends_with_a_summary(tmp_path: Path) -> None:
         ],
     )
     assert done.exit_code == 0, done.output
-    assert "3 curves: 2 fitted, 1 refused (no contact" in done.stderr
+    assert "3 curves: 2 fitted, 1 refused: no contact" in done.stderr
     assert "in the median" in done.stderr

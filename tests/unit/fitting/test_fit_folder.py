@@ -96,7 +96,8 @@ def test_a_folder_goes_on_with_what_is_new_or_changed(curves, tmp_path):
     write(curves / "c9.csv", 3.0)
     told: list[str] = []
     after = fitted([curves], tmp_path / "fit", tell=told.append).entries
-    assert len(told) == 2 and "c1" in told[0] and "c9" in told[1]
+    assert len(told) == 3 and "c1" in told[0] and "c9" in told[1]
+    assert "7 curves: 4 fitted, 3 refused" in told[2]
     assert [entry for entry in after if entry["curve"] not in ("c1", "c9")] == [
         entry for entry in before if entry["curve"] != "c1"
     ]
