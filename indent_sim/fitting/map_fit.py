@@ -140,10 +140,10 @@ class PixelFits:
         """Return results without any fit."""
         integers = ("reason", "point_count")
         arrays = {
-            one.name: np.zeros(count, dtype=np.int32)
-            if one.name in integers
+            entry.name: np.zeros(count, dtype=np.int32)
+            if entry.name in integers
             else np.full(count, math.nan)
-            for one in fields(cls)
+            for entry in fields(cls)
         }
         return cls(**arrays)
 

@@ -689,8 +689,8 @@ def read_map(folder: Path) -> MapFit:
         size = attributes.get("size_m")
         noise = entry["map"]["noise"]
         components = tuple(
-            NoiseComponent(one["decay_length"], one["wavelength"] or math.inf)
-            for one in noise["components"]
+            NoiseComponent(component["decay_length"], component["wavelength"] or math.inf)
+            for component in noise["components"]
         )
         return MapFit(
             key,

@@ -52,8 +52,8 @@ def map_figure(map_fit: MapFit, config: Config, panels: Sequence[str] = ()) -> I
     rows = math.ceil(len(names) / columns)
     with figures.new_figure((6.0 * columns, 4.3 * rows)) as figure:
         axes = np.atleast_1d(figure.subplots(rows, columns)).ravel()
-        for one, name in zip(axes, names, strict=False):
-            PANELS[name](figure, one, map_fit, config)
+        for panel, name in zip(axes, names, strict=False):
+            PANELS[name](figure, panel, map_fit, config)
         for empty in axes[len(names) :]:
             empty.set_axis_off()
         fitted = int(np.count_nonzero(np.isfinite(map_fit.value)))

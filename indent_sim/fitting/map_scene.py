@@ -17,6 +17,7 @@ from indent_sim.fitting.curve_fit import (
     prepare_curve,
 )
 from indent_sim.fitting.forward_model.elastic_load_curve import (
+    ElasticLoadCurve,
     TabulatedLoadCurve,
     solve_load_curve,
 )
@@ -172,10 +173,12 @@ def thinnest_body(max_depth: float) -> float:
     return MIN_HEIGHT_DEPTHS * max_depth
 
 
-def _solve_thickness(config: Config, height: float, max_depth: float, exponent: float):  # type: ignore[no-untyped-def]
+def _solve_thickness(
+    config: Config, height: float, max_depth: float, exponent: float
+) -> ElasticLoadCurve:
     try:
         return solve_load_curve(
             replace_numbers(config, {HEIGHT_KEY: height}), max_depth, exponent=exponent
         )
     except ForwardModelUnavailable as error:
-        raise ConfigError("--thickness", f"{height:.4g} has no solution: {error}", "") from None
+        raise ConfigError("--thickness", f"{height:.4g} has no solution: {error}") from None

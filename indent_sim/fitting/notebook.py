@@ -184,10 +184,10 @@ def _read_map(curves: str | Path | MeasuredMap | tuple[Any, Any]) -> MeasuredMap
 
         places = np.column_stack(np.divmod(np.arange(rows * columns), columns))
         return MeasuredMap((rows, columns), None, places, read_curve, units={})
-    found = read_curves(curves)
-    if not isinstance(found, MeasuredMap):
+    measured_map = read_curves(curves)
+    if not isinstance(measured_map, MeasuredMap):
         raise UsageError(f"{curves} contains no grid of curves")
-    return found
+    return measured_map
 
 
 def _load_scene(scene: Config | Mapping[str, Any] | str | Path) -> Config:

@@ -191,7 +191,9 @@ class ForwardModel:
             Forces [force].
         """
         if theta.ndim > 1 and not self.is_batchable:
-            return np.stack([self(one, row, t) for one, row in self._pairs(theta, x)])
+            return np.stack(
+                [self(theta_row, x_row, t) for theta_row, x_row in self._pairs(theta, x)]
+            )
         settings = self._experiment_settings(theta)
         if self.is_time_dependent and t is None:
             raise ValueError("a scene that relaxes needs times")
@@ -229,7 +231,9 @@ class ForwardModel:
             differences for other ones. -dF/dx is 0 beside a snap-in, where F jumps.
         """
         if theta.ndim > 1 and not self.is_batchable:
-            results = [self.linearize(one, row, t) for one, row in self._pairs(theta, x)]
+            results = [
+                self.linearize(theta_row, x_row, t) for theta_row, x_row in self._pairs(theta, x)
+            ]
             forces, derivatives = zip(*results, strict=True)
             return np.stack(forces), np.stack(derivatives)
         if not self.has_analytic_derivatives:
