@@ -209,6 +209,7 @@ def _fit_and_assess(
     curve: MeasuredCurve, request: FitRequest, tables: ForwardModelCache, start_time: float
 ) -> CurveFit:
     config, samples, notes = prepare_curve(curve, request)
+    _refuse_wrong_scale(config, samples)
     reject_without_signal(samples)
     if is_time_dependent(config) and samples.t is None:
         raise NoCurve("no column of time, which a viscoelastic or poroelastic scene needs")
@@ -504,7 +505,7 @@ def _report_entry(
         "model_error": forward_model.relative_error,
     }
     return entry | {
-        "warnings": [*notes, *_warnings(assessment)],
+        "warnings": [*notes, *_warnings(assessment), *_scale_warnings(estimate, config)],
         "seconds": time.process_time() - start_time,
     }
 
@@ -626,6 +627,43 @@ def _warnings(assessment: ModelAssessment) -> list[str]:
             "of the interval: use a finer mesh"
         )
     return messages
+
+
+def _scale_warnings(estimate: Estimate, config: Config) -> list[str]:
+    """Return a warning if the tip is not that of the scene at the depth of the curve."""
+    R = getattr(config.indenter, "R", None)
+    depth = _max_indentation(estimate)
+    # A paraboloid is no longer the tip of a sphere at a depth of one radius.
+    if R is None or depth <= R:
+        return []
+    return [
+        f"the depth is {depth / R:.3g} times the radius of the tip, indenter.R = {R:g}: a sphere "
+        f"ends at one radius; check the unit of indenter.R and of the depth{_unit_hint(depth / R)}"
+    ]
+
+
+def _unit_hint(ratio: float) -> str:
+    """Return a hint if a ratio would be sensible with a prefix of a unit mistaken."""
+    # A ratio within these limits, after division by a thousand or a million, is a usual depth.
+    low = 1e-3
+    high = 1.0
+    for power, name in ((3, "a thousand"), (6, "a million")):
+        if low <= ratio / 10.0**power <= high:
+            return f" (a factor of {name} between them would explain it)"
+    return ""
+
+
+def _refuse_wrong_scale(config: Config, samples: Samples) -> None:
+    """Raise NoCurve if the depths of a curve are a tiny fraction of the radius of the tip."""
+    R = getattr(config.indenter, "R", None)
+    span = float(np.ptp(samples.x)) if len(samples) else 0.0
+    # A shallower contact of a sphere is below the size of an atom for tips of up to 0.1 mm.
+    smallest_depth = 1e-6
+    if R is not None and 0.0 < span < smallest_depth * R:
+        raise NoCurve(
+            f"the depths span {span:.3g}, {span / R:.2g} of the tip's radius indenter.R = {R:g}: "
+            "the unit of the file or of the scene is wrong, see --units length=..."
+        )
 
 
 def format_value(key: str, config: Config, value: float, interval: Interval | None = None) -> str:

@@ -171,3 +171,23 @@ def test_the_fit_of_a_notebook(tmp_path):
     assert arrays.parameters["material.E"].value == pytest.approx(1.0, rel=1e-3)
     with pytest.raises(NotConverged, match="no contact"):
         indent_sim.fit((X, np.zeros(N)), SCENE)
+
+
+def test_depths_in_another_unit_are_told() -> None:
+    """Depths of 240 radii are warned of, and depths of a billionth of a radius refused."""
+    x = np.linspace(-0.3, 0.6, 400)
+    force = 1e-3 * np.maximum(x, 0.0) ** 1.5
+    force = force + 1e-6 * np.random.default_rng(0).standard_normal(400)
+    document = {
+        "body": {"shape": "half_space"},
+        "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.5},
+        "indenter": {"shape": "paraboloid", "R": 2.5e-3},
+        "loading": {"delta": 1e-3},
+    }
+    deep = indent_sim.fit((x, force), document)
+    assert "240 times the radius" in " ".join(deep.entry["warnings"])
+    assert "a thousand" in " ".join(deep.entry["warnings"])
+    document["indenter"] = {"shape": "paraboloid", "R": 2.5}
+    assert not indent_sim.fit((x, force), document).entry["warnings"]
+    with pytest.raises(NotConverged, match="unit of the file or of the scene"):
+        indent_sim.fit((1e-6 * x, force), document)
