@@ -34,7 +34,13 @@ from indent_sim.fitting.forward_model.forward_model import ForwardModelCache
 from indent_sim.fitting.forward_model.parameters import number_at
 from indent_sim.fitting.inference.model_assessment import Interval
 from indent_sim.process.child_process import ChildProcess, ProcessCrash
-from indent_sim.process.errors import BackendError, ConfigError, NotConverged, UsageError
+from indent_sim.process.errors import (
+    BackendError,
+    ConfigError,
+    NotConverged,
+    UsageError,
+    printable,
+)
 from indent_sim.process.limits import write_error
 from indent_sim.process.version import VERSION
 from indent_sim.results import result_files
@@ -306,10 +312,15 @@ def _read_curves(
             curves = [rejected_fit(file.stem, error.problem)]
         except UsageError as error:
             curves = [rejected_fit(file.stem, f"not a curve: {error.problem}")]
+        except BackendError as error:
+            # One file of another kind does not end the fit of a folder.
+            if len(files) == 1:
+                raise
+            curves = [rejected_fit(file.stem, str(error))]
         source = _file_identity(file)
         for index in range(len(curves)):
             curve = _curve_or_rejection(curves, index, file)
-            name = _unique_name(curve.name, file, used_names)
+            name = _unique_name(_file_name(curve.name), file, used_names)
             if not writer.keep_earlier_entry(name, source):
                 yield _rename_curve(curve, name), source
 
@@ -332,9 +343,17 @@ def _rename_curve(curve: MeasuredCurve | CurveFit, name: str) -> MeasuredCurve |
     )
 
 
+def _file_name(name: str) -> str:
+    """Return the name of a curve as one of a file: printable, and not too long."""
+    # File systems allow 255 bytes, of which suffixes and names of temporary files need some.
+    max_bytes = 200
+    text = printable(name).replace("/", "_")
+    return text.encode()[:max_bytes].decode(errors="ignore")
+
+
 def _unique_name(name: str, file: Path, used_names: set[str]) -> str:
     """Return a name that no other curve has."""
-    names = chain([name, file.name], (f"{name}-{k}" for k in count(2)))
+    names = chain([name, _file_name(file.name)], (f"{name}-{k}" for k in count(2)))
     unique_name = next(candidate for candidate in names if candidate not in used_names)
     used_names.add(unique_name)
     return unique_name

@@ -191,3 +191,16 @@ def test_depths_in_another_unit_are_told() -> None:
     assert not indent_sim.fit((x, force), document).entry["warnings"]
     with pytest.raises(NotConverged, match="unit of the file or of the scene"):
         indent_sim.fit((1e-6 * x, force), document)
+
+
+def test_names_of_files_that_no_table_could_have(tmp_path: Path) -> None:
+    """A name of 255 bytes, one that is not UTF-8, and a file that needs another package."""
+    folder = tmp_path / "curves"
+    folder.mkdir()
+    write(folder / f"{'long' * 62}x.txt")
+    write(folder / b"\xff\xfe.txt".decode("utf-8", "surrogateescape"))
+    write(folder / "plain.txt")
+    for _ in range(2):
+        fits = fitted([folder], tmp_path / "fit")
+        assert [entry["status"] for entry in fits.entries] == ["done"] * 3
+        assert len(list((tmp_path / "fit" / "curves").iterdir())) == 3
