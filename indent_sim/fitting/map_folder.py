@@ -485,6 +485,13 @@ def find_map(
     UsageError
         If a map is asked for, and the files contain none.
     """
+    if request.curve_part != "approach":
+        if choice or grid is not None:
+            raise UsageError(
+                f"--segment {request.curve_part}: a map is fitted to the approach of its curves",
+                "leave --segment out, or fit curve by curve with --no-map",
+            )
+        return None
     if choice is False:
         return None
     if grid is not None:

@@ -177,6 +177,7 @@ def test_thickness_of_each_pixel_changes_its_modulus(folder: Path) -> None:
         (("--thickness", "no.csv"), 2, "cannot be read"),
         (("--thickness", "height:soft"), 3, "body.height"),
         (("--grid", "3x3"), 2, "files"),
+        (("--map", "--segment", "retract"), 2, "approach"),
         (("--no-map", "--thickness", "height"), 2, "--thickness"),
     ],
 )

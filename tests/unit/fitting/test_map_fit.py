@@ -169,3 +169,28 @@ def test_waves_in_baselines_are_found():
     waves = np.array([np.sqrt(2.0) * np.cos(2.0 * np.pi * k / 40.0 + phase) for phase in phases])
     noise = estimate_pooled_noise(waves + draw.standard_normal((200, 128)))
     assert noise.wave_fraction == pytest.approx(0.5, abs=0.1)
+
+
+def test_what_is_known_of_the_origin_makes_intervals_narrower():
+    """Contact point and slope of the baseline can be given for a map, as for a single curve."""
+    model = ForwardModel(scene(), ["material.E"], MAX_DEPTH)
+    draw = np.random.default_rng(9)
+    theta = draw.uniform(-0.7, 1.4, 100)
+    force = model(theta[:, None], np.tile(X - 0.013, (100, 1)))
+    largest = force.max(axis=-1, keepdims=True)
+    force = force + largest * (0.3 + 0.01 * draw.standard_normal(force.shape))
+    widths = []
+    for origin in (OriginOptions(), OriginOptions(0.013, False)):
+        fitter = MapFitter(lambda k: Samples(X, force[k]), 100, MapModel(model, origin))
+        fitter.fit_initially()
+        noise = fitter.estimate_noise()
+        assert noise is not None
+        fitter.fit(noise)
+        fits = fitter.fits
+        assert fits.is_fitted.all()
+        # Fewer than 88 of 100 happen once in 500 by chance.
+        assert np.count_nonzero(abs(fits.theta - theta) < 1.96 * fits.theta_sd) >= 88
+        widths.append(np.median(fits.theta_sd))
+    assert widths[1] < 0.5 * widths[0]
+    assert (fits.contact_point == 0.013).all() and (fits.contact_point_sd == 0).all()
+    assert (fits.slope == 0).all()
