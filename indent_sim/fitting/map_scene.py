@@ -28,7 +28,12 @@ from indent_sim.fitting.forward_model.parameters import (
     number_at,
     replace_numbers,
 )
-from indent_sim.fitting.inference.estimate import FitRejected, Samples, reject_without_signal
+from indent_sim.fitting.inference.estimate import (
+    MAX_SAMPLES,
+    FitRejected,
+    Samples,
+    reject_without_signal,
+)
 from indent_sim.fitting.map_fit import MapModel
 from indent_sim.process.errors import ConfigError, UsageError
 from indent_sim.results.measured.measured_map import MeasuredMap
@@ -53,6 +58,8 @@ class MapScene:
         Forces of the scene up to the largest depth of the map.
     notes
         Sentences about assumptions.
+    block_size
+        Number of neighbouring samples whose means are fitted.
     """
 
     given_request: FitRequest
@@ -60,6 +67,7 @@ class MapScene:
     curves: MeasuredMap
     forward_model: ForwardModel
     notes: tuple[str, ...]
+    block_size: int = 1
 
     def samples(self, index: int) -> Samples:
         """Return a curve; without points for a curve that is damaged or has no approach."""
@@ -68,7 +76,7 @@ class MapScene:
             _, samples, _ = prepare_curve(curve.part(self.request.curve_part), self.request)
         except NoCurve:
             return Samples(np.zeros(0), np.zeros(0))
-        return samples
+        return samples.means_of_blocks(self.block_size)
 
 
 def plan_map(curves: MeasuredMap, request: FitRequest, tables: ForwardModelCache) -> MapScene:
@@ -86,6 +94,7 @@ def plan_map(curves: MeasuredMap, request: FitRequest, tables: ForwardModelCache
     probe_count = 200
     probes = np.unique(np.linspace(0, len(curves) - 1, min(probe_count, len(curves))).astype(int))
     depths = []
+    counts = []
     config = request.config
     notes: list[str] = []
     for index in probes:
@@ -96,6 +105,7 @@ def plan_map(curves: MeasuredMap, request: FitRequest, tables: ForwardModelCache
         except (NoCurve, FitRejected):
             continue
         depths.append(max_contact_depth(samples, config))
+        counts.append(len(samples))
     if not depths:
         raise UsageError("no curve of the map has a contact")
     depth = SOLVED_DEPTH_FACTOR * max(depths)
@@ -106,8 +116,9 @@ def plan_map(curves: MeasuredMap, request: FitRequest, tables: ForwardModelCache
             "loading", str(error), "use a scene that is valid at this depth"
         ) from None
     _check_model(forward_model, request)
+    block_size = math.ceil(np.median(counts) / MAX_SAMPLES)
     planned = replace(request, config=config)
-    return MapScene(request, planned, curves, forward_model, tuple(notes))
+    return MapScene(request, planned, curves, forward_model, tuple(notes), block_size)
 
 
 def _check_keys(request: FitRequest) -> None:

@@ -37,6 +37,7 @@ MIN_POINTS = 30
 MIN_CONTACT_POINTS = 20
 # Numbers of block means of the curve in the search of initial guesses and in the fit.
 MAX_PILOT_SAMPLES = 400
+MAX_SAMPLES = 1500
 # Length of the baseline that is fitted: at most these depths, at least this fraction of the range.
 MAX_BASELINE_DEPTHS = 1.5
 MIN_BASELINE_FRACTION = 0.02
@@ -88,11 +89,16 @@ class Samples:
 
     def block_means(self, max_count: int) -> Samples:
         """Return the means of blocks of neighbouring samples, at most `max_count` means."""
-        if len(self) <= max_count:
+        return self.means_of_blocks(math.ceil(len(self) / max_count))
+
+    def means_of_blocks(self, block_size: int) -> Samples:
+        """Return the means of blocks of `block_size` neighbouring samples.
+
+        The blocks are equally long, so that equal time steps stay equal; the remainder is taken
+        from the beginning of the baseline.
+        """
+        if block_size <= 1:
             return self
-        block_size = math.ceil(len(self) / max_count)
-        # The blocks are equally long, so that equal time steps stay equal; the remainder is taken
-        # from the beginning of the baseline.
         remainder = len(self) % block_size
         x, force = (
             column[..., remainder:].reshape(*column.shape[:-1], -1, block_size).mean(axis=-1)
@@ -673,10 +679,9 @@ def samples_near_contact(samples: Samples, contact_point: float) -> Samples:
     """
     depth = float(samples.x.max()) - contact_point
     span = float(np.ptp(samples.x))
-    max_samples = 1500
     return samples.select(
         samples.x > contact_point - max(MAX_BASELINE_DEPTHS * depth, MIN_BASELINE_FRACTION * span)
-    ).block_means(max_samples)
+    ).block_means(MAX_SAMPLES)
 
 
 def convert_baseline(old: CurveModel, new: CurveModel, p: np.ndarray) -> np.ndarray:
