@@ -205,8 +205,8 @@ def _refuse_other_config(
     difference_text = difference_text or "its keys are in another order"
     problem = f"{folder} contains a run of another config ({difference_text})"
     remedy = (
-        "use the scene and the --set options of that run, or another --output, or leave --resume "
-        "out to replace it"
+        "use the scene and the --set options of that run, or another --output, or give --overwrite "
+        "in place of --resume to replace it"
     )
     raise ConfigError(key, problem, remedy)
 

@@ -175,6 +175,7 @@ def test_a_text_without_room_is_refused() -> None:
         (["--zoom", "far"], "neither a number > 0 nor 'all'"),
         (["--zoom", "0"], "neither a number > 0 nor 'all'"),
         (["--zoom", "2"], "--zoom is only for --what fields"),
+        (["--what", "fields", "--zoom", "1e-6"], "no point of the mesh is in view"),
         (["--what", "fields", "--limits", "2:1"], "the first must be below the second"),
     ],
 )

@@ -289,9 +289,12 @@ def _picture_width(request: PlotRequest, rows: Sequence[_Row]) -> float:
     if width < min_width:
         panels = "panels" if columns == 1 else f"{columns} panels side by side"
         fitting_font = math.floor(10 * request.font * width / min_width) / 10
+        # The smallest font size that can be requested [points].
+        smallest_font = 4.0
+        smaller_font = f", or --font-size {fitting_font:g}" if fitting_font >= smallest_font else ""
         raise UsageError(
             f"{panels} with letters of {request.font:g} pt need --width "
-            f"{math.ceil(min_width / MM)}, or --font-size {fitting_font:g}"
+            f"{math.ceil(min_width / MM)}{smaller_font}"
         )
     return width
 
