@@ -176,4 +176,4 @@ def error_text(error: float) -> str:
     """Return a relative error of the force as text."""
     if error >= 1:
         return "more than its own size"
-    return "tens of per cent" if error >= 0.2 else f"about {100 * error:.2g} %"
+    return "tens of per cent" if error >= 0.2 else f"about {float(f'{100 * error:.1g}'):g} %"

@@ -232,7 +232,7 @@ class _LimitTransition:
             if percent_below < percent_above
             else (self.last_limit[0], percent_above)
         )
-        return f"{name}, within about {percent:.2g} %"
+        return f"{name}, within about {float(f'{percent:.1g}'):g} %"
 
 
 def _percent_text(change: float) -> str:

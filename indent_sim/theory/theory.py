@@ -109,7 +109,7 @@ class Theory:
             return self
         reason = (
             "the theory assumes tensile contact pressure with a resultant of "
-            f"{100 * tension_fraction:.2g} % of the force"
+            f"{float(f'{100 * tension_fraction:.1g}'):g} % of the force"
         )
         return replace(
             self,
