@@ -225,7 +225,7 @@ def unresolved_film(
     earliest = min(physics.path.times) - (physics.path.start_time or 0.0)
     films: list[UnresolvedFilm] = []
     for face, distance in drained_faces(setup, earliest).items():
-        h = _element_size_at_face(setup, physics, sizes, face, distance)
+        h = element_size_at_face(setup, physics, sizes, face, distance)
         weight = distance_weight(setup, distance)
         errors = [
             weight * film_force_fraction(row, h, D, fraction_per_length)
@@ -239,7 +239,7 @@ def unresolved_film(
     return max(films, key=lambda film: film.max_error, default=None)
 
 
-def _element_size_at_face(
+def element_size_at_face(
     setup: ProblemSetup, physics: ProblemDefinition, sizes: Sizes, face: str, distance: float
 ) -> float:
     """Return the element size [length] at a drained face, at the point closest to the contact."""

@@ -256,3 +256,21 @@ def test_random_early_times_meet_an_accuracy_or_say_so() -> None:
     for scene in early_scenes(6, 5, KINDS[:5]):
         found = judged(scene, accuracy=0.01)
         assert found.is_missed or max(found.errors) <= 0.01, scene
+
+
+def test_pressures_beside_a_drained_rim_are_exact_or_warned_of(tmp_path: Path) -> None:
+    """At early times the contact pressure of a disc is 3 mu eps, except in the film at its rim."""
+    early = 5e-7
+    strain = 0.01
+    scene = DISC | {"loading": {"history": [[0, 0], [early, 0.5 * strain]], "times": [early]}}
+    exact = 3.0 * strain / (2.0 * 1.2)
+    found = {}
+    for name, mesh in (("auto", {}), ("fine", {"h_contact": 0.1, "h_film": 8.6e-4})):
+        outcome = rows(scene | ({"mesh": mesh} if mesh else {}), tmp_path / name)
+        warnings = " ".join(outcome.report["warnings"])
+        found[name] = outcome.states[-1].p_max / exact - 1.0, "overshoot beside" in warnings
+    error, is_warned = found["auto"]
+    assert is_warned and 0.01 < error < 0.06
+    error, is_warned = found["fine"]
+    # The film takes (D t)^(1/2)/a = 7e-4 of the disc, and the first vertex overshoots by less.
+    assert not is_warned and abs(error) < 0.005
