@@ -528,7 +528,7 @@ MALFORMED = [
         edited("center: [0.5, 0.5]", "center: [0.5]"),
         15,
         "indenter.center",
-        "is [x, y], got 1",
+        "must be [x, y], got 1",
     ),
     (
         edited("center: [0.5, 0.5]", "center: [0.5, a]"),
