@@ -790,7 +790,7 @@ class TestAnotherKindOfFile:
         done = CliRunner().invoke(commands.program, [words[0], "STUDY.yaml", *words[1:]])
         assert done.exit_code == 3 and not (tmp_path / "results").exists()
         assert (
-            "STUDY.yaml:3: this is a study, not a scene; indent-sim study STUDY.yaml\n"
+            "STUDY.yaml:3: this is a study, not a scene; run it with `indent-sim study STUDY.yaml`\n"
             in done.stderr
         )
 
