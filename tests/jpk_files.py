@@ -54,6 +54,15 @@ def measured(style: str, z: np.ndarray, force: np.ndarray) -> Segment:
     return Segment(style, np.rint(heights).astype(np.int64), np.rint(volts).astype(np.int64))
 
 
+def write_map(path: Path, z: np.ndarray, force: np.ndarray, grid: Grid) -> Path:
+    """Write a map of displacements of the base (n,) [m] and forces (rows, columns, n) [N]."""
+    curves = [
+        [measured("extend", z, values), measured("retract", z[::-8], values[::-8])]
+        for values in force.reshape(-1, len(z))
+    ]
+    return write(path, members(curves, "force-scan-map", grid))
+
+
 def scaled(numbers: np.ndarray, scalings: Sequence[tuple[float, float]]) -> np.ndarray:
     """Return stored numbers (n,) after linear conversions, one after the other."""
     values = numbers.astype(float)

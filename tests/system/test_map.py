@@ -50,17 +50,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a JPK map, a scene, and the fit of the map."""
     folder = tmp_path_factory.mktemp("map")
     z, force = true_curves()
-    curves = [
-        [
-            jpk_files.measured("extend", 1e-6 * z, 1e-9 * one),
-            jpk_files.measured("retract", 1e-6 * z[::-8], 1e-9 * one[::-8]),
-        ]
-        for one in force.reshape(-1, POINTS)
-    ]
     grid = jpk_files.Grid(SIZE, SIZE, 2e-5, 1e-5, back_and_forth=False)
-    jpk_files.write(
-        folder / "cells.jpk-force-map", jpk_files.members(curves, "force-scan-map", grid)
-    )
+    jpk_files.write_map(folder / "cells.jpk-force-map", 1e-6 * z, 1e-9 * force, grid)
     (folder / "scene.yaml").write_text(yaml.safe_dump(SCENE))
     done = fit(folder, "--output", str(folder / "fit"))
     assert done.exit_code == 0, done.output

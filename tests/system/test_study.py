@@ -790,8 +790,8 @@ class TestAnotherKindOfFile:
         done = CliRunner().invoke(commands.program, [words[0], "STUDY.yaml", *words[1:]])
         assert done.exit_code == 3 and not (tmp_path / "results").exists()
         assert (
-            "STUDY.yaml:3: this is a study, not a scene; run it with `indent-sim study STUDY.yaml`\n"
-            in done.stderr
+            "STUDY.yaml:3: this is a study, not a scene; run it with `indent-sim study "
+            "STUDY.yaml`\n" in done.stderr
         )
 
     @pytest.mark.parametrize("text", [SCENE, "title: ten\naccuracy: 0.01\n"])

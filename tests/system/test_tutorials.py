@@ -13,6 +13,8 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
+import jpk_files
+import numpy as np
 import pytest
 from documented_commands import BLOCK, ROOT, environment, followed
 
@@ -216,6 +218,15 @@ def test_fields_by_pyvista(tmp_path):
     assert {"displacement", "pressure", "von_mises"} <= arrays
 
 
+def write_hertzian_map(path: Path) -> None:
+    """Write a map of 64 curves of a ball of 5 um, by Hertz."""
+    z = np.linspace(-1e-6, 1e-6, 250)
+    force = 4.0 / 3.0 * 1333.0 * np.sqrt(5e-6) * np.maximum(z, 0.0) ** 1.5
+    noise = np.random.default_rng(0).standard_normal((8, 8, 250))
+    forces = force + 0.01 * force.max() * noise
+    jpk_files.write_map(path, z, forces, jpk_files.Grid(8, 8, 1e-5, 1e-5, back_and_forth=False))
+
+
 def test_the_answers_of_the_how_do_i_page_run(tmp_path):
     """Every command in the sentences of docs/how_do_i.md runs.
 
@@ -231,6 +242,7 @@ def test_the_answers_of_the_how_do_i_page_run(tmp_path):
         ],
         tmp_path,
     )
+    write_hertzian_map(tmp_path / "map.jpk-force-map")
     said = COMMAND.findall((ROOT / "docs" / "how_do_i.md").read_text(encoding="utf-8"))
     assert len(said) >= 11
     followed(list(dict.fromkeys(map(shortened, said))), tmp_path)
