@@ -530,6 +530,11 @@ def _fit_map(
         if options["thickness"]:
             raise UsageError("--thickness belongs to a map", "leave it out, or add --map")
         return None
+    if options["jobs"] > 1:
+        raise UsageError(
+            "--jobs: the curves of a map are fitted together in one process",
+            "leave --jobs out, or fit curve by curve with --no-map",
+        )
     return map_folder.fit_map_folder(
         measured_map, request, output, options["thickness"], print_progress
     )

@@ -657,7 +657,8 @@ def _refuse_wrong_scale(config: Config, samples: Samples) -> None:
     """Raise NoCurve if the depths of a curve are a tiny fraction of the radius of the tip."""
     R = getattr(config.indenter, "R", None)
     span = float(np.ptp(samples.x)) if len(samples) else 0.0
-    # A shallower contact of a sphere is below the size of an atom for tips of up to 0.1 mm.
+    # Smallest depth of a curve, relative to the radius of the tip: for radii of up to 0.1 mm it is
+    # 0.1 nm, the size of an atom.
     smallest_depth = 1e-6
     if R is not None and 0.0 < span < smallest_depth * R:
         raise NoCurve(

@@ -60,7 +60,7 @@ LENGTH_STEP = 32
 # Relative change of the sums of squares at which the fits of a map end.
 MAP_TOLERANCE = 1e-6
 # The same for fits to a part of the depth: some hundredths of a standard deviation.
-PART_TOLERANCE = 1e-5
+DEPTH_RANGE_TOLERANCE = 1e-5
 
 REASONS = (
     "",
@@ -358,14 +358,15 @@ class MapFitter:
         max_force = np.abs(model.contact_force(fit.p)).max(axis=-1)
         compliance = model.forward_model.experiment.compliance
         p_shape = _shape_probability(model, fit, noise)
-        halves = _fit_part(model, fit, noise, 0.5)
+        halves = _fit_depth_range(model, fit, noise, 0.5)
         thetas = [fit.p[:, 0], halves.theta]
-        # Curves whose fits to other parts of the depth are computed, too.
+        # The fits to other parts of the depth are computed for suspicious curves only, with the
+        # limits of `model_assessment.is_suspect`.
         suspicious = np.flatnonzero((p_shape < 1e-2) | (np.abs(halves.z) > 2.5))
         if len(suspicious):
             for fraction in (0.7, 0.9):
                 theta = np.full(len(curves), math.nan)
-                theta[suspicious] = _fit_part(
+                theta[suspicious] = _fit_depth_range(
                     model.select(suspicious), fit.select(suspicious), noise, fraction
                 ).theta
                 thetas.append(theta)
@@ -487,16 +488,16 @@ def _shape_probability(model: CurveModel, fit: WeightedFit, noise: PooledNoise) 
 
 
 @dataclass(frozen=True)
-class PartFits:
+class DepthRangeFits:
     """Fits to a part of the depth: theta (b,) and z scores (b,), NaN where it is too short."""
 
     theta: np.ndarray
     z: np.ndarray
 
 
-def _fit_part(
+def _fit_depth_range(
     model: CurveModel, fit: WeightedFit, noise: PooledNoise, depth_fraction: float
-) -> PartFits:
+) -> DepthRangeFits:
     """Fit the samples up to a fraction of the depth.
 
     The difference of two fits is linear in the noise; its variance is that of D_part - D, with
@@ -523,7 +524,7 @@ def _fit_part(
         initial = _with_relative_baseline(
             part_model, _with_absolute_baseline(model.select(rows), fit.p[rows])
         )
-        part = _fit_weighted(part_model, initial, noise, PART_TOLERANCE)
+        part = _fit_weighted(part_model, initial, noise, DEPTH_RANGE_TOLERANCE)
         difference = -fit.solver[rows]
         np.put_along_axis(
             difference,
@@ -535,7 +536,7 @@ def _fit_part(
         sd = np.maximum(sd, MIN_DEVIATION_RATIO * part.sd[:, 0])
         theta[rows] = part.p[:, 0]
         z[rows] = (part.p[:, 0] - fit.p[rows, 0]) / np.maximum(sd, 1e-300)
-    return PartFits(theta, z)
+    return DepthRangeFits(theta, z)
 
 
 def reasons_without_signal(samples: Samples) -> np.ndarray:

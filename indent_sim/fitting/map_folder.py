@@ -73,7 +73,7 @@ from indent_sim.process.limits import write_error
 from indent_sim.process.version import VERSION
 from indent_sim.results.atomic_files import write_atomically
 from indent_sim.results.json_text import to_json
-from indent_sim.results.map_arrays import hdf5_file, read_hdf5_file
+from indent_sim.results.map_arrays import hdf5_bytes, read_hdf5_file
 from indent_sim.results.map_images import gwyddion_field, read_image, tiff_image
 from indent_sim.results.measured.curve_file import curve_files, read_curves
 from indent_sim.results.measured.measured_map import MeasuredMap
@@ -596,7 +596,7 @@ def write_map(
         if map_fit.size is not None:
             attributes |= {"size_m": map_fit.size}
         arrays = quantities | {"reason": map_fit.reason.astype(np.int8)}
-        write_atomically(directory / MAP_FIELDS, hdf5_file(arrays, attributes))
+        write_atomically(directory / MAP_FIELDS, hdf5_bytes(arrays, attributes))
         write_atomically(directory / MAP_TABLE, _table(map_fit, quantities))
         for name, values, kind in (
             (

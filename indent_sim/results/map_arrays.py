@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 
-def hdf5_file(arrays: Mapping[str, np.ndarray], attributes: Mapping[str, Any]) -> bytes:
-    """Return a file with a compressed dataset for each array, and attributes."""
+def hdf5_bytes(arrays: Mapping[str, np.ndarray], attributes: Mapping[str, Any]) -> bytes:
+    """Return the bytes of a file with a compressed dataset for each array, and attributes."""
     import h5py
 
     data = io.BytesIO()

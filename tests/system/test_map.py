@@ -169,6 +169,7 @@ def test_thickness_of_each_pixel_changes_its_modulus(folder: Path) -> None:
         (("--thickness", "height:soft"), 3, "body.height"),
         (("--grid", "3x3"), 2, "files"),
         (("--map", "--segment", "retract"), 2, "approach"),
+        (("--jobs", "2"), 2, "one process"),
         (("--no-map", "--thickness", "height"), 2, "--thickness"),
     ],
 )

@@ -121,7 +121,7 @@ class PooledNoise:
 
     @property
     def correlation_time(self) -> float:
-        """Weighted mean correlation time of the noise that is not white [samples]."""
+        """Mean correlation time [samples] of the exponential components, weighted by variance."""
         coloured = [
             (weight, component.decay_length)
             for weight, component in zip(self.weights, self.components, strict=True)

@@ -225,7 +225,7 @@ class NanoscopeFile:
         return offset, np.dtype("<i2" if length == 2 * count else "<i4")
 
     def _read_words(self, words: np.dtype, offset: int, index: int, count: int) -> np.ndarray:
-        """Return the words (count,) of one curve or image."""
+        """Return the stored integers (count,) of one curve or image, called words in the header."""
         place = offset + index * count * words.itemsize
         try:
             data = np.fromfile(self.path, words, count, offset=place)
