@@ -96,9 +96,10 @@ def conclusion_lines(outcome: Outcome) -> list[str]:
         modulus_error = f"{fit['percent']:+.3g} %{fit.get('against', '')}"
         lines.append(f"a Hertz fit of this curve gives E = {fit['E']:.4g} ({modulus_error})")
     lines += _section_sentence(_report_section(report, "stick"))
+    units = _report_units(report)
     lines += [
-        *_largest_pull_lines(_report_section(report, "adhesion")),
-        *_experiment_lines(_report_section(report, "experiment")),
+        *_largest_pull_lines(_report_section(report, "adhesion"), units),
+        *_experiment_lines(_report_section(report, "experiment"), units),
     ]
     if "time" in report:
         lines.append(f"history solved by {report['time']['method']}: {report['time']['why']}")
@@ -146,7 +147,7 @@ def _final_row_lines(outcome: Outcome) -> list[str]:
     report = outcome.report
     if not states:
         return []
-    units = _row_units(_mapping_of(report.get("units") or {}), _is_plane_strain(report))
+    units = _report_units(report)
     last_row_line = f"step {states[-1].step}: {states[-1].summary(units)}"
     largest_force_row = row_of_interest(states, report.get("control") == "force")
     if largest_force_row is states[-1]:
@@ -161,6 +162,11 @@ def _final_row_lines(outcome: Outcome) -> list[str]:
         *_hysteresis_lines(loop, units),
         f"largest force, step {largest_force_row.step}: {largest_force_row.summary(units)}",
     ]
+
+
+def _report_units(report: Report) -> dict[str, str]:
+    """Return the units of time, depth, force and contact radius in the rows of a run."""
+    return _row_units(_mapping_of(report.get("units") or {}), _is_plane_strain(report))
 
 
 def _is_plane_strain(report: Report) -> bool:
@@ -205,41 +211,59 @@ def _section_sentence(part: Report) -> list[str]:
     return [words] if (words := part.get("words")) else []
 
 
-def _largest_pull_lines(report: Report) -> list[str]:
+def _largest_pull_lines(report: Report, units: Mapping[str, str]) -> list[str]:
     """Return the line of the pull-off force, with the values predicted by theory.
 
-    Without a search between rows it is the largest tensile force of a row.
+    Without a search between rows it is the largest tensile force of a row. `units` maps force and
+    delta to their units.
     """
     largest_pull = report.get("largest_pull")
     if largest_pull is None:
         return []
     from indent_sim.run.summary import expected_pull_offs
 
-    line = (
-        f"largest tensile force: {largest_pull['force']:.6g} at delta "
-        f"{largest_pull['delta']:.6g}, step {largest_pull['step']}"
-    )
+    force_text = _quantity_text(largest_pull["force"], units["force"])
+    delta_text = _quantity_text(largest_pull["delta"], units["delta"])
+    line = f"largest tensile force: {force_text} at delta {delta_text}, step {largest_pull['step']}"
     if pull_off := report.get("pull_off"):
-        force = f"force {pull_off['force']:.6g} {_error_text(pull_off['error'])}"
-        line = f"pull-off, searched between rows: {force} at delta {pull_off['delta']:.6g}"
-    expected_texts = [f"; {words} {force:.6g}" for words, force in expected_pull_offs(report)]
+        force_text = _quantity_text(pull_off["force"], units["force"])
+        force_text += f" {_error_text(pull_off['error'], units['force'])}"
+        delta_text = _quantity_text(pull_off["delta"], units["delta"])
+        line = f"pull-off, searched between rows: force {force_text} at delta {delta_text}"
+    expected_texts = [
+        f"; {words} {_quantity_text(force, units['force'])}"
+        for words, force in expected_pull_offs(report)
+    ]
     return ["".join([line, *expected_texts])]
 
 
-def _error_text(error: float | None) -> str:
-    """Return the error of a number as a text."""
-    return "± an unknown error" if error is None else f"± {error:.2g}"
+def _quantity_text(value: float, unit: str) -> str:
+    """Return a number with six digits and its unit; only the number without a unit."""
+    return f"{value:.6g} {unit}".rstrip()
 
 
-def _experiment_lines(report: Report) -> Iterator[str]:
-    """Yield the lines of an experiment: pull-off, events of the cantilever, calibration."""
+def _error_text(error: float | None, unit: str) -> str:
+    """Return the error of a number with a unit as a text."""
+    return "± an unknown error" if error is None else f"± {error:.2g} {unit}".rstrip()
+
+
+def _experiment_lines(report: Report, units: Mapping[str, str]) -> Iterator[str]:
+    """Yield the lines of an experiment: pull-off, events of the cantilever, calibration.
+
+    `units` maps force and delta to their units.
+    """
+
+    def place_text(point: Mapping[str, float]) -> str:
+        force_text = _quantity_text(point["force"], units["force"])
+        return f"force {force_text}, delta {_quantity_text(point['delta'], units['delta'])}"
+
     for control, point in _report_section(_report_section(report, "adhesion"), "pull_off").items():
         words = control.replace("_", " ")
-        yield f"pull-off under {words}: force {point['force']:.6g} at delta {point['delta']:.6g}"
+        yield f"pull-off under {words}: {place_text(point)}"
     for event, point in _report_section(report, "cantilever").items():
         if point:
-            place = f"force {point['force']:.6g}, delta {point['delta']:.6g}"
-            yield f"{event.replace('_', ' ')} at z {point['z']:.6g}: {place}"
+            z_text = _quantity_text(point["z"], units["delta"])
+            yield f"{event.replace('_', ' ')} at z {z_text}: {place_text(point)}"
     if "calibration" in report:
         force = report["calibration"]["force"]
         modulus = report["calibration"]["modulus"]

@@ -112,18 +112,18 @@ ROW_THAT_PULLS = {"step": 1, "delta": -0.1, "force": -1.0}
     [
         (
             None,
-            "largest tensile force: -1 at delta -0.1, step 1; "
-            "pull-off force without range (JKR) -0.9",
+            "largest tensile force: -1 nN at delta -0.1 um, step 1; "
+            "pull-off force without range (JKR) -0.9 nN",
         ),
         (
             {"delta": -0.11, "force": -1.02, "error": 0.0031, "equilibria": 3},
-            "pull-off, searched between rows: force -1.02 ± 0.0031 at delta -0.11; "
-            "pull-off force without range (JKR) -0.9",
+            "pull-off, searched between rows: force -1.02 nN ± 0.0031 nN at delta -0.11 um; "
+            "pull-off force without range (JKR) -0.9 nN",
         ),
         (
             {"delta": -0.11, "force": -1.02, "error": None, "equilibria": 24},
-            "pull-off, searched between rows: force -1.02 ± an unknown error at delta -0.11;"
-            " pull-off force without range (JKR) -0.9",
+            "pull-off, searched between rows: force -1.02 nN ± an unknown error at delta -0.11 um;"
+            " pull-off force without range (JKR) -0.9 nN",
         ),
     ],
 )
