@@ -22,7 +22,7 @@ from indent_sim.run.pipeline import condense
 from indent_sim.scene.scene import resolve
 
 ROOT = Path(__file__).resolve().parents[2]
-PROGRAM = [sys.executable, "-m", "indent_sim.cli.start"]
+PROGRAM = [sys.executable, "-m", "indent_sim"]
 HERTZ = "configs/hertz.yaml"
 # Settings of every measured run.
 LEAN = ("output.plot=false", "output.fields=none")

@@ -143,6 +143,12 @@ class TestWithoutARun:
             for name in ("run", "plan", "compare", "plot", "list", "schema", "doctor")
         )
 
+    def test_module_is_the_command(self):
+        from indent_sim import __version__
+
+        command = [sys.executable, "-m", "indent_sim", "--version"]
+        assert __version__ in subprocess.run(command, capture_output=True, text=True).stdout
+
     def test_version(self, indent_sim):
         from indent_sim import __version__
 

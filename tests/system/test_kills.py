@@ -182,7 +182,7 @@ def test_killed_at_random_moments(scene, tmp_path, undisturbed, number):
     assert {entry.name for entry in tmp_path.iterdir()} == {"scene.yaml", "out"}
 
 
-START = (sys.executable, "-m", "indent_sim.cli.start")
+START = (sys.executable, "-m", "indent_sim")
 SENT = (
     signal.SIGKILL,
     signal.SIGTERM,
