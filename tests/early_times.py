@@ -526,10 +526,12 @@ def _errors_and_bars(
 ) -> tuple[list[float], list[float]]:
     """Relative error and half-width of each value.
 
-    Each row has a value, its bar, and the least and the largest right value.
+    Each row has a value, its bar, and the least and the largest right value. The right value of a
+    row is zero where a gel has shrunk away from the tip; such a row is not judged.
     """
-    errors = [max(low - value, value - high, 0.0) / high for value, _, low, high in rows]
-    return errors, [(bar or 0.0) / high for _, bar, _, high in rows]
+    judged = [row for row in rows if row[3]]
+    errors = [max(low - value, value - high, 0.0) / high for value, _, low, high in judged]
+    return errors, [(bar or 0.0) / high for _, bar, _, high in judged]
 
 
 def finer_rows(config: Config) -> list[State]:
