@@ -12,6 +12,9 @@ from __future__ import annotations
 # `python -m pytest -m verify tests/physics/test_accuracy.py -s` prints it for every scene.
 ERROR_CONSTANT = {2: 0.65, 3: 0.33}
 ORDER_OF_CONVERGENCE = 2.5
+# Bound of the error of the contact radius, relative to the element where the contact ends [-].
+# Repeated by: scripts/make_error_bar_table.
+RADIUS_ERROR = 0.09
 # Elements [-] in the radius of the contact without a requested accuracy, by dimension: the force of
 # the last step is within 0.3 %, measured on a paraboloid in two dimensions and on a cube. Checked:
 # tests/physics/test_layer_wall.py.
