@@ -118,7 +118,7 @@ STICK_FRICTION = 5.0
 
 # Elastocapillary length over contact radius [-] beyond which p_max is off by more than its error
 # estimate; it is off by 5 % at 200. Checked: tests/physics/test_surface_tension.py.
-TENSION_PRESSURE_LIMIT = 30.0
+TENSION_PRESSURE_LIMIT = 15.0
 # Displacement elements are too stiff for a drained gel with a larger Poisson's ratio [-]: the force
 # is wrong by LOCKING_ERROR [-] at 0.4999, and by a tenth of that at DRAINED_LOCKING_NU. Repeated
 # by: tests/physics/test_measured_constants.py.
