@@ -224,7 +224,10 @@ class LayerWithSurfaceTension(ContactCurve):
         return (rows - self._layer_matrix(a, x, phi.size)) @ phi
 
     def _outside_row(self, a: float, x: float, count: int) -> np.ndarray:
-        """Return a row of `_kernel_matrix` for a position x > a [h], with nodes graded towards the edge."""
+        """Return a row of `_kernel_matrix` for a position x > a [h].
+
+        The nodes are graded towards the edge.
+        """
         theta, weight = _logarithmic_nodes(
             0.0, max(2, math.ceil(math.log2(1.0 + a / min(self.b, x - a))) + 3), count
         )
@@ -243,8 +246,8 @@ def auxiliary_integral(z: np.ndarray) -> np.ndarray:
     from scipy.special import exp1
 
     value = np.empty_like(z)
-    # The exponential integral takes ten times as long as the asymptotic series. Its terms (2 k + 1)!
-    # (-1/z^2)^k are below 1e-16 here from the twelfth on.
+    # The exponential integral takes ten times as long as the asymptotic series, whose terms
+    # (2 k + 1)! (-1/z^2)^k are below 1e-15 here from the twelfth on.
     is_far = z > 50.0
     inverse_square = z[is_far] ** -2.0
     series = np.ones_like(inverse_square)

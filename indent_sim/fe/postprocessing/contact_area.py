@@ -227,8 +227,9 @@ def edge_pressure_step(body: ObservedBody, size: float, force: float) -> float:
     """Pressure step at the contact edge under surface tension [pressure].
 
     It is computed from the mean contact pressure: by `_membrane_edge_ratio` for a large tension,
-    and by a fit to the theory of round tips for a smaller one. It is 0 without surface tension, and
-    if the edge of the tip coincides with element edges.
+    and by a fit to the theory of round tips for a smaller one. It is 0 without surface tension, if
+    the edge of the tip coincides with element edges, and if the contact ends within two elements of
+    a slope discontinuity, where the tip exerts a line force.
 
     Parameters
     ----------
@@ -240,9 +241,15 @@ def edge_pressure_step(body: ObservedBody, size: float, force: float) -> float:
         Contact force on this area or width.
     """
     physics = body.scene.physics
-    if not physics.surface_tension or not size or body.scene.sizes.punch_edge is not None:
+    sizes = body.scene.sizes
+    if not physics.surface_tension or not size or sizes.punch_edge is not None:
         return 0.0
     a = physics.domain.kinematics.contact_radius(size)
+    if any(
+        r > 0 and abs(a - r) <= 2 * sizes.surface_size(r)
+        for r, _ in physics.indenter.slope_discontinuities()
+    ):
+        return 0.0
     tension_number = physics.surface_tension / physics.material.E_star / a
     step_ratio = EDGE_STEP_GROWTH * tension_number**EDGE_STEP_EXPONENT
     membrane_step = max(force, 0.0) / size * _membrane_edge_ratio(body, a)
@@ -301,11 +308,17 @@ def contact_area_within_step(
     force : float
         Contact force on this area or width.
     """
+    physics = body.scene.physics
+    kinematics = physics.domain.kinematics
+    X, _ = lattice_points
+    distance = np.hypot(*kinematics.horizontal_position(components_first(X), physics.center))
+    # Elsewhere the pressure of a tip that is not round may be lower than at the edge.
+    is_near_edge = distance > kinematics.contact_radius(size) - body.trace.facet_sizes[:, None]
     # A second iteration changes the radius by up to 0.05 elements, a third one by 0.01.
     for _ in range(2):
-        step = edge_pressure_step(body, size, force)
-        if step > 0:
-            margin = trial_pressure - EDGE_STEP_FRACTION * step
+        threshold = EDGE_STEP_FRACTION * edge_pressure_step(body, size, force)
+        if threshold > 0:
+            margin = np.where(is_near_edge, trial_pressure - threshold, trial_pressure)
             size = contact_area(body, *lattice_points, margin) or size
     return size
 
