@@ -22,9 +22,18 @@ VOLUME_DEGREE = {2: 4, 3: 2}
 # tests/physics/test_beside_the_force.py.
 EDGE_STIFFNESS_FACTOR = {"displacement": 4.0, "mixed": 6.0}
 
-# Growth [-] of the relative pressure step at the contact edge with (gamma/(E* a))^0.9. Checked:
+# Multiple [-] of gamma/h^2 that a surface tension gamma adds to this stiffness, and fraction [-] of
+# the pressure step where the contact ends. Measured on 240 rows of 60 random half-spaces, layers,
+# films and stacks, with 0.3 to 10 elements in the contact radius: the error of the contact radius
+# is 0.005 h in the median and below 0.05 h in 95 % of the rows. Repeated by:
 # tests/physics/test_surface_tension.py.
-EDGE_STEP_GROWTH = 11.0
+EDGE_TENSION_FACTOR = 8.0
+EDGE_STEP_FRACTION = 0.42
+# Pressure step s [-] at the contact edge, relative to the mean pressure: s/(1 - s) =
+# EDGE_STEP_GROWTH (gamma/(E* a))^EDGE_STEP_EXPONENT. In these scenes s differs by up to 0.1 from
+# theory. Repeated by: tests/physics/test_surface_tension.py.
+EDGE_STEP_GROWTH = 10.0
+EDGE_STEP_EXPONENT = 0.75
 # Fraction [-] of the depth below which the gap at the edge of a tip counts as closed under surface
 # tension. It is twice the largest gap next to the edge of a punch, for gamma/(E* a) from 1e-4 to 20
 # and nu from 0 to 0.5. Checked: tests/physics/test_surface_tension.py.

@@ -21,6 +21,7 @@ from indent_sim.scene.expected_error import (
 from indent_sim.scene.measured_constants import (
     EQUILIBRIA_DIFFERENCE,
     MAX_SLIPPING_FRICTION,
+    RADIUS_ERROR,
     TENSION_PRESSURE_LIMIT,
 )
 from indent_sim.scene.model_warnings import NO_CONTACT, ModelWarning, theory_warnings
@@ -219,7 +220,7 @@ def _element_warnings(
         )
         wrong_text = (
             f"the force may be wrong by {error_text(force_error)}, the contact radius by up to "
-            f"5 %; {advice}"
+            f"{RADIUS_ERROR / sizes.elements_in_contact(a):.0%}; {advice}"
         )
         message = (
             f"only {a / sizes.h_contact:.2g} elements in the expected contact radius: {wrong_text}"

@@ -103,9 +103,9 @@ class LayerWithSurfaceTension(ContactCurve):
         theta = (np.arange(function_count) + 0.5) * math.pi / (2 * function_count)
         x = a * np.cos(theta)
         right_side = np.column_stack([np.ones(function_count), self._tip_shape(a, theta)])
-        matrix = np.array(
-            [self._kernel_row(a, angle, function_count) for angle in theta]
-        ) - self._layer_matrix(a, x, function_count)
+        matrix = self._kernel_matrix(a, theta, function_count) - self._layer_matrix(
+            a, x, function_count
+        )
         return LinearSolution(*np.linalg.solve(matrix, right_side).T)
 
     def _function_count(self, a: float) -> int:
@@ -161,15 +161,20 @@ class LayerWithSurfaceTension(ContactCurve):
         moments[0] *= 0.5
         return np.asarray(np.cos(np.outer(theta, m)) @ moments)
 
-    def _kernel_row(self, a: float, angle: float, count: int) -> np.ndarray:
-        """Return (1/pi) ∫ phi(t) k0(a cos(angle) - t) dt of each basis function, shape (count,)."""
+    def _kernel_matrix(self, a: float, theta: np.ndarray, count: int) -> np.ndarray:
+        """Return (1/pi) ∫ phi(t) k0(a cos(theta) - t) dt of each basis function.
+
+        The shape of the result is (len(theta), count).
+        """
         levels = max(2, math.ceil(math.log2(1.0 + a / self.b)) + 3)
-        angle_offsets, weight = _logarithmic_nodes(angle, levels, count)
-        distances = (
-            2.0 * a * np.sin(angle + 0.5 * angle_offsets) * np.abs(np.sin(0.5 * angle_offsets))
-        )
+        nodes = [_logarithmic_nodes(float(angle), levels, count) for angle in theta]
+        offsets, weight = join_nodes(nodes)
+        node_counts = [len(offset) for offset, _ in nodes]
+        angle = np.repeat(theta, node_counts)
+        distances = 2.0 * a * np.sin(angle + 0.5 * offsets) * np.abs(np.sin(0.5 * offsets))
         kernel = auxiliary_integral(distances / self.b) / self.b
-        return a / math.pi * ((weight * kernel) @ _basis_functions(angle + angle_offsets, count))
+        starts = np.cumsum([0, *node_counts[:-1]])
+        return a / math.pi * _basis_sums(angle + offsets, weight * kernel, starts, count)
 
     def _layer_matrix(self, a: float, x: np.ndarray, count: int) -> np.ndarray:
         """Return (2/pi) ∫_0^a phi(t) K(x, t) dt of each basis function, shape (len(x), count)."""
@@ -219,7 +224,10 @@ class LayerWithSurfaceTension(ContactCurve):
         return (rows - self._layer_matrix(a, x, phi.size)) @ phi
 
     def _outside_row(self, a: float, x: float, count: int) -> np.ndarray:
-        """Return `_kernel_row` for a position x > a [h], with nodes graded towards the edge."""
+        """Return a row of `_kernel_matrix` for a position x > a [h].
+
+        The nodes are graded towards the edge.
+        """
         theta, weight = _logarithmic_nodes(
             0.0, max(2, math.ceil(math.log2(1.0 + a / min(self.b, x - a))) + 3), count
         )
@@ -237,15 +245,18 @@ def auxiliary_integral(z: np.ndarray) -> np.ndarray:
     """Return G(z) = ∫_0^inf cos t/(t + z) dt = Re e^(iz) E1(iz) for z > 0."""
     from scipy.special import exp1
 
-    # The asymptotic series has two terms here: the next one is 1e-15 of the value.
-    is_far = z > 1e4
-    near_argument = np.where(is_far, 1.0, z)
-    square = np.maximum(z, 1.0) ** 2
-    return np.where(
-        is_far,
-        (1.0 - 6.0 / square) / square,
-        (np.exp(1j * near_argument) * exp1(1j * near_argument)).real,
-    )
+    value = np.empty_like(z)
+    # The exponential integral takes ten times as long as the asymptotic series, whose terms
+    # (2 k + 1)! (-1/z^2)^k are below 1e-15 here from the twelfth on.
+    is_far = z > 50.0
+    inverse_square = z[is_far] ** -2.0
+    series = np.ones_like(inverse_square)
+    for k in range(12, 0, -1):
+        series = 1.0 - 2 * k * (2 * k + 1) * inverse_square * series
+    value[is_far] = series * inverse_square
+    near_argument = 1j * z[~is_far]
+    value[~is_far] = (np.exp(near_argument) * exp1(near_argument)).real
+    return value
 
 
 def _basis_functions(theta: np.ndarray, count: int) -> np.ndarray:
@@ -257,6 +268,24 @@ def _basis_functions(theta: np.ndarray, count: int) -> np.ndarray:
     return np.column_stack(
         [np.ones(theta.size), np.sin(np.outer(theta, 2 * n + 1)) * np.sin(theta)[:, None]]
     )
+
+
+def _basis_sums(
+    theta: np.ndarray, weight: np.ndarray, starts: np.ndarray, count: int
+) -> np.ndarray:
+    """Return weighted sums (len(starts), count) of `_basis_functions` over groups of angles.
+
+    A group begins at each of the indices `starts`. The sines are computed by a recurrence, which
+    takes a tenth of their time.
+    """
+    sums = [np.add.reduceat(weight, starts)]
+    double_cosine = 2.0 * np.cos(2.0 * theta)
+    current = weight * np.sin(theta) ** 2
+    previous = -current
+    for _ in range(count - 1):
+        sums.append(np.add.reduceat(current, starts))
+        previous, current = current, double_cosine * current - previous
+    return np.column_stack(sums)
 
 
 @lru_cache(maxsize=4096)

@@ -275,7 +275,7 @@ class CondensedEquilibrium(Equilibrium):
         values["intrusion"] = penetration.penetration_outside_contact_surface(
             self._recovered_body, self._noncontact_trace, solution
         )
-        return values | measurements.contact_values(self.contact_state)
+        return values | measurements.contact_values(self.contact_state, values["force"])
 
     @property
     def observed_body(self) -> RecoveredBody:

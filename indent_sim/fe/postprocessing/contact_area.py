@@ -7,7 +7,12 @@ from math import pi
 import numpy as np
 from mpi4py import MPI
 
-from indent_sim.fe.measured_constants import EDGE_GAP_FRACTION, EDGE_STEP_GROWTH
+from indent_sim.fe.measured_constants import (
+    EDGE_GAP_FRACTION,
+    EDGE_STEP_EXPONENT,
+    EDGE_STEP_FRACTION,
+    EDGE_STEP_GROWTH,
+)
 from indent_sim.fe.postprocessing.contact_sample import (
     ContactSample,
     ObservedBody,
@@ -218,12 +223,13 @@ def edge_corrected_pressure(
     )
 
 
-def edge_pressure_step(body: ObservedBody, size: float, means: np.ndarray) -> float:
-    """Pressure step at the contact edge under surface tension [pressure] (collective).
+def edge_pressure_step(body: ObservedBody, size: float, force: float) -> float:
+    """Pressure step at the contact edge under surface tension [pressure].
 
-    It is computed from the median contact pressure by a fit to the theory of a paraboloid on a
-    half-space, with an error below 15 % of the mean pressure for gamma/(E* a) from 0.03 to 200. It
-    is 0 without surface tension, and if the edge of the tip coincides with element edges.
+    It is computed from the mean contact pressure: by `_membrane_edge_ratio` for a large tension,
+    and by a fit to the theory of round tips for a smaller one. It is 0 without surface tension, if
+    the edge of the tip coincides with element edges, and if the contact ends within two elements of
+    a slope discontinuity, where the tip exerts a line force.
 
     Parameters
     ----------
@@ -231,24 +237,90 @@ def edge_pressure_step(body: ObservedBody, size: float, means: np.ndarray) -> fl
         State of the body.
     size : float
         Contact area or width.
-    means : ndarray, (facets,)
-        Mean pressure of each facet of this rank [pressure].
+    force : float
+        Contact force on this area or width.
     """
     physics = body.scene.physics
-    if not physics.surface_tension or not size or body.scene.sizes.punch_edge is not None:
+    sizes = body.scene.sizes
+    if not physics.surface_tension or not size or sizes.punch_edge is not None:
         return 0.0
-    tension_number = (
-        physics.surface_tension
-        / physics.material.E_star
-        / physics.domain.kinematics.contact_radius(size)
+    a = physics.domain.kinematics.contact_radius(size)
+    if any(
+        r > 0 and abs(a - r) <= 2 * sizes.surface_size(r)
+        for r, _ in physics.indenter.slope_discontinuities()
+    ):
+        return 0.0
+    tension_number = physics.surface_tension / physics.material.E_star / a
+    step_ratio = EDGE_STEP_GROWTH * tension_number**EDGE_STEP_EXPONENT
+    membrane_step = max(force, 0.0) / size * _membrane_edge_ratio(body, a)
+    return membrane_step * step_ratio / (1 + step_ratio)
+
+
+def _membrane_edge_ratio(body: ObservedBody, a: float) -> float:
+    """Pressure at the edge over mean pressure of a membrane that touches the tip up to a radius.
+
+    A membrane with the tension gamma has the pressure gamma (f'' + f'/r) below a tip with the
+    height f(r), and the mean pressure 2 gamma f'(a)/a; in plane strain these are gamma f'' and
+    gamma f'(a)/a. The ratio is 1 for a paraboloid and 1/2 for a cone. It is at most 2, because
+    f'' is infinite where the slope jumps, and 1 for tips without axis of revolution.
+
+    Parameters
+    ----------
+    body : ObservedBody
+        State of the body.
+    a : float
+        Contact radius [length].
+    """
+    physics = body.scene.physics
+    top_curvature = 1 / physics.domain.top_radius if physics.domain.top_radius else 0.0
+    inner, outer = (
+        float(physics.indenter.slope(r)) + top_curvature * r for r in (0.95 * a, 1.05 * a)
     )
-    positive_means = np.concatenate(body.comm.allgather(means[means > 0]))
-    step_fraction = EDGE_STEP_GROWTH * tension_number**0.9
-    return (
-        float(np.median(positive_means)) * step_fraction / (1 + step_fraction)
-        if len(positive_means)
-        else 0.0
-    )
+    if not physics.indenter.is_axisymmetric or inner + outer <= 0:
+        return 1.0
+    slope_growth = (outer - inner) / (0.1 * (inner + outer) / 2)
+    is_strip = physics.domain.kinematics.name == "plane_strain"
+    return float(np.clip(slope_growth if is_strip else (1 + slope_growth) / 2, 0.0, 2.0))
+
+
+def contact_area_within_step(
+    body: ObservedBody,
+    lattice_points: tuple[np.ndarray, np.ndarray],
+    trial_pressure: np.ndarray,
+    size: float,
+    force: float,
+) -> float:
+    """Contact area of the whole body if the pressure ends with a step (collective).
+
+    The mesh spreads the step over an element. The edge is where p_hat is EDGE_STEP_FRACTION of the
+    step, which depends on the mean pressure and therefore on the area.
+
+    Parameters
+    ----------
+    body : ObservedBody
+        State of the body.
+    lattice_points : tuple of ndarray
+        Positions X and `positions` of `contact_area`.
+    trial_pressure : ndarray, (facets, points)
+        Trial pressure p_hat [pressure].
+    size : float
+        Area or width where p_hat > 0, which is returned without a step.
+    force : float
+        Contact force on this area or width.
+    """
+    physics = body.scene.physics
+    kinematics = physics.domain.kinematics
+    X, _ = lattice_points
+    distance = np.hypot(*kinematics.horizontal_position(components_first(X), physics.center))
+    # Elsewhere the pressure of a tip that is not round may be lower than at the edge.
+    is_near_edge = distance > kinematics.contact_radius(size) - body.trace.facet_sizes[:, None]
+    # A second iteration changes the radius by up to 0.05 elements, a third one by 0.01.
+    for _ in range(2):
+        threshold = EDGE_STEP_FRACTION * edge_pressure_step(body, size, force)
+        if threshold > 0:
+            margin = np.where(is_near_edge, trial_pressure - threshold, trial_pressure)
+            size = contact_area(body, *lattice_points, margin) or size
+    return size
 
 
 def stick_radius(

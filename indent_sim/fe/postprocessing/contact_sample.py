@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from mpi4py import MPI
 
-from indent_sim.fe.measured_constants import EDGE_STIFFNESS_FACTOR
+from indent_sim.fe.measured_constants import EDGE_STIFFNESS_FACTOR, EDGE_TENSION_FACTOR
 from indent_sim.fe.quadrature import contact_quadrature
 from indent_sim.fe.surface import Trace
 from indent_sim.model.tips import gap_current, gap_reference
@@ -118,10 +118,13 @@ def _edge_stiffness(body: ObservedBody) -> np.ndarray:
     """Stiffness (facets, 1) [pressure/length] in the trial pressure that locates the contact edge.
 
     Multiplier and gap are combined, because the multiplier oscillates outside of the contact and
-    the gap is noisy inside.
+    the gap is noisy inside. A surface tension gamma adds a part of gamma/h^2, the stiffness of a
+    membrane over the length h of a facet.
     """
-    region = body.scene.physics.domain.regions[0]
-    return EDGE_STIFFNESS_FACTOR[region.formulation] * body.E_star / body.trace.facet_sizes[:, None]
+    physics = body.scene.physics
+    sizes = body.trace.facet_sizes[:, None]
+    stiffness = EDGE_STIFFNESS_FACTOR[physics.domain.regions[0].formulation] * body.E_star / sizes
+    return stiffness + EDGE_TENSION_FACTOR * physics.surface_tension / sizes**2
 
 
 def gap(body: ObservedBody, points: np.ndarray) -> np.ndarray:

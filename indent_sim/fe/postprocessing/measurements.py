@@ -9,6 +9,7 @@ from mpi4py import MPI
 
 from indent_sim.fe.postprocessing.contact_area import (
     contact_area,
+    contact_area_within_step,
     edge_corrected_pressure,
     edge_pressure_step,
     stick_radius,
@@ -27,12 +28,20 @@ from indent_sim.fe.postprocessing.roughness import build_patches, roughness
 from indent_sim.fe.quadrature import contact_quadrature, evaluation_points, facet_lattice
 
 
-def contact_values(body: ObservedBody) -> dict[str, float]:
+def contact_values(body: ObservedBody, force: float) -> dict[str, float]:
     """Contact values of the current state (collective).
 
     Under surface tension the pressure drops to zero in a step, which the mesh smears over several
-    elements with oscillating nodal values. The contact edge is then defined by p_hat = 0.3 times
-    the step, and the peak pressure is the largest mean over a facet.
+    elements with oscillating nodal values. The contact edge then follows from the step
+    (`contact_area_within_step`), and the peak pressure from means over facets
+    (`_peak_of_facet_means`).
+
+    Parameters
+    ----------
+    body : ObservedBody
+        State of the body.
+    force : float
+        Force on the tip of the whole body [force].
 
     Returns
     -------
@@ -63,12 +72,6 @@ def contact_values(body: ObservedBody) -> dict[str, float]:
     begin = len(grid)
     end = len(grid) + len(quadrature_points)
     positions = sample.X if body.scene.physics.gap == "reference" else sample.X + sample.u
-    is_tensed = bool(body.scene.physics.surface_tension)
-    pressure = (
-        sample.pressure[:, begin:end] @ weights / weights.sum()
-        if is_tensed
-        else sample.pressure[:, begin:]
-    )
     lattice_points = sample.X[:, :begin, :-1], positions[:, :begin, :-1]
     trial_pressure = edge_corrected_pressure(
         body, sample.trial_pressure[:, :begin], sample.gap[:, :begin]
@@ -76,13 +79,17 @@ def contact_values(body: ObservedBody) -> dict[str, float]:
     size = whole_face_area(body, lattice_points[0], trial_pressure) or contact_area(
         body, *lattice_points, trial_pressure
     )
-    if is_tensed and (step := edge_pressure_step(body, size, pressure)):
-        # The mesh spreads the step of the pressure over an element. With 0.3 of the step the radius
-        # is within 0.15 elements. Repeated by tests/physics/test_surface_tension.py.
-        size = contact_area(body, *lattice_points, trial_pressure - 0.3 * step)
+    size = contact_area_within_step(body, lattice_points, trial_pressure, size, force)
     if body.depth <= 0 and not _may_touch_unindented(body, sample.pressure):
         size = 0.0  # the computed contact is round-off
     a = body.scene.physics.domain.kinematics.contact_radius(size)
+    pressure = (
+        _peak_of_facet_means(
+            body, sample.pressure[:, begin:end] @ weights / weights.sum(), size, force
+        )
+        if body.scene.physics.surface_tension
+        else sample.pressure[:, begin:]
+    )
     deepest = (-sample.gap[:, begin:end]).max(initial=0.0)
     overlap = overlap_depth(body, sample.X + sample.u, sample.gap)
     roughness_value = (
@@ -107,6 +114,24 @@ def contact_values(body: ObservedBody) -> dict[str, float]:
     return values | (
         {"stick_radius": stick_radius(body, a, sample, positions, grid)} if body.friction else {}
     )
+
+
+def _peak_of_facet_means(
+    body: ObservedBody, means: np.ndarray, size: float, force: float
+) -> np.ndarray:
+    """Estimates (facets + 1,) of the peak pressure from the mean pressure of each facet [pressure].
+
+    The mean over a facet of the size h at the apex of a round tip is lower than the peak p by
+    (p - p_edge) (h/a)^2/6 if the pressure is p_edge + (p - p_edge) (1 - r^2/a^2)^(1/2), with the
+    step p_edge at the contact edge. The peak is at least the mean over the contact area, the last
+    entry, which is larger than the others if the contact is smaller than a facet.
+    """
+    if not size:
+        return means
+    a = body.scene.physics.domain.kinematics.contact_radius(size)
+    excess = np.maximum(means - edge_pressure_step(body, size, force), 0.0)
+    deficits = excess * np.minimum(body.trace.facet_sizes / a, 1.0) ** 2 / 6
+    return np.append(means + deficits, force / size)
 
 
 def _may_touch_unindented(body: ObservedBody, pressure: np.ndarray) -> bool:

@@ -398,7 +398,7 @@ class BodyEquilibrium:
             self.observed_body, body.noncontact_trace, body.local_array()
         )
         values |= self._fluid_values()
-        return values | measurements.contact_values(self.observed_body)
+        return values | measurements.contact_values(self.observed_body, values["force"])
 
     def _fluid_values(self) -> dict[str, Any]:
         """Return the results for the pore fluid by the names of State's fields; {} without flow.

@@ -60,13 +60,17 @@ from indent_sim.run.error_estimation.error_budget import (
 from indent_sim.run.error_estimation.film_error import FilmError
 from indent_sim.run.error_estimation.step_refinement import StepRefinement, value_difference
 from indent_sim.scene.expected_error import FORCE_DEPTH_EXPONENT, edge_error
-from indent_sim.scene.measured_constants import EDGE_ERROR, ERROR_CONSTANT, ORDER_OF_CONVERGENCE
+from indent_sim.scene.measured_constants import (
+    EDGE_ERROR,
+    ERROR_CONSTANT,
+    ORDER_OF_CONVERGENCE,
+    RADIUS_ERROR,
+)
 from indent_sim.scene.resolution import error_decay
 from indent_sim.scene.scene import Scene
 
 # Lower bound of the error, relative to ERROR_CONSTANT n^-ORDER_OF_CONVERGENCE (see `resolution`).
 MIN_ERROR_FRACTION = 0.2
-RADIUS_ERROR = 0.09  # error of the contact radius, relative to the element where the contact ends
 PRESSURE_ORDER = 2.0  # order of convergence of p_max: that of the stresses of quadratic elements
 PEAK_ERROR = 0.2  # lower bound of the error of p_max, relative to n^-PRESSURE_ORDER p_max
 
@@ -416,13 +420,16 @@ class ErrorBars:
         return end_element / max(width, min(end_element, state.a))
 
     def _penalty_error_of_other_column(self, step: int, name: str) -> float:
-        """Return the error of a quantity due to the penalty, assuming it linear in 1/epsilon_n."""
+        """Return the error of a quantity due to the penalty, assuming a power of 1/epsilon_n.
+
+        The error is linear in 1/epsilon_n. With a surface tension gamma, the pressure of a penalty
+        ends within (gamma/epsilon_n)^(1/2) of the contact edge, so that this is the error of a.
+        """
         if self._soft_states is None:
             return 0.0
-        return (
-            value_difference(self._coarse_states, self._soft_states, step, name)
-            / self._stiffness_ratio
-        )
+        order = 0.5 if name == "a" and self._physics.surface_tension else 1.0
+        difference = value_difference(self._coarse_states, self._soft_states, step, name)
+        return difference / (2**order - 1) / self._stiffness_ratio**order
 
     # ---- load increments and time steps
 

@@ -23,12 +23,15 @@ from indent_sim.run.error_estimation.error_bars import (
     MIN_ERROR_FRACTION,
     PEAK_ERROR,
     PRESSURE_ORDER,
-    RADIUS_ERROR,
     ErrorBars,
 )
 from indent_sim.run.error_estimation.error_budget import SAFETY_FACTOR, ErrorBudget
 from indent_sim.run.error_estimation.refinement import RefinementLevel
-from indent_sim.scene.measured_constants import ERROR_CONSTANT, ORDER_OF_CONVERGENCE
+from indent_sim.scene.measured_constants import (
+    ERROR_CONSTANT,
+    ORDER_OF_CONVERGENCE,
+    RADIUS_ERROR,
+)
 from indent_sim.scene.resolution import PRESETS, error_decay, required_elements
 from indent_sim.scene.scene import Scene, resolve
 from indent_sim.theory.theory import Theory
