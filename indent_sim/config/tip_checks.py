@@ -118,7 +118,9 @@ def soft_tip_errors(config: SceneSections) -> Iterator[ConfigError]:
     if tip.material is None:
         if tip.thickness is not None:
             problem = "is the thickness of a soft tip, but this tip is rigid"
-            yield ConfigError("indenter.thickness", problem, "give indenter.material, or leave it out")
+            yield ConfigError(
+                "indenter.thickness", problem, "give indenter.material, or leave it out"
+            )
         return
     try:
         tip.material.canonical()
@@ -134,7 +136,9 @@ def soft_tip_errors(config: SceneSections) -> Iterator[ConfigError]:
             problem = f"a soft tip does not {words}: its material is linear elastic"
             yield ConfigError(f"{key}.{slot}", problem, "leave it out")
     if not isinstance(config.body, AXISYMMETRIC_BODIES):
-        problem = f"a soft tip on a {config.body.shape} is not modelled, only axisymmetric bodies are"
+        problem = (
+            f"a soft tip on a {config.body.shape} is not modelled, only axisymmetric bodies are"
+        )
         yield ConfigError(key, problem, "use a cylinder, a layer, a half_space, a cap or a ball")
     yield from _soft_tip_conflicts(config, key)
 

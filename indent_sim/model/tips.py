@@ -701,7 +701,9 @@ def _sphere_radius(r: float, height: float) -> float:
 
 
 def _multiply(value: Any, factor: float) -> Any:
-    """Return a number, or all numbers in nested tuples, multiplied by a factor."""
+    """Return a number, or all numbers in nested tuples, multiplied by a factor; None unchanged."""
+    if value is None:
+        return None
     if isinstance(value, tuple):
         return tuple(_multiply(part, factor) for part in value)
     return factor * value

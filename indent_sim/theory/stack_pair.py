@@ -11,11 +11,11 @@ of their displacements only. Source: Johnson, Contact Mechanics (1985), 4.1.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from indent_sim.theory.stack import Stack, StackLayer
+from indent_sim.theory.stack import Stack
 
 
 @dataclass(frozen=True)
@@ -31,14 +31,14 @@ class StackPair(Stack):
         The second stack.
     """
 
-    second: Stack = Stack((StackLayer(1.0, 1.0, 0.0),))
+    second: Stack = field(kw_only=True)
 
     @classmethod
     def join(cls, first: Stack, second: Stack) -> StackPair:
         """Return the pair of two stacks, in the order of the thickness of their top layers."""
         if _top_thickness(second) < _top_thickness(first):
             first, second = second, first
-        return cls(first.layers, first.base, second)
+        return cls(first.layers, first.base, second=second)
 
     @property
     def first(self) -> Stack:
@@ -53,16 +53,14 @@ class StackPair(Stack):
     @property
     def min_wavenumber(self) -> float:
         """Wavenumber k [1/h] below which the compliance L(k) is a power of k."""
-        return min(
-            self.first.min_wavenumber, self.second.min_wavenumber * self.h / self.second.h
-        )
+        return min(self.first.min_wavenumber, self.second.min_wavenumber * self.h / self.second.h)
 
     def scaled_by_top(self) -> StackPair:
         """Return the pair in units of the thickness and modulus of the first top layer."""
         top = self.layers[0]
         second = self.second.scaled(1.0 / top.thickness, 1.0 / top.E)
         first = self.first.scaled_by_top()
-        return StackPair(first.layers, first.base, second)
+        return StackPair(first.layers, first.base, second=second)
 
     def scaled_wall_distance(self, distance: float | None) -> float:
         """Return infinity, since a pair has no side walls; raise ValueError for a wall."""
