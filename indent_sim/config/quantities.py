@@ -309,6 +309,7 @@ def pressure_keys(config: schema.Config) -> list[str]:
     """
     parts: list[tuple[str, Any]] = [*config.materials(), ("contact", config.contact)]
     parts += [(f"{key}.flow", law.flow) for key, law in config.materials() if law.flow]
+    parts.append(("indenter.material", getattr(config.indenter, "material", None)))
     return [
         f"{name}.{key}"
         for name, part in parts

@@ -48,6 +48,7 @@ from indent_sim.config.tip_checks import (
     center_errors,
     contact_errors,
     experiment_errors,
+    soft_tip_errors,
     tip_errors,
 )
 from indent_sim.process.errors import ConfigErrors
@@ -79,6 +80,7 @@ CONSISTENCY_CHECKS = (
     load_path_errors,
     center_errors,
     tip_errors,
+    soft_tip_errors,
     history_errors,
     relaxation_errors,
     experiment_errors,

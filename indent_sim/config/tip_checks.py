@@ -9,10 +9,13 @@ from indent_sim.config.scene_sections import SceneSections
 from indent_sim.model.body import Cylinder
 from indent_sim.model.experiment import Experiment, JKRAdhesion
 from indent_sim.model.spherical_bodies import Ball, Cap
-from indent_sim.model.tips import FlatPunch, Plate, Profile
-from indent_sim.model.unbounded_bodies import UnboundedBody
+from indent_sim.model.tips import FlatPunch, Paraboloid, Plate, Profile, Sphere
+from indent_sim.model.unbounded_bodies import HalfSpace, InfiniteLayer, UnboundedBody
 from indent_sim.model.walled_bodies import Box, Strip
 from indent_sim.process.errors import ConfigError
+
+# Bodies on whose axis a soft tip can be placed.
+AXISYMMETRIC_BODIES = (Cylinder, HalfSpace, InfiniteLayer, Cap, Ball)
 
 
 def contact_errors(config: SceneSections) -> Iterator[ConfigError]:
@@ -105,6 +108,89 @@ def tip_errors(config: SceneSections) -> list[ConfigError]:
     except ValueError as error:
         return [ConfigError("indenter.points", str(error))]
     return []
+
+
+def soft_tip_errors(config: SceneSections) -> Iterator[ConfigError]:
+    """Yield errors in the material and the thickness of a soft tip, and in what goes with it."""
+    tip = config.indenter
+    if not isinstance(tip, Paraboloid | Sphere):
+        return
+    if tip.material is None:
+        if tip.thickness is not None:
+            problem = "is the thickness of a soft tip, but this tip is rigid"
+            yield ConfigError(
+                "indenter.thickness", problem, "give indenter.material, or leave it out"
+            )
+        return
+    try:
+        tip.material.canonical()
+    except (ArithmeticError, ValueError) as error:
+        yield ConfigError("indenter.material", str(error))
+        return
+    if (tip.thickness or 0.0) > tip.R:
+        problem = f"must not exceed the radius R = {tip.R:g}: the tip is a cap of a ball"
+        yield ConfigError("indenter.thickness", problem, f"use at most {tip.R:g}, half a ball")
+    key = "indenter.material"
+    for slot, words in (("relaxation", "relax"), ("flow", "drain")):
+        if getattr(tip.material, slot) is not None:
+            problem = f"a soft tip does not {words}: its material is linear elastic"
+            yield ConfigError(f"{key}.{slot}", problem, "leave it out")
+    if not isinstance(config.body, AXISYMMETRIC_BODIES):
+        problem = (
+            f"a soft tip on a {config.body.shape} is not modelled, only axisymmetric bodies are"
+        )
+        yield ConfigError(key, problem, "use a cylinder, a layer, a half_space, a cap or a ball")
+    yield from _soft_tip_conflicts(config, key)
+
+
+def _soft_tip_conflicts(config: SceneSections, key: str) -> Iterator[ConfigError]:
+    """Yield errors of parts of the scene that are not modelled together with a soft tip."""
+    contact = config.contact
+    reasons = (
+        (
+            any(not material.is_small_strain for _, material in config.materials()),
+            "needs a linear elastic body",
+            "give the body a linear elastic material",
+        ),
+        (
+            any(material.is_time_dependent for _, material in config.materials()),
+            "needs a body that does not depend on time",
+            "leave material.flow and relaxation of shear out",
+        ),
+        (
+            not contact.is_conservative,
+            "is modelled without friction",
+            "leave contact.friction out",
+        ),
+        (
+            contact.adhesion is not None,
+            "is not modelled with an attraction over a range",
+            "give experiment.adhesion, the limit of a short range",
+        ),
+        (
+            bool(getattr(config.body, "surface_tension", 0.0)),
+            "is not modelled with surface tension",
+            "leave body.surface_tension out",
+        ),
+        (
+            contact.gap == "current",
+            "needs the gap at the undeformed point",
+            "use contact.gap: reference",
+        ),
+        (
+            config.solver.method in ("newton", "theory"),
+            "is solved by static condensation of tip and body",
+            "use solver.method: auto",
+        ),
+        (
+            bool(config.instrument.calibration and config.instrument.calibration.R),
+            "changes its compliance with R, which experiment.calibration.R neglects",
+            "leave experiment.calibration.R out",
+        ),
+    )
+    for applies, problem, remedy in reasons:
+        if applies:
+            yield ConfigError(key, f"a soft tip {problem}", remedy)
 
 
 def experiment_errors(config: SceneSections) -> Iterator[ConfigError]:

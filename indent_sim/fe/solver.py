@@ -7,7 +7,9 @@ import gc
 from petsc4py import PETSc
 
 from indent_sim.fe.compat import versions
+from indent_sim.fe.condensed.compliance import Condenser
 from indent_sim.fe.condensed.equilibrium import CondensedEquilibrium
+from indent_sim.fe.condensed.soft_tip import SoftTipCondenser
 from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.mesh import BodyMesh, distribute
 from indent_sim.fe.path.equilibrium import Equilibrium
@@ -16,6 +18,7 @@ from indent_sim.fe.postprocessing.fields import Fields
 from indent_sim.fe.solve.equilibrium import BodyEquilibrium
 from indent_sim.fe.terms.scene_terms import additional_fields
 from indent_sim.fe.terms.strain_energy import pressure_fields
+from indent_sim.process.ranks import run_on_root
 from indent_sim.scene.scene import Scene
 
 __all__ = [
@@ -32,11 +35,24 @@ __all__ = [
 def create_equilibrium(scene: Scene, mesh: BodyMesh) -> Equilibrium:
     """Create the equilibrium problem of a scene on its mesh.
 
-    The body is condensed to its contact surface if the scene's solver is `condensed`.
+    The body is condensed to its contact surface if the scene's solver is `condensed`, and a soft
+    tip with it.
     """
     if scene.solver.method == "condensed":
-        return CondensedEquilibrium(scene, Body(scene, mesh, pressure_fields(scene)))
+        body = Body(scene, mesh, pressure_fields(scene))
+        return CondensedEquilibrium(scene, body, _soft_tip_condenser(scene, body))
     return BodyEquilibrium(Body(scene, mesh, additional_fields(scene)))
+
+
+def _soft_tip_condenser(scene: Scene, body: Body) -> SoftTipCondenser | None:
+    """Mesh and condense a soft tip with the body; None if the tip is rigid (collective)."""
+    tip_scene = scene.tip_scene
+    if tip_scene is None:
+        return None
+    grid = run_on_root(body.comm, tip_scene.grid)
+    mesh = distribute(grid, tip_scene.physics.domain, body.comm)
+    tip = Body(tip_scene, mesh, pressure_fields(tip_scene))
+    return SoftTipCondenser(Condenser(body), Condenser(tip))
 
 
 def create_load_stepper(scene: Scene, mesh: BodyMesh, started: float | None = None) -> LoadStepper:

@@ -18,6 +18,8 @@ DERIVED_COLUMNS = ("stiffness", "area", "E_hertz")
 FRICTION_COLUMNS = ("stick_radius", "dissipation", "side_force_x", "side_force_y")
 # Columns of scenes with fluid in the pores.
 FLUID_COLUMNS = ("outflow", "pore_pressure_max")
+# Columns of scenes with a soft tip.
+SOFT_TIP_COLUMNS = ("tip_sink", "tip_energy")
 ERROR_COLUMNS = (
     "force_error",
     "a_error",
@@ -160,6 +162,10 @@ class State:
         Fluid that has left the body since the undeformed state [length^3].
     pore_pressure_max
         Largest pore pressure relative to the bath [pressure].
+    tip_sink
+        Depth by which the apex of a soft tip is pressed in, a part of delta [length].
+    tip_energy
+        Strain energy of a soft tip, a part of `energy` [energy].
     moved
         Volume of fluid that has moved, within the body or out of it [length^3].
     unbalanced
@@ -209,6 +215,8 @@ class State:
     calibration_error: float | None = None
     outflow: float | None = None
     pore_pressure_max: float | None = None
+    tip_sink: float | None = None
+    tip_energy: float | None = None
     moved: float = 0.0
     unbalanced: float = 0.0
     drained: np.ndarray | None = field(default=None, repr=False, compare=False)
@@ -288,8 +296,9 @@ def _field_units(scales: Scales) -> dict[str, float]:
     units = dict.fromkeys(
         ("force", "reaction", "stray_reaction", "side_force_x", "side_force_y"), F
     )
-    units |= dict.fromkeys(("a", "penetration", "overlap", "intrusion", "stick_radius"), L)
-    units |= dict.fromkeys(("energy", "dissipation"), energy)
+    lengths = ("a", "penetration", "overlap", "intrusion", "stick_radius", "tip_sink")
+    units |= dict.fromkeys(lengths, L)
+    units |= dict.fromkeys(("energy", "tip_energy", "dissipation"), energy)
     units |= dict.fromkeys(("outflow", "moved", "unbalanced"), energy / P)
     units |= dict.fromkeys(("p_max", "E_hertz", "pore_pressure_max"), P)
     depths = {"delta": depth, "z": depth}

@@ -31,7 +31,7 @@ title: title of the scene; printed on pictures
 units: units of the numbers; a number that is given with another unit is converted
 body: the soft body: its shape and its supports
 material: the elastic law of the body, and of layers without a law of their own
-indenter: the rigid tip: an analytic surface, never meshed
+indenter: the tip: an analytic surface, rigid unless it has a `material`
 contact: the contact law and its enforcement
 loading: the load path of the tip: the prescribed depths or forces
 experiment: conditions of the measurement: adhesion without range, instrument, oscillations,
@@ -152,6 +152,9 @@ rotation [degrees]: rotation of the pyramid about z; at 0 the normal of one face
 points [length] $(r_i, z_i)$: points [r, z] of the profile from the apex [0, 0] outwards, connected
   by straight lines
 edge_radius [length] $\rho$: radius that rounds the edge of the flat punch; 0: sharp
+indenter.material: linear elastic law of a soft tip; default: the tip is rigid
+indenter.thickness [length]: thickness of a soft tip: distance from its lowest point to the rigid
+  holder to which it is bonded, at most R; default: R, half a ball
 center [length] $(x_0, y_0)$: position of the tip's axis, [x, y], for a strip [x]; default: axis of
   the cylinder, middle of the box or strip
 
@@ -201,6 +204,8 @@ pore_pressure [pressure] $p$: pressure of the fluid in the pores, relative to th
 outflow [length^3]: fluid that has left the whole body since the undeformed state; < 0: fluid taken
   up
 pore_pressure_max [pressure]: largest pore pressure, relative to the bath
+tip_sink [length]: part of delta by which the lowest point of a soft tip is pressed in
+tip_energy [energy]: part of the energy that is stored in a soft tip
 drained: for an increment without duration of a body that drains: element height and p^2 times area
   at each vertex of a drained face; used only by the error estimate, not written to a file
 moved [length^3]: volume of fluid that has moved, within the body or out of it

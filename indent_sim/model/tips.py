@@ -1,4 +1,4 @@
-"""Rigid tips, defined by a formula for the surface; a tip is never meshed.
+"""Tips, defined by a formula for the surface; only a tip with a `material` is meshed.
 
 The apex of a tip is at the origin of its coordinates, z up. `height(x, y)` is the height f of the
 tip's surface above the apex at the horizontal position (x, y) relative to the axis. `gap_reference`
@@ -19,12 +19,14 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from annotated_types import Ge, Le, Len
 
 from indent_sim.model.algebra import Expr, cos, maximum, minimum, sin, sqrt, tan, where_less
+from indent_sim.model.linear_elasticity import LinearElastic
 from indent_sim.model.units import (
     ANGLE,
     LENGTH,
     HalfAngle,
     Length,
     LengthOrZero,
+    TaggedBy,
     field_units,
 )
 
@@ -40,12 +42,42 @@ Angle = Annotated[float, ANGLE]
 Faces = Annotated[int, Ge(3), Le(64)]
 Point = Annotated[tuple[Annotated[float, Ge(0)], ...], Len(2, 2)]
 Points = Annotated[tuple[Point, ...], Len(2, 1000), LENGTH]
+TipMaterial = Annotated[LinearElastic | None, TaggedBy("model")]
+
+
+@dataclass(frozen=True)
+class Lens:
+    """Elastic part of a soft tip: a cap of a ball, bonded to a rigid holder above.
+
+    Attributes
+    ----------
+    radius
+        Radius of curvature at the apex [length].
+    thickness
+        Distance of the holder from the apex [length], at most the radius.
+    material
+        Its linear elastic law, defined by E and nu.
+    """
+
+    radius: float
+    thickness: float
+    material: LinearElastic
+
+    @property
+    def base_radius(self) -> float:
+        """Radius of the face that is bonded to the holder [length]."""
+        return float(sqrt(self.thickness * (2 * self.radius - self.thickness)))
 
 
 class _Tip:
     """Base class of all tips; the defaults describe a smooth surface of revolution."""
 
     is_axisymmetric: ClassVar[bool] = True
+
+    @property
+    def lens(self) -> Lens | None:
+        """The elastic part of the tip; None if the tip is rigid."""
+        return None
 
     def height(self, x: Expr, y: Expr) -> Expr:
         """Return the height f(x, y) of the surface above the apex [length]."""
@@ -128,12 +160,40 @@ class _PointedTip(_Tip):
         return None
 
 
+class _RoundTip(_Tip):
+    """Base class of the tips of radius R, which may be soft.
+
+    A soft tip is a lens of the radius R with a linear elastic `material`. Its `thickness` is the
+    distance from the apex to the rigid holder to which it is bonded, R (half a ball) by default.
+    """
+
+    R: Any
+    material: Any
+    thickness: Any
+
+    @property
+    def lens(self) -> Lens | None:
+        """The elastic part of the tip; None if the tip is rigid."""
+        if self.material is None:
+            return None
+        return Lens(self.R, self.thickness or self.R, self.material.canonical())
+
+    def radius_scale(self, r: float) -> float:
+        """Return the radius R [length]."""
+        return float(self.R)
+
+
 @dataclass(frozen=True)
-class Paraboloid(_Tip):
-    """Paraboloid f = r^2 / (2 R), the tip shape of Hertz' theory (notes 3.1)."""
+class Paraboloid(_RoundTip):
+    """Paraboloid f = r^2 / (2 R), the tip shape of Hertz' theory (notes 3.1).
+
+    With `material` the tip is soft: a lens of this radius and `thickness`.
+    """
 
     R: Length
     shape: Literal["paraboloid"] = "paraboloid"
+    material: TipMaterial = None
+    thickness: Length | None = None
 
     def height(self, x: Expr, y: Expr) -> Expr:
         """Return the height f(x, y) of the surface above the apex [length]."""
@@ -147,21 +207,20 @@ class Paraboloid(_Tip):
         """Return the radius of the section at the height `depth` above the apex [length]."""
         return float(sqrt(2 * self.R * depth))
 
-    def radius_scale(self, r: float) -> float:
-        """Return the radius R [length]."""
-        return self.R
-
 
 @dataclass(frozen=True)
-class Sphere(_Tip):
+class Sphere(_RoundTip):
     """Sphere f = r^2 / (R + sqrt(R^2 - r^2)) for r < R; no contact beyond r = R.
 
     With `gap: current` the gap is the distance from the whole sphere, including its upper half,
-    except within 30 degrees of the axis, where the tip is held by a stem.
+    except within 30 degrees of the axis, where the tip is held by a stem. With `material` the tip
+    is soft: a lens of this `thickness`, by default half a ball.
     """
 
     R: Length
     shape: Literal["sphere"] = "sphere"
+    material: TipMaterial = None
+    thickness: Length | None = None
 
     def height(self, x: Expr, y: Expr) -> Expr:
         """Return the height f(x, y) [length] without loss of digits for r << R."""
@@ -193,10 +252,6 @@ class Sphere(_Tip):
         """Return the radius of the section at the height `depth` above the apex [length]."""
         depth = min(depth, self.R)
         return float(sqrt(depth * (2 * self.R - depth)))
-
-    def radius_scale(self, r: float) -> float:
-        """Return the radius R [length]."""
-        return self.R
 
 
 @dataclass(frozen=True)
@@ -646,7 +701,9 @@ def _sphere_radius(r: float, height: float) -> float:
 
 
 def _multiply(value: Any, factor: float) -> Any:
-    """Return a number, or all numbers in nested tuples, multiplied by a factor."""
+    """Return a number, or all numbers in nested tuples, multiplied by a factor; None unchanged."""
+    if value is None:
+        return None
     if isinstance(value, tuple):
         return tuple(_multiply(part, factor) for part in value)
     return factor * value

@@ -22,6 +22,7 @@ from indent_sim.model.state import (
     FRICTION_COLUMNS,
     KRYLOV_COLUMNS,
     REACTION_COLUMNS,
+    SOFT_TIP_COLUMNS,
     STATE_COLUMNS,
     TIME_COLUMNS,
     State,
@@ -45,6 +46,7 @@ OPTIONAL_COLUMNS = (
     *DERIVED_COLUMNS,
     *FRICTION_COLUMNS,
     *FLUID_COLUMNS,
+    *SOFT_TIP_COLUMNS,
     *KRYLOV_COLUMNS,
     *ERROR_COLUMNS,
     *TIME_COLUMNS,
@@ -54,7 +56,14 @@ OPTIONAL_COLUMNS = (
 # iterations and wall times.
 RESULT_COLUMNS = tuple(
     name
-    for name in (*STATE_COLUMNS, *DERIVED_COLUMNS, *FRICTION_COLUMNS, *FLUID_COLUMNS, *TIME_COLUMNS)
+    for name in (
+        *STATE_COLUMNS,
+        *DERIVED_COLUMNS,
+        *FRICTION_COLUMNS,
+        *FLUID_COLUMNS,
+        *SOFT_TIP_COLUMNS,
+        *TIME_COLUMNS,
+    )
     if name not in ("step", "wall_s", *WORD_COLUMNS)
 )
 

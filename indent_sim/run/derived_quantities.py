@@ -129,7 +129,7 @@ def punches_of(scene: Scene, equilibrium: Equilibrium = None) -> Punches:
     ):
         raise ValueError("the contact is not a circle that grows with the load")
     a, K, P = equilibrium.punches()
-    return FittedPunches(a, K, P, shape, physics.material.E_star)
+    return FittedPunches(a, K, P, shape, physics.contact_modulus)
 
 
 def hertz_forces(scene: Scene, deltas: Iterable[float]) -> list[float | None]:

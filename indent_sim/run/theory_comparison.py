@@ -198,7 +198,7 @@ def _half_space_comparison(scene: Scene, state: State) -> dict[str, Any] | None:
         return None
     D = scene.physics.scales.depth
     F = scene.physics.scales.force / scene.physics.mirror_multiplicity
-    E_star = scene.physics.material.E_star
+    E_star = scene.physics.contact_modulus
     tip = relative_tip(scene.physics.indenter, scene.physics.body)
     closed = half_space_force(tip, state.delta / D, E_star)
     name = "force"
@@ -216,7 +216,8 @@ def _half_space_comparison(scene: Scene, state: State) -> dict[str, Any] | None:
         for delta, force in zip(depths, hertz_forces(scene, depths), strict=True)
         if force
     ]
-    unit_force = scene.physics.scales.force  # `hertz_forces` does not count mirror images
+    # `hertz_forces` does not count mirror images, and takes the tip as rigid.
+    unit_force = scene.physics.scales.force * E_star / scene.physics.material.E_star
     columns = {
         "delta": [delta * D for delta, _ in curve],
         "force": [force * unit_force for _, force in curve],

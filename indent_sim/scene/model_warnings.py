@@ -125,13 +125,15 @@ def _model_warnings(setup: ProblemSetup) -> Iterator[ModelWarning]:
     ):
         yield ModelWarning("stability", message)
     solution = setup.solution(delta) if body.dim == 3 else None
-    formula_and_force = half_space_force(setup.relative_tip, delta, material.E_star)
+    formula_and_force = half_space_force(setup.relative_tip, delta, physics.contact_modulus)
     if solution and formula_and_force and abs(1 - formula_and_force[1] / solution.force) >= 0.01:
         cause = "the body is not thick enough for a contact this large"
         if len(setup.layers) > 1:
             cause = "the body is layered"
         if physics.surface_tension:
             cause = "its surface is under tension"
+        if physics.indenter.lens:
+            cause = "body or tip are not thick enough for a contact this large, or layered"
         yield ModelWarning(
             "half_space",
             f"the half-space formula {formula_and_force[0]} does not apply: {cause}",

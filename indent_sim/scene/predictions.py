@@ -26,7 +26,7 @@ def prediction_of(setup: ProblemSetup) -> dict[str, float]:
     tip = setup.relative_tip
     scales = physics.scales
     theory = setup.theory
-    E_star = physics.material.E_star
+    E_star = physics.contact_modulus
     largest = (
         None
         if physics.largest_force is None

@@ -13,7 +13,7 @@ from indent_sim.model.drainage import Drainage
 from indent_sim.model.gel import Gel
 from indent_sim.model.load_path import LoadPath
 from indent_sim.model.materials import Material
-from indent_sim.model.state import FLUID_COLUMNS, FRICTION_COLUMNS
+from indent_sim.model.state import FLUID_COLUMNS, FRICTION_COLUMNS, SOFT_TIP_COLUMNS
 from indent_sim.model.tips import Indenter
 from indent_sim.model.units import Scales
 from indent_sim.scene.compression_theory import covers_top
@@ -285,7 +285,9 @@ class ProblemDefinition:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns of the force table for friction and pore fluid, in order."""
+        """Columns of the force table for a soft tip, friction and pore fluid, in order."""
+        if self.indenter.lens:
+            return SOFT_TIP_COLUMNS
         fluid = FLUID_COLUMNS if self.permeable_regions else ()
         if not self.has_friction:
             return fluid
@@ -303,6 +305,13 @@ class ProblemDefinition:
     def material(self) -> Material:
         """Material below the tip."""
         return self.domain.regions[0].material
+
+    @property
+    def contact_modulus(self) -> float:
+        """E* of the contact [pressure]: 1/(1/E_1* + 1/E_2*) of body and tip if the tip is soft."""
+        E_star: float = self.material.E_star
+        lens = self.indenter.lens
+        return E_star if lens is None else 1.0 / (1.0 / E_star + 1.0 / lens.material.E_star)
 
     @property
     def small_strain(self) -> bool:

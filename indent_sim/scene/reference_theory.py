@@ -15,7 +15,15 @@ from indent_sim.model.body import Body, Cylinder
 from indent_sim.model.imported_body import ImportedBody
 from indent_sim.model.layers import Layer as BodyLayer
 from indent_sim.model.spherical_bodies import SphericalBody
-from indent_sim.model.tips import FlatPunch, Indenter, Paraboloid, Plate, Sphere, flat_radius
+from indent_sim.model.tips import (
+    FlatPunch,
+    Indenter,
+    Lens,
+    Paraboloid,
+    Plate,
+    Sphere,
+    flat_radius,
+)
 from indent_sim.model.unbounded_bodies import HalfSpace, UnboundedBody
 from indent_sim.model.walled_bodies import Box
 from indent_sim.model.walled_bodies import Strip as BodyStrip
@@ -36,6 +44,7 @@ from indent_sim.theory.measured_constants import THEORY_ERROR
 from indent_sim.theory.roots import ForceCurve
 from indent_sim.theory.solution import SOLUTION_ERRORS
 from indent_sim.theory.stack import Stack, StackLayer
+from indent_sim.theory.stack_pair import StackPair
 from indent_sim.theory.strip import Strip
 from indent_sim.theory.theory import Theory
 
@@ -76,6 +85,8 @@ def theory_of(
     )
     if theory and surface_tension:
         theory = _add_surface_tension(theory, surface_tension)
+    if theory and tip.lens:
+        theory = _add_soft_tip(theory, tip.lens)
     if theory is None or not body.inclusions:
         return theory
     return replace(
@@ -110,6 +121,26 @@ def _add_surface_tension(theory: Theory, surface_tension: float) -> Theory | Non
         is_exact=theory.is_exact and not difference,
         reason=difference or theory.reason,
         error=max(theory.error, contact.error),
+        formulas={},
+    )
+
+
+def _add_soft_tip(theory: Theory, lens: Lens) -> Theory | None:
+    """Return the theory of a layer under a soft tip, which is taken as a flat layer, too.
+
+    None in plane strain.
+    """
+    rigid = theory.contact
+    if not isinstance(rigid, Layer):
+        return None
+    body = rigid.scaled_stack.scaled(rigid.h, rigid.E_star / rigid.scaled_stack.E_star)
+    soft_layer = StackLayer(lens.thickness, *lens.material.constants)
+    pair = StackPair.join(body, Stack((soft_layer,)))
+    return replace(
+        theory,
+        contact=Layer.from_stack(rigid.tip, pair),
+        is_exact=False,
+        reason="the theory takes the soft tip as a flat layer of its thickness",
         formulas={},
     )
 

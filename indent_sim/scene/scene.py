@@ -47,6 +47,7 @@ from indent_sim.scene.problem_definition import ProblemDefinition
 from indent_sim.scene.problem_setup import ProblemSetup, set_up_problem, truncate_body
 from indent_sim.scene.resolution import MeshResolution
 from indent_sim.scene.sizing import END_FRACTION
+from indent_sim.scene.soft_tip import check_soft_tip, soft_tip_choices, soft_tip_config
 from indent_sim.scene.time_prediction import TimePrediction, time_prediction
 from indent_sim.theory.solution import Solution
 from indent_sim.theory.theory import Theory
@@ -71,6 +72,9 @@ class Scene:
         the path of that curve. None if the path itself holds the rows.
     relaxation : Relaxation or None
         Relaxation of the whole body that is applied to its elastic curve.
+    tip_scene : Scene or None
+        The lens of a soft tip under a plate, which is condensed as the body is; None if the tip is
+        rigid.
     """
 
     physics: ProblemDefinition
@@ -80,6 +84,7 @@ class Scene:
     experiment: Experiment | None = None
     history_on_curve: History | None = None
     relaxation: Relaxation | None = None
+    tip_scene: Scene | None = None
 
     def __repr__(self) -> str:
         return self._repr_table().text
@@ -323,6 +328,7 @@ def resolve(
         If the scene is impossible, or needs more memory than this machine has.
     """
     setup = set_up_problem(config, piece)
+    check_soft_tip(setup)
     if by_theory := solver_choices.theory(config, setup):
         return _theory_scene(config, setup, by_theory)
     return _meshed_scene(config, truncate_body(config, setup), per_radius)
@@ -410,7 +416,9 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
         *choices.model_choices(setup),
         *choices.formulations(setup),
     )
+    tip_scene = resolve(soft_tip_config(config, setup, sizes)) if physics.indenter.lens else None
     contact_decisions = (
+        *(soft_tip_choices(setup, tip_scene.physics.domain) if tip_scene else ()),
         gap_choice,
         law_choice,
         *friction_choice,
@@ -467,7 +475,9 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
         linear=linear.value,  # type: ignore[arg-type]
     )
     history = None if is_in_time else setup.history
-    return Scene(physics, sizes, settings, plan, setup.experiment, history, setup.relaxation)
+    return Scene(
+        physics, sizes, settings, plan, setup.experiment, history, setup.relaxation, tip_scene
+    )
 
 
 def _history_reason(all_choices: Iterable[Choice]) -> str:

@@ -126,6 +126,12 @@ class Stack:
         moduli = [layer.E for layer in self.layers]
         return min(moduli) / max(moduli) * self.h / self.height
 
+    def scaled(self, length: float, modulus: float) -> Stack:
+        """Return the stack with all thicknesses and moduli multiplied by these factors."""
+        return Stack(
+            tuple(StackLayer(t * length, E * modulus, nu) for t, E, nu in self.layers), self.base
+        )
+
     def scaled_by_top(self) -> Stack:
         """Return the stack in units of the thickness and modulus of its top layer."""
         top = self.layers[0]

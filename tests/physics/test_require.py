@@ -56,6 +56,7 @@ NAMES = [
     "small_strain",
     "incompressible",
     "blunt_tip",
+    "soft_tip",
     "surface_tension",
     "friction",
     "stick",

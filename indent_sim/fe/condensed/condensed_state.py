@@ -31,14 +31,19 @@ class CondensedState:
 
     @property
     def E_star(self) -> float:
-        """Plane-strain modulus E* of the material under the tip [pressure], constant in time."""
-        return float(self.scene.physics.material.E_star)
+        """Contact modulus E* of the body, and of a soft tip, [pressure], constant in time."""
+        return self.scene.physics.contact_modulus
+
+    def tip_displacement(self, r: np.ndarray) -> np.ndarray:
+        """Return zero, because a soft tip is a part of the displacement of this state."""
+        return np.zeros(r.shape)
 
     def nodal_displacement(self) -> np.ndarray:
         """Return the displacement (facets, nodes, dim) [length] with zero horizontal components.
 
         They are not computed, because the gap of a condensed contact is that of undeformed points
-        and depends on the vertical displacement only.
+        and depends on the vertical displacement only. With a soft tip, the displacement is that of
+        the body relative to the tip.
         """
         u = np.zeros(self.trace.X.shape)
         compliance = self.contact.compliance

@@ -15,6 +15,7 @@ from indent_sim.fe.condensed.compliance import Condenser
 from indent_sim.fe.condensed.condensed_state import CondensedState
 from indent_sim.fe.condensed.contact import CondensedContact
 from indent_sim.fe.condensed.flat_punches import punches
+from indent_sim.fe.condensed.soft_tip import SoftTipCondenser
 from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.path.equilibrium import Equilibrium, state_reactions
 from indent_sim.fe.path.solver_statistics import SolverStatistics
@@ -53,10 +54,13 @@ class CondensedEquilibrium(Equilibrium):
     scene, body
         The scene and its discrete body.
     condenser
-        The condenser of an already factored body; a new one if None.
+        The condenser of an already factored body, or of a body and its soft tip; a new one if
+        None.
     """
 
-    def __init__(self, scene: Scene, body: Body, condenser: Condenser | None = None):
+    def __init__(
+        self, scene: Scene, body: Body, condenser: Condenser | SoftTipCondenser | None = None
+    ):
         self.scene = scene
         self.body = body
         self.has_memory = scene.physics.contact.is_path_dependent
@@ -263,6 +267,9 @@ class CondensedEquilibrium(Equilibrium):
             )
         )
         values |= state_reactions(self.scene.physics.domain, support_reactions)
+        if isinstance(self.condenser, SoftTipCondenser):
+            values["tip_sink"] = self.condenser.tip_sink(X)
+            values["tip_energy"] = symmetry_factor * self.condenser.tip_energy(X)
         values["stray_reaction"] = symmetry_factor * float(compliance.pin_reactions @ np.abs(X))
         for name, k in self.scene.physics.side_force_axes.items():
             # `0.0 -` avoids -0.0
@@ -309,6 +316,13 @@ class RecoveredBody(WholeBody):
     def depth(self) -> float:
         """Indentation depth delta [length]."""
         return self._equilibrium.depth
+
+    def tip_displacement(self, r: np.ndarray) -> np.ndarray:
+        """Return the displacement of a soft tip's surface towards its holder at radii [length]."""
+        condenser = self._equilibrium.condenser
+        if not isinstance(condenser, SoftTipCondenser):
+            return super().tip_displacement(r)
+        return condenser.tip_displacement(r, self._equilibrium.contact.forces.ravel())
 
     def multiplier_at(self, points: np.ndarray) -> np.ndarray:
         """Return the multiplier lam (facets, points) on this rank's facets [pressure]."""

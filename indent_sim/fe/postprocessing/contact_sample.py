@@ -55,6 +55,9 @@ class ObservedBody(Protocol):
     def nodal_displacement(self) -> np.ndarray:
         """Displacement (facets, nodes, dim) of the contact surface [length]."""
 
+    def tip_displacement(self, r: np.ndarray) -> np.ndarray:
+        """Displacement of a soft tip's surface towards its holder at radii [length]."""
+
     def multiplier_at(self, points: np.ndarray) -> np.ndarray:
         """Contact multiplier lam (facets, points) [pressure]."""
 
@@ -175,7 +178,8 @@ def gap_of_displacement(
         x, y = horizontal_position(X + u)
         return gap_current(physics.indenter, x, y, X[..., -1] + u[..., -1], body.depth)
     x, y = horizontal_position(X)
-    return gap_reference(physics.indenter, x, y, X[..., -1], 0.0) - body.depth - u[..., -1]
+    gap = gap_reference(physics.indenter, x, y, X[..., -1], 0.0) - body.depth - u[..., -1]
+    return gap + body.tip_displacement(x) if physics.indenter.lens else gap
 
 
 def _area_ratio(

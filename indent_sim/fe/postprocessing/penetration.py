@@ -83,6 +83,7 @@ def _depth_inside_tip(body: ObservedBody, positions: np.ndarray) -> tuple[np.nda
     horizontal = body.scene.physics.domain.kinematics.horizontal_position(
         components_first(positions), body.scene.physics.center
     )
-    return positions[..., -1] + body.depth - body.scene.physics.indenter.height(
-        *horizontal
-    ), np.hypot(*horizontal)
+    indenter = body.scene.physics.indenter
+    inside = positions[..., -1] + body.depth - indenter.height(*horizontal)
+    distance = np.hypot(*horizontal)
+    return inside - body.tip_displacement(distance) if indenter.lens else inside, distance

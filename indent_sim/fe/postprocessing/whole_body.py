@@ -41,6 +41,10 @@ class WholeBody:
         """Current plane-strain modulus of the region under the tip [pressure]."""
         return float(self.strain_energies[0].E_star)
 
+    def tip_displacement(self, r: Any) -> Any:
+        """Return the displacement of a soft tip's surface at radii r [length]; 0 if rigid."""
+        return 0.0 * r
+
     def find_inverted_elements(self) -> Any:
         """Find the points of smallest J and largest stretch (collective); None at small strain."""
         inverted = [

@@ -26,7 +26,7 @@ from indent_sim.results.pictures.figures import (
     draw_panel_title,
 )
 from indent_sim.results.pictures.pressure import panel_title
-from indent_sim.results.pictures.profile import draw_tip
+from indent_sim.results.pictures.profile import draw_tip, tip_lift
 from indent_sim.results.reader import Results
 from indent_sim.results.result_scene import scene_of
 
@@ -451,6 +451,7 @@ class FieldRow:
                     self.axis_position,
                     float(np.ptp(frame[:2])),
                     length,
+                    tip_lift(run, step, scene),
                 )
             axes.set(aspect="equal", xlim=length(frame[:2]), ylim=length(frame[2:]))
             draw_panel_title(axes, panel_title(run, step, words, apart="\n"))

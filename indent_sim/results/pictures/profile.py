@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +13,8 @@ from indent_sim.results.pictures.figures import GREY, Axes
 from indent_sim.results.reader import Results
 from indent_sim.results.result_scene import contacts_per_body, scene_of
 from indent_sim.results.tip_geometry import section
+
+Profile = Callable[[np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -122,10 +124,12 @@ def draw_profiles(axes: Axes, shown: Sequence[tuple[Results, float, str, object]
     low = min(heights.min(initial=0.0), -delta)
     high = max(heights.max(initial=0.0), 0.3 * delta)
     if (scene := scene_of(runs[deepest].path)) is not None:
-        draw_tip(axes, scene, delta, middle, view * half_width, length)
-    for i, ((run, _, name, colour), line) in enumerate(zip(shown, profiles, strict=True)):
+        lift = tip_lift(runs[deepest], shown[deepest][1], scene)
+        draw_tip(axes, scene, delta, middle, view * half_width, length, lift)
+    for i, ((run, step, name, colour), line) in enumerate(zip(shown, profiles, strict=True)):
         if i != deepest and (scene := scene_of(run.path)) is not None:
-            s, z = _tip_line(scene, line.delta, middle, view * half_width, length)
+            lift = tip_lift(run, step, scene)
+            s, z = _tip_line(scene, line.delta, middle, view * half_width, length, lift)
             axes.plot(s, z, color=colour, lw=0.7, ls=(0, (1, 1.5)), zorder=2)
         axes.plot(length(line.x), length(line.z), color=colour, label=name or None, zorder=3)
     axes.plot(
@@ -153,11 +157,38 @@ def draw_profiles(axes: Axes, shown: Sequence[tuple[Results, float, str, object]
     )
 
 
+def tip_lift(results: Results, step: float, scene: Config) -> Profile:
+    """Return the displacement of the tip's surface over the distance from its axis [length].
+
+    It is 0 for a rigid tip. The surface of a soft tip lies above that of the body by the gap; if
+    the surface of the step is not stored, its undeformed outline is drawn.
+    """
+    is_step = results.surface.get("step", np.zeros(0)) == step
+    if scene.indenter.lens is None or not is_step.any():
+        return lambda s: 0.0 * s
+    r, u_z, gap, z = (
+        results.surface[name][is_step] if name in results.surface else np.zeros(is_step.sum())
+        for name in ("x", "u_z", "gap", "z")
+    )
+    rows = results["step"] == step
+    delta = float(results["delta"][rows][0]) / contacts_per_body(scene.body)
+    lift = z + u_z + gap - (scene.indenter.height(r, 0.0 * r) - delta)
+    is_known = np.isfinite(lift)
+    order = np.argsort(r[is_known])
+    return lambda s: np.interp(np.abs(s), r[is_known][order], lift[is_known][order])
+
+
 def draw_tip(
-    axes: Axes, scene: Config, delta: float, middle: float, width: float, length: Axis
+    axes: Axes,
+    scene: Config,
+    delta: float,
+    middle: float,
+    width: float,
+    length: Axis,
+    lift: Profile,
 ) -> None:
-    """Draw the rigid tip at a depth, in the plane through its axis."""
-    s, z = _tip_line(scene, delta, middle, width, length)
+    """Draw the tip at a depth, in the plane through its axis; `lift` deforms a soft tip."""
+    s, z = _tip_line(scene, delta, middle, width, length, lift)
     axes.fill(
         np.append(s, [s[-1], s[0]]),
         np.append(z, [max(z[-1], z[0])] * 2),
@@ -170,8 +201,8 @@ def draw_tip(
 
 
 def _tip_line(
-    scene: Config, delta: float, middle: float, width: float, length: Axis
+    scene: Config, delta: float, middle: float, width: float, length: Axis, lift: Profile
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the outline (s, z) of the rigid tip at a depth, in the unit shown."""
+    """Return the outline (s, z) of the tip at a depth, in the unit shown."""
     s, z = section(scene.indenter, width)
-    return length(s + middle), length(z - delta / contacts_per_body(scene.body))
+    return length(s + middle), length(z + lift(s) - delta / contacts_per_body(scene.body))

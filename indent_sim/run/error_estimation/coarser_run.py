@@ -54,7 +54,9 @@ def coarsen_scene(scene: Scene, ratio: float) -> Scene:
         scene.sizes, ratio, physics.domain.height, is_column=physics.is_porous_column
     )
     return replace(
-        scene.replace_physics(wall_stiffness=scene.physics.wall_stiffness / ratio), sizes=sizes
+        scene.replace_physics(wall_stiffness=scene.physics.wall_stiffness / ratio),
+        sizes=sizes,
+        tip_scene=scene.tip_scene and coarsen_scene(scene.tip_scene, ratio),
     )
 
 

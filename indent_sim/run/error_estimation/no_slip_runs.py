@@ -78,11 +78,11 @@ def no_slip_base_run(run: CoarserRun, coarser_run: CoarserRun | None) -> Coarser
 def _frictionless_scene(scene: Scene) -> Scene | None:
     """Return the scene without friction, but with a contact law that allows friction.
 
-    None for a path-dependent contact, for a body that is held only by pins, or if an iteratively
-    solved scene exceeds the memory with a direct solver.
+    None for a path-dependent contact, for a soft tip, for a body that is held only by pins, or if
+    an iteratively solved scene exceeds the memory with a direct solver.
     """
     physics = scene.physics
-    if physics.is_path_dependent or physics.domain.pins:
+    if physics.is_path_dependent or physics.indenter.lens or physics.domain.pins:
         return None
     if scene.solver.linear == "iterative":
         direct_scene = _direct_solver_scene(scene)

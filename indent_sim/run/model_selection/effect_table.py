@@ -56,6 +56,8 @@ from indent_sim.scene.prescribed_history import remaining_modulus_fraction
 SAMPLE_FRICTIONS: tuple[Friction, ...] = (0.1, 0.3, "stick")
 # Poisson's ratio of the substrate that is assumed below a layer without one.
 SUBSTRATE_NU = 0.3
+# Poisson's ratio of the soft tip that is assumed in place of a rigid one.
+TIP_NU = 0.45
 
 
 def _layer_source(v: SceneVariants) -> str:
@@ -197,6 +199,17 @@ def _tension_ratio(v: SceneVariants, tension: float) -> float:
     scene: Any = v.layer_scene or v.half_space_scene
     body = replace(scene.body, surface_tension=tension)
     return v.theory_ratio(replace_sections(scene, body=body), scene)
+
+
+def _soft_tip_ratio(v: SceneVariants, x: float) -> float:
+    """Return the force under a tip of the modulus 1/x, divided by that under a rigid tip.
+
+    The tip has the Poisson's ratio TIP_NU.
+    """
+    scene: Any = v.layer_scene or v.half_space_scene
+    law = LinearElastic(E=1 / x, nu=TIP_NU)
+    soft_scene = replace_sections(scene, indenter=replace(scene.indenter, material=law))
+    return v.planned_force(soft_scene) / v.planned_force(scene)
 
 
 def _first_tension(v: SceneVariants) -> float:
@@ -479,6 +492,27 @@ EFFECTS: dict[str, Cases] = {
             ),
             initial=lambda v: min(0.1 * v.delta, _largest_rounding(v) / 2),
             max_value=_largest_rounding,
+        ),
+    ),
+    "soft_tip": (
+        Absent("the {v.tip_name} is rigid", when=lambda v: not hasattr(v.tip, "material")),
+        Comparison(
+            "the soft tip relative to a rigid one, on one mesh{v.stand_in_text}",
+            lambda v: v.meshed_variant(v.linear_scene),
+            lambda v: v.meshed_variant(v.with_rigid_tip(v.linear_scene)),
+            when=lambda v: v.config.indenter.lens,
+        ),
+        Unknown(
+            "there is no theory of this tip and body",
+            when=lambda v: not (v.layer_scene or v.half_space_scene),
+        ),
+        Threshold(
+            "theory, with half a ball taken as a flat layer of thickness R{v.stand_in_text}",
+            "indenter.material.E",
+            _soft_tip_ratio,
+            initial=lambda v: 1e-3 / v.touched_material.E,
+            displayed_value=lambda v, x: 1 / x,
+            direction=" or less",
         ),
     ),
     "surface_tension": (

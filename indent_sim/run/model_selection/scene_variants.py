@@ -257,6 +257,22 @@ class SceneVariants:
         """Return the linear elastic scene without inclusions (`plain_scene`) with another tip."""
         return replace_sections(self.plain_scene, indenter=tip)
 
+    def with_rigid_tip(self, config: Config) -> Config:
+        """Return a scene with the same tip of a rigid material."""
+        tip: Any = config.indenter
+        return replace_sections(config, indenter=replace(tip, material=None, thickness=None))
+
+    def planned_force(self, config: Config) -> float:
+        """Return the force of a scene at its largest depth by its theory, also if not exact.
+
+        Raises ValueError without a theory.
+        """
+        scene = resolve(config)
+        solution = scene.theory_solution(max(scene.physics.deltas))
+        if solution is None:
+            raise ValueError("there is no theory of this scene")
+        return solution.force * scene.physics.scales.force
+
     def replace_plain_body(self, **changes: Any) -> Config:
         """Return the linear elastic scene (`plain_scene`) with changed attributes of its body."""
         return replace_sections(self.plain_scene, body=replace(self.plain_scene.body, **changes))
