@@ -84,7 +84,7 @@ def failed_state(
     if scene.physics.creasing_message:
         reason += f"; {scene.physics.creasing_message}: less swelling helps"
     if scene.physics.demixing_message:
-        reason += f"; {scene.physics.demixing_message}: a smaller chi helps"
+        reason += f"; {scene.physics.demixing_message}"
     reason += _advice(scene)
     return State(step, delta, nan, nan, nan, nan, nan, *cost, t=t, converged=False, reason=reason)
 
