@@ -166,6 +166,23 @@ class Gel(ElasticLaw):
             1 + stretch_increment, -self.shear_modulus * stretch_increment * (2 + stretch_increment)
         )
 
+    def confined_stiffness(self, stretch: Expr) -> Expr:
+        """Return the derivative [pressure] of the axial stress with respect to the stretch.
+
+        The side walls are fixed as in `confined_swelling`. Where it is negative, the gel separates
+        into a dilute and a dense phase.
+        """
+        J0 = self._J0
+        mixing_terms = (
+            J0 / (J0 * stretch - 1)
+            - 1 / stretch
+            - 1 / (J0 * stretch**2)
+            - 2 * self.chi / (J0**2 * stretch**3)
+        )
+        volume_terms = self.G / self.n_omega * mixing_terms
+        network_terms = self.G * (1 / self._l - 1 / J0) / stretch**2
+        return self.shear_modulus * (1 + 1 / stretch**2) + volume_terms - network_terms
+
     def permeability(self, J: Expr, diffusivity: Expr) -> Expr:
         """Return k = D n (1 - 1/(J0 J))/G [length^2/(pressure time)].
 

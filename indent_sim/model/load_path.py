@@ -152,6 +152,17 @@ class LoadPath:
             turn_times=turn_times,
         )
 
+    def first_rows(self, count: int) -> LoadPath:
+        """Return the same path with only its first `count` rows."""
+        return replace(
+            self,
+            values=self.values[:count],
+            times=self.times[:count],
+            branches=self.branches[:count],
+            turns=self.turns[:count],
+            turn_times=self.turn_times[:count],
+        )
+
     def segment(self, step: int) -> tuple[tuple[float, float], ...]:
         """Return the values from the previous row to a row [from 1], each with its time.
 

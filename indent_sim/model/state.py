@@ -134,6 +134,9 @@ class State:
         Depth of the tip inside a surface on which no contact is modelled [length].
     roughness
         Amplitude of the pressure's oscillation from node to node, divided by p_max [1].
+    clearance
+        Smallest vertical distance of the tip above the surface of a swelling or shrinking gel that
+        it does not touch [length]; None otherwise.
     substeps
         Number of increments into which the step was divided.
     converged, reason
@@ -193,6 +196,7 @@ class State:
     overlap: float = 0.0
     intrusion: float = 0.0
     roughness: float = 0.0
+    clearance: float | None = None
     substeps: int = 1
     converged: bool = True
     reason: str = ""
@@ -296,7 +300,7 @@ def _field_units(scales: Scales) -> dict[str, float]:
     units = dict.fromkeys(
         ("force", "reaction", "stray_reaction", "side_force_x", "side_force_y"), F
     )
-    lengths = ("a", "penetration", "overlap", "intrusion", "stick_radius", "tip_sink")
+    lengths = ("a", "penetration", "overlap", "intrusion", "clearance", "stick_radius", "tip_sink")
     units |= dict.fromkeys(lengths, L)
     units |= dict.fromkeys(("energy", "tip_energy", "dissipation"), energy)
     units |= dict.fromkeys(("outflow", "moved", "unbalanced"), energy / P)

@@ -313,6 +313,8 @@ reaction [force]: z-reaction of all constrained degrees of freedom; equals the f
 reactions [force]: force of each support on the body, by support and axis; of the whole body
 intrusion [length]: penetration of the tip into a surface on which no contact is modelled
 roughness [1]: amplitude of the pressure's oscillation from node to node, divided by p_max
+clearance [length]: distance of the tip above the surface of a swelling or shrinking gel that it
+  does not touch
 overlap [length]: penetration of a whole surface facet into the tip; only with gap: current
 stray_reaction [force]: reaction of the constraints that only prevent rigid motions; zero in
   equilibrium

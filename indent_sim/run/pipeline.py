@@ -56,6 +56,7 @@ from indent_sim.run.planned_run import collect_scene_errors
 from indent_sim.run.remedies import has_remedies, remedies, try_remedies
 from indent_sim.run.row_warnings import (
     long_step_warnings,
+    lost_contact_warnings,
     oscillating_pressure_warnings,
     underresolved_rows,
 )
@@ -269,7 +270,10 @@ class SimulationDriver:
             single_run.write_experiment()
             states_with_errors = single_run.states_with_errors
             single_run.release()
-            run_output.add_warnings(*oscillating_pressure_warnings(scene, states_with_errors))
+            run_output.add_warnings(
+                *lost_contact_warnings(scene, states),
+                *oscillating_pressure_warnings(scene, states_with_errors),
+            )
             if error_bars is None:
                 run_output.add_warnings(
                     *underresolved_rows(scene, states), *long_step_warnings(scene, states)
@@ -298,15 +302,15 @@ class SimulationDriver:
             len(run_output.earlier.states) if run_output.earlier else 0,
         )
 
-    def _try_remedies(self, scene: Scene, step: int, iterations: int) -> str:
-        """Try remedies for a path that ended early; return a text on the depth reached with each.
+    def _try_remedies(self, scene: Scene, failed: State, iterations: int) -> str:
+        """Try remedies for a path that ended early; return a text on how far it goes with each.
 
         The text is empty if there is no remedy, or if several processes solve the scene.
         """
         if self.comm.size > 1 or not has_remedies(scene):
             return ""
         solve_states = partial(states, with_surface=False)
-        return try_remedies(remedies(self.config, scene), step, iterations, resolve, solve_states)
+        return try_remedies(remedies(self.config, scene), failed, iterations, resolve, solve_states)
 
     def _finished_outcome(
         self, config_yaml: str, scene: Scene, output: OutputSettings, initial_report: dict[str, Any]

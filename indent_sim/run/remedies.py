@@ -1,4 +1,4 @@
-"""Remedies for a load path that ended early, and the depth that the path reaches with each.
+"""Remedies for a load path that ended early, and how far the path goes with each.
 
 At finite strain Newton's method may fail near the edge of a tip because too few elements lie around
 the edge, or because they are too distorted. A larger edge radius or other element sizes may help,
@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from indent_sim.config.schema import Config
-from indent_sim.model.load_path import LoadPath
 from indent_sim.model.state import State
 from indent_sim.model.tips import FlatPunch
 from indent_sim.process.errors import IndentSimError
@@ -25,17 +24,22 @@ SolveStates = Callable[[Scene], Iterator[State]]
 
 @dataclass(frozen=True)
 class Remedy:
-    """Key of the scene, its changed value [user's units], and the config with this value."""
+    """Keys of the scene with their changed values [user's units], and the config with these."""
 
-    key: str
-    value: float
+    values: dict[str, float]
     config: Config
+
+    @property
+    def text(self) -> str:
+        """The keys and values as text."""
+        return " and ".join(f"{key}: {value:g}" for key, value in self.values.items())
 
 
 def has_remedies(scene: Scene) -> bool:
     """True if remedies are tried for a scene.
 
-    Remedies exist for two-dimensional meshes at finite strain, prescribed depths and no history.
+    Remedies exist for two-dimensional meshes at finite strain, and for prescribed depths or for
+    bodies that change in time.
     """
     physics = scene.physics
     is_two_dimensional = (
@@ -45,21 +49,27 @@ def has_remedies(scene: Scene) -> bool:
     return (
         is_two_dimensional
         and is_finite_strain
-        and physics.path.control == "depth"
-        and not physics.path.times
+        and (physics.path.control == "depth" or physics.is_time_dependent)
     )
 
 
 def remedies(config: Config, scene: Scene) -> list[Remedy]:
     """Return the remedies in order: larger edge radii, smaller elements, larger elements."""
     remedies_found = [
-        Remedy("indenter.edge_radius", rho, _set_edge_radius(config, rho))
+        Remedy({"indenter.edge_radius": rho}, _set_edge_radius(config, rho))
         for rho in _edge_radii(config, scene)
     ]
-    h_contact = scene.sizes.h_contact * scene.physics.scales.length
+    sizes = {"h_contact": scene.sizes.h_contact}
+    if scene.sizes.h_film:
+        # With a given h_contact the elements at drained faces are small only if h_film is given.
+        sizes["h_film"] = min(scene.sizes.h_film, scene.sizes.h_contact)
     for factor in (0.5, 2.0):
-        h = float(f"{factor * h_contact:.3g}")
-        remedies_found.append(Remedy("mesh.h_contact", h, _set_element_size(config, h)))
+        values = {
+            name: float(f"{factor * size * scene.physics.scales.length:.3g}")
+            for name, size in sizes.items()
+        }
+        keys = {f"mesh.{name}": value for name, value in values.items()}
+        remedies_found.append(Remedy(keys, _set_element_sizes(config, values)))
     return remedies_found
 
 
@@ -86,29 +96,28 @@ def _set_edge_radius(config: Config, edge_radius: float) -> Config:
     )
 
 
-def _set_element_size(config: Config, h_contact: float) -> Config:
-    """Return the config with another element size in the contact."""
-    mesh = replace(
-        config.mesh, h_contact=h_contact, h_axis=None, h_edge=None, h_corner=None, h_far="auto"
-    )
+def _set_element_sizes(config: Config, sizes: dict[str, float]) -> Config:
+    """Return the config with other element sizes in the contact and at drained faces."""
+    defaults: dict[str, Any] = dict.fromkeys(("h_axis", "h_edge", "h_corner", "h_film"))
+    mesh = replace(config.mesh, **defaults | {"h_far": "auto"} | sizes)
     return config.model_copy(update={"accuracy": None, "mesh": mesh})
 
 
 def try_remedies(
     remedies_found: list[Remedy],
-    step: int,
+    failed: State,
     iterations_left: int,
     resolve: Callable[[Config], Scene],
     solve_states: SolveStates,
 ) -> str:
-    """Return a text on the depth that the path reaches with each remedy, up to the first success.
+    """Return a text on how far the path goes with each remedy, up to the first success.
 
     Parameters
     ----------
     remedies_found
         The remedies, in order.
-    step
-        The step that did not converge, counted from 1.
+    failed
+        The row that did not converge.
     iterations_left
         Newton iterations that all trials together may use; no trial begins beyond this number.
     resolve
@@ -121,7 +130,7 @@ def try_remedies(
         if iterations_left <= 0:
             break
         try:
-            scene = _truncate_path(resolve(remedy.config), step)
+            scene = _truncate_path(resolve(remedy.config), failed)
         except IndentSimError:
             continue  # the scene does not allow this value
         last: State | None = None
@@ -131,18 +140,30 @@ def try_remedies(
                 last = state
             if not state.converged or iterations_left <= 0:
                 break
-        run = f"with {remedy.key}: {remedy.value:g} the run"
-        if last is not None and last.step == step:
-            reports.append(
-                f"{run} reaches delta = {last.delta:.6g}, where the force is {last.force:.6g}"
-            )
+        run = f"with {remedy.text} the run"
+        if last is not None and last.step == len(scene.physics.path.values):
+            reports.append(f"{run} reaches {_place(last)}, where the force is {last.force:.6g}")
             break
-        end = f"ends after delta = {last.delta:.6g}" if last else "fails at the first row"
+        end = f"ends after {_place(last)}" if last else "fails at the first row"
         reports.append(f"{run} {end}")
     return f"; tried: {'; '.join(reports)}" if reports else ""
 
 
-def _truncate_path(scene: Scene, step: int) -> Scene:
-    """Return the scene with only the first `step` rows of its path."""
-    values = scene.physics.path.values[:step]
-    return scene.replace_physics(path=LoadPath("depth", values), deltas=values)
+def _place(state: State) -> str:
+    """Return the depth of a row, and its time if it has one, as text."""
+    time_text = f"t = {state.t:.6g}, " if state.t is not None else ""
+    return f"{time_text}delta = {state.delta:.6g}"
+
+
+def _truncate_path(scene: Scene, failed: State) -> Scene:
+    """Return the scene with its path up to the row that did not converge.
+
+    Another mesh may have other time steps, and with them other rows; the path then ends with the
+    first row that is not earlier.
+    """
+    path = scene.physics.path
+    count = failed.step
+    if failed.t is not None:
+        later_steps = (step for step, t in enumerate(path.times, start=1) if t >= failed.t)
+        count = max(next(later_steps, len(path.times)), 1)
+    return scene.replace_physics(path=path.first_rows(count), deltas=scene.physics.deltas[:count])

@@ -1,4 +1,4 @@
-"""Warnings of rows: too few elements, oscillating pressure, long load increments."""
+"""Warnings of rows: too few elements, lost contact, oscillating pressure, long increments."""
 
 from __future__ import annotations
 
@@ -71,6 +71,62 @@ def underresolved_rows(scene: Scene, states: Sequence[State]) -> list[str]:
     return [
         f"{rows} at most {max_elements:.2g} elements in the contact radius: {force_text}; {remedy}"
     ]
+
+
+def lost_contact_warnings(scene: Scene, states: Sequence[State]) -> list[str]:
+    """Return warnings about rows in which the surface of a shrinking gel has left the tip.
+
+    The force of these rows is zero although the tip is below the undeformed surface, or was in
+    contact before. Rows while the tip retracts are left out, and prescribed forces keep the
+    contact.
+
+    Parameters
+    ----------
+    scene
+        The scene of the run.
+    states
+        The rows of the run [user's units].
+
+    Returns
+    -------
+    list of str
+        One warning at most.
+    """
+    if scene.physics.path.control == "force":
+        return []
+    lost: list[State] = []
+    last_contact = "the beginning of the history"
+    contact_text = ""
+    has_touched = False
+    for state in states:
+        if state.a > 0:
+            has_touched = True
+            last_contact = _time_text(state)
+        elif state.clearance is not None and state.branch != "retract":
+            if state.delta < 0 and not has_touched:
+                continue
+            if not lost:
+                contact_text = f"between {last_contact} and {_time_text(state)}"
+            lost.append(state)
+    if not lost:
+        return []
+    depths = [state.delta + (state.clearance or 0.0) for state in lost]
+    rows = (
+        f"step {lost[0].step} has"
+        if len(lost) == 1
+        else f"{len(lost)} rows from step {lost[0].step} on have"
+    )
+    return [
+        f"{rows} no contact and zero force: the gel shrinks away from the tip, and contact was "
+        f"lost {contact_text}; the surface below the tip has retreated to a depth of "
+        f"{max(depths):.4g} ({_time_text(lost[depths.index(max(depths))])}), and a tip must be "
+        "deeper to touch it"
+    ]
+
+
+def _time_text(state: State) -> str:
+    """Return the time of a row as text."""
+    return f"t = {state.t:.4g}"
 
 
 def oscillating_pressure_warnings(scene: Scene, states: Sequence[State]) -> list[str]:

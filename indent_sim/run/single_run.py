@@ -35,9 +35,9 @@ from indent_sim.scene.scene import Scene
 AUDIT_TOLERANCE = 1e-8
 
 Progress = Callable[[State, int, int], None]
-# Called with a step that did not converge and the Newton iterations spent; returns a report of the
+# Called with a row that did not converge and the Newton iterations spent; returns a report of the
 # remedies that were tried.
-Remedies = Callable[[int, int], str]
+Remedies = Callable[[State, int], str]
 
 
 class SingleRun:
@@ -76,13 +76,18 @@ class SingleRun:
         self.clock = clock
         previous_run = run_output.earlier
         self.states = list(previous_run.states) if previous_run else []
-        # The table of rows has no column for the roughness of the pressure; run.json has it.
+        # The table of rows has no columns for the roughness of the pressure and for the
+        # clearance of a gel; run.json has them.
         if previous_run and (roughness := previous_run.report.get("roughness")):
             self.states = [
                 replace(row, roughness=roughness.get(str(row.step), 0.0)) for row in self.states
             ]
         if error_bars is not None and scene.history_on_curve is None:
             self.states = [error_bars.add_error_estimate(state) for state in self.states]
+        if previous_run and (clearance := previous_run.report.get("clearance")):
+            self.states = [
+                replace(row, clearance=clearance.get(str(row.step))) for row in self.states
+            ]
         self._previous_rows = PreviousRows(self.states)
         self._pull_off: PullOff | None = None
         self._fields_to_write = written_fields(config, scene)
@@ -336,7 +341,7 @@ class SingleRun:
             state.newton_iterations for state in self.states
         )
         with self.clock.stage("remedies"):
-            return self._remedies(failed.step, iterations)
+            return self._remedies(failed, iterations)
 
     def _note_time_stepping(self) -> None:
         """Add the numbers of time steps and cutbacks, including earlier calls, to run.json."""

@@ -78,6 +78,10 @@ def summary(
         str(state.step): state.roughness for state in states if state.roughness > MAX_ROUGHNESS
     }:
         entries["roughness"] = roughness
+    if clearance := {
+        str(state.step): state.clearance for state in states if state.clearance is not None
+    }:
+        entries["clearance"] = clearance
     timings = {"timings": rounded_timings(clock.stages), "cpu_timings": rounded_timings(clock.cpu)}
     return entries | timings | {"peak_memory_MB": round(peak_memory(), 1)}
 

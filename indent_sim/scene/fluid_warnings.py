@@ -48,6 +48,8 @@ def fluid_warnings(
             f"{physics.creasing_message}: some equilibria may not be found, and the others have a "
             "smooth surface",
         )
+    if physics.demixing_message:
+        yield ModelWarning("demixing", f"{physics.demixing_message}: equilibria may not be found")
     yield from _bath_warnings(physics, setup.history.points[0][0])
 
 

@@ -25,6 +25,9 @@ from indent_sim.scene.reference_theory import relative_tip
 # of an incompressible network creases (Hong, Zhao & Suo 2009, Appl. Phys. Lett. 95, 111901). No
 # smooth surface is stable from 3.4 on (Biot 1963).
 CREASING_STRETCH = 2.4
+# A gel is searched for unstable volume ratios from those that its bath gives it to this factor
+# beyond, since the parts that swell or shrink first strain the others.
+DEMIXING_MARGIN = 1.05
 
 
 @dataclass(frozen=True)
@@ -235,6 +238,31 @@ class ProblemDefinition:
         return (
             f"{swelling_text}; from {CREASING_STRETCH:g} on the surface has creases, which are not "
             "modelled"
+        )
+
+    @property
+    def demixing_message(self) -> str:
+        """Return a message if a gel separates into two phases in this bath, otherwise ""."""
+        law = self.domain.regions[0].material
+        if not isinstance(law, Gel) or not self.is_swelling:
+            return ""
+        stretches = [
+            1.0,
+            *(
+                law.confined_swelling(law.bath_pressure(bath)).stretch
+                for bath in self.drainage.bath_values
+            ),
+        ]
+        lowest, highest = min(stretches) / DEMIXING_MARGIN, max(stretches) * DEMIXING_MARGIN
+        lowest = max(lowest, (1 + 1e-6) / law.swelling_ratio(1.0))
+        volume_ratios = [lowest * (highest / lowest) ** (k / 1000) for k in range(1001)]
+        unstable = [J for J in volume_ratios if law.confined_stiffness(J) < 0]
+        if not unstable:
+            return ""
+        nearest = min(unstable, key=lambda J: abs(J - 1))
+        return (
+            f"the gel is unstable at {nearest:.3g} times its volume, where it separates into a "
+            "dilute and a dense phase, which is not modelled"
         )
 
     def is_closed_by_swelling(self, depth: float, a: float) -> bool:

@@ -14,7 +14,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from indent_sim.config.scene_file import config_from_mapping
-from indent_sim.fe.path.failure import failed_state
+from indent_sim.fe.path.failure import LastEquilibrium, failed_state
 from indent_sim.run import pipeline
 from indent_sim.scene.scene import Scene, resolve
 
@@ -95,7 +95,9 @@ def test_a_drop_between_plates(steps: int) -> None:
 
 def test_a_row_that_is_not_found_is_told_its_cause() -> None:
     scene = drop(1e-5, {"delta": 0.4, "steps": 1})
-    reason = failed_state(scene, 1, 0.4, (0.0, 0.0), "no equilibrium", None, (0, 0.0)).reason
+    reason = failed_state(
+        scene, 1, 0.4, LastEquilibrium(0.0, 0.0), "no equilibrium", None, (0, 0.0)
+    ).reason
     assert "gamma/(mu R) is 1e+05" in reason and "nu slightly" not in reason
 
 

@@ -751,6 +751,28 @@ def test_a_step_that_fails_is_cut_in_time() -> None:
     assert at_last.force == pytest.approx(solver_force(layer()), rel=2e-3)
 
 
+def test_a_step_whose_force_is_not_found_is_halved_in_time() -> None:
+    """A time step in which the depth of a force is not found is halved, with half of its force.
+
+    Every row then has its force, and the last depth differs by the error of one time step.
+    """
+    base, rows = in_time("force_history"), rows_of("force_history")
+    walk = solver.create_load_stepper(base, meshed(base))
+    search, searched = walk._load_control.find_by_secant, list[float]()
+
+    def reluctant(force: float, delta: float, slope: float) -> bool:
+        searched.append(force)
+        return len(searched) != 5 and search(force, delta, slope)
+
+    walk._load_control.find_by_secant = reluctant  # type: ignore[method-assign]
+    found = list(walk.states(base.physics.path, lambda step: False))
+    middle, end = [*dict.fromkeys(searched[5:])][:2]  # each again where the contact seal changes
+    assert middle == pytest.approx((searched[3] + searched[4]) / 2) and end == searched[4]
+    assert walk.counts["cuts"] == 1
+    assert [row.force for row in found] == pytest.approx([row.force for row in rows], rel=1e-8)
+    assert found[-1].delta == pytest.approx(rows[-1].delta, rel=1e-3)
+
+
 @VERIFY
 def test_retraction() -> None:
     """Retraction at the speed of loading ends with lift-off above the original surface.

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scenes import scene
+from scipy.optimize import brentq
 
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.gel import Gel
@@ -18,7 +19,7 @@ from indent_sim.run import pipeline
 from indent_sim.run.error_estimation.coarser_run import REFINEMENT_RATIO, CoarserRun
 from indent_sim.run.error_estimation.error_bars import ErrorBars
 from indent_sim.run.pipeline import simulate
-from indent_sim.run.row_warnings import underresolved_rows
+from indent_sim.run.row_warnings import lost_contact_warnings, underresolved_rows
 from indent_sim.scene.discretisation_warnings import UNDERRESOLVED_ERROR
 from indent_sim.scene.expected_error import swelling_force_error
 from indent_sim.scene.scene import Scene
@@ -178,6 +179,61 @@ def test_the_audit_is_relative_to_what_the_supports_of_a_gel_hold(tmp_path: Path
     assert last.force == pytest.approx(
         last.reaction, rel=1e-6
     )  # 4e-8; a slip of the sign or of a factor shows
+
+
+def test_a_gel_that_shrinks_away_from_the_tip_is_told_with_its_depth() -> None:
+    """A gel between walls retreats from the tip by the shrinkage that is known in closed form.
+
+    The end state is homogeneous, hence the tolerance of Newton's method.
+    """
+    law = Gel(G=1.0, n_omega=0.01, chi=0.2).with_free_swelling(0.0)
+    base = gel(
+        material={"model": "gel", "G": 1.0, "n_omega": 0.01, "chi": 0.2}
+        | {"flow": {"diffusivity": 1.0}},
+        drainage={"bath": [[0, 0], [20, -0.01]]},
+        loading={"history": [[0, 0], [1, 0.05], [2000, 0.05]], "times": [1, 2000]},
+        mesh={"h_contact": 0.25, "h_far": 0.5},
+    )
+    found = rows(base)
+    stretch = law.confined_swelling(law.bath_pressure(-0.01)).stretch
+    assert found[-1].force == 0 and found[-1].clearance is not None
+    assert found[-1].delta + found[-1].clearance == pytest.approx(1 - stretch, rel=1e-6)
+    (said,) = lost_contact_warnings(base, found)
+    assert f"has retreated to a depth of {1 - stretch:.4g} (t = 2000)" in said
+
+
+def test_a_plate_with_a_weight_follows_a_column_that_shrinks() -> None:
+    """A weight on a shrinking column between walls ends at the depth of the closed form.
+
+    The plate touches the whole top or nothing, so that its force changes abruptly with the depth,
+    also at the intermediate stages of a step. The end state is homogeneous, and the depth known to
+    the tolerance of the search.
+    """
+    law = Gel(G=2.87, n_omega=0.07673, chi=0.5798).with_free_swelling(0.0)
+    radius, force, bath = 1.9, 0.35, -0.0027
+    base = gel(
+        LAYER | {"radius": radius},
+        material={"model": "gel", "G": 2.87, "n_omega": 0.07673, "chi": 0.5798}
+        | {"flow": {"diffusivity": 1.0}},
+        drainage={"tip": "drained", "base": "drained", "bath": [[0, 0], [0.5, bath]]},
+        indenter={"shape": "flat_punch", "radius": radius},
+        loading={
+            "force_history": [[0, 0], [2.5, force], [300, force]],
+            "times": [2, 300],
+            "per_doubling": 2,
+        },
+        mesh={"h_contact": 0.5, "h_far": 0.5},
+    )
+    early, late = rows(base)
+    pressure = force / (np.pi * radius**2)
+
+    def imbalance(stretch: float) -> float:
+        network_stress = law.shear_modulus * (stretch - 1 / stretch)
+        stress = network_stress + law.swelling_stress(stretch - 1)
+        return float(stress - law.bath_pressure(bath) + pressure)
+
+    assert early.force == pytest.approx(0.8 * force, rel=1e-8)
+    assert late.delta == pytest.approx(1 - brentq(imbalance, 0.9, 1.0, xtol=1e-12), rel=1e-6)
 
 
 def test_without_flow_it_is_at_rest_in_its_bath() -> None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from indent_sim.fe.path.load_control import ForceDepth
+from indent_sim.model.gel import Gel
 from indent_sim.model.hyperelasticity import Gent
 from indent_sim.model.state import State
 from indent_sim.scene.scene import Scene
@@ -13,11 +13,27 @@ if TYPE_CHECKING:
     from indent_sim.fe.terms.inverted_elements import InvertedElements
 
 
+class LastEquilibrium(NamedTuple):
+    """The last equilibrium before a failed increment.
+
+    Attributes
+    ----------
+    force, delta
+        Force [force] and depth [length].
+    t
+        Time [time]; 0 for a body that does not change in time.
+    """
+
+    force: float
+    delta: float
+    t: float = 0.0
+
+
 def failed_state(
     scene: Scene,
     step: int,
     value: float,
-    last_equilibrium: ForceDepth,
+    last_equilibrium: LastEquilibrium,
     cause: str,
     inverted: InvertedElements | None,
     cost: tuple[int, float],
@@ -29,7 +45,7 @@ def failed_state(
     scene, step, value
         The scene, the number of the row and its prescribed depth or force.
     last_equilibrium
-        Force and depth of the last equilibrium.
+        Force, depth and time of the last equilibrium.
     cause
         Reason why the solution failed.
     inverted
@@ -42,12 +58,17 @@ def failed_state(
     D = scene.physics.scales.depth
     F = scene.physics.scales.force
     target = f"delta = {value * D:.6g}"
-    last_place = f"delta = {last_equilibrium[1] * D:.6g}"
+    last_place = f"delta = {last_equilibrium.delta * D:.6g}"
     delta = value
     if scene.physics.path.control == "force":
         target = f"force = {value * F:.6g}"
-        last_place = f"{last_place}, force = {last_equilibrium[0] * F:.6g}"
-        delta = last_equilibrium[1]
+        last_place = f"{last_place}, force = {last_equilibrium.force * F:.6g}"
+        delta = last_equilibrium.delta
+    t = None
+    if scene.physics.path.start_time is not None:
+        t = scene.physics.path.times[step - 1]
+        target = f"t = {t:.6g}, {target}"
+        last_place = f"t = {last_equilibrium.t:.6g}, {last_place}"
     law = scene.physics.material
     method = scene.physics.contact.method
     reason = (
@@ -55,13 +76,26 @@ def failed_state(
         f"equilibrium found is at {last_place}"
     )
     if inverted:
-        reason += inverted.message(scene)
+        reason += inverted.message(scene) + _solvent_text(scene, inverted)
+    if scene.physics.is_swelling and last_equilibrium.force == 0:
+        reason += "; the tip does not touch the gel there"
     if isinstance(law, Gent):
         reason += f"; Gent's law allows no strain beyond I1 - 3 = Jm = {law.Jm:g}"
     if scene.physics.creasing_message:
         reason += f"; {scene.physics.creasing_message}: less swelling helps"
+    if scene.physics.demixing_message:
+        reason += f"; {scene.physics.demixing_message}"
     reason += _advice(scene)
-    return State(step, delta, nan, nan, nan, nan, nan, *cost, converged=False, reason=reason)
+    return State(step, delta, nan, nan, nan, nan, nan, *cost, t=t, converged=False, reason=reason)
+
+
+def _solvent_text(scene: Scene, inverted: InvertedElements) -> str:
+    """Return how much solvent a gel that shrinks has at the smallest J; "" if no gel shrinks."""
+    law = scene.physics.material
+    if not (isinstance(law, Gel) and scene.physics.is_swelling and inverted.J < 1):
+        return ""
+    solvent = (law.swelling_ratio(inverted.J) - 1) / (law.swelling_ratio(1.0) - 1)
+    return f"; where J is smallest, the gel has {100 * solvent:.2g} % of its solvent left"
 
 
 def _advice(scene: Scene) -> str:
@@ -86,6 +120,4 @@ def _advice(scene: Scene) -> str:
         remedies.append("nu slightly below 0.5")
     if is_drop:
         remedies.append(f"a larger shear modulus: gamma/(mu R) is {scene.physics.drop_number:.2g}")
-    if not law.may_snap_through:  # a different mesh has never helped where a tip snaps
-        remedies.append("another mesh.h_contact")
     return f"; {' or '.join(remedies)} may help" if remedies else ""

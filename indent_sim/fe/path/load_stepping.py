@@ -21,7 +21,7 @@ from indent_sim.fe.measured_constants import (
     SNAP_STEP_RANGES,
 )
 from indent_sim.fe.path.equilibrium import Equilibrium
-from indent_sim.fe.path.failure import failed_state
+from indent_sim.fe.path.failure import LastEquilibrium, failed_state
 from indent_sim.fe.path.load_control import ForceDepth, LoadControl
 from indent_sim.fe.path.load_segment import LoadPoint, LoadSegment
 from indent_sim.fe.path.pull_off import (
@@ -35,6 +35,9 @@ from indent_sim.fe.postprocessing.contact_sample import smallest_gap
 from indent_sim.fe.postprocessing.surface_table import surface_table
 from indent_sim.model.load_path import LoadPath
 from indent_sim.model.state import PullOff, State
+
+# A time step in which the depth of a prescribed force is not found is halved at most so often.
+MOST_HALVINGS = 4
 
 
 @dataclass(frozen=True)
@@ -417,7 +420,7 @@ class LoadStepper:
                 cost = (effort.newton, time.perf_counter() - self.started)
                 inverted = body.observed_body.find_inverted_elements()
                 yield failed_state(
-                    body.scene, step, value, self._force_and_depth, self.failure, inverted, cost
+                    body.scene, step, value, self._last_equilibrium, self.failure, inverted, cost
                 )
                 return
             values = body.state_values() | {
@@ -441,8 +444,33 @@ class LoadStepper:
                 values |= {"t": path.times[step - 1], "branch": path.branches[step - 1]}
             yield State(step=step, delta=self._last_point.delta, surface=surface, **values)
 
-    def _step_to_force(self, force: float, t: float, step: int) -> int:
-        """Find the equilibrium at a force and a time; return the increments made, 0 on failure."""
+    def _step_to_force(
+        self, force: float, t: float, step: int, halvings: int = MOST_HALVINGS
+    ) -> int:
+        """Find the equilibrium at a force and a time; return the increments made, 0 on failure.
+
+        A time step in which the depth of the force is not found is halved; the force is linear in
+        time within the step.
+        """
+        start_time = self._last_point.load_point.t
+        start_force = self.equilibrium.force
+        substeps = self._find_depth_of_force(force, t, step)
+        if substeps or not halvings or t == start_time:
+            return substeps
+        self._cuts += 1
+        self._points = self._search_points
+        self._pending_point = None
+        self.restore_last()
+        middle_force = (start_force + force) / 2
+        middle_time = (start_time + t) / 2
+        return (
+            (first_substeps := self._step_to_force(middle_force, middle_time, step, halvings - 1))
+            and (last_substeps := self._step_to_force(force, t, step, halvings - 1))
+            and first_substeps + last_substeps
+        )
+
+    def _find_depth_of_force(self, force: float, t: float, step: int) -> int:
+        """Search for the depth of a force at a time; return the increments made, 0 on failure."""
         self._accept_pending()
         self._search_points = self._points
         substeps = self._substeps
@@ -514,6 +542,13 @@ class LoadStepper:
     @property
     def _force_and_depth(self) -> ForceDepth:
         return self.equilibrium.force, (self._pending_point or self._points[-1]).delta
+
+    @property
+    def _last_equilibrium(self) -> LastEquilibrium:
+        """Force, depth and time of the last equilibrium."""
+        last = self._pending_point or self._points[-1]
+        start_time = self.equilibrium.scene.physics.path.start_time or 0.0
+        return LastEquilibrium(self.equilibrium.force, last.delta, start_time + last.load_point.t)
 
     def restore_last(self) -> None:
         """Restore the last accepted equilibrium after a failed increment."""

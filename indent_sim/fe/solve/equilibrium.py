@@ -13,6 +13,7 @@ from mpi4py import MPI
 
 from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.path.equilibrium import state_reactions
+from indent_sim.fe.path.load_control import ForceDepth, LoadControl
 from indent_sim.fe.path.solver_statistics import SolverStatistics
 from indent_sim.fe.postprocessing import contact_sample, measurements, penetration
 from indent_sim.fe.problem import Problem, Snapshot
@@ -48,11 +49,14 @@ class BodyEquilibrium:
         self._prescribed_force = (
             None if problem.law.may_snap_through else _force_over_time(scene.physics.path)
         )
-        self._force_slope = 0.0  # dF/ddelta at the last intermediate stage, 0 if unknown
         self._algorithm = self._sealing_algorithm(contact_algorithm(self.newton, contact))
         self.snapshot = problem.snapshot
         self.restore = problem.restore
         self._contact_radius = scene.plan.prediction["a"] / scene.physics.scales.length
+        # Finds the depth of a prescribed force at an intermediate stage. With this tolerance a row
+        # is independent of the depth at which its increment started.
+        self._stage_control = LoadControl(self._force_at_depth, scene.physics.body.height)
+        self._stage_control.tolerance = 1e-9
         # The singular edge of a punch makes J < 0 in 0.003 of the contact radius, without any
         # effect on the force.
         self._largest_inverted_size = 0.2 * self._contact_radius
@@ -148,41 +152,25 @@ class BodyEquilibrium:
         for the force at its time instead, by the secant method: after a sudden force the depth
         changes as the square root of time. If that fails, the linear depth is used.
         """
-        delta = start_depth + fraction * (depth - start_depth)
-        earlier_tries = list[tuple[float, float]]()
+        linear_depth = start_depth + fraction * (depth - start_depth)
         target_force = (
             self._prescribed_force(float(self.problem.body.now.t.value))
             if self._prescribed_force
             else 0.0
         )
-        if not self._find_equilibrium(delta, self._algorithm):
-            return False
-        if target_force <= 0:
+        if target_force > 0 and self._stage_control.find_by_secant(
+            target_force,
+            linear_depth,
+            2 * self.scene.physics.material.E_star * self._contact_radius,
+        ):
             return True
-        # This tolerance makes a row independent of the depth at which its increment started.
-        for _ in range(8):
-            missing_force = target_force - self.force
-            if abs(missing_force) <= 1e-9 * target_force:
-                return True
-            earlier_tries = [*earlier_tries[-1:], (missing_force, delta)]
-            if (
-                len(earlier_tries) > 1
-                and (
-                    force_slope := (earlier_tries[0][0] - missing_force)
-                    / (delta - earlier_tries[0][1])
-                )
-                > 0
-            ):
-                self._force_slope = force_slope
-            force_slope = (
-                self._force_slope or 2 * self.scene.physics.material.E_star * self._contact_radius
-            )
-            delta += missing_force / force_slope
-            if not self._find_equilibrium(delta, self._algorithm):
-                break
-        return self._find_equilibrium(
-            start_depth + fraction * (depth - start_depth), self._algorithm
-        )
+        return self._find_equilibrium(linear_depth, self._algorithm)
+
+    def _force_at_depth(self, depth: float) -> ForceDepth:
+        """Solve at a depth; return force and depth, or a depth that is not a number on failure."""
+        if not self._find_equilibrium(depth, self._algorithm):
+            return nan, nan
+        return self.force, depth
 
     def _sealing_algorithm(self, algorithm: Callable[[], bool]) -> Callable[[], bool]:
         """Return an algorithm that repeats solution and seal update until the seal is unchanged."""
@@ -398,7 +386,10 @@ class BodyEquilibrium:
             self.observed_body, body.noncontact_trace, body.local_array()
         )
         values |= self._fluid_values()
-        return values | measurements.contact_values(self.observed_body, values["force"])
+        values |= measurements.contact_values(self.observed_body, values["force"])
+        if self.scene.physics.is_swelling and values["a"] == 0:
+            values["clearance"] = contact_sample.smallest_gap(self.observed_body)
+        return values
 
     def _fluid_values(self) -> dict[str, Any]:
         """Return the results for the pore fluid by the names of State's fields; {} without flow.

@@ -217,3 +217,22 @@ def test_contact_is_expected_where_the_gel_has_swollen() -> None:
         )
     ).plan.prediction["a"]
     assert swollen == pytest.approx(pressed, rel=1e-3)
+
+
+def test_a_gel_that_separates_into_two_phases_is_told() -> None:
+    """The plan names the nearest volume at which the mixture is unstable.
+
+    With few chains Flory and Huggins' mixture is unstable below the polymer fraction 1 - 1/(2 chi),
+    which is reached here 1.5 % above the volume of the reference state.
+    """
+
+    def told(chi: float) -> list[str]:
+        material = WET | {"n_omega": 1e-4, "chi": chi, "stretch": 1.57}
+        found = resolve(config_from_mapping(SCENE | {"material": material}))
+        return [one.message for one in found.plan.model_warnings if one.key == "demixing"]
+
+    (said,) = told(0.671)
+    nearest = 1 / 1.57**3 / (1 - 1 / (2 * 0.671))
+    assert nearest == pytest.approx(1.015, abs=2e-3)
+    assert "unstable at 1.02 times its volume" in said
+    assert told(0.6) == []

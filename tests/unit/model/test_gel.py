@@ -300,3 +300,24 @@ def test_permeabilities_are_the_same_in_forms_and_in_numbers(J: float) -> None:
     assert SOFT.permeability(ufl.as_ufl(J), 3.0)(()) == pytest.approx(
         SOFT.permeability(J, 3.0), rel=1e-14
     )
+
+
+@each_gel
+@pytest.mark.parametrize("stretch", [0.9, 1.0, 1.3])
+def test_the_stiffness_between_walls_is_the_derivative_of_the_axial_stress(
+    gel: Gel, stretch: float
+) -> None:
+    """The stiffness is the second derivative of psi along the axis, from the law's UFL energy."""
+    axis = np.diag([0.0, 0.0, 1.0])
+    second_derivative = along(gel.energy, np.diag([1.0, 1.0, stretch]), axis, 2)
+    assert gel.confined_stiffness(stretch) == pytest.approx(second_derivative, rel=1e-9)
+
+
+def test_a_gel_with_a_large_chi_separates_into_two_phases() -> None:
+    """Without a network, Flory and Huggins' mixture is unstable from 1/(1 - f) - 1 < 2 chi f on.
+
+    f is the fraction of polymer; with few chains the network hardly moves this limit.
+    """
+    gel = Gel(G=1.0, n_omega=1e-6, chi=0.7, stretch=1.3)
+    limit = (1 - 1 / (2 * gel.chi)) ** -1 / 1.3**3  # f = 1/(J0 J) = 1 - 1/(2 chi)
+    assert gel.confined_stiffness(0.99 * limit) > 0 > gel.confined_stiffness(1.01 * limit)

@@ -13,6 +13,7 @@ from indent_sim.model.state import State
 from indent_sim.run.previous_rows import PreviousRows
 from indent_sim.run.row_warnings import (
     long_step_warnings,
+    lost_contact_warnings,
     oscillating_pressure_warnings,
     underresolved_rows,
 )
@@ -373,3 +374,54 @@ def test_rows_while_a_bath_comes_are_said(ramp: float) -> None:
     )
     assert f"has risen less than after a sudden change, by {' to '.join(lost)};" in said
     assert not any(doubt.key == "bath" for doubt in scene(**DRAINING).plan.model_warnings)
+
+
+SHRINKING: dict[str, Any] = {
+    "material": {"model": "gel", "G": 1.0, "n_omega": 0.01, "chi": 0.2}
+    | {"flow": {"diffusivity": 1.0}},
+    "drainage": {"bath": [[0, 0], [1, -0.3]]},
+}
+
+
+def rows_in_time(*rows: tuple[float, float, float | None]) -> list[State]:
+    """Rows of (t, delta, clearance), in contact where there is no clearance."""
+    return [
+        State(
+            step,
+            delta,
+            *((0.0,) * 5 if clearance is not None else (1.0, 0.2, 1.0, 0.0, 1.0)),
+            1,
+            0.0,
+            t=t,
+            branch="hold",
+            clearance=clearance,
+        )
+        for step, (t, delta, clearance) in enumerate(rows, start=1)
+    ]
+
+
+def test_a_tip_that_a_shrinking_gel_has_left_is_told_when_and_how_deep() -> None:
+    """A warning says between which rows contact was lost, and how deep the surface then is."""
+    base = scene(**SHRINKING, loading={"history": [[0, 0], [1, 0.05], [100, 0.05]]})
+    touching = (0.5, 0.025, None)
+    (said,) = lost_contact_warnings(
+        base, rows_in_time(touching, (1.0, 0.05, 0.3), (10.0, 0.05, 0.78), (100.0, 0.05, 0.7))
+    )
+    assert said.startswith("3 rows from step 2 on have no contact and zero force")
+    assert "between t = 0.5 and t = 1;" in said and "depth of 0.83 (t = 10)" in said
+    (said,) = lost_contact_warnings(base, rows_in_time((0.5, 0.025, 0.1)))
+    assert said.startswith("step 1 has") and "the beginning of the history and t = 0.5" in said
+
+
+def test_a_tip_that_has_not_come_or_goes_has_not_lost_contact() -> None:
+    """No contact is lost above the surface, on the way out, or under a prescribed force."""
+    base = scene(**SHRINKING, loading={"history": [[0, 0], [1, 0.05], [100, 0.05]]})
+    assert lost_contact_warnings(base, rows_in_time((0.5, -0.1, 0.1), (1.0, 0.05, None))) == []
+    away = [replace(row, branch="retract") for row in rows_in_time((2.0, 0.01, 0.1))]
+    assert lost_contact_warnings(base, away) == []
+    weight = scene(**SHRINKING, loading={"force_history": [[0, 0], [1, 0.05], [100, 0.05]]})
+    assert lost_contact_warnings(weight, rows_in_time((0.5, 0.025, 0.1))) == []
+    (again,) = lost_contact_warnings(
+        base, rows_in_time((0.5, -0.1, None), (1.0, -0.1, 0.2))
+    )  # swollen, then shrunk
+    assert "depth of 0.1 " in again
