@@ -428,7 +428,7 @@ class ProblemDefinition:
         steady_depth = STEADY_SLIDING_DEPTH[0] + STEADY_SLIDING_DEPTH[1] * (
             tip.edge_radius / tip.radius
         )
-        # The program gives a path up before it takes more solves.
+        # No path was measured to more solves; most are given up before.
         most_solves = 2000.0
         growth = min(SLIDING_SOLVES_GROWTH * max(depth - steady_depth, 0.0), 100.0)
         radii = min(depth, steady_depth) + (exp(growth) - 1) / SLIDING_SOLVES_GROWTH
