@@ -152,6 +152,11 @@ class Problem:
         for term in self.terms:
             term.set_continuation_factor(factor)
 
+    def limit_curvature(self, *, is_limited: bool) -> None:
+        """Limit the pressure times the tip's curvature in the tangent, far from equilibrium."""
+        for term in self.terms:
+            term.limit_curvature(is_limited=is_limited)
+
     @property
     def has_membrane(self) -> bool:
         """True if a term has a membrane stiffness, see `set_membrane_stiffness`."""

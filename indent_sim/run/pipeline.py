@@ -310,7 +310,10 @@ class SimulationDriver:
         if self.comm.size > 1 or not has_remedies(scene):
             return ""
         solve_states = partial(states, with_surface=False)
-        return try_remedies(remedies(self.config, scene), failed, iterations, resolve, solve_states)
+        dofs = scene.cost.dofs
+        return try_remedies(
+            remedies(self.config, scene), failed, iterations, dofs, resolve, solve_states
+        )
 
     def _finished_outcome(
         self, config_yaml: str, scene: Scene, output: OutputSettings, initial_report: dict[str, Any]

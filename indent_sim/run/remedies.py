@@ -2,12 +2,13 @@
 
 At finite strain Newton's method may fail near the edge of a tip because too few elements lie around
 the edge, or because they are too distorted. A larger edge radius or other element sizes may help,
-but it is not known in advance which. All trials together use at most as many Newton iterations as
-the run itself.
+but it is not known in advance which. All trials together do at most as much work as the run itself:
+Newton iterations times unknowns.
 """
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
@@ -18,6 +19,8 @@ from indent_sim.model.tips import FlatPunch
 from indent_sim.process.errors import IndentSimError
 from indent_sim.run.measured_constants import LEAST_ROUNDING
 from indent_sim.scene.scene import Scene
+
+log = logging.getLogger("indent_sim")
 
 SolveStates = Callable[[Scene], Iterator[State]]
 
@@ -106,7 +109,8 @@ def _set_element_sizes(config: Config, sizes: dict[str, float]) -> Config:
 def try_remedies(
     remedies_found: list[Remedy],
     failed: State,
-    iterations_left: int,
+    iterations_left: float,
+    dofs: float,
     resolve: Callable[[Config], Scene],
     solve_states: SolveStates,
 ) -> str:
@@ -119,7 +123,10 @@ def try_remedies(
     failed
         The row that did not converge.
     iterations_left
-        Newton iterations that all trials together may use; no trial begins beyond this number.
+        Newton iterations on the mesh of the run that all trials together may take the work of; no
+        trial begins beyond this number.
+    dofs
+        Predicted number of unknowns of the run.
     resolve
         Returns the scene of a config.
     solve_states
@@ -133,9 +140,10 @@ def try_remedies(
             scene = _truncate_path(resolve(remedy.config), failed)
         except IndentSimError:
             continue  # the scene does not allow this value
+        log.info("the path ended early; trying %s", remedy.text)
         last: State | None = None
         for state in solve_states(scene):
-            iterations_left -= state.newton_iterations
+            iterations_left -= state.newton_iterations * scene.cost.dofs / dofs
             if state.converged:
                 last = state
             if not state.converged or iterations_left <= 0:

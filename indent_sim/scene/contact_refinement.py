@@ -58,7 +58,9 @@ def refine_below_deep_tip(
 
     Without friction the surface slides outwards along the tip and up its side. Below a rod at a
     depth of five radii, the contact surface is in the undeformed body a disc of a tenth of the
-    rod's radius, which one element of the usual size would cover.
+    rod's radius, which one element of the usual size would cover. The face of a flat punch
+    stretches as much. A sharp edge, whose arc no elements resolve, ends the path before that depth:
+    its sizes stay as they are.
 
     Parameters
     ----------
@@ -83,18 +85,22 @@ def refine_below_deep_tip(
     )
     if gap != "current" or is_excluded or setup.physics.is_compressed or depth_ratio <= 1:
         return fixed_sizes
-    h_contact = fixed_sizes.h_contact or min(
-        setup.a / ELEMENTS_PER_RADIUS[2], setup.physics.domain.height / 4
-    )
     edge_radius = getattr(tip, "edge_radius", 0.0)
     # Smallest radius of an edge that is resolved, in radii of the punch; a sharper edge would need
     # thousands of elements.
     min_arc_fraction = 0.02
-    if edge_radius >= min_arc_fraction * end_radius:
-        # Elements per radius of a punch's rounded edge around which the surface slides.
-        elements_per_arc = 10.0
+    if isinstance(tip, FlatPunch) and edge_radius < min_arc_fraction * end_radius:
+        return fixed_sizes
+    h_contact = fixed_sizes.h_contact or min(
+        setup.a / ELEMENTS_PER_RADIUS[2], setup.physics.domain.height / 4
+    )
+    h_edge = fixed_sizes.h_edge
+    if edge_radius > 0:
+        # Elements per radius of a punch's rounded edge below the face, from where the surface
+        # slides around the edge. Twice as many change the force by 1e-5 at a depth of one radius.
+        elements_per_arc = 5.0
         h_contact = min(h_contact, edge_radius / elements_per_arc)
-    h_edge = round_length(h_contact) if edge is not None and edge_radius > 0 else fixed_sizes.h_edge
+        h_edge = round_length(h_contact / 2) if edge is not None else h_edge
     stretch = exp(STRETCH_GROWTH * (depth_ratio - 1))
     # The grading is divided by this power of the stretch, since the stretched region is a slender
     # column around the axis. With 1/3, which gives a grading of 0.08, a rod reached a depth of 5

@@ -54,6 +54,8 @@ class SolverWork:
         True if the body is time-dependent at finite strain.
     holding_steps : int
         Number of further steps of a linear body in which the tip stands still.
+    least_solves : float
+        Number of linear solves that the path takes at least, however few its steps are.
     """
 
     method: str
@@ -65,6 +67,7 @@ class SolverWork:
     snaps: int = 0
     is_time_dependent: bool = False
     holding_steps: int = 0
+    least_solves: float = 0.0
 
     @property
     def linear_solves(self) -> float:
@@ -75,7 +78,8 @@ class SolverWork:
         # Linear solves of a jump into or out of adhesive contact: 25 to 150, the largest numbers at
         # large Maugis parameters.
         snap_solves = 100.0
-        return (4.0 if self.is_nonlinear else 1.5) * self.steps + 10.0 + snap_solves * self.snaps
+        solves = (4.0 if self.is_nonlinear else 1.5) * self.steps + 10.0 + snap_solves * self.snaps
+        return max(solves, self.least_solves)
 
     def step_time_factor(self, dim: int) -> float:
         """Return the factor by which friction and time dependence slow down a linear solve."""

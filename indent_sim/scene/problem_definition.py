@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
+from math import exp
 
 from indent_sim.mesh.model_domain import ModelDomain, Region
 from indent_sim.model.body import Body
@@ -14,11 +15,16 @@ from indent_sim.model.gel import Gel
 from indent_sim.model.load_path import LoadPath
 from indent_sim.model.materials import Material
 from indent_sim.model.state import FLUID_COLUMNS, FRICTION_COLUMNS, SOFT_TIP_COLUMNS
-from indent_sim.model.tips import Indenter
+from indent_sim.model.tips import FlatPunch, Indenter
 from indent_sim.model.units import Scales
 from indent_sim.scene.compression_theory import covers_top
 from indent_sim.scene.cost import SolverWork
 from indent_sim.scene.depth_limits import Center, side_contact_depth
+from indent_sim.scene.measured_constants import (
+    SLIDING_SOLVES,
+    SLIDING_SOLVES_GROWTH,
+    STEADY_SLIDING_DEPTH,
+)
 from indent_sim.scene.reference_theory import relative_tip
 
 # Ratio of the stretches normal to and along the surface of a surface layer, from which the surface
@@ -441,7 +447,29 @@ class ProblemDefinition:
             snaps,
             is_nonlinear_in_time,
             holding_solves,
+            self._sliding_solves,
         )
+
+    @property
+    def _sliding_solves(self) -> float:
+        """Linear solves while the surface slides around the edge of a flat punch, or 0.
+
+        The increments become shorter with the depth, since the stretched layer at the edge becomes
+        thinner. Friction holds the surface.
+        """
+        tip = self.indenter
+        is_sliding = self.gap == "current" and not self.has_friction and not self.is_compressed
+        if not isinstance(tip, FlatPunch) or not is_sliding:
+            return 0.0
+        depth = max(self.max_depth, 0.0) / tip.radius
+        steady_depth = STEADY_SLIDING_DEPTH[0] + STEADY_SLIDING_DEPTH[1] * (
+            tip.edge_radius / tip.radius
+        )
+        # No path was measured to more solves; most are given up before.
+        most_solves = 2000.0
+        growth = min(SLIDING_SOLVES_GROWTH * max(depth - steady_depth, 0.0), 100.0)
+        radii = min(depth, steady_depth) + (exp(growth) - 1) / SLIDING_SOLVES_GROWTH
+        return min(SLIDING_SOLVES * radii, most_solves)
 
 
 def largest_diffusivity(physics: ProblemDefinition) -> float:

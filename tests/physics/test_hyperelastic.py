@@ -464,6 +464,32 @@ def test_other_tips_deep(tip: dict[str, Any], delta: float, h: float) -> None:
     assert one.force == pytest.approx(two.force, rel=3e-3)
 
 
+@pytest.mark.parametrize(
+    ("nu", "base", "edge_radius"), [(0.3, "roller", 0.1), (0.499, "fixed", 0.1)]
+)
+def test_a_punch_as_deep_as_its_radius(nu: float, base: str, edge_radius: float) -> None:
+    """A rounded punch goes one radius deep by quarters of it, with an increasing force.
+
+    The surface slides around the edge. Two contact methods agree to 0.3 %, as for other tips. The
+    first increments are longer than the edge's radius, and few of them are cut back, because the
+    tangent limits the tip's curvature (`Traction.tangent`).
+    """
+    body = {"shape": "cylinder", "radius": 5.0, "height": 5.0, "base": base}
+    changes: dict[str, Any] = {
+        "body": body,
+        "indenter": {"shape": "flat_punch", "radius": 0.5, "edge_radius": edge_radius},
+        "loading": {"delta": 0.5, "steps": 4},
+        "h_contact": 0.04,
+    }
+    states = solve(ball(nu, **changes))
+    forces = [state.force for state in states]
+    assert len(forces) == 4
+    assert np.all(np.diff([0.0, *forces]) > 0)
+    assert iterations(states) <= 60
+    other = solve(ball(nu, **changes, contact={"method": "active_set"}))[-1]
+    assert forces[-1] == pytest.approx(other.force, rel=3e-3)
+
+
 @pytest.mark.parametrize("nu", [0.3, 0.5])
 def test_a_body_inside_out_is_no_equilibrium(nu: float) -> None:
     """An inverted body, u_z = -2 z with J = -1, is inadmissible, though its residual is finite."""

@@ -5,14 +5,20 @@ It depends only on the coordinate along the path, not on the solver.
 
 from __future__ import annotations
 
-from math import ceil, inf
+from math import ceil, inf, isfinite
 
 # Shortest increment relative to the distance to the target: an increment of this length fails for
 # another reason than its length
 SMALLEST_STEP_FRACTION = 2.0**-10
 MOST_FAILURES = 10  # failed increments without two successes in a row between them
-# Newton iterations in failed increments to one target; the costliest row that was found had 425
+# Newton iterations in failed increments to one target; the costliest row that was found, of an
+# adhesive tip, had 425
 MOST_FAILED_ITERATIONS = 600
+# The same where only the length of increments is limited: a part for the target, and one for each
+# increment of the largest length. The part of the target is spent on the edge of a sharp punch, at
+# which no increment helps, the other on rows of many increments.
+FAILED_ITERATIONS_PER_TARGET = 150
+FAILED_ITERATIONS_PER_STEP = 30
 
 
 class StepSizeControl:
@@ -43,12 +49,18 @@ class StepSizeControl:
         self._failures = 0  # without two successes in a row between them
         self._successes = 0  # consecutive, with the present step limit
         self._failed_iterations = 0  # since the last target was reached
+        self._most_failed_iterations = MOST_FAILED_ITERATIONS
 
     def begin_target(self, distance: float) -> None:
         """Begin the increments to a target at this distance."""
         self._smallest_step = min(SMALLEST_STEP_FRACTION * abs(distance), self._always_tried_step)
         self._failures = 0
         self._failed_iterations = 0
+        if isfinite(self.max_step) and not isfinite(self._always_tried_step):
+            step_count = ceil(abs(distance) / self.max_step)
+            self._most_failed_iterations = (
+                FAILED_ITERATIONS_PER_TARGET + FAILED_ITERATIONS_PER_STEP * step_count
+            )
         self.step_limit = max(self.step_limit, self._smallest_step)
 
     def next_target(self, coordinate: float, target: float) -> float | None:
@@ -59,7 +71,7 @@ class StepSizeControl:
         """
         if (
             self._failures >= MOST_FAILURES
-            or self._failed_iterations >= MOST_FAILED_ITERATIONS
+            or self._failed_iterations >= self._most_failed_iterations
             or self.step_limit <= self._smallest_step / 2
         ):
             return None

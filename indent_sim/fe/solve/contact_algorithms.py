@@ -21,17 +21,26 @@ from indent_sim.fe.terms.scene_terms import ContactTerms
 def _newton_with_continuation(newton: Newton, contact: ContactTerms) -> Callable[[], bool]:
     """Return Newton's method with stiffness continuation, for penalty and augmented Lagrangian.
 
-    If a softer contact has no solution, the contact is solved with its own stiffness directly.
+    If a softer contact has no solution, the contact is solved with its own stiffness directly. This
+    is not tried after a residual that is not finite if there is only one softer contact: it has
+    nearly the same stiffness, and the first Newton step of the other would invert the same
+    elements.
     """
-    if newton.problem.law.may_snap_through and not approach_factors(
-        newton.problem.law, newton.problem.scene
-    ):
+    factors = approach_factors(newton.problem.law, newton.problem.scene)
+    if newton.problem.law.may_snap_through and not factors:
         return newton.solve
 
     solve_softer_first = _restore_on_failure(
         newton.problem, lambda: newton.approach_stiff_contact() and newton.solve()
     )
-    return lambda: solve_softer_first() or newton.solve()
+
+    def solve() -> bool:
+        if solve_softer_first():
+            return True
+        is_hopeless = len(factors) == 1 and newton.has_diverged
+        return not is_hopeless and newton.solve()
+
+    return solve
 
 
 def contact_algorithm(newton: Newton, contact: ContactTerms) -> Callable[[], bool]:

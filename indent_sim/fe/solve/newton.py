@@ -28,6 +28,10 @@ LINEAR_SOLVER_FAILED = "the linear solver failed"
 CONVERGED = PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE
 # Round-off in the residual, relative to the largest reaction of any accepted equilibrium
 REACTION_ROUNDOFF = 1e-14
+# Residual, relative to the reactions, above which the tangent limits the pressure times the tip's
+# curvature (`Traction.tangent`). Below it Newton's method converges quadratically with the full
+# tangent.
+FAR_FROM_EQUILIBRIUM = 1e-2
 
 
 class Newton:
@@ -65,6 +69,11 @@ class Newton:
     def krylov_iterations(self) -> int | None:
         """Number of Krylov iterations so far; None with a direct solver."""
         return self._iterative.iterations if self._iterative else None
+
+    @property
+    def has_diverged(self) -> bool:
+        """True if the last residual was not finite."""
+        return not bool(np.isfinite([self._residual, self._reaction]).all())
 
     @property
     def reaction_norm(self) -> float:
@@ -136,6 +145,9 @@ class Newton:
         """Assemble the tangent at the present solution; `rtol` is for an iterative solver."""
         self._has_tangent = True
         self._tangent_parameters = self.problem.tangent_parameters
+        self.problem.limit_curvature(
+            is_limited=self._residual > FAR_FROM_EQUILIBRIUM * self._reaction
+        )
         if self._iterative:
             self._iterative.assemble(rtol)
         else:

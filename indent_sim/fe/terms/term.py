@@ -120,6 +120,12 @@ class Term:
         Terms without a penalty ignore it.
         """
 
+    def limit_curvature(self, *, is_limited: bool) -> None:
+        """Limit the pressure times the tip's curvature in the tangent, far from equilibrium.
+
+        Terms without a contact multiplier ignore it.
+        """
+
     def force(self) -> float:
         """Virtual work per indentation depth [force], this rank's part in the model domain."""
         return 0.0

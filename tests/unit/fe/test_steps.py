@@ -14,6 +14,8 @@ from hypothesis import strategies as st
 from indent_sim.fe.path.load_stepping import LoadStepper
 from indent_sim.fe.path.solver_statistics import SolverStatistics
 from indent_sim.fe.path.step_size_control import (
+    FAILED_ITERATIONS_PER_STEP,
+    FAILED_ITERATIONS_PER_TARGET,
     MOST_FAILED_ITERATIONS,
     MOST_FAILURES,
     StepSizeControl,
@@ -102,6 +104,19 @@ def test_iterations_lost_on_the_way_to_a_target_are_bounded(tries: list[tuple[in
             rule.record_failure(cost)
     rule.begin_target(1.0)
     assert rule.next_target(at, 1.0) is not None
+
+
+def test_fewer_iterations_are_lost_where_only_the_length_is_limited() -> None:
+    """The bound grows with the number of increments of full length on the way to the target."""
+    for distance, step_count in ((0.1, 1), (1.0, 4)):
+        rule = StepSizeControl(max_step=0.25)
+        rule.begin_target(distance)
+        most = FAILED_ITERATIONS_PER_TARGET + FAILED_ITERATIONS_PER_STEP * step_count
+        assert rule.next_target(0.0, distance) is not None
+        rule.record_failure(most - 1)
+        assert rule.next_target(0.0, distance) is not None
+        rule.record_failure(1)
+        assert rule.next_target(0.0, distance) is None
 
 
 class Spring:

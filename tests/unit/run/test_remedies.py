@@ -61,7 +61,9 @@ def test_rounder_edges_come_first_then_smaller_and_larger_elements() -> None:
 
 def test_the_first_that_helps_is_the_last_that_is_tried() -> None:
     config, scene = configured()
-    said = try_remedies(remedies(config, scene), failed(2), 1000, resolve, walk_to({1.0: 3}))
+    said = try_remedies(
+        remedies(config, scene), failed(2), 1000, scene.cost.dofs, resolve, walk_to({1.0: 3})
+    )
     ends, comes = (
         "with indenter.edge_radius: 0.3 the run ends after delta = 0.5",
         "with indenter.edge_radius: 1 the run reaches delta = 1, where the force is 10",
@@ -76,7 +78,9 @@ def test_all_tries_cost_no_more_than_the_run() -> None:
     Of 15 iterations the first try takes 20, with its last row.
     """
     config, scene = configured()
-    said = try_remedies(remedies(config, scene), failed(3), 15, resolve, walk_to({}))
+    said = try_remedies(
+        remedies(config, scene), failed(3), 15, scene.cost.dofs, resolve, walk_to({})
+    )
     assert said == "; tried: with indenter.edge_radius: 0.3 the run ends after delta = 0.5"
 
 
@@ -126,7 +130,7 @@ def test_for_a_gel_the_remedies_reach_the_time_of_the_failed_row(key: str) -> No
 
     row = next(step for step, t in enumerate(scene.physics.path.times, start=1) if t >= 7.0)
     time = scene.physics.path.times[row - 1]
-    said = try_remedies(found, failed(row, time), 1000, resolve, solve)
+    said = try_remedies(found, failed(row, time), 1000, scene.cost.dofs, resolve, solve)
     assert said.endswith(f"reaches t = {last_times[-1]:.6g}, delta = 0.05, where the force is 1")
     assert 7.0 <= last_times[0] < 20.0 and len(last_times) == 1
 

@@ -49,9 +49,20 @@ def test_what_slides_outwards_is_meshed_finely_beneath_a_deep_rod() -> None:
 
 
 def test_elements_go_around_the_edge_of_a_punch_wherever_it_is() -> None:
+    """Five elements per radius of the edge lie below the face, twice as many at the edge.
+
+    The surface that is at the edge now was below the face.
+    """
     deep = sizes(5.0, ROD | {"edge_radius": 0.2})
-    assert 20 * deep.h_contact == pytest.approx(0.2 / 10)
-    assert deep.h_edge == deep.h_contact  # the surface that is at the edge now was not beneath it
+    assert 20 * deep.h_contact == pytest.approx(0.2 / 5)
+    assert deep.h_edge == pytest.approx(deep.h_contact / 2)
+    assert deep.h_axis is not None
+    assert deep.h_axis < 0.1 * deep.h_contact
+
+
+def test_an_edge_that_no_elements_resolve_changes_no_sizes() -> None:
+    """Below a sharp punch the sizes are the same at any depth: its edge ends the path early."""
+    assert sizes(5.0, ROD | {"edge_radius": 0.0}) == sizes(0.9, ROD | {"edge_radius": 0.0})
 
 
 @pytest.mark.parametrize(

@@ -23,6 +23,7 @@ from indent_sim.fe.terms.contact.projection import PressureProjection
 from indent_sim.fe.terms.strain_energy import StrainEnergy
 from indent_sim.fe.terms.term import Term
 from indent_sim.fe.unknowns import DISPLACEMENT_ORDER, Field, TimeLevel
+from indent_sim.model.algebra import macaulay
 from indent_sim.scene.scene import Scene
 
 
@@ -52,6 +53,7 @@ class Traction(Term):
         self.body = body
         self.gap = Gap(body, body.now)
         self.law = body.scene.physics.contact
+        self._curvature_is_limited = fem.Constant(body.mesh, 0.0)
         self._lam = self._multiplier_expression(strain_energy)
         self._solves_for_multiplier = self.law.multiplier == "unknown"
         self.field_names = ("lam",) if self._solves_for_multiplier else ()
@@ -104,6 +106,28 @@ class Traction(Term):
         if self._solves_for_multiplier:
             virtual += self._multiplier_slope * ufl.derivative(self._lam, now.function, now.test)
         return self.body.contact_integral(virtual)
+
+    def tangent(self, now: TimeLevel, before: TimeLevel, dt: fem.Constant) -> ufl.Form:
+        """Derivative of the virtual work along `now.trial`, a UFL form.
+
+        The pressure <lam - epsilon_n g> times the tip's curvature is a negative tangential
+        stiffness. In an iterate with a large penetration it exceeds the stiffness of the body, and
+        Newton's step inverts elements. `limit_curvature` replaces the pressure in this term by the
+        multiplier where that is smaller; the two are equal in equilibrium.
+        """
+        tangent = super().tangent(now, before, dt)
+        if not self._solves_for_multiplier or self.body.scene.physics.gap == "reference":
+            return tangent
+        variation = ufl.derivative(self.gap.g, now.function, now.test)
+        second_variation = ufl.derivative(variation, now.function, now.trial)
+        excess = macaulay(macaulay(self.trial_pressure) - macaulay(self._lam))
+        return tangent + self.body.contact_integral(
+            self._curvature_is_limited * excess * second_variation
+        )
+
+    def limit_curvature(self, *, is_limited: bool) -> None:
+        """Limit the pressure times the tip's curvature in the tangent, see `tangent`."""
+        self._curvature_is_limited.value = float(is_limited)
 
     def force(self) -> float:
         """Virtual work per indentation depth [force], this rank's part in the model domain."""
