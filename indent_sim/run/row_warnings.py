@@ -92,7 +92,7 @@ def lost_contact_warnings(scene: Scene, states: Sequence[State]) -> list[str]:
     list of str
         One warning at most.
     """
-    if scene.physics.path.control == "force":
+    if scene.physics.path.control == "force" or not scene.physics.is_swelling:
         return []
     lost: list[State] = []
     last_contact = "the beginning of the history"
