@@ -217,7 +217,7 @@ def _fit_and_assess(
     estimate = fit_function(config, request, samples, tables)
     assessment = _assess_model(add_profile_intervals(estimate), config, request.models, tables)
     return CurveFit(
-        _report_entry(curve.name, assessment, config, (*curve.notes, *notes), start_time),
+        _report_entry(curve.name, assessment, config, tuple(notes), start_time),
         _plotted_curve(assessment),
     )
 
@@ -322,8 +322,17 @@ def _elastic_config_with_spring(config: Config, depth: float) -> Config:
 def prepare_curve(curve: MeasuredCurve, request: FitRequest) -> tuple[Config, Samples, list[str]]:
     """Return the scene for this curve, the samples, and notes on the assumptions."""
     config = request.config
-    notes = []
     has_spring = config.experiment is not None and config.experiment.compliance > 0
+    guesses = []
+    if has_spring and curve.is_abscissa_guessed:
+        curve = curve.with_displacement()
+        guesses.append(
+            "two columns without titles and a spring in the scene: the first is taken for the "
+            "displacement of the base; if it is the depth, say --columns depth=1,force=2"
+        )
+    elif curve.is_abscissa_guessed:
+        guesses.append("two columns without titles are taken for depth and force")
+    notes = [*curve.notes, *guesses]
     stiffness = curve.stiffness
     if not has_spring and stiffness and curve.z is not None:
         config = add_to_experiment(config, cantilever={"stiffness": stiffness})

@@ -170,7 +170,7 @@ def test_files_are_recognised_by_their_beginning(tmp_path):
     (tmp_path / "e.spm").write_bytes(b"PK")
     (tmp_path / "f.pfc").touch()
     os.mkfifo(tmp_path / "g.002")
-    assert [path.name[0] for path in curve_files(tmp_path)] == ["a", "b", "e", "f"]
+    assert [path.name[0] for path in curve_files(tmp_path)] == ["a", "b", "c", "e", "f"]
     for name in ("a.021", "b.spm", "c.xyz"):
         assert len(read_curves(tmp_path / name)) == 1
     for name in ("e.spm", "f.pfc"):
