@@ -96,12 +96,13 @@ class Export:
 
     @property
     def scene(self) -> dict[str, object]:
-        """The scene, with a wrong modulus."""
+        """The scene, with a wrong modulus that all curves of an instrument share."""
         m = self.measurement
+        modulus = 2.0 * 10.0 ** round(np.log10(m.modulus))
         scene: dict[str, object] = {
             "units": {"length": "um", "force": "nN"},
             "body": {"shape": "half_space"},
-            "material": {"model": "linear_elastic", "E": 2.0 * m.modulus, "nu": 0.5},
+            "material": {"model": "linear_elastic", "E": modulus, "nu": 0.5},
             "indenter": {"shape": "paraboloid", "R": m.R},
             "loading": {"delta": 0.1 * m.R, "steps": 5},
             "output": {"plot": False},

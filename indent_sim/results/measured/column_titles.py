@@ -61,6 +61,8 @@ BRACKETS = re.compile(r"[\[(]\s*([^\[\]()]*?)\s*[\])]")
 UNIT_AT_END = re.compile(r"^(?P<name>.+?)\s*(?:[ _,/]|\bin\b)\s*(?P<unit>[^\W\d_]{1,3})$")
 # A unit of this length or longer is the remark of a title, such as (measured).
 MIN_REMARK_LENGTH = 4
+# A longer title is cut.
+MAX_TITLE_LENGTH = 200
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,8 @@ class ColumnTitle:
 
 def parse_title(text: str) -> ColumnTitle:
     """Return the name, the unit and the part of a title such as Force [nN] or Defl_pN_Ex."""
-    name = text.strip().strip("\"'").strip()
+    text = text.strip()[:MAX_TITLE_LENGTH]
+    name = text.strip("\"'").strip()
     unit = kind = unknown_unit = ""
     for match in BRACKETS.finditer(name):
         word = match[1]
@@ -119,7 +122,7 @@ def parse_title(text: str) -> ColumnTitle:
     plain_name = _plain_name(name)
     if not kind and plain_name in VOLTAGE_NAMES:
         unit, kind = "V", "voltage"
-    return ColumnTitle(text.strip(), plain_name, unit, kind, part, unknown_unit)
+    return ColumnTitle(text, plain_name, unit, kind, part, unknown_unit)
 
 
 def unit_and_kind(text: str) -> tuple[str, str]:

@@ -15,9 +15,11 @@ from indent_sim.results.measured import afm_file, nanoscope_file
 from indent_sim.results.measured.measurement import SI, MeasuredCurve
 from indent_sim.results.measured.text_curve import read_text_curves
 
-TAB_METADATA = re.compile(r"# BEGIN METADATA\n(.*?)# END METADATA", re.DOTALL)
+TAB_METADATA = re.compile(rb"# BEGIN METADATA\s.*?# END METADATA", re.DOTALL)
+# Titles of a .tab file that have the first row of numbers behind them, as afmformats writes them.
+GLUED_TITLES = re.compile(rb"(# END METADATA\s+#\s+# (?:[^\t\r\n]*\t)*?[a-z() ]*[a-z)])(?=-?\d)")
 
-
+MAX_METADATA_BYTES = 100_000
 TEXT_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".tab", ".asc")
 
 
@@ -91,8 +93,9 @@ def read_curves(
     if suffix in afm_file.SUFFIXES:
         return afm_file.read_afm_file(path, stiffness)
     data = _read_content(path)
-    if TAB_METADATA.search(data[:100_000].decode("latin-1").replace("\r", "")):
+    if TAB_METADATA.search(data, 0, MAX_METADATA_BYTES):
         given = SI | dict(given or {})
+        data = GLUED_TITLES.sub(rb"\1\n", data[:MAX_METADATA_BYTES]) + data[MAX_METADATA_BYTES:]
     return read_text_curves(path, data, columns, given, stiffness, sensitivity)
 
 

@@ -11,7 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from indent_sim.results.measured.measurement import NoCurve
-from indent_sim.results.measured.text_layout import Cells, TextLayout, is_comment
+from indent_sim.results.measured.text_layout import (
+    MAX_LINE_LENGTH,
+    Cells,
+    TextLayout,
+    is_comment,
+)
 
 # Digits in groups of three between blanks of a typesetter or apostrophes.
 GROUPED_DIGITS = re.compile("(?<=\\d)[\u00a0\u2009\u202f'\u2019](?=\\d{3}(?!\\d))")
@@ -126,6 +131,8 @@ class _RowReader:
         for line_number, line in enumerate(block.split("\n"), start=number):
             if not line.strip():
                 continue
+            if len(line) > MAX_LINE_LENGTH:
+                raise NoCurve(f"line {line_number} has more than {MAX_LINE_LENGTH} characters")
             if is_comment(line):
                 if SEGMENT_COMMENT.match(line.strip()):
                     yield line_number, None, line

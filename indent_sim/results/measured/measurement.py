@@ -153,7 +153,14 @@ class MeasuredCurve:
             name: values * factors[DIMENSIONS[name]] for name, values in present_columns.items()
         }
         stiffness = self.stiffness and self.stiffness * factors["force"] / factors["length"]
-        return replace(self, **columns, stiffness=stiffness, units=wanted)  # type: ignore[arg-type]
+        guesses = tuple(
+            f"the file has no unit of {kind}: {wanted[kind]} of the scene is taken"
+            for kind in ("length", "force")
+            if self.units.get(kind) == "" and wanted.get(kind)
+        )
+        return replace(  # type: ignore[arg-type]
+            self, **columns, stiffness=stiffness, units=wanted, notes=(*self.notes, *guesses)
+        )
 
 
 def _unit_ratio(kind: str, curve_unit: str, wanted_unit: str) -> float:
@@ -193,6 +200,8 @@ def curve_parts(x: np.ndarray, is_timed: bool = False) -> dict[str, slice]:
     min_retraction = 0.1
     if top - x[0] < min_retraction * span:  # The path begins at the largest depth and goes out.
         far = int(np.argmin(x))
+        if not _is_path(x):
+            return {"approach": slice(0, n)}
         if float(x[far:].max() - x[far]) > min_retraction * span:
             return {"retract": slice(0, far), "approach": slice(far, n)}
         return {"retract" if is_timed else "approach": slice(0, n)}
@@ -215,6 +224,15 @@ def curve_parts(x: np.ndarray, is_timed: bool = False) -> dict[str, slice]:
     if "hold" in parts:
         return parts | {"hold": slice(first + 1, n)}
     return {"approach": slice(0, n)}
+
+
+def _is_path(x: np.ndarray) -> bool:
+    """Return whether depths (n,) go a way, and are not noise around one depth."""
+    # Means of so many blocks of a way span most of it, and those of noise a part of it.
+    block_count = 20
+    min_span = 0.6
+    means = [float(block.mean()) for block in np.array_split(x, block_count) if len(block)]
+    return max(means) - min(means) > min_span * float(np.ptp(x))
 
 
 def segment_word(name: str) -> str:

@@ -293,9 +293,11 @@ class _Quantities:
                 f"{SENSITIVITY_KEY.format(unit=unit)}",
                 self._file,
             )
+        # Currents of detectors are nanoamperes.
+        factor, signal = (1e9, "V") if kind == "voltage" else (1.0, "nA")
         self._note(
-            f"force from {self._name(column)} by {1e9 * calibration.sensitivity:.4g} nm/"
-            f"{'V' if kind == 'voltage' else 'A'} ({calibration.sensitivity_source}) and {source}"
+            f"force from {self._name(column)} by {factor * calibration.sensitivity:.4g} nm/"
+            f"{signal} ({calibration.sensitivity_source}) and {source}"
         )
         return calibration.stiffness * calibration.sensitivity * unit_factor(unit, kind)
 
@@ -352,7 +354,7 @@ class _Quantities:
 def _falls_on_contact(x: np.ndarray, force: np.ndarray) -> bool | None:
     """Return whether an abscissa decreases towards the body; None if the force does not tell.
 
-    The body is where the force is farthest above its median.
+    The body is at the end where the force is farther from its median, if it is above it.
     """
     if len(x) < 2:
         return None
@@ -366,9 +368,8 @@ def _falls_on_contact(x: np.ndarray, force: np.ndarray) -> bool | None:
     middle = float(np.median(sorted_force))
     low = float(sorted_force[:end_count].mean()) - middle
     high = float(sorted_force[-end_count:].mean()) - middle
-    if max(low, high) <= 0 or low == high:
-        return None
-    return low > high
+    is_low = abs(low) > abs(high)
+    return is_low if max(low, high, key=abs) > 0 else None
 
 
 def _complete_rows(values: Values, table: TextRows, is_paired: bool) -> tuple[_Rows, int]:

@@ -327,7 +327,7 @@ def _join_titles(names: Cells, units: Cells) -> tuple[ColumnTitle, ...]:
 def _title_cells(layout: TextLayout, text: str) -> Cells | None:
     """Return the cells of a line of titles, None if their number is not that of the columns."""
     # Words that Igor writes before the names of the columns.
-    text = re.sub(r"^WAVES(?:/\w)*\s+", "", text)
+    text = re.sub(r"^WAVES(?:/\w)*\s+", "", re.sub(" {3,}", "  ", text[:MAX_LINE_LENGTH]))
     splits = [layout.cells(text)]
     if layout.separator is None:
         splits += [

@@ -14,6 +14,7 @@ from indent_sim.fitting.forward_model.forward_model import ForwardModelCache
 from indent_sim.process.errors import IndentSimError
 from indent_sim.results.measured.curve_file import read_curves
 
+TABLES = ForwardModelCache()
 EXPORTS = list(instrument_exports.exports())
 # A fit of 300 points with one per cent of noise is wrong by less than this with certainty: 95 %
 # intervals have half-widths of 1 to 3 %. Taken for a retraction, or without the spring, the modulus
@@ -36,7 +37,7 @@ def fitted(export: Export, folder: Path) -> tuple[dict[str, object] | None, str]
         )[0]
     except IndentSimError as error:
         return None, str(error)
-    entry = fit_curve(curve, FitRequest(config, ("material.E",)), ForwardModelCache()).entry
+    entry = fit_curve(curve, FitRequest(config, ("material.E",)), TABLES).entry
     return (entry, "") if entry["status"] == "done" else (None, str(entry["reason"]))
 
 
