@@ -1,6 +1,6 @@
 """Reader of AFM files: those of JPK, and those of other makers by the optional package afmformats.
 
-The other makers are Asylum, NT-MDT, Optics11 and AFM workshop.
+The other makers are Asylum and AFM workshop.
 """
 
 from __future__ import annotations

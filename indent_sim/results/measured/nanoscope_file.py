@@ -89,6 +89,10 @@ def read_nanoscope_file(path: Path, stiffness: float | None = None) -> Sequence[
 class NanoscopeFile:
     """Curves of a NanoScope file, each of which is read when it is asked for.
 
+    The entry Deflection Sensitivity Correction of the header is the factor by which the sensitivity
+    was multiplied when the spring constant was determined from thermal noise. The spring constant
+    contains it, and deflections and forces do not, as in the exports of NanoScope Analysis.
+
     Parameters
     ----------
     path

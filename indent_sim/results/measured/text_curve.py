@@ -207,7 +207,8 @@ class _Quantities:
         for role in ("delta", "z"):
             if role in values:
                 notes += self._turn_inwards(values, role)
-        abscissa = values.get("delta", values.get("z"))
+        # The displacement of the base is what is controlled; the depth has the noise of the force.
+        abscissa = values.get("z", values.get("delta"))
         assert abscissa is not None
         order, time_note = _order_of_time(values.get("t"), words is not None or bool(parts))
         notes += time_note

@@ -194,15 +194,15 @@ def test_a_length_is_never_read_as_a_force():
 
 def test_what_is_missing_is_named():
     volts = "z (nm)\tDefl (V)\n" + BARE
-    with pytest.raises(Uncalibrated, match="lacks spring constant, sensitivity: --set .*--sens"):
+    with pytest.raises(Uncalibrated, match=r"lacks spring constant, sensitivity: --set .*--sens"):
         read(volts)
     with pytest.raises(Uncalibrated, match="lacks sensitivity: --sensitivity '50 nm/V'"):
         read(volts, stiffness=STIFFNESS)
     with pytest.raises(NoCurve, match="no unit: give it with --units deflection=nm"):
         read("z (nm)\tDefl\n" + BARE, stiffness=STIFFNESS)
-    with pytest.raises(NoCurve, match="the unit 'foo' of column 'Load .foo.' is unknown"):
+    with pytest.raises(NoCurve, match=r"the unit 'foo' of column 'Load .foo.' is unknown"):
         read("z (nm)\tLoad (foo)\n" + BARE, columns=["z=1", "force=2"])
-    with pytest.raises(NoCurve, match="3 columns without a header.*--columns z=1,deflection=2"):
+    with pytest.raises(NoCurve, match=r"3 columns without a header.*--columns z=1,deflection=2"):
         read(BARE.replace("\n", "\t1\n"))
 
 
