@@ -63,18 +63,18 @@ def test_the_command_of_a_row_gives_the_modulus(name, tmp_path):
 def test_other_columns_are_another_fit(tmp_path):
     """A second call with other options for reading does not keep the earlier result."""
     exports = {(one.instrument, one.way): one for one in instrument_exports.exports()}
-    export = exports["Hysitron", "as exported"]
+    export = exports["Optics11", "as exported"]
     (tmp_path / "a.txt").write_bytes(export.data)
     (tmp_path / "scene.yaml").write_text(yaml.safe_dump(json.loads(json.dumps(export.scene))))
     command = [sys.executable, "-m", "indent_sim", "fit", "a.txt", "--scene", "scene.yaml"]
     command += ["--vary", "material.E", "--output", "out", "--json"]
     values = []
-    for words in ([], ["--columns", "depth=1,force=3"], ["--columns", "depth=1,force=2,time=3"]):
+    for words in ([], ["--columns", "depth=Piezo,force=Load"], []):
         done = subprocess.run(
             [*command, *words], cwd=tmp_path, capture_output=True, text=True, check=False
         )
         report = json.loads((tmp_path / "out" / "fit.json").read_text())
-        assert done.returncode in (0, 5)
+        assert done.returncode == 0, done.stderr
         values.append(report["curves"][0].get("parameters"))
     assert values[0]
     assert values[0] == values[2] != values[1]

@@ -66,7 +66,11 @@ def written(draw: np.random.Generator) -> tuple[bytes, dict[str, np.ndarray]]:
     names = [str(draw.choice(TITLES[role])) for role, _, _ in columns]
     units = [unit for _, unit, _ in columns]
     if separator == "   ":
-        names = [name.replace(" ", "_") if "(" not in name else "Piezo" for name in names]
+        names = [name.replace(" ", "_") if "(" not in name else "Other" for name in names]
+        names = [
+            "Piezo" if name == "Other" and role == "z" else name
+            for name, (role, _, _) in zip(names, columns, strict=True)
+        ]
     style = str(draw.choice(["[{}]", "({})", "line", "bracketed line"]))
     if "line" in style:
         form = "{}" if style == "line" else "[{}]"
