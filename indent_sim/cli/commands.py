@@ -386,6 +386,13 @@ def _print_curve_requirements(
     help="Fit a constant baseline, without a slope.",
 )
 @click.option(
+    "--level",
+    type=NumberInRange(),
+    metavar="X",
+    help="Force out of contact in the unit of the scene, without a slope [fitted; 0 if the curve "
+    "begins in contact].",
+)
+@click.option(
     "--models",
     flag_value="all",
     default="needed",
@@ -533,6 +540,11 @@ def _fit_map(
         if options["thickness"]:
             raise UsageError("--thickness belongs to a map", "leave it out, or add --map")
         return None
+    if options["level"] is not None:
+        raise UsageError(
+            "--level: the baselines of a map are fitted",
+            "leave --level out, or fit curve by curve with --no-map",
+        )
     if options["jobs"] > 1:
         raise UsageError(
             "--jobs: the curves of a map are fitted together in one process",
@@ -558,7 +570,9 @@ def _fit_request(config: Config, options: Mapping[str, Any]) -> FitRequest:
     from indent_sim.fitting.curve_fit import FitRequest
     from indent_sim.fitting.inference.estimate import OriginOptions
 
-    origin = OriginOptions(options["contact_point"], options["baseline"] == "tilted")
+    level = options["level"]
+    has_slope = options["baseline"] == "tilted" and level is None
+    origin = OriginOptions(options["contact_point"], has_slope, level)
     return FitRequest(config, options["keys"], options["segment"], origin, options["models"])
 
 
