@@ -364,11 +364,14 @@ def prepare_curve(curve: MeasuredCurve, request: FitRequest) -> tuple[Config, Sa
     if has_spring and curve.is_abscissa_guessed:
         curve = curve.with_displacement()
         guesses.append(
-            "two columns without titles and a spring in the scene: the first is taken for the "
-            "displacement of the base; if it is the depth, say --columns depth=1,force=2"
+            "nothing in the file says what the column of lengths is, and the scene has a spring: "
+            "it is taken for the displacement of the base; if it is the depth, say so, as in "
+            "--columns depth=1,force=2"
         )
     elif curve.is_abscissa_guessed:
-        guesses.append("two columns without titles are taken for depth and force")
+        guesses.append(
+            "nothing in the file says what the column of lengths is: it is taken for the depth"
+        )
     notes = [*curve.notes, *guesses]
     stiffness = curve.stiffness
     if not has_spring and stiffness and curve.z is not None:

@@ -60,7 +60,7 @@ class ColumnRoles:
     notes
         Sentences about assumptions.
     is_abscissa_guessed
-        Whether nothing says that the first column is a depth.
+        Whether nothing says that the abscissa is a depth.
     """
 
     approach: Mapping[str, Column]
@@ -98,10 +98,11 @@ def find_roles(layout: TextLayout, requested: Sequence[str] | None, file: str) -
         retract = _roles_by_name(layout, "retract")
         if _has_curve(approach) and _has_curve(retract):
             return ColumnRoles(approach, retract)
-    roles = _roles_by_name(layout, "")
+    roles = _roles_by_name(layout, parts.pop() if len(parts) == 1 else "")
+    is_named = bool(roles.keys() & set(ABSCISSAS))
     notes = _add_roles_by_unit(layout, roles)
     _refuse_incomplete(layout, roles)
-    return ColumnRoles(roles, None, notes)
+    return ColumnRoles(roles, None, notes, not is_named)
 
 
 def check_requested(words: Sequence[str]) -> None:
@@ -197,6 +198,11 @@ def _column(layout: TextLayout, word: str, file: str) -> Column:
 
 def _roles_without_titles(layout: TextLayout) -> ColumnRoles:
     """Return the roles of two columns without titles; raise NoCurve for another number."""
+    if layout.other_titles:
+        raise NoCurve(
+            f"the titles '{layout.other_titles[:80]}' are not those of {layout.width} columns: "
+            f"{COLUMNS_HINT}"
+        )
     if layout.width == 1:
         raise NoCurve("only one column, but a curve needs columns of depth and force")
     if layout.width != 2:
@@ -256,10 +262,9 @@ def _add_roles_by_unit(layout: TextLayout, roles: dict[str, Column]) -> tuple[st
         ]
         if len(places) == 1:
             roles[role] = Column(places[0])
-            if is_named and role != "t":
-                text = {"delta": "depth", "force": "force"}[role]
+            if is_named and role == "force":
                 notes.append(
-                    f"column '{layout.titles[places[0]].text}' is taken for the {text} by its unit"
+                    f"column '{layout.titles[places[0]].text}' is taken for the force by its unit"
                 )
     return tuple(notes)
 

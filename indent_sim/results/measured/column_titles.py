@@ -21,7 +21,8 @@ ROLE_NAMES = {
     "delta": (
         *("delta", "δ", "indentation", "depth", "indentation depth", "penetration"),
         *("penetration depth", "displacement into surface", "pd", "tip", "tip position"),
-        *("vertical tip position", "verticaltipposition", "eindringtiefe"),
+        *("vertical tip position", "verticaltipposition", "eindringtiefe", "tiefe"),
+        *("profondeur",),
     ),
     "separation": (
         *("separation", "tip-sample separation", "tip sample separation", "tss"),

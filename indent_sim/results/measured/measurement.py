@@ -110,8 +110,9 @@ class MeasuredCurve:
 
     def with_displacement(self) -> MeasuredCurve:
         """Return the curve with its guessed depth as the displacement of the base."""
-        height_note = SEPARATION_NOTE.replace("separation", "height of the base")
-        notes = tuple(height_note if note == SEPARATION_NOTE else note for note in self.notes)
+        as_separation = SEPARATION_NOTE.partition(":")[2]
+        as_height = as_separation.replace("separation", "height of the base")
+        notes = tuple(note.replace(as_separation, as_height) for note in self.notes)
         return replace(self, z=self.delta, delta=None, notes=notes, is_abscissa_guessed=False)
 
     def part(self, name: CurvePart) -> MeasuredCurve:

@@ -345,8 +345,8 @@ class _Quantities:
         values[role] = -values[role]
         if is_outward:
             return []
-        if self._roles.is_abscissa_guessed:
-            return [SEPARATION_NOTE]
+        if self._roles.is_abscissa_guessed and column is not None:
+            return [SEPARATION_NOTE.replace("column 1", self._name(column))]
         if role == "z":
             return ["z decreases towards the body: its sign is reversed"]
         return ["the depth decreases while the force rises: its sign is reversed"]

@@ -59,6 +59,8 @@ class TextLayout:
         Lines above the numbers.
     has_margin
         Whether the rows begin with a separator.
+    other_titles
+        Line of titles above the numbers that has another number of cells, "" if there is none.
     notes
         Sentences about assumptions.
     """
@@ -72,6 +74,7 @@ class TextLayout:
     title_line: str = ""
     head: tuple[str, ...] = ()
     has_margin: bool = False
+    other_titles: str = ""
     notes: tuple[str, ...] = ()
 
     def cells(self, line: str) -> Cells:
@@ -143,7 +146,8 @@ def detect_layout(text: str) -> TextLayout:
         raise NoCurve("no line of numbers")
     layout = replace(layout, first_row=first, head=tuple(head[:first]))
     titles, title_line = _read_titles(layout)
-    return replace(layout, titles=titles, title_line=title_line)
+    other_titles = "" if titles else _other_titles(layout)
+    return replace(layout, titles=titles, title_line=title_line, other_titles=other_titles)
 
 
 def is_comment(line: str) -> bool:
@@ -278,7 +282,9 @@ def _read_titles(layout: TextLayout) -> tuple[tuple[ColumnTitle, ...], str]:
             if skipped > 3:
                 break
             continue
-        if all(map(is_unit_text, cells)) and any(cells):
+        if not any(cells):
+            continue
+        if all(map(is_unit_text, cells)):
             if not any(unit_and_kind(cell.strip("[]() "))[1] for cell in units):
                 units = cells
                 last_unit_line = line
@@ -290,6 +296,15 @@ def _read_titles(layout: TextLayout) -> tuple[tuple[ColumnTitle, ...], str]:
     if units:
         return _join_titles([""] * len(units), units), last_unit_line
     return (), ""
+
+
+def _other_titles(layout: TextLayout) -> str:
+    """Return the last line above the numbers if its cells are titles of other columns, else ""."""
+    line = next((line for line in reversed(layout.head) if line.strip()), "")
+    if is_comment(line) or len(line) > MAX_LINE_LENGTH:
+        return ""
+    cells = [cell for cell in layout.cells(line) if cell]
+    return line.strip() if len(cells) > 1 and any(map(_is_column_title, cells)) else ""
 
 
 def _jpk_titles(layout: TextLayout) -> tuple[tuple[ColumnTitle, ...], str] | None:

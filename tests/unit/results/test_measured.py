@@ -106,7 +106,7 @@ def test_titles_in_another_language_are_told_by_their_units():
     np.testing.assert_allclose(curve.force, FORCES, **DIGITS)
     assert curve.units == {"length": "µm", "force": "nN", "time": "s"} and curve.t[-1] == 60
     with pytest.raises(NoCurve, match="no column of depth"):  # which of two lengths?
-        read("Weg (µm);Tiefe (µm);Kraft (nN)\n" + lines)
+        read("Weg (µm);Hub (µm);Kraft (nN)\n" + lines)
 
 
 def test_columns_by_title_or_number():

@@ -183,6 +183,24 @@ def test_two_bare_columns_are_a_guess_that_is_said():
     assert "the file has no unit of force: nN of the scene is taken" in curve.notes
 
 
+@pytest.mark.parametrize("titles", ["Distance (um)\tForce (nN)", "[um]\t[nN]"])
+def test_a_length_without_a_name_is_a_guess(titles):
+    assert read(f"{titles}\n{BARE}").is_abscissa_guessed
+    assert not read(f"Depth (um)\tForce (nN)\n{BARE}").is_abscissa_guessed
+
+
+def test_titles_of_other_columns_are_refused():
+    for text in ("z (um)\tF (nN)\tComment\n" + BARE, "z (um),F (nN)\n" + "0,1,2,5\n" * 50):
+        with pytest.raises(NoCurve, match=r"are not those of \d columns"):
+            read(text)
+
+
+def test_lines_of_units_below_each_other():
+    curve = read("z\tF\n(nm)\t(pN)\n\t\n(raw)\t(raw)\n" + BARE)
+    assert curve.z.max() == pytest.approx(2e-3)
+    assert curve.force.max() == pytest.approx(1e-3 * 2.0**1.5, rel=1e-6)
+
+
 def test_a_length_is_never_read_as_a_force():
     text = "z (nm)\tDefl (nm)\n" + BARE
     for columns in (None, ["1", "2"], ["z=1", "force=2"], ["z=1", "deflection=2"]):
