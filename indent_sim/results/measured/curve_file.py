@@ -20,7 +20,7 @@ TAB_METADATA = re.compile(rb"# BEGIN METADATA\s.*?# END METADATA", re.DOTALL)
 GLUED_TITLES = re.compile(rb"(# END METADATA\s+#\s+# (?:[^\t\r\n]*\t)*?[a-z() ]*[a-z)])(?=-?\d)")
 
 MAX_METADATA_BYTES = 100_000
-TEXT_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".tab", ".asc")
+TEXT_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".tab", ".asc", ".itx")
 
 
 def curve_files(path: Path) -> list[Path]:
