@@ -155,6 +155,8 @@ def _requested_roles(layout: TextLayout, requested: Sequence[str], file: str) ->
                 file,
             )
         roles["force" if _is_force(role, title) else role] = column
+    if "force" in roles:
+        roles.pop("deflection", None)
     missing = [
         text
         for text, names in (("depth or z", ABSCISSAS), ("force or deflection", FORCES))
@@ -238,7 +240,7 @@ def _roles_by_name(layout: TextLayout, part: str) -> dict[str, Column]:
 
 def _fits(role: str, title: ColumnTitle) -> bool:
     """Return whether a column can have a role by its unit."""
-    return title.kind in KINDS[role] or role == "part"
+    return title.kind in KINDS[role] and not (role == "part" and title.unknown_unit)
 
 
 def _add_roles_by_unit(layout: TextLayout, roles: dict[str, Column]) -> tuple[str, ...]:

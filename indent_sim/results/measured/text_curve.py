@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from indent_sim.process.errors import printable
 from indent_sim.results.measured.column_roles import (
     Column,
     ColumnRoles,
@@ -159,33 +160,37 @@ class _Quantities:
                 self.units[title.kind] = title.unit
         if "deflection" in roles.approach:
             self.units["force"] = "N"
-        self._factors = {
-            id(side): {role: self._factor(role, column) for role, column in side.items()}
-            for side in (roles.approach, roles.retract or {})
-        }
+        sides = [side for side in (roles.approach, roles.retract) if side]
+        # Columns of the approach, or of the whole curve, and those of the retraction.
+        self._sides = [
+            {
+                role: (column.index, self._factor(role, column))
+                for role, column in side.items()
+                if role != "part"
+            }
+            for side in sides
+        ]
         self.stiffness = self._stiffness_of_header()
 
     def curve(self, table: TextRows, indices: Sequence[int]) -> tuple[_Rows, dict[str, slice]]:
         """Return the rows of a table as a curve, and its parts as far as columns tell them."""
         places = {index: k for k, index in enumerate(indices)}
-        sides = [side for side in (self._roles.approach, self._roles.retract) if side]
         rows = [
             _complete_rows(
                 {
-                    role: self._factors[id(side)][role] * table.numbers[:, places[column.index]]
-                    for role, column in side.items()
-                    if role != "part"
+                    role: factor * table.numbers[:, places[index]]
+                    for role, (index, factor) in side.items()
                 },
                 table,
-                len(sides) > 1,
+                len(self._sides) > 1,
             )
-            for side in sides
+            for side in self._sides
         ]
-        for _, invalid_count in rows:
-            if invalid_count and len(sides) == 1:
-                self._note(f"{invalid_count} rows that lack a number are left out")
         if len(rows) == 1:
-            return rows[0][0], {}
+            whole, invalid_count = rows[0]
+            if invalid_count:
+                self._note(f"{invalid_count} rows that lack a number are left out")
+            return whole, {}
         approach, retract = (one.values for one, _ in rows)
         roles = approach.keys() & retract.keys()
         values = {role: np.concatenate([approach[role], retract[role]]) for role in roles}
@@ -247,8 +252,6 @@ class _Quantities:
 
     def _factor(self, role: str, column: Column) -> float:
         """Return the factor from the numbers of a column to the curve's unit."""
-        if role == "part":
-            return 1.0
         if role == "deflection":
             return column.sign * self._force_factor(column)
         kind = DIMENSIONS.get(role, "length")
@@ -452,16 +455,18 @@ def _part_words(rows: _Rows, layout: TextLayout) -> tuple[np.ndarray | None, lis
 
 
 def _parts_by_words(words: np.ndarray) -> tuple[dict[str, slice], list[str]]:
-    """Return the parts by words; none, and a sentence, if they are more than two numbers."""
+    """Return the parts by words; none, and a sentence, if the words name no parts."""
     distinct = set(words.tolist())
-    if len(distinct) > 2 and all(re.fullmatch(r"\d+(?:\.0*)?", word) for word in distinct):
-        return {}, [
-            f"{len(distinct)} numbers of segments: approach and retraction are told by the turning "
-            "point"
-        ]
     if len(distinct) == 1 and not next(iter(distinct)).strip("0123456789. "):
         return {}, []
-    parts = curve_parts_by_name(words)
+    try:
+        parts = curve_parts_by_name(words)
+    except NoCurve:
+        return {}, [
+            f"the column of segments has {len(distinct)} values such as "
+            f"'{printable(str(words[0]))[:20]}', which name no parts: approach and retraction are "
+            "told by the turning point"
+        ]
     changes = int(np.count_nonzero(words[1:] != words[:-1]))
     notes = []
     if changes + 1 > len({segment_word(word) for word in distinct}):

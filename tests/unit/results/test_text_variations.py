@@ -244,6 +244,21 @@ def test_roles_that_cannot_be(columns, problem):
         read("z (nm)\tForce (nN)\n" + BARE, columns=columns)
 
 
+def test_a_force_is_used_beside_a_deflection():
+    text = "z (nm)\tDefl (V)\tForce (nN)\n" + BARE.replace("\t", "\t5\t")
+    curve = read(text, columns=["z=1", "deflection=2", "force=3"])
+    assert curve.force.max() == pytest.approx(2.0**1.5, rel=1e-6)
+    assert read(text).force.max() == pytest.approx(2.0**1.5, rel=1e-6)
+
+
+def test_a_phase_is_no_segment():
+    rows = "".join(f"{line}\t{k / 7:.3f}\n" for k, line in enumerate(BARE.splitlines()))
+    curve = read("z (um)\tForce (nN)\tPhase\n" + rows)
+    assert curve.parts == {"approach": slice(0, 100)}
+    assert any("name no parts" in note for note in curve.notes)
+    assert not read("z (um)\tForce (nN)\tPhase (deg)\n" + rows).notes
+
+
 def test_a_minus_turns_the_sign_of_a_column():
     text = "z (um)\tForce (nN)\n" + BARE.replace("\t", "\t-")
     curve = read(text, columns=["z=z", "force=-Force"])
