@@ -35,6 +35,7 @@ from indent_sim.cli.options import (
     parse_words,
     parse_zoom,
     quiet_option,
+    sensitivity_option,
     set_option,
     units_option,
 )
@@ -274,6 +275,7 @@ def plan(
 )
 @columns_option
 @units_option
+@sensitivity_option
 @json_option
 def require(
     config: Path,
@@ -295,7 +297,7 @@ def require(
     from indent_sim.run.model_selection import recommended_model
 
     if curve is None and any(reading_options.values()):
-        raise UsageError("--columns and --units require --curve FILE")
+        raise UsageError("--columns, --units and --sensitivity require --curve FILE")
     with _quiet_libraries(logging.ERROR), raise_on_signals():
         if curve is not None:
             scene_config = load(config, overrides)
@@ -319,7 +321,7 @@ def _print_curve_requirements(
     """Print the requirements of a scene for a measured curve."""
     from indent_sim.fitting.curve_requirements import require_for_curve
 
-    requirements = require_for_curve(config, curve, within, _reading_options(**reading_options))
+    requirements = require_for_curve(config, curve, within, _reading_options(reading_options))
     if output_format == "json":
         print_done(requirements.as_json())
     else:
@@ -362,6 +364,7 @@ def _print_curve_requirements(
 @set_option
 @columns_option
 @units_option
+@sensitivity_option
 @click.option(
     "--segment",
     type=click.Choice(("approach", "hold", "retract", "all")),
@@ -381,6 +384,13 @@ def _print_curve_requirements(
     flag_value="level",
     default="tilted",
     help="Fit a constant baseline, without a slope.",
+)
+@click.option(
+    "--level",
+    type=NumberInRange(),
+    metavar="X",
+    help="Force out of contact in the unit of the scene, without a slope [fitted; 0 if the curve "
+    "begins in contact].",
 )
 @click.option(
     "--models",
@@ -524,12 +534,17 @@ def _fit_map(
     from indent_sim.fitting import map_folder
 
     request = _fit_request(config, options)
-    reading = _reading_options(options["columns"], options["units"])
+    reading = _reading_options(options)
     measured_map = map_folder.find_map(curves, request, reading, options["as_map"], options["grid"])
     if measured_map is None:
         if options["thickness"]:
             raise UsageError("--thickness belongs to a map", "leave it out, or add --map")
         return None
+    if options["level"] is not None:
+        raise UsageError(
+            "--level: the baselines of a map are fitted",
+            "leave --level out, or fit curve by curve with --no-map",
+        )
     if options["jobs"] > 1:
         raise UsageError(
             "--jobs: the curves of a map are fitted together in one process",
@@ -555,7 +570,9 @@ def _fit_request(config: Config, options: Mapping[str, Any]) -> FitRequest:
     from indent_sim.fitting.curve_fit import FitRequest
     from indent_sim.fitting.inference.estimate import OriginOptions
 
-    origin = OriginOptions(options["contact_point"], options["baseline"] == "tilted")
+    level = options["level"]
+    has_slope = options["baseline"] == "tilted" and level is None
+    origin = OriginOptions(options["contact_point"], has_slope, level)
     return FitRequest(config, options["keys"], options["segment"], origin, options["models"])
 
 
@@ -569,22 +586,25 @@ def _fit_curves(
     """Fit curves with the options of the command line."""
     from indent_sim.fitting import fit_folder
 
-    reading = _reading_options(options["columns"], options["units"])
+    reading = _reading_options(options)
     request = _fit_request(config, options)
     return fit_folder.fit_curves(curves, request, output, reading, options["jobs"], print_progress)
 
 
-def _reading_options(columns: tuple[str, ...], units: dict[str, str]) -> ReadOptions:
+def _reading_options(options: Mapping[str, Any]) -> ReadOptions:
     """Return the options for reading curve files from the command-line options."""
     from indent_sim.fitting.fit_folder import ReadOptions
+    from indent_sim.results.measured.column_roles import check_requested
+    from indent_sim.results.measured.header_calibration import parse_sensitivity
 
-    if columns and not 2 <= len(columns) <= 3:
-        raise ConfigError(
-            "--columns", f"has {len(columns)} columns", "give DEPTH,FORCE or DEPTH,FORCE,TIME"
-        )
-    if wrong := [kind for kind in units if kind not in ("length", "force", "time")]:
-        raise UsageError(f"--units {wrong[0]}: choose among length, force and time")
-    return ReadOptions(columns, units)
+    units = options["units"]
+    check_requested(options["columns"])
+    kinds = ("length", "force", "time", "deflection")
+    if wrong := [kind for kind in units if kind not in kinds]:
+        raise UsageError(f"--units {wrong[0]}: choose among length, force, time and deflection")
+    if options["sensitivity"] is not None:
+        parse_sensitivity(options["sensitivity"])
+    return ReadOptions(options["columns"], units, options["sensitivity"])
 
 
 @program.command()

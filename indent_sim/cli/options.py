@@ -142,8 +142,15 @@ def parse_tolerances(ctx: click.Context, option: click.Parameter, text: str) -> 
 columns_option = click.option(
     "--columns",
     callback=parse_words,
-    metavar="DEPTH,FORCE[,TIME]",
-    help="Columns, by title or by number from 1.",
+    metavar="ROLE=COLUMN,...|DEPTH,FORCE[,TIME]",
+    help="Columns, by title or by number from 1, e.g. z=1,deflection=2,time=4,segment=5; a minus "
+    "before the column turns the sign of its numbers. Roles: depth, z, separation, force, "
+    "deflection, time, segment.",
+)
+sensitivity_option = click.option(
+    "--sensitivity",
+    metavar="X",
+    help="Deflection per voltage of a text file with volts, e.g. '50 nm/V' [from its header].",
 )
 units_option = click.option(
     "--units",

@@ -49,6 +49,7 @@ from indent_sim.fitting.inference.estimate import (
     initial_guesses,
     reject_without_signal,
 )
+from indent_sim.fitting.inference.missing_baseline import STEEP_BASELINE, known_baseline
 from indent_sim.fitting.inference.model_assessment import (
     Interval,
     ModelAssessment,
@@ -213,13 +214,49 @@ def _fit_and_assess(
     reject_without_signal(samples)
     if is_time_dependent(config) and samples.t is None:
         raise NoCurve("no column of time, which a viscoelastic or poroelastic scene needs")
-    fit_function = _fit_along_path if needs_time_stepping(config) else _fit_load_curve
-    estimate = fit_function(config, request, samples, tables)
-    assessment = _assess_model(add_profile_intervals(estimate), config, request.models, tables)
+    errors: tuple[float, ...] = ()
+    if needs_time_stepping(config):
+        estimate = _fit_along_path(config, request, samples, tables)
+    else:
+        estimate, baseline_notes, errors = _fit_elastic(config, request, samples, tables)
+        notes += baseline_notes
+    assessment = _assess_model(
+        add_profile_intervals(estimate), config, request.models, tables, errors
+    )
     return CurveFit(
-        _report_entry(curve.name, assessment, config, (*curve.notes, *notes), start_time),
+        _report_entry(curve.name, assessment, config, tuple(notes), start_time),
         _plotted_curve(assessment),
     )
+
+
+def _fit_elastic(
+    config: Config, request: FitRequest, samples: Samples, tables: ForwardModelCache
+) -> tuple[Estimate, list[str], tuple[float, ...]]:
+    """Fit an elastic scene; a curve without a baseline gets a known one.
+
+    Returns the fit, sentences about the baseline, and the error (k,) of theta due to a toe that is
+    left out.
+    """
+    estimate = _fit_load_curve(config, request, samples, tables)
+    known = None
+    if not estimate.model.forward_model.has_adhesion:
+        known = known_baseline(samples, estimate)
+    if known is None:
+        return estimate, [], ()
+    known_request = replace(request, origin=known.origin)
+    try:
+        known_estimate, *others = (
+            _fit_load_curve(config, known_request, selected, tables)
+            for selected in (known.samples, *known.other_samples)
+        )
+    except (FitRejected, ForwardModelUnavailable):
+        return estimate, [], ()
+    if not known.fits(known_estimate, estimate):
+        return estimate, [], ()
+    differences = [np.abs(other.theta - known_estimate.theta) for other in others]
+    # The parameters approach those without a toe by about as much again.
+    errors = tuple(2.0 * np.max(differences, axis=0)) if differences else ()
+    return known_estimate, [known.note], errors
 
 
 def _fit_load_curve(
@@ -322,8 +359,20 @@ def _elastic_config_with_spring(config: Config, depth: float) -> Config:
 def prepare_curve(curve: MeasuredCurve, request: FitRequest) -> tuple[Config, Samples, list[str]]:
     """Return the scene for this curve, the samples, and notes on the assumptions."""
     config = request.config
-    notes = []
     has_spring = config.experiment is not None and config.experiment.compliance > 0
+    guesses = []
+    if has_spring and curve.is_abscissa_guessed:
+        curve = curve.with_displacement()
+        guesses.append(
+            "nothing in the file says what the column of lengths is, and the scene has a spring: "
+            "it is taken for the displacement of the base; if it is the depth, say so, as in "
+            "--columns depth=1,force=2"
+        )
+    elif curve.is_abscissa_guessed:
+        guesses.append(
+            "nothing in the file says what the column of lengths is: it is taken for the depth"
+        )
+    notes = [*curve.notes, *guesses]
     stiffness = curve.stiffness
     if not has_spring and stiffness and curve.z is not None:
         config = add_to_experiment(config, cantilever={"stiffness": stiffness})
@@ -393,8 +442,13 @@ def _max_indentation(estimate: Estimate) -> float:
 
 
 def _assess_model(
-    estimate: Estimate, config: Config, model_choice: ModelChoice, tables: ForwardModelCache
+    estimate: Estimate,
+    config: Config,
+    model_choice: ModelChoice,
+    tables: ForwardModelCache,
+    errors: tuple[float, ...] = (),
 ) -> ModelAssessment:
+    """Assess a fit; `errors` (k,) are further errors of theta."""
     forward_model = estimate.model.forward_model
     depth_ranges = fit_depth_ranges(estimate)
     residual_trend = find_residual_trend(estimate)
@@ -405,6 +459,8 @@ def _assess_model(
     half_widths = systematic_half_widths(
         estimate, forward_model.relative_error, relative_calibration_error(config, forward_model)
     )
+    if errors:
+        half_widths = tuple(map(math.hypot, half_widths, errors))
     return ModelAssessment(
         estimate, depth_ranges, residual_trend.shape, p_baseline, alternatives, half_widths
     )
@@ -607,9 +663,7 @@ def _warnings(assessment: ModelAssessment) -> list[str]:
         for k, parameter in enumerate(parameters)
         if estimate.is_at_bound(k)
     ]
-    # A baseline that rises by more of the force is probably contact.
-    steep_baseline = 0.5
-    if estimate.p[-1] > steep_baseline * estimate.max_force:
+    if estimate.p[-1] > STEEP_BASELINE * estimate.max_force:
         hint = (
             "if the curve begins in contact it has no baseline and the modulus is wrong; fix what "
             "is known by --no-slope or --contact-point"
@@ -796,4 +850,7 @@ def request_identity(request: FitRequest) -> Mapping[str, Any]:
         "vary": list(request.varied_keys),
         "part": request.curve_part,
     }
-    return record | {"origin": vars(request.origin), "models": request.models}
+    origin = {name: value for name, value in vars(request.origin).items() if name != "slope"}
+    if origin["level"] is None:
+        origin.pop("level")
+    return record | {"origin": origin, "models": request.models}

@@ -88,7 +88,11 @@ def require_for_curve(
             "give a material with one, such as E",
         )
     curve = read_curves(
-        path, reading.columns or None, reading.units, cantilever_stiffness_si(config)
+        path,
+        reading.columns or None,
+        reading.units,
+        cantilever_stiffness_si(config),
+        reading.sensitivity,
     )[0]
     curve_fit = fit_curve(curve, FitRequest(config, (key,), models="all"), ForwardModelCache())
     if not curve_fit.is_done:

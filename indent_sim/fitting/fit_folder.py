@@ -74,10 +74,30 @@ Entry = dict[str, Any]
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """Options for reading curve files: columns by title or number, and default units."""
+    """Options for reading curve files.
+
+    Attributes
+    ----------
+    columns
+        Columns with their roles, or those of depth, force and time, by title or number.
+    units
+        Units of a file that gives none.
+    sensitivity
+        Length per voltage of deflections in volts, such as 50 nm/V.
+    """
 
     columns: tuple[str, ...] = ()
     units: Mapping[str, str] | None = None
+    sensitivity: str | None = None
+
+    def identity(self) -> Entry:
+        """Return the options that are given, by which an earlier result is recognised."""
+        given = {"columns": list(self.columns), "units": dict(self.units or {})}
+        return {
+            name: value
+            for name, value in (given | {"sensitivity": self.sensitivity}).items()
+            if value
+        }
 
 
 @dataclass(frozen=True)
@@ -307,6 +327,7 @@ def _read_curves(
                 reading.columns or None,
                 reading.units,
                 cantilever_stiffness_si(request.config),
+                reading.sensitivity,
             )
         except NoCurve as error:
             curves = [rejected_fit(file.stem, error.problem)]
@@ -317,7 +338,7 @@ def _read_curves(
             if len(files) == 1:
                 raise
             curves = [rejected_fit(file.stem, str(error))]
-        source = _file_identity(file)
+        source = _file_identity(file) | reading.identity()
         for index in range(len(curves)):
             curve = _curve_or_rejection(curves, index, file)
             name = _unique_name(_file_name(curve.name), file, used_names)

@@ -12,7 +12,15 @@ import numpy as np
 from indent_sim.config.scene_file import config_from_mapping, load
 from indent_sim.config.schema import Config
 from indent_sim.fitting import map_folder
-from indent_sim.fitting.curve_fit import INTERVAL_KEYS, CurveFit, FitRequest, ModelChoice, fit_curve
+from indent_sim.fitting.curve_fit import (
+    INTERVAL_KEYS,
+    CurveFit,
+    FitRequest,
+    ModelChoice,
+    cantilever_stiffness_si,
+    fit_curve,
+)
+from indent_sim.fitting.fit_folder import ReadOptions
 from indent_sim.fitting.forward_model.forward_model import ForwardModelCache
 from indent_sim.fitting.inference.estimate import OriginOptions
 from indent_sim.fitting.inference.model_assessment import Interval
@@ -67,6 +75,7 @@ def fit(
     segment: CurvePart = "approach",
     columns: Sequence[str] = (),
     units: Mapping[str, str] | None = None,
+    sensitivity: str | None = None,
     contact_point: float | None = None,
     models: ModelChoice = "needed",
 ) -> Fit:
@@ -84,7 +93,10 @@ def fit(
     segment
         Part of the curve that is fitted.
     columns, units
-        Columns of the file by title or number, and units if the file has none.
+        Columns of the file, such as ("z=1", "force=2") or by title or number those of depth, force
+        and time, and units if the file has none.
+    sensitivity
+        Length per voltage of deflections in volts, such as 50 nm/V.
     contact_point
         Displacement at first contact, if it is known.
     models
@@ -99,7 +111,8 @@ def fit(
     """
     config = _load_scene(scene)
     request = FitRequest(config, tuple(vary), segment, OriginOptions(contact_point), models)
-    curve_fit = fit_curve(_read_curve(curve, columns, units), request, ForwardModelCache())
+    reading = ReadOptions(tuple(columns), units, sensitivity)
+    curve_fit = fit_curve(_read_curve(curve, reading, config), request, ForwardModelCache())
     if not curve_fit.is_done:
         raise NotConverged(f"{curve_fit.name}: {curve_fit.entry['reason']}")
     intervals = curve_fit.entry["parameters"]
@@ -196,9 +209,7 @@ def _load_scene(scene: Config | Mapping[str, Any] | str | Path) -> Config:
     return config_from_mapping(scene) if isinstance(scene, Mapping) else load(scene)
 
 
-def _read_curve(
-    curve: Curve, columns: Sequence[str], units: Mapping[str, str] | None
-) -> MeasuredCurve:
+def _read_curve(curve: Curve, reading: ReadOptions, config: Config) -> MeasuredCurve:
     if isinstance(curve, MeasuredCurve):
         return curve
     if isinstance(curve, tuple):
@@ -206,4 +217,6 @@ def _read_curve(
         if delta.ndim != 1 or delta.shape != force.shape:
             raise UsageError("a curve needs two arrays of numbers of the same length")
         return MeasuredCurve("curve", force, delta, parts=curve_parts(delta))
-    return read_curves(curve, columns or None, units)[0]
+    stiffness = cantilever_stiffness_si(config)
+    columns = reading.columns or None
+    return read_curves(curve, columns, reading.units, stiffness, reading.sensitivity)[0]

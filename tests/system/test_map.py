@@ -170,6 +170,7 @@ def test_thickness_of_each_pixel_changes_its_modulus(folder: Path) -> None:
         (("--grid", "3x3"), 2, "files"),
         (("--map", "--segment", "retract"), 2, "approach"),
         (("--jobs", "2"), 2, "one process"),
+        (("--level", "0"), 2, "the baselines of a map are fitted"),
         (("--no-map", "--thickness", "height"), 2, "--thickness"),
     ],
 )

@@ -120,11 +120,15 @@ class OriginOptions:
     contact_point : float, optional
         Known contact point [length]; None if it is fitted.
     has_slope : bool
-        True if the slope of the baseline is fitted.
+        True if the baseline may have a slope.
+    level, slope : float, optional
+        Known baseline, level + slope x [force, force/length]; None if it is fitted.
     """
 
     contact_point: float | None = None
     has_slope: bool = True
+    level: float | None = None
+    slope: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -170,7 +174,8 @@ class CurveModel:
         """True for the parameters that are fitted (p,)."""
         is_free = np.ones(self.coordinate_count + 3, dtype=bool)
         is_free[self.coordinate_count] = self.origin.contact_point is None
-        is_free[-1] = self.origin.has_slope
+        is_free[-2] = self.origin.level is None
+        is_free[-1] = self.origin.has_slope and self.origin.level is None
         is_free[list(self.fixed)] = False
         return is_free
 
@@ -541,6 +546,11 @@ def initial_guesses(
     percentiles = (
         np.percentile(pilot.x, np.linspace(2.0, 97.0, 80)) if origin.contact_point is None else []
     )
+    if origin.level is not None and origin.contact_point is None:
+        # A curve without a baseline may begin deep in contact.
+        begin = float(pilot.x.min())
+        before = begin - np.ptp(pilot.x) * np.linspace(1.0, 0.02, 40)
+        percentiles = np.concatenate([before, percentiles])
     contact_points = (
         [origin.contact_point] if origin.contact_point is not None else list(percentiles)
     )
@@ -553,7 +563,7 @@ def initial_guesses(
     ordered = sorted((guess for guess in guesses if guess), key=lambda guess: guess[0])
     # Number of initial guesses from which the fit is iterated to convergence.
     max_guesses = 3
-    return [p for _, p in ordered[:max_guesses]]
+    return [_with_known_baseline(p, pilot, origin) for _, p in ordered[:max_guesses]]
 
 
 def baseline_level(samples: Samples) -> float:
@@ -643,7 +653,8 @@ def fit_model(
     if not guesses:
         negated_samples = Samples(samples.x, -samples.force, samples.t)
         sign_hint = (
-            " (it falls; the force of a tip that is pressed in has to be positive)"
+            " (it falls; the force of a tip that is pressed in has to be positive: with --columns, "
+            "a minus before the column of the force turns its sign)"
             if initial_guesses(forward_model, negated_samples, origin)
             else ""
         )
@@ -663,6 +674,14 @@ def fit_model(
     estimate = estimate_parameters(model, convert_baseline(pilot_model, model, best[0]))
     _reject_weak_signal(estimate)
     return estimate
+
+
+def _with_known_baseline(p: np.ndarray, samples: Samples, origin: OriginOptions) -> np.ndarray:
+    """Return the parameters (p,) with the baseline that is known."""
+    if origin.level is None:
+        return p
+    mean, span = float(samples.x.mean()), float(np.ptp(samples.x))
+    return np.array([*p[:-2], origin.level + origin.slope * mean, origin.slope * span])
 
 
 def _try_least_squares(model: CurveModel, initial_p: np.ndarray) -> tuple[np.ndarray, float] | None:

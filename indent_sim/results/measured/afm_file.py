@@ -1,6 +1,6 @@
 """Reader of AFM files: those of JPK, and those of other makers by the optional package afmformats.
 
-The other makers are Asylum, NT-MDT, Optics11 and AFM workshop.
+The other makers are Asylum and AFM workshop.
 """
 
 from __future__ import annotations
@@ -24,10 +24,9 @@ from indent_sim.results.measured.measurement import (
 )
 
 SUFFIXES = (*jpk_file.SUFFIXES, ".ibw", ".h5", ".zip")
-TEXT_SUFFIXES = (".txt", ".csv", ".tab")  # Text files with these suffixes may be AFM files.
 
 
-def read_afm_file(path: Path, stiffness: float | None = None) -> Sequence[MeasuredCurve] | None:
+def read_afm_file(path: Path, stiffness: float | None = None) -> Sequence[MeasuredCurve]:
     """Read the curves of an AFM file, in SI units.
 
     Parameters
@@ -39,9 +38,8 @@ def read_afm_file(path: Path, stiffness: float | None = None) -> Sequence[Measur
 
     Returns
     -------
-    sequence of MeasuredCurve, or None
-        The curves; those of a map of JPK are read one by one. None for a text file that is not an
-        AFM file.
+    sequence of MeasuredCurve
+        The curves; those of a map of JPK are read one by one.
 
     Raises
     ------
@@ -55,8 +53,6 @@ def read_afm_file(path: Path, stiffness: float | None = None) -> Sequence[Measur
     try:
         from afmformats import errors, formats
     except ImportError as error:
-        if path.suffix.lower() in TEXT_SUFFIXES:
-            return None
         raise BackendError(
             f"{path} is an AFM file, and afmformats is missing ({error}); {INSTALL_HINT}"
         ) from error
@@ -67,8 +63,6 @@ def read_afm_file(path: Path, stiffness: float | None = None) -> Sequence[Measur
     try:
         formats.get_recipe(path)
     except (*broken, Exception) as error:
-        if path.suffix.lower() in TEXT_SUFFIXES:
-            return None
         raise NoCurve(f"afmformats cannot read it ({_error_text(error)})", str(path)) from None
     try:
         return [
@@ -81,8 +75,6 @@ def read_afm_file(path: Path, stiffness: float | None = None) -> Sequence[Measur
     except NoCurve:
         raise
     except (*broken, Exception) as error:
-        if path.suffix.lower() in TEXT_SUFFIXES:
-            return None
         raise NoCurve(f"afmformats cannot read it ({_error_text(error)})", str(path)) from None
 
 

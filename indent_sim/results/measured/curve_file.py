@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import errno
-import json
 import os
 import re
 import stat
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from indent_sim.process.errors import UsageError
 from indent_sim.results.atomic_files import read_regular_file
 from indent_sim.results.measured import afm_file, nanoscope_file
-from indent_sim.results.measured.delimited_text import read_text_curve
 from indent_sim.results.measured.measurement import SI, MeasuredCurve
+from indent_sim.results.measured.text_curve import read_text_curves
 
-TAB_METADATA = re.compile(r"# BEGIN METADATA\n(.*?)# END METADATA", re.DOTALL)
+TAB_METADATA = re.compile(rb"# BEGIN METADATA\s.*?# END METADATA", re.DOTALL)
+# Titles of a .tab file that have the first row of numbers behind them, as afmformats writes them.
+GLUED_TITLES = re.compile(rb"(# END METADATA\s+#\s+# (?:[^\t\r\n]*\t)*?[a-z() ]*[a-z)])(?=-?\d)")
 
-
-TEXT_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".tab", ".asc")
+MAX_METADATA_BYTES = 100_000
+TEXT_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".tab", ".asc", ".itx")
 
 
 def curve_files(path: Path) -> list[Path]:
@@ -36,7 +36,7 @@ def curve_files(path: Path) -> list[Path]:
     files = [
         file
         for file in sorted(path.iterdir())
-        if file.suffix.lower() in suffixes or nanoscope_file.is_numbered_file(file)
+        if file.suffix.lower() in suffixes or _is_nanoscope_file(file)
     ]
     if not files:
         raise UsageError(
@@ -52,6 +52,7 @@ def read_curves(
     columns: Sequence[str] | None = None,
     given: Mapping[str, str] | None = None,
     stiffness: float | None = None,
+    sensitivity: str | None = None,
 ) -> Sequence[MeasuredCurve]:
     """Read the measured curves of a file, in the units that it gives.
 
@@ -62,11 +63,15 @@ def read_curves(
     path
         The file.
     columns
-        Titles or numbers (from 1) of the columns of depth, force and time in a text file.
+        Columns of a text file: ROLE=COLUMN, or titles or numbers (from 1) of the columns of depth,
+        force and time.
     given
-        Units by kind, "length" and "force", for a text file without units.
+        Units by kind, "length", "force", "time" and "deflection", for a text file without units.
     stiffness
-        Spring constant of the cantilever [N/m], for an AFM file that contains none.
+        Spring constant of the cantilever [N/m], for an AFM file that contains none, and for the
+        deflections in a text file.
+    sensitivity
+        Length per voltage such as 50 nm/V, for the deflections in a text file.
 
     Raises
     ------
@@ -82,21 +87,24 @@ def read_curves(
     """
     path = Path(path)
     suffix = path.suffix.lower()
-    # The text that NanoScope exports begins with the same header.
-    if suffix not in (*TEXT_SUFFIXES, *afm_file.SUFFIXES):
-        _refuse_unreadable(path)
-        if suffix in nanoscope_file.SUFFIXES or nanoscope_file.is_nanoscope_file(path):
-            return nanoscope_file.read_nanoscope_file(path, stiffness)
-    if suffix in (*afm_file.SUFFIXES, *afm_file.TEXT_SUFFIXES) and not columns:
-        _refuse_unreadable(path)
-        curves = afm_file.read_afm_file(path, stiffness)
-        if curves is not None:
-            return curves
+    _refuse_unreadable(path)
+    if suffix in nanoscope_file.SUFFIXES or nanoscope_file.is_nanoscope_file(path):
+        return nanoscope_file.read_nanoscope_file(path, stiffness)
+    if suffix in afm_file.SUFFIXES:
+        return afm_file.read_afm_file(path, stiffness)
     data = _read_content(path)
-    if match := TAB_METADATA.search(data[:100_000].decode("latin-1").replace("\r", "")):
-        curve = read_text_curve(path, data, columns, SI | dict(given or {}))
-        return [replace(curve, stiffness=_spring_constant(match[1]))]
-    return [read_text_curve(path, data, columns, given)]
+    if TAB_METADATA.search(data, 0, MAX_METADATA_BYTES):
+        given = SI | dict(given or {})
+        data = GLUED_TITLES.sub(rb"\1\n", data[:MAX_METADATA_BYTES]) + data[MAX_METADATA_BYTES:]
+    return read_text_curves(path, data, columns, given, stiffness, sensitivity)
+
+
+def _is_nanoscope_file(file: Path) -> bool:
+    """Return whether an entry of a folder is a file of NanoScope, by its content."""
+    try:
+        return file.is_file() and nanoscope_file.is_nanoscope_file(file)
+    except OSError:
+        return False
 
 
 def _refuse_unreadable(path: Path) -> None:
@@ -122,16 +130,3 @@ def _read_error(path: Path, error: Exception) -> UsageError:
     return UsageError(
         f"cannot read {path}: {getattr(error, 'strerror', None) or error}", file=str(path)
     )
-
-
-def _spring_constant(metadata: str) -> float | None:
-    """Return the spring constant [N/m] in the metadata of a .tab file, or None."""
-    try:
-        value = float(
-            json.loads("\n".join(line.lstrip("#") for line in metadata.splitlines()))[
-                "spring constant"
-            ]
-        )
-    except (ValueError, KeyError, TypeError):
-        return None
-    return value if 0 < value < 1e30 else None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal, cast
@@ -20,11 +21,22 @@ SI = {"length": "m", "force": "N", "time": "s"}
 PACKAGES = "afmformats igor2 jprops pyfmreader tifffile 'pandas<3' pytz tzdata"
 INSTALL_HINT = f"install it with `make setup AFM=1`, or `pip install --no-deps {PACKAGES}`"
 # Part of a curve by the words for it in files.
+APPROACH_WORDS = (
+    *("approach", "appr", "extend", "extension", "ex", "loading", "load", "trace"),
+    *("forward", "fwd", "compress", "compression"),
+)
+HOLD_WORDS = ("hold", "pause", "dwell", "intermediate")
+RETRACT_WORDS = (
+    *("retract", "retraction", "retr", "rt", "unloading", "unload", "withdraw", "retrace"),
+    *("backward", "bwd", "recover", "recovery"),
+)
 PART_WORDS = {
-    **dict.fromkeys(("approach", "extend", "loading", "load", "trace", "appr"), "approach"),
-    **dict.fromkeys(("hold", "pause", "dwell", "intermediate"), "hold"),
-    **dict.fromkeys(("retract", "unloading", "unload", "withdraw", "retrace", "retr"), "retract"),
+    **dict.fromkeys(APPROACH_WORDS, "approach"),
+    **dict.fromkeys(HOLD_WORDS, "hold"),
+    **dict.fromkeys(RETRACT_WORDS, "retract"),
 }
+SEPARATION_NOTE = "column 1 falls while the force rises: taken as separation"
+SENSITIVITY_KEY = "--sensitivity '50 nm/{unit}'"
 STIFFNESS_KEY = "--set experiment.cantilever.stiffness=..."
 
 
@@ -68,6 +80,9 @@ class MeasuredCurve:
         Names of the units of length, force and time; "" if the file has no units.
     notes
         Sentences about assumptions of the reader.
+    is_abscissa_guessed
+        Whether nothing in the file says that `delta` is a depth: behind the spring of a scene it is
+        the displacement of the base.
     """
 
     name: str
@@ -79,6 +94,7 @@ class MeasuredCurve:
     parts: Mapping[str, slice] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    is_abscissa_guessed: bool = False
 
     def __len__(self) -> int:
         return len(self.force)
@@ -91,6 +107,13 @@ class MeasuredCurve:
     def abscissa_values(self, along: Abscissa) -> np.ndarray:
         """Return the values of an abscissa, "delta" or "z" (n,) [length]."""
         return cast(np.ndarray, getattr(self, along))
+
+    def with_displacement(self) -> MeasuredCurve:
+        """Return the curve with its guessed depth as the displacement of the base."""
+        as_separation = SEPARATION_NOTE.partition(":")[2]
+        as_height = as_separation.replace("separation", "height of the base")
+        notes = tuple(note.replace(as_separation, as_height) for note in self.notes)
+        return replace(self, z=self.delta, delta=None, notes=notes, is_abscissa_guessed=False)
 
     def part(self, name: CurvePart) -> MeasuredCurve:
         """Return the rows of one part; a hold includes the preceding approach.
@@ -131,7 +154,14 @@ class MeasuredCurve:
             name: values * factors[DIMENSIONS[name]] for name, values in present_columns.items()
         }
         stiffness = self.stiffness and self.stiffness * factors["force"] / factors["length"]
-        return replace(self, **columns, stiffness=stiffness, units=wanted)  # type: ignore[arg-type]
+        guesses = tuple(
+            f"the file has no unit of {kind}: {wanted[kind]} of the scene is taken"
+            for kind in ("length", "force")
+            if self.units.get(kind) == "" and wanted.get(kind)
+        )
+        return replace(  # type: ignore[arg-type]
+            self, **columns, stiffness=stiffness, units=wanted, notes=(*self.notes, *guesses)
+        )
 
 
 def _unit_ratio(kind: str, curve_unit: str, wanted_unit: str) -> float:
@@ -148,15 +178,18 @@ def _unit_ratio(kind: str, curve_unit: str, wanted_unit: str) -> float:
     return si_factor(curve_unit, kind) / si_factor(wanted_unit, kind)
 
 
-def curve_parts(x: np.ndarray) -> dict[str, slice]:
+def curve_parts(x: np.ndarray, is_timed: bool = False) -> dict[str, slice]:
     """Return the rows of approach, hold and retract of a path of depths.
 
-    A path that only retracts is an approach in reverse order, as in files sorted by z.
+    A path that only goes out is an approach in reverse order, as in files sorted by z, unless the
+    rows are in the order of time.
 
     Parameters
     ----------
     x
         Depths or displacements of the base (n,), increasing inwards.
+    is_timed
+        Whether the rows are known to be in the order of time.
     """
     n = len(x)
     span = float(np.ptp(x))
@@ -167,7 +200,12 @@ def curve_parts(x: np.ndarray) -> dict[str, slice]:
     # A path that goes back by less than this fraction has no retraction.
     min_retraction = 0.1
     if top - x[0] < min_retraction * span:  # The path begins at the largest depth and goes out.
-        return {"approach": slice(0, n)}
+        far = int(np.argmin(x))
+        if not _is_path(x):
+            return {"approach": slice(0, n)}
+        if float(x[far:].max() - x[far]) > min_retraction * span:
+            return {"retract": slice(0, far), "approach": slice(far, n)}
+        return {"retract" if is_timed else "approach": slice(0, n)}
     # Rows within this fraction of the range of depths from the deepest one may be a hold. A path at
     # a constant rate in and out has 2 % of its rows there; five times as many, and at least ten,
     # are a hold.
@@ -189,6 +227,20 @@ def curve_parts(x: np.ndarray) -> dict[str, slice]:
     return {"approach": slice(0, n)}
 
 
+def _is_path(x: np.ndarray) -> bool:
+    """Return whether depths (n,) go a way, and are not noise around one depth."""
+    # Means of so many blocks of a way span most of it, and those of noise a part of it.
+    block_count = 20
+    min_span = 0.6
+    means = [float(block.mean()) for block in np.array_split(x, block_count) if len(block)]
+    return max(means) - min(means) > min_span * float(np.ptp(x))
+
+
+def segment_word(name: str) -> str:
+    """Return a name of a segment in lower case, without the count of cycles in 1-Compress."""
+    return re.sub(r"^\d+\W+(?=\w)", "", name.strip().lower())
+
+
 def curve_parts_by_name(names: np.ndarray) -> dict[str, slice]:
     """Return the rows of approach, hold and retract by a column of names or numbers.
 
@@ -208,7 +260,7 @@ def curve_parts_by_name(names: np.ndarray) -> dict[str, slice]:
     distinct_names = {str(name) for name in names[ends[:-1]]}
     by_number = dict(zip(sorted(distinct_names), ("approach", "retract"), strict=False))
     for begin, end in itertools.pairwise(ends):
-        word = str(names[begin]).strip().lower()
+        word = segment_word(str(names[begin]))
         part = PART_WORDS.get(word) or (
             by_number.get(str(names[begin])) if len(distinct_names) <= 2 else None
         )

@@ -18,11 +18,10 @@ from indent_sim.results.measured.measurement import (
 )
 from indent_sim.results.measured.peakforce_file import read_peakforce_file
 
-# NanoScope files have these or numbers as suffixes; other files have them too.
+# NanoScope files have these or any other suffixes, such as .000.
 SUFFIXES = (".spm", ".pfc")
-NUMBER_SUFFIX = re.compile(r"\.\d{3}", re.ASCII)
 BEGINNINGS = (b"\\*File list", b"\\*Force file list")
-END = b"\\*File list end"
+END = re.compile(rb"\\\*(?:Force f|F)ile list end")
 SCAN, FORCE, FORCE_IMAGE, IMAGE = (
     "ciao scan list",
     "ciao force list",
@@ -47,19 +46,19 @@ Section = dict[str, str]
 
 
 def is_nanoscope_file(path: Path) -> bool:
-    """Return whether a file begins as the files of NanoScope do; OSError if it cannot be read."""
+    """Return whether a file begins as the files of NanoScope do, and is no text exported from one.
+
+    Raises OSError if it cannot be read.
+    """
     with path.open("rb") as file:
-        return file.read(max(map(len, BEGINNINGS))).startswith(BEGINNINGS)
-
-
-def is_numbered_file(path: Path) -> bool:
-    """Return whether a file of a folder is one of NanoScope whose suffix is a number."""
-    if not NUMBER_SUFFIX.fullmatch(path.suffix) or not path.is_file():
-        return False
-    try:
-        return is_nanoscope_file(path)
-    except OSError:
-        return False
+        if not file.read(max(map(len, BEGINNINGS))).startswith(BEGINNINGS):
+            return False
+        file.seek(0)
+        # The header of a binary file ends with CTRL-Z and is filled with zeros, or is cut off.
+        data = file.read(MAX_HEADER_BYTES)
+    end = END.search(data)
+    after = data[end.end() :].lstrip(b"\r\n") if end else b""
+    return not after or after[:1] == b"\x1a" or b"\0" in after
 
 
 def read_nanoscope_file(path: Path, stiffness: float | None = None) -> Sequence[MeasuredCurve]:
@@ -89,6 +88,10 @@ def read_nanoscope_file(path: Path, stiffness: float | None = None) -> Sequence[
 
 class NanoscopeFile:
     """Curves of a NanoScope file, each of which is read when it is asked for.
+
+    The entry Deflection Sensitivity Correction of the header is the factor by which the sensitivity
+    was multiplied when the spring constant was determined from thermal noise. The spring constant
+    contains it, and deflections and forces do not, as in the exports of NanoScope Analysis.
 
     Parameters
     ----------
@@ -326,9 +329,10 @@ def _read_header(path: Path) -> list[tuple[str, Section]]:
     """
     with path.open("rb") as file:
         data = file.read(MAX_HEADER_BYTES)
-    head, end, _ = data.partition(END)
+    end = END.search(data)
     if not data.startswith(BEGINNINGS) or not end:
         raise NoCurve("no NanoScope file", str(path))
+    head = data[: end.start()]
     sections: list[tuple[str, Section]] = []
     for line in head.decode("latin-1").splitlines():
         text = line.strip()

@@ -1,36 +1,37 @@
-"""Layout of a text table: separator, decimal sign, titles with their units, and its columns."""
+"""Layout of a text table: separator, decimal sign, thousands mark, titles, and its header."""
 
 from __future__ import annotations
 
+import csv
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
-from indent_sim.config.quantities import si_factor
-from indent_sim.process.errors import ConfigError
-from indent_sim.results.measured.measurement import DIMENSIONS, NoCurve
-
-COLUMN_TITLES = {
-    "delta": (
-        "delta",
-        "indentation",
-        "depth",
-        "indentation depth",
-        "penetration",
-        "tip position",
-        "δ",
-    ),
-    "z": ("z", "height", "height (measured)", "piezo", "stage", "displacement"),
-    "force": ("force", "load", "f", "p"),
-    "t": ("t", "time"),
-    "part": ("segment", "branch", "part", "phase"),
-}
-# These columns are heights above the body: they decrease while the tip moves inwards.
-HEIGHT_TITLES = ("height", "height (measured)", "tip position")
-DEFAULT_COLUMNS = {2: ("delta", "force")}
-UNIT_AT_END = re.compile(
-    r"^(?P<name>.*?)\s*(?:[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]|[ _,/]\s*(?P<bare>[a-zA-Zµμ]{1,3}))$"
+from indent_sim.results.measured.column_titles import (
+    ColumnTitle,
+    is_known_name,
+    is_unit_text,
+    parse_title,
+    unit_and_kind,
 )
+from indent_sim.results.measured.measurement import NoCurve
+
+COMMENT_SIGNS = "#%"
+# Header lines that JPK writes above a table of each segment.
+JPK_LINE = re.compile(r"(columns|fancyNames|units):\s*(.*)")
+# Words between quotes, or between blanks.
+WORDS = re.compile(r'"([^"]*)"|(\S+)')
+PLAIN_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf(?:inity)?)")
+# A longer line does not belong to a table of a curve, and neither do more columns.
+MAX_LINE_LENGTH = 100_000
+MAX_COLUMNS = 1000
+# The first line of numbers is searched in so many lines.
+MAX_HEAD_LINES = 4000
+# Titles are searched in so many lines above the numbers.
+MAX_TITLE_LINES = 60
+# The decimal sign is that of so many lines of the table.
+SAMPLED_LINES = 300
 Cells = list[str]
 
 
@@ -44,29 +45,64 @@ class TextLayout:
         Character between cells; None for blanks.
     decimal
         Decimal sign, "." or ",".
+    thousands
+        Mark between groups of three digits, or "".
     titles
         Column titles; empty without a header.
     first_row
         Index of the first line of numbers.
     width
         Number of columns.
+    title_line
+        Line of the titles, "" if there is none.
+    head
+        Lines above the numbers.
+    has_margin
+        Whether the rows begin with a separator.
+    other_titles
+        Line of titles above the numbers that has another number of cells, "" if there is none.
+    notes
+        Sentences about assumptions.
     """
 
     separator: str | None
-    decimal: str
-    titles: tuple[str, ...]
-    first_row: int
-    width: int
+    decimal: str = "."
+    thousands: str = ""
+    titles: tuple[ColumnTitle, ...] = ()
+    first_row: int = 0
+    width: int = 0
+    title_line: str = ""
+    head: tuple[str, ...] = ()
+    has_margin: bool = False
+    other_titles: str = ""
+    notes: tuple[str, ...] = ()
 
     def cells(self, line: str) -> Cells:
         """Split a line into cells, without blanks and quotes."""
-        return [cell.strip().strip("\"'") for cell in line.split(self.separator)]
+        if self.separator is None:
+            return [cell.strip("\"'") for cell in line.split()]
+        line = line.strip(" ")
+        if self.has_margin:
+            line = line.removeprefix(self.separator)
+        if '"' in line:
+            try:
+                (cells,) = csv.reader([line], delimiter=self.separator, skipinitialspace=True)
+            except (csv.Error, ValueError):
+                cells = line.split(self.separator)
+        else:
+            cells = line.split(self.separator)
+        return [cell.strip().strip("\"'") for cell in cells]
 
     def number(self, cell: str) -> float:
         """Return the number in a cell; raise ValueError if there is none."""
         if "_" in cell:
             raise ValueError(cell)
-        return float(cell.replace(self.decimal, ".") if self.decimal == "," else cell)
+        if self.thousands and self.thousands in cell:
+            whole, sign, fraction = cell.partition(self.decimal)
+            if not _is_grouped(whole, self.thousands):
+                raise ValueError(cell)
+            cell = whole.replace(self.thousands, "") + sign + fraction
+        return float(cell.replace(",", ".") if self.decimal == "," else cell)
 
     def is_number(self, cell: str) -> bool:
         """Return whether a cell is a number."""
@@ -80,39 +116,70 @@ class TextLayout:
 def detect_layout(text: str) -> TextLayout:
     """Detect the layout of a text table; raise NoCurve if it has no line of numbers.
 
-    Separator and decimal sign are those of the line in the middle, which is likely to hold numbers;
-    the header ends before the first line of numbers.
+    Separator and signs are those of the lines in the middle, which are likely to hold numbers; the
+    header ends before the first line that has numbers in the same columns.
     """
     if not text.strip():
         raise NoCurve("the file is empty")
-    middle = _middle_line(text)
-    separator = next((sign for sign in ("\t", ";") if sign in middle), None)
-    if separator is None and "," in middle and not _has_decimal_commas(middle):
-        separator = ","
-    decimal = "," if separator != "," and "," in middle else "."
-    headless = TextLayout(separator, decimal, (), 0, 0)
-    width = len(headless.cells(middle))
-    # The first line of numbers is searched in these lines.
-    max_lines = 2000
-    head = text[: max_lines * 200].split("\n")[:max_lines]
-    first = next((k for k, line in enumerate(head) if _is_number_row(headless, line, width)), None)
-    if first is None:
+    lines = list(_middle_lines(text))
+    middle = next((line for line in lines if _is_mainly_numbers(line)), lines[0] if lines else "")
+    if not middle:
         raise NoCurve("no line of numbers")
-    return TextLayout(separator, decimal, _read_titles(headless, head[:first], width), first, width)
+    separator = _separator(middle)
+    layout = TextLayout(separator)
+    width = len(layout.cells(middle))
+    numbers = [line for line in lines if _is_mainly_numbers(line)]
+    similar = [line for line in numbers if len(layout.cells(line)) == width]
+    if separator is not None and all(line.startswith(separator) for line in similar):
+        layout = replace(layout, has_margin=True)
+    layout = _with_signs(layout, similar)
+    cells = layout.cells(middle)
+    if len(cells) > MAX_COLUMNS:
+        raise NoCurve(f"{len(cells)} columns: no table of a curve")
+    layout = replace(layout, width=len(cells))
+    numeric_columns = [k for k, cell in enumerate(cells) if layout.is_number(cell)]
+    head = text[: MAX_HEAD_LINES * 200].split("\n")[:MAX_HEAD_LINES]
+    first = next(
+        (k for k, line in enumerate(head) if _is_number_row(layout, line, numeric_columns)), None
+    )
+    if first is None or not numeric_columns:
+        raise NoCurve("no line of numbers")
+    layout = replace(layout, first_row=first, head=tuple(head[:first]))
+    titles, title_line = _read_titles(layout)
+    other_titles = "" if titles else _other_titles(layout)
+    return replace(layout, titles=titles, title_line=title_line, other_titles=other_titles)
 
 
-def _middle_line(text: str) -> str:
-    """Return the first line from the middle on that is neither blank nor a comment."""
+def is_comment(line: str) -> bool:
+    """Return whether a line is a comment."""
+    return line.lstrip()[:1] in tuple(COMMENT_SIGNS)
+
+
+def _middle_lines(text: str) -> Iterator[str]:
+    """Yield lines from the middle on, then from the begin, that are no blanks and no comments.
+
+    Raises NoCurve if a line is longer than any of a table.
+    """
     begin = text.rfind("\n", 0, len(text) // 2) + 1
-    # A longer line does not belong to a table of a curve.
-    max_characters = 100_000
     for start in (begin, 0):
-        for line in text[start : start + 10 * max_characters].split("\n"):
-            if line.strip() and line.lstrip()[0] not in "#%":
-                if len(line) > max_characters:
-                    raise NoCurve(f"a line has more than {max_characters} characters")
-                return line.strip()
-    raise NoCurve("no line of numbers")
+        count = 0
+        for line in text[start : start + 10 * MAX_LINE_LENGTH].split("\n"):
+            if not line.strip() or is_comment(line):
+                continue
+            if len(line) > MAX_LINE_LENGTH:
+                raise NoCurve(f"a line has more than {MAX_LINE_LENGTH} characters")
+            yield line
+            count += 1
+            if count == SAMPLED_LINES:
+                break
+
+
+def _separator(line: str) -> str | None:
+    """Return the character between the cells of a line of numbers, None for blanks."""
+    for sign in ("\t", ";"):
+        if sign in line.strip(" "):
+            return sign
+    return "," if "," in line and not _has_decimal_commas(line) else None
 
 
 def _has_decimal_commas(line: str) -> bool:
@@ -123,152 +190,177 @@ def _has_decimal_commas(line: str) -> bool:
     )
 
 
-def _is_number_row(layout: TextLayout, line: str, width: int) -> bool:
-    """Return whether a line has the table's width, and numbers in at least half of its cells."""
-    cells = layout.cells(line.strip())
-    if len(cells) != width or line.lstrip()[:1] in ("#", "%", ""):
-        return False
-    return sum(layout.is_number(cell) for cell in cells) >= max(1, (width + 1) // 2)
+def _is_mainly_numbers(line: str) -> bool:
+    """Return whether half of the cells of a line or more are numbers with any signs."""
+    cells = [cell for cell in TextLayout(_separator(line)).cells(line) if cell]
+    plain = [re.sub(r"(?<=\d)[.,](?=\d)", "", cell) for cell in cells]
+    numbers = sum(bool(PLAIN_NUMBER.fullmatch(cell.lower())) for cell in plain)
+    return numbers > 0 and 2 * numbers >= len(cells)
 
 
-def _read_titles(layout: TextLayout, head: Sequence[str], width: int) -> tuple[str, ...]:
-    """Return the titles in the last line before the numbers.
+def _with_signs(layout: TextLayout, lines: Sequence[str]) -> TextLayout:
+    """Return the layout with the decimal sign and the thousands mark of some lines.
 
-    If this line contains units, it is joined with the titles above it.
+    The last one of two different signs in a number is the decimal sign; a sign that occurs twice is
+    the thousands mark.
     """
-    lines = [line.strip().lstrip("#% ").strip() for line in head]
-    rows = [cells for line in lines if line and len(cells := layout.cells(line)) == width]
-    if not rows or not lines or layout.cells(lines[-1]) != rows[-1]:
-        return ()
-    *above, last = rows
-    is_comment = next(line for line in reversed(head) if line.strip()).lstrip()[0] in "#%"
-    # A comment whose words name no quantity of a curve is not a line of titles.
-    if is_comment and width in DEFAULT_COLUMNS and not any(map(_is_column_title, last)):
-        return ()
-    units = [cell.strip("[]()") for cell in last]
-    if above and any(units) and all(not unit or _is_unit(unit) for unit in units):
-        return tuple(
-            f"{name} [{unit}]" if unit else name
-            for name, unit in zip(above[-1], units, strict=True)
-        )
-    return tuple(last)
+    marks: Counter[str] = Counter()
+    for line in lines:
+        for cell in layout.cells(line):
+            if re.fullmatch(r"[-+]?[\d.,]*\d[\d.,]*(?:[eE][-+]?\d+)?", cell):
+                marks.update(_signs_of_number(cell))
+    if marks["1.2,3"] or marks["1.2.3"]:
+        if marks["1,2.3"] or marks["1,2,3"]:
+            raise NoCurve("some numbers have a decimal point and others a decimal comma")
+        return replace(layout, decimal=",", thousands=".")
+    if marks["1,2.3"] or marks["1,2,3"]:
+        return replace(layout, thousands=",")
+    if not (marks["1,2"] or marks["1,234"]):
+        return layout
+    if marks["1.2"] or marks["1.234"]:
+        # Commas are thousands marks if all of them are followed by three digits.
+        if marks["1,2"]:
+            raise NoCurve("some numbers have a decimal point and others a decimal comma")
+        return replace(layout, thousands=",")
+    notes = () if marks["1,2"] else ("a comma before three digits is read as a decimal sign",)
+    return replace(layout, decimal=",", notes=notes)
+
+
+def _signs_of_number(cell: str) -> list[str]:
+    """Return which of the forms that tell the decimal sign a number has, none of integers."""
+    digits = re.sub(r"[eE].*", "", cell)
+    signs = re.sub(r"[^.,]", "", digits)
+    if not signs:
+        return []
+    sign = signs[0]
+    if len(set(signs)) == 2:
+        whole = digits.rpartition(signs[-1])[0]
+        form = "1.2,3" if signs[-1] == "," else "1,2.3"
+        return [form] if _is_grouped(whole, sign) else []
+    if len(signs) > 1:
+        return [f"1{sign}2{sign}3"] if _is_grouped(digits, sign) else []
+    is_group = digits.lstrip("+-")[:1] != "0" and _is_grouped(digits, sign)
+    return [f"1{sign}234" if is_group else f"1{sign}2"]
+
+
+def _is_grouped(whole: str, mark: str) -> bool:
+    """Return whether digits are in groups of three."""
+    return bool(re.fullmatch(rf"[-+]?\d{{1,3}}(?:{re.escape(mark)}\d{{3}})+", whole))
+
+
+def _is_number_row(layout: TextLayout, line: str, numeric_columns: Sequence[int]) -> bool:
+    """Return whether a line has the table's width, and numbers in the numeric columns."""
+    if not line.strip() or is_comment(line):
+        return False
+    cells = layout.cells(line)
+    if len(cells) != layout.width:
+        return False
+    numbers = [layout.is_number(cells[k]) for k in numeric_columns]
+    is_blank = [not cells[k] for k in numeric_columns]
+    return any(numbers) and all(a or b for a, b in zip(numbers, is_blank, strict=True))
+
+
+def _read_titles(layout: TextLayout) -> tuple[tuple[ColumnTitle, ...], str]:
+    """Return the titles above the numbers and their line; empty if there are none.
+
+    Between titles and numbers there may be blank lines, one or two lines of units, and a line that
+    marks the end of the header.
+    """
+    if (titles := _jpk_titles(layout)) is not None:
+        return titles
+    units: Cells = []
+    skipped = 0
+    last_unit_line = ""
+    for line in reversed(layout.head[-MAX_TITLE_LINES:]):
+        text = line.strip().lstrip(COMMENT_SIGNS).strip(" ")
+        if not text:
+            continue
+        cells = _title_cells(layout, text)
+        if cells is None:
+            skipped += 1
+            # So many lines may stand between the titles and the numbers.
+            if skipped > 3:
+                break
+            continue
+        if not any(cells):
+            continue
+        if all(map(is_unit_text, cells)):
+            if not any(unit_and_kind(cell.strip("[]() "))[1] for cell in units):
+                units = cells
+                last_unit_line = line
+            continue
+        if (is_comment(line) or skipped) and not any(map(_is_column_title, cells)):
+            skipped += 1
+            continue
+        return _join_titles(cells, units), line
+    if units:
+        return _join_titles([""] * len(units), units), last_unit_line
+    return (), ""
+
+
+def _other_titles(layout: TextLayout) -> str:
+    """Return the last line above the numbers if its cells are titles of other columns, else ""."""
+    line = next((line for line in reversed(layout.head) if line.strip()), "")
+    if is_comment(line) or len(line) > MAX_LINE_LENGTH:
+        return ""
+    cells = [cell for cell in layout.cells(line) if cell]
+    return line.strip() if len(cells) > 1 and any(map(_is_column_title, cells)) else ""
+
+
+def _jpk_titles(layout: TextLayout) -> tuple[tuple[ColumnTitle, ...], str] | None:
+    """Return the titles in the header of a JPK export, None if there are none."""
+    lines = {}
+    for line in layout.head:
+        if is_comment(line) and (match := JPK_LINE.match(line.lstrip(COMMENT_SIGNS + " "))):
+            lines[match[1]] = [a or b for a, b in WORDS.findall(match[2])]
+    rows = [cells for cells in lines.values() if len(cells) == layout.width]
+    if "columns" not in lines or not rows:
+        return None
+    names = lines.get("fancyNames", lines["columns"])
+    if len(names) != layout.width:
+        names = lines["columns"]
+    units = lines.get("units", [])
+    if len(names) != layout.width:
+        return None
+    return _join_titles(names, units if len(units) == layout.width else []), ""
+
+
+def _join_titles(names: Cells, units: Cells) -> tuple[ColumnTitle, ...]:
+    """Return titles with the units of a line below them."""
+    titles = []
+    for k, name in enumerate(names):
+        title = parse_title(name)
+        unit, kind = unit_and_kind(units[k].strip("[]() ")) if units else ("", "")
+        if kind:
+            title = replace(title, unit=unit, kind=kind, unknown_unit="")
+        elif units and (word := units[k].strip("[]() ")) and not is_unit_text(word):
+            title = replace(title, unknown_unit=word)
+        titles.append(replace(title, text=title.text or f"[{unit}]"))
+    return tuple(titles)
+
+
+def _title_cells(layout: TextLayout, text: str) -> Cells | None:
+    """Return the cells of a line of titles, None if their number is not that of the columns."""
+    # Words that Igor writes before the names of the columns.
+    text = re.sub(r"^WAVES(?:/\w)*\s+", "", re.sub(" {3,}", "  ", text[:MAX_LINE_LENGTH]))
+    splits = [layout.cells(text)]
+    if layout.separator is None:
+        splits += [
+            [cell.strip() for cell in re.split(r"\t|\s{2,}", text)],
+            [a or b for a, b in WORDS.findall(text)],
+            re.sub(r"\s+(?=[\[(])", "_", text).split(),
+        ]
+    for cells in splits:
+        while len(cells) > layout.width and not cells[-1]:
+            cells = cells[:-1]
+        if 1 < len(cells) == layout.width - 1 and layout.separator is not None:
+            cells = [*cells, ""]
+        if len(cells) == layout.width:
+            return cells
+    return None
 
 
 def _is_column_title(cell: str) -> bool:
     """Return whether a cell names a quantity of a curve or contains a unit of such a quantity."""
-    names = {split_title(cell, kind) for kind in ("length", "force", "time")}
-    return any(unit for _, unit in names) or any(
-        name in titles for name, _ in names for titles in COLUMN_TITLES.values()
-    )
-
-
-def _is_unit(text: str) -> bool:
-    """Return whether a text is a unit of length, force or time."""
-    return any(_is_unit_of(text, kind) for kind in ("length", "force", "time"))
-
-
-def _is_unit_of(unit: str, kind: str) -> bool:
-    """Return whether a text is a unit of this kind."""
-    try:
-        return si_factor(unit, kind) > 0
-    except ConfigError:
-        return False
-
-
-def split_title(title: str, kind: str) -> tuple[str, str]:
-    """Split a title such as Force [nN], force (nN) or Force nN into name and unit.
-
-    The name is in lower case. The unit is "" if the title has no unit of this kind.
-    """
-    match = UNIT_AT_END.match(title.strip())
-    unit = match and (match["unit"] or match["bare"])
-    if match and unit and _is_unit_of(unit, kind):
-        return match["name"].strip().lower(), unit.replace("μ", "µ")
-    return title.strip().lower(), ""
-
-
-def find_columns(layout: TextLayout, requested: Sequence[str] | None, file: str) -> dict[str, int]:
-    """Return the column indices of delta, z, force, t and part, as far as the table has them.
-
-    Parameters
-    ----------
-    layout
-        Layout of the table.
-    requested
-        Titles or numbers (from 1) of depth, force and time that the user has given.
-    file
-        Name of the file, for messages.
-
-    Raises
-    ------
-    NoCurve
-        If there is no column of force or of depth.
-    ConfigError
-        If a requested column does not exist.
-    """
-    if requested:
-        return {
-            name: _column_index(layout, word, file)
-            for name, word in zip(("delta", "force", "t"), requested, strict=False)
-        }
-    if not layout.titles:
-        if layout.width not in DEFAULT_COLUMNS:
-            if layout.width == 1:
-                raise NoCurve("only one column, but a curve needs columns of depth and force")
-            raise NoCurve(
-                f"{layout.width} columns without a header: give the numbers of the columns of "
-                "depth and force with --columns, e.g. --columns 1,2"
-            )
-        return {name: place for place, name in enumerate(DEFAULT_COLUMNS[layout.width])}
-    columns: dict[str, int] = {}
-    for name, known_titles in COLUMN_TITLES.items():
-        kind = DIMENSIONS.get(name, "")
-        titles = [
-            split_title(title, kind)[0] if kind else title.strip().lower()
-            for title in layout.titles
-        ]
-        places = [titles.index(word) for word in known_titles if word in titles]
-        if places:
-            columns[name] = places[0]
-    if not columns:
-        columns = _columns_by_unit(layout)
-    if "force" not in columns or not {"delta", "z"} & columns.keys():
-        missing = "force" if "force" not in columns else "depth"
-        raise NoCurve(
-            f"no column of {missing} among {', '.join(layout.titles)[:200]}: "
-            "give the titles of the columns with --columns DEPTH,FORCE"
-        )
-    return columns
-
-
-def _columns_by_unit(layout: TextLayout) -> dict[str, int]:
-    """Return the columns of depth, force and time that are recognized by their units.
-
-    A column is recognized if it is the only one whose unit has the wanted dimension. This works for
-    titles in any language.
-    """
-    columns = {}
-    for name in ("delta", "force", "t"):
-        places = [
-            k for k, title in enumerate(layout.titles) if split_title(title, DIMENSIONS[name])[1]
-        ]
-        if len(places) == 1:
-            columns[name] = places[0]
-    return columns
-
-
-def _column_index(layout: TextLayout, word: str, file: str) -> int:
-    """Return the index of a column by its title, with or without unit, or by its number from 1."""
-    titles = [title.strip().lower() for title in layout.titles]
-    unitless_titles = [
-        split_title(title, kind)[0]
-        for kind in ("length", "force", "time")
-        for title in layout.titles
-    ]
-    for names in (titles, unitless_titles):
-        if word.strip().lower() in names:
-            return names.index(word.strip().lower()) % len(titles)
-    if word.isdecimal() and 1 <= int(word) <= layout.width:
-        return int(word) - 1
-    available = ", ".join(layout.titles) if layout.titles else f"columns 1 to {layout.width}"
-    raise ConfigError("--columns", f"there is no column '{word}'", f"there are {available}", file)
+    title = parse_title(cell)
+    return bool(title.kind) or is_known_name(title.name)

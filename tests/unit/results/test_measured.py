@@ -11,9 +11,9 @@ import pytest
 
 from indent_sim.process.errors import ConfigError, IndentSimError, UsageError
 from indent_sim.results.measured.curve_file import curve_files, read_curves
-from indent_sim.results.measured.delimited_text import read_text_curve
 from indent_sim.results.measured.measurement import NoCurve, curve_parts, curve_parts_by_name
 from indent_sim.results.measured.tab_file import tab_text
+from indent_sim.results.measured.text_curve import read_text_curves
 from indent_sim.results.reader import Results
 
 DEPTHS = np.linspace(-1.0, 2.0, 61)
@@ -30,9 +30,10 @@ def rows(separator: str, decimal: str = ".") -> str:
 
 def read(text: str | bytes, **how):  # type: ignore[no-untyped-def]
     """Read a curve from a text."""
-    return read_text_curve(
+    (curve,) = read_text_curves(
         Path("curve.csv"), text if isinstance(text, bytes) else text.encode(), **how
     )
+    return curve
 
 
 @pytest.mark.parametrize(
@@ -105,7 +106,7 @@ def test_titles_in_another_language_are_told_by_their_units():
     np.testing.assert_allclose(curve.force, FORCES, **DIGITS)
     assert curve.units == {"length": "µm", "force": "nN", "time": "s"} and curve.t[-1] == 60
     with pytest.raises(NoCurve, match="no column of depth"):  # which of two lengths?
-        read("Weg (µm);Tiefe (µm);Kraft (nN)\n" + lines)
+        read("Weg (µm);Hub (µm);Kraft (nN)\n" + lines)
 
 
 def test_columns_by_title_or_number():

@@ -49,6 +49,25 @@ def test_the_trigger_gives_the_step_of_the_words(tmp_path, bits, factor):
     assert curve.force == pytest.approx(NEWTONS * SINGLE.ravel(), abs=0.51 * NEWTONS * step)
 
 
+def test_the_correction_of_the_sensitivity_is_part_of_the_spring_constant(tmp_path):
+    """In an export of NanoScope Analysis from a file with the factor 1.08, pN/nm is k/1e-3 N/m."""
+    added = {"\\Hold Time: 0.25": "\\Hold Time: 0.25\r\n\\Deflection Sensitivity Correction: 1.08"}
+    (plain,), (corrected,) = read_curves(single(tmp_path)), read_curves(single(tmp_path, added))
+    assert np.array_equal(plain.force, corrected.force)
+
+
+def test_the_content_tells_a_file_from_its_export(tmp_path):
+    file = single(tmp_path, name="gel.txt")
+    (curve,) = read_curves(file)
+    assert len(curve) == 2 * N
+    text = file.read_bytes().partition(b"\x1a")[0].decode("latin-1")
+    text += "Calc_Ramp_nm\tDefl_pN\n" + "".join(f"{k}\t{max(k - 50, 0)}\n" for k in range(100))
+    (tmp_path / "gel.000").write_text(text)
+    (export,) = read_curves(tmp_path / "gel.000")
+    assert len(export) == 100
+    assert export.stiffness == pytest.approx(1e3 * nanoscope_files.STIFFNESS)
+
+
 def test_an_absolute_trigger_counts_from_zero(tmp_path):
     path = single(tmp_path, {"Trigger mode: Relative": "Trigger mode: Absolute"})
     with pytest.raises(NoCurve, match="times its trigger"):
@@ -170,7 +189,7 @@ def test_files_are_recognised_by_their_beginning(tmp_path):
     (tmp_path / "e.spm").write_bytes(b"PK")
     (tmp_path / "f.pfc").touch()
     os.mkfifo(tmp_path / "g.002")
-    assert [path.name[0] for path in curve_files(tmp_path)] == ["a", "b", "e", "f"]
+    assert [path.name[0] for path in curve_files(tmp_path)] == ["a", "b", "c", "e", "f"]
     for name in ("a.021", "b.spm", "c.xyz"):
         assert len(read_curves(tmp_path / name)) == 1
     for name in ("e.spm", "f.pfc"):

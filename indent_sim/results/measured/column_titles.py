@@ -1,0 +1,171 @@
+"""Titles of columns: the name of the quantity, its unit, and the part of the curve."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from indent_sim.config.quantities import si_factor
+from indent_sim.process.errors import ConfigError
+from indent_sim.results.measured.measurement import PART_WORDS
+
+# Units of a signal of a detector, with their value in V or A.
+SIGNAL_UNITS = {
+    "voltage": {"V": 1.0, "mV": 1e-3, "uV": 1e-6, "µV": 1e-6, "v": 1.0},
+    "current": {"A": 1.0, "mA": 1e-3, "uA": 1e-6, "µA": 1e-6, "nA": 1e-9, "pA": 1e-12},
+}
+# Units in another case than their standard one, as far as they are unique.
+UNIT_SPELLINGS = {"S": "s", "UM": "um", "NM": "nm", "MM": "mm", "UN": "uN", "NN": "nN", "PN": "pN"}
+# Names of the quantities of a curve, by their role; of several columns the first name is taken.
+ROLE_NAMES = {
+    "delta": (
+        *("delta", "δ", "indentation", "depth", "indentation depth", "penetration"),
+        *("penetration depth", "displacement into surface", "pd", "tip", "tip position"),
+        *("vertical tip position", "verticaltipposition", "eindringtiefe", "tiefe"),
+        *("profondeur",),
+    ),
+    "separation": (
+        *("separation", "tip-sample separation", "tip sample separation", "tss"),
+        *("tip-sample distance", "tip sample distance"),
+    ),
+    "z": (
+        *("height (measured & smoothed)", "smoothedmeasuredheight", "smoothedstraingaugeheight"),
+        *("head height (measured & smoothed)", "height (measured)", "measuredheight"),
+        *("straingaugeheight", "head height (measured)", "height sensor", "z-axis sensor"),
+        *("z axis sensor", "z sensor", "zsnsr", "z-sense", "z detector", "lvdt", "z", "base"),
+        *("height", "head height", "calc ramp", "ramp", "z scan", "z scanner", "z position"),
+        *("z-axis", "z axis", "piezo", "piezo position", "stage", "displacement"),
+    ),
+    "deflection": (
+        *("vertical deflection", "vdeflection", "deflection", "defl", "deflv", "dfl"),
+        *("cantilever", "cantilever deflection", "deflection error", "t-b", "a-b"),
+    ),
+    "force": ("force", "load", "f", "p", "fn", "normal force", "normal load", "load on sample"),
+    "t": ("t", "time", "series time", "seriestime", "elapsed time", "test time", "segment time"),
+    "part": (
+        *("segment", "branch", "part", "phase", "cycle", "segmentid", "segment id"),
+        *("direction", "segment number"),
+    ),
+}
+# These decrease while the tip moves inwards.
+OUTWARD_NAMES = ("height", "head height", "tip position", "straingauge", "smoothed", "measured")
+# Signals in V whose titles do not say so.
+VOLTAGE_NAMES = ("deflv", "t-b", "a-b")
+# Texts in a line of units for columns without a unit.
+NO_UNITS = ("", "-", "--", "1", "#", "none", "a.u.", "au", "arb", "arb.", "%", "°", "deg", "hz")
+PART_TOKEN = re.compile(
+    r"(?<![^\W\d_])(ex|rt|extend|extension|retract|retraction|approach|withdraw|forward|backward"
+    r"|fwd|bwd|trace|retrace|load(?:ing)?(?=[ _]+\S*(?:curve|segment))|unload(?:ing)?)(?![^\W\d_])",
+    re.IGNORECASE,
+)
+BRACKETS = re.compile(r"[\[(]\s*([^\[\]()]*?)\s*[\])]")
+UNIT_AT_END = re.compile(r"^(?P<name>.+?)\s*(?:[ _,/]|\bin\b)\s*(?P<unit>[^\W\d_]{1,3})$")
+# A unit of this length or longer is the remark of a title, such as (measured).
+MIN_REMARK_LENGTH = 4
+# A longer title is cut.
+MAX_TITLE_LENGTH = 200
+
+
+@dataclass(frozen=True)
+class ColumnTitle:
+    """Title of a column.
+
+    Attributes
+    ----------
+    text
+        The title in the file.
+    name
+        Name of the quantity in lower case, without unit and part of the curve.
+    unit
+        Unit, "" if the title has none that is known.
+    kind
+        Kind of the unit: length, force, time, voltage or current; "" without a unit.
+    part
+        Part of the curve that the column belongs to, approach or retract; "" for all parts.
+    unknown_unit
+        Text in brackets that is no known unit and may be one; "" otherwise.
+    """
+
+    text: str
+    name: str
+    unit: str = ""
+    kind: str = ""
+    part: str = ""
+    unknown_unit: str = ""
+
+
+def parse_title(text: str) -> ColumnTitle:
+    """Return the name, the unit and the part of a title such as Force [nN] or Defl_pN_Ex."""
+    text = text.strip()[:MAX_TITLE_LENGTH]
+    name = text.strip("\"'").strip()
+    unit = kind = unknown_unit = ""
+    for match in BRACKETS.finditer(name):
+        word = match[1]
+        found = unit_and_kind(word)
+        if found[1]:
+            unit, kind = found
+            name = f"{name[: match.start()]} {name[match.end() :]}"
+            unknown_unit = ""
+            break
+        if word and (len(word) < MIN_REMARK_LENGTH or "/" in word):
+            unknown_unit = word
+    part = ""
+    # A title that is only the word of a part names no quantity.
+    if (token := PART_TOKEN.search(name)) and name.strip(" _").lower() != token[0].lower():
+        part = PART_WORDS[token[0].lower()]
+        name = f"{name[: token.start()]} {name[token.end() :]}".strip(" _-,")
+        name = re.sub(r"[ _]{2,}", "_", name)
+    last = UNIT_AT_END.match(name)
+    # The word `in` at the end is no unit.
+    if not kind and last and last["unit"] != "in" and unit_and_kind(last["unit"])[1]:
+        unit, kind = unit_and_kind(last["unit"])
+        name = last["name"]
+    plain_name = _plain_name(name)
+    if not kind and plain_name in VOLTAGE_NAMES:
+        unit, kind = "V", "voltage"
+    return ColumnTitle(text, plain_name, unit, kind, part, unknown_unit)
+
+
+def unit_and_kind(text: str) -> tuple[str, str]:
+    """Return a unit as it is spelled in scenes and its kind; two empty texts if it is none."""
+    word = text.strip().replace("\N{GREEK SMALL LETTER MU}", "µ")
+    word = UNIT_SPELLINGS.get(word, word)
+    for kind in ("length", "force", "time"):
+        if _is_unit_of(word, kind):
+            return word, kind
+    for kind, units in SIGNAL_UNITS.items():
+        if word in units:
+            return word, kind
+    return "", ""
+
+
+def is_known_name(name: str) -> bool:
+    """Return whether a name is that of a quantity of a curve."""
+    return any(name in names for names in ROLE_NAMES.values())
+
+
+def is_unit_text(text: str) -> bool:
+    """Return whether a cell may stand in a line of units."""
+    word = text.strip().strip("[]()").strip()
+    is_bracketed = text.strip()[:1] in ("[", "(") and text.strip()[-1:] in ("]", ")")
+    return is_bracketed or word.lower() in NO_UNITS or bool(unit_and_kind(word)[1])
+
+
+def unit_factor(unit: str, kind: str) -> float:
+    """Return the SI value of a unit of this kind."""
+    if kind in SIGNAL_UNITS:
+        return SIGNAL_UNITS[kind][unit]
+    return si_factor(unit, kind)
+
+
+def _is_unit_of(unit: str, kind: str) -> bool:
+    """Return whether a text is a unit of this kind."""
+    try:
+        return si_factor(unit, kind) > 0
+    except ConfigError:
+        return False
+
+
+def _plain_name(name: str) -> str:
+    """Return a name in lower case, with single blanks between its words."""
+    return re.sub(r"[\s_]+", " ", name).strip(" -.,:/").lower()
