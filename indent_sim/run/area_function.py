@@ -10,7 +10,16 @@ from pathlib import Path
 import numpy as np
 
 from indent_sim.config.quantities import convert_quantity, si_factor
-from indent_sim.model.tips import Berkovich, Cone, Indenter, Plate, Profile, Vickers, max_radius
+from indent_sim.model.tips import (
+    Berkovich,
+    Cone,
+    FlatPunch,
+    Indenter,
+    Plate,
+    Profile,
+    Sphere,
+    Vickers,
+)
 from indent_sim.process.errors import ConfigError, UsageError
 from indent_sim.results.atomic_files import read_regular_file
 from indent_sim.results.measured.measurement import NoCurve
@@ -43,14 +52,19 @@ class AreaFunction:
 
     def __call__(self, h_c: float) -> float:
         """Return the area [length^2]; raise UsageError outside the range of the function."""
-        if not self.smallest <= h_c <= self.largest or h_c <= 0:
+        if not self.smallest <= h_c <= self.largest:
             upper = f" to {self.largest:.4g}" if self.largest < inf else ""
             raise UsageError(
                 f"the contact depth {h_c:.4g} is outside the range of the area function "
                 f"({self.words}), which begins at {self.smallest:.4g}{upper}",
                 "give an area function for this depth with --area",
             )
-        return self.function(h_c)
+        area = self.function(h_c)
+        if not area > 0:
+            raise UsageError(
+                f"the area function ({self.words}) is {area:.4g} at the contact depth {h_c:.4g}"
+            )
+        return area
 
 
 def area_of_tip(tip: Indenter, words: str = "") -> AreaFunction:
@@ -60,12 +74,16 @@ def area_of_tip(tip: Indenter, words: str = "") -> AreaFunction:
     """
     if isinstance(tip, Plate):
         raise ConfigError("indenter.shape", "a plate has no area function", "give --area")
-    end = max_radius(tip)
-    # A punch has its area from the apex on; a sphere and a profile end.
-    largest = {"sphere": end}.get(tip.shape, inf)
-    if isinstance(tip, Profile):
-        largest = tip.points[-1][1]
     text = words or f"section of the scene's tip ({tip.shape})"
+    if isinstance(tip, FlatPunch):
+        # Its contact depth vanishes, or is negative by round-off or noise.
+        area = pi * tip.radius**2
+        return AreaFunction(text, lambda h_c: area, -inf, inf, tip)
+    largest = inf
+    if isinstance(tip, Sphere):
+        largest = tip.R
+    elif isinstance(tip, Profile):
+        largest = tip.points[-1][1]
     return AreaFunction(text, lambda h_c: pi * tip.radius_at(h_c) ** 2, 0.0, largest, tip)
 
 
@@ -102,7 +120,9 @@ def area_from_text(text: str, units: Mapping[str, str]) -> AreaFunction:
         ) from None
     # A cone of this half angle would be a needle or a plate.
     if not 1 < half_angle < 89:
-        raise ConfigError("--area", f"the half angle {half_angle:g} is not between 1 and 89 degrees")
+        raise ConfigError(
+            "--area", f"the half angle {half_angle:g} is not between 1 and 89 degrees"
+        )
     return area_of_tip(Cone(half_angle), f"cone of half angle {half_angle:g} degrees")
 
 

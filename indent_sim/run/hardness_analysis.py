@@ -20,6 +20,7 @@ from indent_sim.results.measured.curve_file import read_curves
 from indent_sim.results.measured.indentation_cycle import (
     MAX_LAST_FORCE,
     IndentationCycle,
+    Work,
     indentation_cycle,
 )
 from indent_sim.results.measured.measurement import MeasuredCurve
@@ -53,7 +54,7 @@ QUANTITIES = {
 # hold to unloading is over, down to 40 %, above which the curve still is a power law. Both are
 # the usual recommendation for tests by ISO 14577-1.
 DEFAULT_TOP = (0.98, 0.40)
-# Poisson's ratio of a sample of unknown material; 0.2 and 0.4 give 5 % more and 8 % less modulus.
+# Poisson's ratio of a sample of unknown material; 0.2 and 0.4 give 5.5 % more and 7.7 % less modulus.
 ASSUMED_NU = 0.3
 # Exponents of unloading curves lie between those of a flat punch (1) and of a tip sharper than a
 # cone (2).
@@ -113,7 +114,8 @@ class Hardness:
     values
         Value of every quantity of QUANTITIES; None if the curve does not determine it.
     errors
-        Half-widths of the 95 % intervals by the scatter of the curve; None if they are unknown.
+        Half-widths of the 95 % intervals by the scatter of the curve, and errors of the integration
+        of works; None for unknown values.
     units
         Units of the quantities; "" without one.
     assumptions
@@ -186,6 +188,49 @@ class _PressureUnit:
     size: float
 
 
+@dataclass(frozen=True)
+class _Contact:
+    """Formulas of the contact at the beginning of unloading, with their settings.
+
+    Attributes
+    ----------
+    area
+        Area function of the tip.
+    epsilon, beta
+        Factors of contact depth and stiffness.
+    nu
+        Poisson's ratio of the sample.
+    tip_E_star
+        Plane-strain modulus of the tip; None if it is unknown.
+    pressure
+        Unit of the results.
+    """
+
+    area: AreaFunction
+    epsilon: float
+    beta: float
+    nu: float
+    tip_E_star: float | None
+    pressure: _PressureUnit
+
+    def __call__(self, S: float, F_max: float, h_max: float) -> dict[str, float]:
+        """Return the quantities that follow from stiffness, force and depth."""
+        h_c = oliver_pharr.contact_depth(h_max, F_max, S, self.epsilon)
+        A_p = self.area(h_c)
+        E_r = oliver_pharr.reduced_modulus(S, A_p, self.beta)
+        values = {
+            "H_IT": F_max / A_p / self.pressure.size,
+            "E_r": E_r / self.pressure.size,
+            "h_c": h_c,
+            "A_p": A_p,
+            "h_r": h_max - F_max / S,
+        }
+        if self.tip_E_star is not None:
+            E_IT = _modulus(E_r, self.nu, self.tip_E_star, self.pressure)
+            values["E_IT"] = E_IT / self.pressure.size
+        return values
+
+
 def analyse(path: Path, options: HardnessOptions) -> Hardness:
     """Analyse a curve by the method of Oliver and Pharr.
 
@@ -205,86 +250,38 @@ def analyse(path: Path, options: HardnessOptions) -> Hardness:
     """
     curve = _read(path, options)
     pressure = _pressure_unit(curve)
-    corrected_depth, corrections = _corrected_depth(curve, options)
-    cycle = indentation_cycle(corrected_depth, curve.F, curve.results is None)
+    depth, corrections = _corrected_depth(curve, options)
+    cycle = indentation_cycle(depth, curve.F, curve.results is None)
     fit = _fit(cycle, options.top)
     epsilon, epsilon_words = _epsilon(options.epsilon, fit.exponent)
     area = _area_function(curve, options)
     nu, nu_words = _poisson_ratio(curve, options)
     tip_E_star, tip_words = _tip_modulus(curve, options, pressure)
-    if curve.results is None and area.tip in (Berkovich(), Vickers()):
-        area_words = f"{area.words}, without calibration"
-    else:
-        area_words = area.words
-
-    def contact(S: float, F_max: float, h_max: float) -> dict[str, float]:
-        h_c = oliver_pharr.contact_depth(h_max, F_max, S, epsilon)
-        A_p = area(h_c)
-        E_r = oliver_pharr.reduced_modulus(S, A_p, options.beta)
-        modulus = {} if tip_E_star is None else {"E_IT": _modulus(E_r, nu, tip_E_star, pressure)}
-        return {
-            "H_IT": F_max / A_p / pressure.size,
-            "E_r": E_r / pressure.size,
-            "h_c": h_c,
-            "A_p": A_p,
-            "h_r": h_max - F_max / S,
-        } | {name: value / pressure.size for name, value in modulus.items()}
-
-    point = (fit.stiffness, cycle.F_max, cycle.h_max)
-    values: dict[str, float | None] = dict.fromkeys(QUANTITIES)
-    values |= contact(*point)
-    deviations = _standard_deviations(cycle, fit)
-    errors: dict[str, float | None] = dict.fromkeys(QUANTITIES)
-    errors |= {
-        name: fit.coverage_factor * deviation
-        for name, deviation in _propagate(contact, point, deviations).items()
-    }
-    S_error, F_error, h_error = (fit.coverage_factor * deviation for deviation in deviations)
-    values |= {
-        "S": fit.stiffness,
-        "F_max": cycle.F_max,
-        "h_max": cycle.h_max,
-        "h_p": cycle.h_p,
-        "h_f": fit.h_f,
-        "m": fit.exponent,
-    }
-    errors |= {"S": S_error, "F_max": F_error, "h_max": h_error, "m": _exponent_error(fit)}
-    if cycle.creep is not None:
-        values["C_IT"] = 100 * cycle.creep
-        errors["C_IT"] = 100 * 2**0.5 * h_error / cycle.h_max
+    contact = _Contact(area, epsilon, options.beta, nu, tip_E_star, pressure)
     works, work_warnings = _works(cycle, fit)
-    values |= works
+    values, errors = _values_with_errors(cycle, fit, contact, works)
     warnings = [
         *curve.notes,
         *cycle.notes,
-        *([nu_words] if nu_words.startswith("0.3 is assumed") else []),
+        *([f"nu: {nu_words}"] if "is assumed" in nu_words else []),
         *([tip_words] if tip_E_star is None else []),
         *work_warnings,
         *_contact_warnings(cycle),
         *_fit_warnings(cycle, fit),
         *_tip_rounding_warnings(curve, area, values["h_c"] or nan),
     ]
+    high, low = options.top
     assumptions = {
-        "area": area_words,
+        "area": area.words,
         "nu": nu_words,
         "tip": tip_words,
         "epsilon": epsilon_words,
         "beta": f"{options.beta:g}",
-        "fit": (
-            f"{fit.samples} samples of unloading from {options.top[0]:.0%} to "
-            f"{options.top[1]:.0%} of F_max"
-        ),
+        "fit": f"{fit.samples} samples of unloading from {high:.0%} to {low:.0%} of F_max",
     } | corrections
     truth = {} if curve.results is None else _truth(curve, values, pressure)
-    return Hardness(
-        curve.name,
-        values,
-        errors,
-        _unit_names(curve.units, pressure.name),
-        assumptions,
-        tuple(warnings),
-        truth,
-    )
+    units = _unit_names(curve.units, pressure.name)
+    return Hardness(curve.name, values, errors, units, assumptions, tuple(warnings), truth)
 
 
 def _read(path: Path, options: HardnessOptions) -> _TestCurve:
@@ -340,11 +337,13 @@ def _simulated_curve(path: Path, options: HardnessOptions) -> _TestCurve:
     known = {kind: str(units.get(kind) or "") for kind in ("length", "force")}
     F = results["force"]
     h = results["delta"]
-    is_known = np.isfinite(h) & np.isfinite(F)
-    if not is_known.all():
-        raise UsageError(f"{path} has rows without depth or force", "", str(path))
-    t = results.table.get("t")
-    return _TestCurve(folder.name if path.is_dir() else path.stem, h, F, t, known, results, scene)
+    if not (len(h) and (np.isfinite(h) & np.isfinite(F)).all()):
+        raise UsageError(f"{path} has no rows, or rows without depth or force", "", str(path))
+    if h[0] > 0:  # Loading begins at first contact.
+        h = np.concatenate([[0.0], h])
+        F = np.concatenate([[0.0], F])
+    name = folder.name if path.is_dir() else path.stem
+    return _TestCurve(name, h, F, None, known, results, scene)
 
 
 def _corrected_depth(
@@ -374,9 +373,7 @@ def _corrected_depth(
 def _frame_compliance(curve: _TestCurve, options: HardnessOptions) -> float:
     """Return the compliance of the frame by the option or the scene [length/force]."""
     if options.frame_compliance is not None:
-        compliance = _number(
-            "--frame-compliance", options.frame_compliance, "length/force", curve
-        )
+        compliance = _number("--frame-compliance", options.frame_compliance, "length/force", curve)
         if compliance < 0:
             raise ConfigError("--frame-compliance", f"must not be negative, got {compliance:g}")
         return compliance
@@ -471,7 +468,7 @@ def _poisson_ratio(curve: _TestCurve, options: HardnessOptions) -> tuple[float, 
     if material := _material_below_tip(curve.scene):
         nu = float(material.constants.nu)
         return nu, f"{nu:g}, of the scene"
-    change = "E_IT is 5 % larger for 0.2 and 8 % smaller for 0.4 behind a rigid tip"
+    change = "E_IT is 5.5 % larger for 0.2 and 7.7 % smaller for 0.4"
     return ASSUMED_NU, f"{ASSUMED_NU:g} is assumed; give --nu or --scene ({change})"
 
 
@@ -529,9 +526,49 @@ def _modulus(E_r: float, nu: float, tip_E_star: float, pressure: _PressureUnit) 
         ) from None
 
 
-def _standard_deviations(
-    cycle: IndentationCycle, fit: UnloadingFit
-) -> tuple[float, float, float]:
+def _values_with_errors(
+    cycle: IndentationCycle,
+    fit: UnloadingFit,
+    contact: _Contact,
+    works: Mapping[str, Work | None],
+) -> tuple[dict[str, float | None], dict[str, float | None]]:
+    """Return the values of all quantities, and their errors; None if they are unknown."""
+    values: dict[str, float | None] = dict.fromkeys(QUANTITIES)
+    errors: dict[str, float | None] = dict.fromkeys(QUANTITIES)
+    point = (fit.stiffness, cycle.F_max, cycle.h_max)
+    deviations = _standard_deviations(cycle, fit)
+    S_error, F_error, h_error = (fit.coverage_factor * deviation for deviation in deviations)
+    values |= contact(*point)
+    errors |= {
+        name: fit.coverage_factor * deviation
+        for name, deviation in _propagate(contact, point, deviations).items()
+    }
+    values |= {
+        "S": fit.stiffness,
+        "F_max": cycle.F_max,
+        "h_max": cycle.h_max,
+        "h_p": cycle.h_p,
+        "h_f": fit.h_f,
+        "m": fit.exponent,
+    }
+    errors |= {
+        "S": S_error,
+        "F_max": F_error,
+        "h_max": h_error,
+        "h_p": None if cycle.h_p is None else h_error,
+        "h_f": fit.coverage_factor * fit.h_f_deviation,
+        "m": _exponent_error(fit),
+    }
+    if cycle.creep is not None:
+        values["C_IT"] = 100 * cycle.creep
+        errors["C_IT"] = 100 * 2**0.5 * h_error / cycle.h_max
+    for name, work in works.items():
+        values[name] = work.value if work else None
+        errors[name] = work.error if work else None
+    return values, errors
+
+
+def _standard_deviations(cycle: IndentationCycle, fit: UnloadingFit) -> tuple[float, float, float]:
     """Return the standard deviations of S, F_max and h_max."""
     # The largest of several forces with scatter is above their mean; a hold has no such bias.
     selection = 1.0 if cycle.hold_start is not None else 2.0
@@ -560,12 +597,10 @@ def _propagate(
     return {name: square**0.5 for name, square in squares.items()}
 
 
-def _works(
-    cycle: IndentationCycle, fit: UnloadingFit
-) -> tuple[dict[str, float | None], list[str]]:
-    """Return the works and their ratio, and warnings about what is not known."""
+def _works(cycle: IndentationCycle, fit: UnloadingFit) -> tuple[dict[str, Work | None], list[str]]:
+    """Return W_total, W_elast and eta_IT with their errors, and warnings about what is unknown."""
     total = cycle.total_work
-    elastic: float | None = cycle.unloading_work
+    elastic: Work | None = cycle.unloading_work
     warnings = []
     last = cycle.last_force / cycle.F_max
     # The work below a smaller force is less than 1e-4 of the whole.
@@ -576,14 +611,19 @@ def _works(
             f"W_elast and eta_IT are not known: unloading ends at {last:.0%} of the largest force"
         )
     elif last > negligible_force:
-        elastic = (elastic or 0.0) + fit.work_below(cycle.last_force)
+        below = fit.work_below(cycle.last_force)
+        # The curve below deviates from the power law by an unknown part, at most about half.
+        elastic = Work(cycle.unloading_work.value + below, cycle.unloading_work.error + 0.5 * below)
         warnings.append(
             f"unloading ends at {last:.1%} of the largest force; the work below is that of the "
             "power law"
         )
     if total is None:
         warnings.append("W_total and eta_IT are not known: the curve does not begin at zero force")
-    eta = None if total is None or elastic is None else 100 * elastic / total
+    eta = None
+    if total is not None and elastic is not None and total.value > 0:
+        share = 100 * elastic.value / total.value
+        eta = Work(share, share * (elastic.error / elastic.value + total.error / total.value))
     return {"W_total": total, "W_elast": elastic, "eta_IT": eta}, warnings
 
 
@@ -601,7 +641,8 @@ def _contact_warnings(cycle: IndentationCycle) -> list[str]:
             f"the force before first contact is {np.mean(outside):.3g} on average, not zero: "
             "subtract the baseline"
         ]
-    free = h[F <= max(1e-3 * cycle.F_max, 3 * cycle.F_noise)]
+    no_force = max(1e-3 * cycle.F_max, 3 * cycle.F_noise)
+    free = h[no_force >= F]
     if len(free) and float(free.max()) > wrong_depth * cycle.h_max:
         return [
             f"there is no force up to the depth {free.max():.3g}: the depth is not counted from "
@@ -649,9 +690,11 @@ def _truth(
     """Return area, hardness, stiffness and moduli that a run knows, with ratios to them."""
     assert curve.results is not None
     table = curve.results.table
-    row = int(np.argmax(curve.F))
+    row = int(np.argmax(table["force"]))
     known = {"A_p": float(table["area"][row]) if "area" in table else nan}
-    known["H_IT"] = float(curve.F[row]) / known["A_p"] / pressure.size if known["A_p"] > 0 else nan
+    known["H_IT"] = (
+        float(table["force"][row]) / known["A_p"] / pressure.size if known["A_p"] > 0 else nan
+    )
     known["S"] = float(table["stiffness"][row]) if "stiffness" in table else nan
     material = _material_below_tip(curve.scene)
     # A material that drains, relaxes or swells has no single modulus.

@@ -120,6 +120,13 @@ class UnloadingFit:
         return self.h_max - self.exponent * self.force / self.stiffness
 
     @property
+    def h_f_deviation(self) -> float:
+        """Standard deviation of h_f [L]."""
+        F, S, m = self.force, self.stiffness, self.exponent
+        gradient = np.array([-m / S, m * F / S**2, -F / S])
+        return float(np.sqrt(max(gradient @ self.covariance @ gradient, 0.0)))
+
+    @property
     def B(self) -> float:
         """Factor B of the power law [F/L^m]."""
         return float(self.force / (self.h_max - self.h_f) ** self.exponent)
