@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from decimal import Decimal
 from functools import cache
@@ -133,15 +134,13 @@ def convert_quantity(key: str, text: str, dimension: str, units: Mapping[str, st
     ConfigError
         If the text is neither, or the unit has another dimension.
     """
-    value = Conversion({"units": dict(units)}).convert_text(key, text, Unit(dimension))
-    if value is not None:
-        return value
-    try:
+    with suppress(ValueError):
         return float(text)
-    except ValueError:
-        raise ConfigError(
-            key, f"'{text}' is not a number", "write a number, or a number with its unit"
-        ) from None
+    value = Conversion({"units": dict(units)}).convert_text(key, text, Unit(dimension))
+    if value is None:
+        problem = f"'{text}' is not a number"
+        raise ConfigError(key, problem, "write a number, or a number with its unit")
+    return value
 
 
 class Conversion:

@@ -53,10 +53,9 @@ class AreaFunction:
     def __call__(self, h_c: float) -> float:
         """Return the area [length^2]; raise UsageError outside the range of the function."""
         if not self.smallest <= h_c <= self.largest:
-            upper = f" to {self.largest:.4g}" if self.largest < inf else ""
             raise UsageError(
                 f"the contact depth {h_c:.4g} is outside the range of the area function "
-                f"({self.words}), which begins at {self.smallest:.4g}{upper}",
+                f"({self.words}), which is {self.smallest:.4g} to {self.largest:.4g}",
                 "give an area function for this depth with --area",
             )
         area = self.function(h_c)
@@ -146,6 +145,10 @@ def _area_of_file(path: Path, units: Mapping[str, str]) -> AreaFunction:
     except NoCurve as error:
         problem = error.problem.removeprefix(error.prefix)
         raise UsageError(f"{path} is not an area function: {problem}", file=str(path)) from None
+    except UnicodeDecodeError:
+        raise UsageError(
+            f"{path} is not an area function: not UTF-8 text", file=str(path)
+        ) from None
     except ValueError as error:
         raise UsageError(f"{path} is not an area function: {error}", file=str(path)) from None
     if table.ndim != 2 or table.shape[1] != 2 or len(table) < 2:
@@ -188,8 +191,8 @@ def _factors(path: Path, layout: TextLayout, units: Mapping[str, str]) -> tuple[
         return 1.0, 1.0
     if not (depth_unit and area_unit and units.get("length")):
         raise UsageError(
-            f"{path}: depth has the unit '{depth_unit}', area '{area_unit}', and the curve "
-            f"'{units.get('length', '')}'; all three or none must have a unit",
+            f"{path}: the unit of depth is '{depth_unit}', that of area '{area_unit}', and the "
+            f"length of the curve has '{units.get('length', '')}'; all three or none must have one",
             "write titles such as 'depth [nm],area [nm^2]'",
             str(path),
         )

@@ -50,15 +50,19 @@ QUANTITIES = {
     "W_total": ("work", "work of loading and hold"),
     "W_elast": ("work", "work that unloading returns"),
 }
-# The part of unloading that is fitted: from 98 % of the largest force, below which the change from
-# hold to unloading is over, down to 40 %, above which the curve still is a power law. Both are
-# the usual recommendation for tests by ISO 14577-1.
+# The part of unloading that is fitted: from 98 % of the largest force, below which the transition
+# from hold to unloading is over, down to 40 %, above which the contact changes so little that the
+# curve is a power law. This is the usual choice for tests by ISO 14577-1; 20 % is also common.
 DEFAULT_TOP = (0.98, 0.40)
-# Poisson's ratio of a sample of unknown material; 0.2 and 0.4 give 5.5 % more and 7.7 % less modulus.
+# Poisson's ratio of a sample of unknown material; the modulus is 5.5 % larger for 0.2 and 7.7 %
+# smaller for 0.4.
 ASSUMED_NU = 0.3
 # Exponents of unloading curves lie between those of a flat punch (1) and of a tip sharper than a
 # cone (2).
 EXPONENT_RANGE = (1.0, 2.5)
+# Numbers outside this range, in any unit, are not those of a test, and their powers may overflow.
+SMALLEST_NUMBER = 1e-30
+LARGEST_NUMBER = 1e30
 UNITS_REMEDY = "give the units of the file with --units, for example --units length=nm,force=mN"
 
 
@@ -251,6 +255,7 @@ def analyse(path: Path, options: HardnessOptions) -> Hardness:
     curve = _read(path, options)
     pressure = _pressure_unit(curve)
     depth, corrections = _corrected_depth(curve, options)
+    _check_range(depth, curve.F)
     cycle = indentation_cycle(depth, curve.F, curve.results is None)
     fit = _fit(cycle, options.top)
     epsilon, epsilon_words = _epsilon(options.epsilon, fit.exponent)
@@ -304,6 +309,18 @@ def _read(path: Path, options: HardnessOptions) -> _TestCurve:
     return _TestCurve(
         curve.name, depth, curve.force, curve.t, units, None, options.scene, tuple(notes)
     )
+
+
+def _check_range(h: np.ndarray, F: np.ndarray) -> None:
+    """Raise UsageError if depths or forces are outside the range of the arithmetic."""
+    for name, values in (("depth", h), ("force", F)):
+        largest = float(np.abs(values).max(initial=0.0))
+        if not (largest == 0 or SMALLEST_NUMBER <= largest <= LARGEST_NUMBER):
+            raise UsageError(
+                f"the largest {name} is {largest:.3g}, outside the range from "
+                f"{SMALLEST_NUMBER:g} to {LARGEST_NUMBER:g}",
+                "check the units and the columns of the file",
+            )
 
 
 def _depth_of(curve: MeasuredCurve, path: Path) -> np.ndarray:
@@ -572,10 +589,14 @@ def _standard_deviations(cycle: IndentationCycle, fit: UnloadingFit) -> tuple[fl
     """Return the standard deviations of S, F_max and h_max."""
     # The largest of several forces with scatter is above their mean; a hold has no such bias.
     selection = 1.0 if cycle.hold_start is not None else 2.0
+    # The scatter from row to row does not contain the part that is correlated over several rows,
+    # but the residuals of the fit do.
+    white = float(np.hypot(cycle.F_noise, fit.stiffness * cycle.h_noise))
+    correlated = max(1.0, fit.residual / white) if white > 0 else 1.0
     return (
         float(fit.covariance[1, 1]) ** 0.5,
-        selection * cycle.F_noise,
-        cycle.h_noise,
+        selection * correlated * cycle.F_noise,
+        correlated * cycle.h_noise,
     )
 
 

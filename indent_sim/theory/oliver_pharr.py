@@ -201,9 +201,9 @@ def fit_unloading(
         best,
         bounds=([1e-3, 1e-6, 0.1], [10.0, 1e6, 20.0]),
         x_scale=np.maximum(np.abs(best), 1e-3),
-        xtol=1e-14,
-        ftol=1e-14,
-        gtol=1e-14,
+        xtol=1e-12,
+        ftol=1e-12,
+        gtol=1e-12,
         max_nfev=500,
     )
     if fit.status == 0:

@@ -216,7 +216,8 @@ def _check_signal(name: str, largest: float, noise: float) -> None:
     if not largest > 0:
         raise UsageError(
             f"the largest {name} is {largest:.4g}, but it must be positive",
-            "forces that push and depths into the body are positive",
+            "forces that push and depths into the body are positive; check the columns, the frame "
+            "compliance and the drift",
         )
     if largest < MIN_SIGNAL_TO_NOISE * noise:
         raise UsageError(
