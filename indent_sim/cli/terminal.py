@@ -446,7 +446,7 @@ def _number_with_error(value: float, error: float | None) -> str:
     if error is None or error < 1e-5 * abs(value):
         return f"{value:.5g}"
     digits = max(2, 2 + math.floor(math.log10(abs(value) / error))) if value else 2
-    return f"{value:.{min(digits + 1, 6)}g} ± {error:.1g}"
+    return f"{value:.{min(digits, 6)}g} ± {error:.1g}"
 
 
 def _interval_texts(parameters: Mapping[str, Interval], config: Config) -> list[str]:

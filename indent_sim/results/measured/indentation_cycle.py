@@ -86,8 +86,11 @@ class IndentationCycle:
         largest_first_force = 0.05
         if self.start == 0 or self.F[0] > largest_first_force * self.F_max:
             return None
-        h = np.concatenate([[min(self.h[0], 0.0)], self.h[: self.start + 1]])
-        F = np.concatenate([[0.0], self.F[: self.start + 1]])
+        h = self.h[: self.start + 1]
+        F = self.F[: self.start + 1]
+        if h[0] > 0:
+            h = np.concatenate([[0.0], h])
+            F = np.concatenate([[0.0], F])
         return _work(h, F)
 
     @property
