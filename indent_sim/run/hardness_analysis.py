@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from math import inf, isfinite, nan
 from pathlib import Path
 from typing import Any
@@ -105,6 +105,9 @@ class HardnessOptions:
     drift: str | None = None
     columns: Sequence[str] = ()
     units: Mapping[str, str] | None = None
+
+
+OPTIONS = tuple(item.name for item in fields(HardnessOptions) if item.name != "scene")
 
 
 @dataclass(frozen=True)
@@ -273,6 +276,7 @@ def analyse(path: Path, options: HardnessOptions) -> Hardness:
         *work_warnings,
         *_contact_warnings(cycle),
         *_fit_warnings(cycle, fit),
+        *_pile_up_warnings(fit),
         *_tip_rounding_warnings(curve, area, values["h_c"] or nan),
     ]
     high, low = options.top
@@ -683,6 +687,20 @@ def _fit_warnings(cycle: IndentationCycle, fit: UnloadingFit) -> list[str]:
             "the largest force: S and all that follows from it are doubtful"
         ]
     return []
+
+
+def _pile_up_warnings(fit: UnloadingFit) -> list[str]:
+    """Return a warning if the material may pile up around the tip."""
+    # Above this ratio materials that do not harden pile up: Bolshakov & Pharr (1998),
+    # J. Mater. Res. 13, 1049.
+    pile_up_ratio = 0.7
+    ratio = fit.h_f / fit.h_max
+    if ratio <= pile_up_ratio:
+        return []
+    return [
+        f"h_f/h_max = {ratio:.2f} is above 0.7: a material that does not harden piles up around "
+        "the tip; the area is then larger than A_p, and H_IT and E_IT are smaller than stated"
+    ]
 
 
 def _tip_rounding_warnings(curve: _TestCurve, area: AreaFunction, h_c: float) -> list[str]:
