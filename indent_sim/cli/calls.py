@@ -141,14 +141,15 @@ def hardness(curve: str | Path, scene: SceneInput | None = None, **options: Any)
     known = hardness_analysis.OPTIONS
     if unknown := [name for name in options if name not in known]:
         raise UsageError(f"hardness has no option {unknown[0]}; it has {', '.join(known)}")
-    numbers = {name: options[name] for name in ("beta", "nu") if name in options}
-    texts = {
-        name: str(value) if isinstance(value, int | float | Path) else value
+    # Quantities may be numbers or texts with a unit; beta and nu are numbers.
+    settings: dict[str, Any] = {
+        name: str(value)
+        if isinstance(value, int | float | Path) and name not in ("beta", "nu")
+        else value
         for name, value in options.items()
     }
-    request = hardness_analysis.HardnessOptions(
-        scene=None if scene is None else config_of(scene), **texts | numbers
-    )
+    config = None if scene is None else config_of(scene)
+    request = hardness_analysis.HardnessOptions(scene=config, **settings)
     return json_data(hardness_analysis.analyse(Path(curve), request).as_json())
 
 

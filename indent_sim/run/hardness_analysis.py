@@ -255,6 +255,7 @@ def analyse(path: Path, options: HardnessOptions) -> Hardness:
     ConfigError
         If an option is not valid.
     """
+    _check_factors(options)
     curve = _read(path, options)
     pressure = _pressure_unit(curve)
     depth, corrections = _corrected_depth(curve, options)
@@ -291,6 +292,17 @@ def analyse(path: Path, options: HardnessOptions) -> Hardness:
     truth = {} if curve.results is None else _truth(curve, values, pressure)
     units = _unit_names(curve.units, pressure.name)
     return Hardness(curve.name, values, errors, units, assumptions, tuple(warnings), truth)
+
+
+def _check_factors(options: HardnessOptions) -> None:
+    """Raise ConfigError if beta or the fitted part of unloading is impossible."""
+    high, low = options.top
+    if not 0 < low < high <= 1:
+        raise ConfigError(
+            "top", f"must be two fractions, the larger one first, got {high:g} and {low:g}"
+        )
+    if not 0.5 <= options.beta <= 2:
+        raise ConfigError("beta", f"must lie between 0.5 and 2, got {options.beta:g}")
 
 
 def _read(path: Path, options: HardnessOptions) -> _TestCurve:

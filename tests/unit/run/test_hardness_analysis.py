@@ -207,6 +207,9 @@ REFUSED: dict[str, tuple[dict[str, Any], type[IndentSimError], str]] = {
     "compliance": ({"frame_compliance": "-1"}, ConfigError, "must not be negative"),
     "too compliant": ({"frame_compliance": "50"}, UsageError, "must be positive"),
     "drift": ({"drift": "fast"}, ConfigError, "not a number"),
+    "beta": ({"beta": 0.0}, ConfigError, "between 0.5 and 2"),
+    "per cents": ({"top": (98, 40)}, ConfigError, "two fractions"),
+    "reversed": ({"top": (0.4, 0.98)}, ConfigError, "the larger one first"),
     "top": ({"top": (0.98, 0.97)}, UsageError, "at least 5 are needed"),
 }
 
