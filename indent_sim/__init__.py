@@ -3,8 +3,8 @@ estimate of each number.
 
 The names of a notebook: `load` a scene from a file or a dictionary, `resolve` it to a Scene, walk
 its `states` or `condense` its body, `simulate` it into a result folder, `read` one; `plan`,
-`require`, `study`, `compare`, `plot` and `fit` are the commands of these names; `fit_map` is a fit
-of a map of curves; `sensitivities` are derivatives of the force.
+`require`, `study`, `compare`, `hardness`, `plot` and `fit` are the commands of these names;
+`fit_map` is a fit of a map of curves; `sensitivities` are derivatives of the force.
 """
 
 # No module is imported here, not even `typing`: Ctrl-C until the program has started would be a
@@ -14,7 +14,16 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any
 
-    from indent_sim.cli.calls import compare, plan, plot, read, require, sensitivities, study
+    from indent_sim.cli.calls import (
+        compare,
+        hardness,
+        plan,
+        plot,
+        read,
+        require,
+        sensitivities,
+        study,
+    )
     from indent_sim.config.scene_file import load
     from indent_sim.fitting.notebook import fit, fit_map
     from indent_sim.process.version import VERSION as __version__
@@ -28,6 +37,7 @@ __all__ = [
     "condense",
     "fit",
     "fit_map",
+    "hardness",
     "load",
     "plan",
     "plot",

@@ -110,6 +110,49 @@ def compare(
     return json_data(comparisons.compare(A, B, rtol, columns).as_json())
 
 
+def hardness(curve: str | Path, scene: SceneInput | None = None, **options: Any) -> Report:
+    """Return hardness and modulus of a loading and unloading curve by Oliver and Pharr.
+
+    Parameters
+    ----------
+    curve
+        File of a measured curve, or folder or force table of a result.
+    scene
+        Scene with the tip, Poisson's ratio and frame of a measured curve.
+    options
+        Options of `indent-sim hardness`: epsilon, beta, top (two fractions of the largest force,
+        (0.98, 0.4)), area, nu, tip, frame_compliance, drift, columns, units (by kind, "length" and
+        "force").
+
+    Returns
+    -------
+    Report
+        The object that `indent-sim hardness --json` prints.
+
+    Raises
+    ------
+    UsageError
+        If the curve cannot be analysed, or an option is unknown.
+    ConfigError
+        If an option is not valid.
+    """
+    from indent_sim.run import hardness_analysis
+
+    known = hardness_analysis.OPTIONS
+    if unknown := [name for name in options if name not in known]:
+        raise UsageError(f"hardness has no option {unknown[0]}; it has {', '.join(known)}")
+    # Quantities may be numbers or texts with a unit; beta and nu are numbers.
+    settings: dict[str, Any] = {
+        name: str(value)
+        if isinstance(value, int | float | Path) and name not in ("beta", "nu")
+        else value
+        for name, value in options.items()
+    }
+    config = None if scene is None else config_of(scene)
+    request = hardness_analysis.HardnessOptions(scene=config, **settings)
+    return json_data(hardness_analysis.analyse(Path(curve), request).as_json())
+
+
 def study(
     given: Mapping[str, Any] | str | Path,
     *,

@@ -32,6 +32,7 @@ from indent_sim.cli.options import (
     parse_pairs,
     parse_shard,
     parse_tolerances,
+    parse_top,
     parse_words,
     parse_zoom,
     quiet_option,
@@ -605,6 +606,87 @@ def _reading_options(options: Mapping[str, Any]) -> ReadOptions:
     if options["sensitivity"] is not None:
         parse_sensitivity(options["sensitivity"])
     return ReadOptions(options["columns"], units, options["sensitivity"])
+
+
+@program.command()
+@click.argument("curve", metavar="CURVE_OR_RESULT", type=PATH)
+@click.option("--scene", type=PATH, help="Scene with tip, frame and nu of a measured curve.")
+@click.option(
+    "--area",
+    metavar="FILE|berkovich|vickers|ANGLE",
+    help="Area function: table of contact depth and area, ideal tip, or half angle of a cone "
+    "[that of the scene's tip, otherwise berkovich].",
+)
+@click.option(
+    "--epsilon",
+    metavar="NUMBER|m",
+    default="0.75",
+    show_default=True,
+    help="Factor of F_max/S in the contact depth; m: the value for the fitted exponent.",
+)
+@click.option(
+    "--beta",
+    type=NumberInRange(0.5, 2),
+    default=1.0,
+    show_default=True,
+    help="Factor of the stiffness of a contact that is not circular.",
+)
+@click.option(
+    "--top",
+    callback=parse_top,
+    metavar="A:B",
+    help="Part of unloading that is fitted, in per cent of the largest force [98:40].",
+)
+@click.option("--nu", type=float, help="Poisson's ratio of the sample [of the scene, or 0.3].")
+@click.option(
+    "--tip",
+    metavar="diamond|rigid|E,NU",
+    help="Elasticity of the tip, e.g. '400 GPa,0.25' [diamond; rigid for a result].",
+)
+@click.option(
+    "--frame-compliance",
+    metavar="NUMBER",
+    help="Deflection of the frame per force, e.g. '0.3 nm/mN', subtracted from the depth.",
+)
+@click.option(
+    "--drift",
+    metavar="NUMBER",
+    help="Thermal drift of the depth, e.g. '0.05 nm/s', subtracted from the depth.",
+)
+@columns_option
+@units_option
+@json_option
+def hardness(
+    curve: Path,
+    scene: Path | None,
+    top: tuple[float, float] | None,
+    columns: tuple[str, ...],
+    units: dict[str, str],
+    output_format: OutputFormat,
+    **options: Any,
+) -> None:
+    """Hardness and modulus from unloading (Oliver and Pharr, ISO 14577). Writes nothing.
+
+    The curve is a file with loading and unloading, or the result of a run; for a result, the true
+    contact area and modulus stand beside those of the formulas.
+    """
+    from indent_sim.config.scene_file import load
+    from indent_sim.run import hardness_analysis
+
+    reading = _reading_options({"columns": columns, "units": units, "sensitivity": None})
+    request = hardness_analysis.HardnessOptions(
+        scene=load(scene) if scene else None,
+        top=top or hardness_analysis.DEFAULT_TOP,
+        columns=reading.columns,
+        units=reading.units,
+        **options,
+    )
+    result = hardness_analysis.analyse(curve, request)
+    if output_format == "json":
+        return print_done(result.as_json())
+    print_stdout(terminal.hardness_text(result))
+    for warning in result.warnings:
+        print_stderr(f"warning: {warning}")
 
 
 @program.command()

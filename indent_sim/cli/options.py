@@ -112,6 +112,22 @@ def parse_limits(
     return low, high
 
 
+def parse_top(
+    ctx: click.Context, option: click.Parameter, text: str | None
+) -> tuple[float, float] | None:
+    """Return the two fractions of A:B, which are per cents, the larger one first."""
+    limits = parse_limits(ctx, option, text)
+    if limits is None:
+        return None
+    low, high = sorted(limits)
+    # Smaller numbers are probably meant as fractions.
+    if not (1 <= low < high <= 100):
+        raise click.BadParameter(
+            f"'{text}' is not A:B in per cent of the largest force, for example 98:40"
+        )
+    return high / 100, low / 100
+
+
 def parse_zoom(ctx: click.Context, option: click.Parameter, text: str | None) -> float | None:
     """Return the zoom in contact radii; infinity for "all"."""
     if text is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from indent_sim.fitting.design import Design
     from indent_sim.fitting.inference.model_assessment import Interval
     from indent_sim.results.compare import Comparison
+    from indent_sim.run.hardness_analysis import Hardness
     from indent_sim.run.model_selection.effects import Effect
     from indent_sim.run.model_selection.recommended_model import Requirements
     from indent_sim.run.pipeline import Outcome
@@ -405,6 +407,46 @@ def design_text(design: Design) -> str:
     return "\n".join(
         [_align_columns(rows, "<"), "", f"{noise} at a depth of {design.depth:.4g}", design.words]
     )
+
+
+def hardness_text(result: Hardness) -> str:
+    """Return hardness, modulus and the other quantities of an indentation test as a table."""
+    from indent_sim.run.hardness_analysis import QUANTITIES
+
+    rows = [
+        [name, _number_with_error(value, result.errors[name]), result.units[name], meaning]
+        for name, (_, meaning) in QUANTITIES.items()
+        if (value := result.values[name]) is not None
+    ]
+    lines = [
+        _align_columns(rows, "<"),
+        "",
+        "The ± are half-widths of 95 % intervals by the scatter of the samples; errors of area "
+        "function, frame and zero point, and pile-up, are not in them.",
+        *(f"{name}: {words}" for name, words in result.assumptions.items()),
+    ]
+    if result.truth:
+        truth_rows = [["", "formula", "run", "formula/run"]]
+        truth_rows += [
+            [
+                name,
+                _value_text(result.values[name]),
+                _value_text(truth["value"]),
+                f"{truth['ratio']:.4f}",
+            ]
+            for name, truth in result.truth.items()
+        ]
+        lines += ["", _align_columns(truth_rows, "<")]
+    return "\n".join(lines)
+
+
+def _number_with_error(value: float, error: float | None) -> str:
+    """Return a number with the digits that its error leaves, and the error."""
+    # Five digits are shown of a number whose error is unknown or smaller than them.
+    if error is None or error < 1e-5 * abs(value):
+        return f"{value:.5g}"
+    digits = max(2, 2 + math.floor(math.log10(abs(value) / error))) if value else 2
+    return f"{value:.{min(digits, 6)}g} ± {error:.1g}"
 
 
 def _interval_texts(parameters: Mapping[str, Interval], config: Config) -> list[str]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from decimal import Decimal
 from functools import cache
@@ -78,6 +79,8 @@ KIND_EXPONENTS = BASE_EXPONENTS | {
     "angle": {"angle": 1},
     "pressure per length": {"force": 1, "length": -3},
 }
+# Kinds of units that `si_factor` accepts.
+UNIT_KINDS = BASE_EXPONENTS | {"area": {"length": 2}}
 # Exponents of length, force and time, or of an angle.
 Exponents = dict[str, int]
 # SI value and dimension of a unit.
@@ -103,13 +106,41 @@ def convert_quantities(document: Mapping[str, Any]) -> tuple[dict[str, Any], Qua
 
 
 def si_factor(unit: str, kind: str) -> float:
-    """Return the SI value of a unit of length, force or time; raise ConfigError otherwise."""
+    """Return the SI value of a unit of a kind of UNIT_KINDS; raise ConfigError otherwise."""
     factor, exponents = _unit_factor(f"units.{kind}", unit)
-    if exponents != {kind: 1}:
+    if exponents != UNIT_KINDS[kind]:
         problem = f"'{unit}' is {_dimension_text(exponents)}, not a {kind}"
         example = UNIT_EXAMPLES.get(kind, "s")
         raise ConfigError(f"units.{kind}", problem, f"write for example {example}")
     return float(factor)
+
+
+def convert_quantity(key: str, text: str, dimension: str, units: Mapping[str, str]) -> float:
+    """Return a number as it is, or a quantity such as "0.3 nm/mN" as a number in other units.
+
+    Parameters
+    ----------
+    key
+        Name of the quantity in messages.
+    text
+        A number, or a number with a unit.
+    dimension
+        Dimension, a product of length, pressure, force and time.
+    units
+        Units of length and force; times are in seconds.
+
+    Raises
+    ------
+    ConfigError
+        If the text is neither, or the unit has another dimension.
+    """
+    with suppress(ValueError):
+        return float(text)
+    value = Conversion({"units": dict(units)}).convert_text(key, text, Unit(dimension))
+    if value is None:
+        problem = f"'{text}' is not a number"
+        raise ConfigError(key, problem, "write a number, or a number with its unit")
+    return value
 
 
 class Conversion:
@@ -147,7 +178,7 @@ class Conversion:
         # A single number may replace a list of rows, as in drainage.bath; it has their last unit.
         unit = unit.units[-1] if isinstance(unit, UnitRow) else unit
         try:
-            value = self._convert_text(key_text(node.path), node.value, unit)
+            value = self.convert_text(key_text(node.path), node.value, unit)
         except ConfigError as error:
             self.errors.append(error)
             return node.value
@@ -156,7 +187,7 @@ class Conversion:
         self.quantities[node.path] = (node.value, value)
         return value
 
-    def _convert_text(self, key: str, text: str, unit: Unit | UnitRow | None) -> float | None:
+    def convert_text(self, key: str, text: str, unit: Unit | UnitRow | None) -> float | None:
         """Return the number of a quantity; None for any other text."""
         if DECIMAL_COMMA.fullmatch(text):
             corrected_text = text.strip().replace(",", ".")

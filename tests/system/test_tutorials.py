@@ -95,7 +95,7 @@ def test_commands_of_the_pages_exist():
     assert len(said) > 40 and wrong == []
 
 
-DOCS = ("how_do_i", "study", "experiments", "conventions", "theory", "notes")
+DOCS = ("how_do_i", "study", "experiments", "conventions", "theory", "notes", "hardness")
 RUN = ("README.md", *(f"docs/{name}.md" for name in DOCS))
 ELSEWHERE = {  # blocks of commands that are not run here, by their first words
     "make demo ": "installs the packages of the machine: the first step of every check of a commit",

@@ -115,3 +115,15 @@ def test_the_curve_of_the_tutorial_is_what_its_script_makes():
     shipped = np.loadtxt(file, delimiter=",", skiprows=2)
     made = np.loadtxt(io.StringIO(script["text"]()), delimiter=",", skiprows=2)
     np.testing.assert_allclose(made, shipped, atol=2e-3)
+
+
+def test_the_curve_of_fused_silica_is_what_its_script_makes():
+    """The shipped test of fused silica is what `scripts/make_example_loop` makes.
+
+    The tolerance is a unit of the last digit, which may be rounded differently.
+    """
+    script = runpy.run_path(str(ROOT / "scripts" / "make_example_loop"))
+    file = ROOT / "configs" / "curves" / "fused_silica.csv"
+    shipped = np.loadtxt(file, delimiter=",", skiprows=2)
+    made = np.loadtxt(io.StringIO(script["text"]()), delimiter=",", skiprows=2)
+    np.testing.assert_allclose(made, shipped, atol=1.1e-3)

@@ -1,0 +1,288 @@
+"""Indentation cycle: loading, hold and unloading of a curve, its noise and its works."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from indent_sim.process.errors import UsageError
+
+# A curve with fewer rows is too short for an estimate of its noise, which then counts as zero.
+MIN_ROWS_OF_NOISE = 30
+# A force or depth below this multiple of its noise is not a measurement.
+MIN_SIGNAL_TO_NOISE = 10.0
+# The works of a curve that does not return to zero force are completed by the power law, unless its
+# last force exceeds this fraction of the largest.
+MAX_LAST_FORCE = 0.25
+
+
+@dataclass(frozen=True)
+class Work:
+    """Work of a part of a curve [force length], and the error of its integration."""
+
+    value: float
+    error: float
+
+
+@dataclass(frozen=True)
+class IndentationCycle:
+    """Rows of a curve in the order of time, and where its hold and its unloading begin.
+
+    Attributes
+    ----------
+    h
+        Depths (n,) [length] from first contact.
+    F
+        Forces (n,) [force], > 0 pushing.
+    start
+        Row at which unloading starts: the last one of the hold, or that of the largest force.
+    end
+        First row after unloading.
+    hold_start
+        First row of a hold at constant force; None without one.
+    F_noise, h_noise
+        Standard deviations of the scatter of force and depth from row to row; 0 if unknown.
+    notes
+        Sentences about rows that were left out.
+    """
+
+    h: np.ndarray
+    F: np.ndarray
+    start: int
+    end: int
+    hold_start: int | None
+    F_noise: float
+    h_noise: float
+    notes: tuple[str, ...] = ()
+
+    @property
+    def h_max(self) -> float:
+        """Depth at which unloading starts [length]."""
+        return float(self.h[self.start])
+
+    @property
+    def F_max(self) -> float:
+        """Force at which unloading starts [force]."""
+        return float(self.F[self.start])
+
+    @property
+    def last_force(self) -> float:
+        """Force at the end of unloading [force]; 0 if it is not positive."""
+        return max(float(self.F[self.end - 1]), 0.0)
+
+    @property
+    def creep(self) -> float | None:
+        """Change of depth in the hold, divided by the depth at its beginning; None without one."""
+        if self.hold_start is None:
+            return None
+        h_1 = float(self.h[self.hold_start])
+        return (self.h_max - h_1) / h_1 if h_1 > 0 else None
+
+    @property
+    def total_work(self) -> Work | None:
+        """Work of loading and hold; None if the curve begins with unloading or under load."""
+        # The work before a smaller force is a negligible part of the whole.
+        largest_first_force = 0.05
+        if self.start == 0 or self.F[0] > largest_first_force * self.F_max:
+            return None
+        h = self.h[: self.start + 1]
+        F = self.F[: self.start + 1]
+        if h[0] > 0:
+            h = np.concatenate([[0.0], h])
+            F = np.concatenate([[0.0], F])
+        return _work(h, F)
+
+    @property
+    def unloading_work(self) -> Work:
+        """Work that unloading returns until the force vanishes, or until its last row."""
+        rows = slice(self.start, self._end_of_contact)
+        h = self.h[rows]
+        F = self.F[rows]
+        if self._end_of_contact < self.end:
+            h = np.append(h, self._zero_crossing)
+            F = np.append(F, 0.0)
+        return _work(h[::-1], F[::-1])
+
+    @property
+    def h_p(self) -> float | None:
+        """Depth at which the force of unloading vanishes [length]; None if it does not."""
+        if self._end_of_contact < self.end:
+            return self._zero_crossing
+        # A force below this fraction of the largest counts as zero.
+        vanishing_force = 1e-3
+        is_zero = self.last_force <= vanishing_force * self.F_max
+        return float(self.h[self.end - 1]) if is_zero else None
+
+    @property
+    def _end_of_contact(self) -> int:
+        """First row of unloading whose force is not positive; `end` if there is none."""
+        negative = np.flatnonzero(self.F[self.start : self.end] <= 0)
+        return self.start + int(negative[0]) if len(negative) else self.end
+
+    @property
+    def _zero_crossing(self) -> float:
+        """Depth at which the straight line to the first row without force vanishes [length]."""
+        after = self._end_of_contact
+        F_before, F_after = self.F[after - 1 : after + 1]
+        h_before, h_after = self.h[after - 1 : after + 1]
+        return float(h_before + (h_after - h_before) * F_before / (F_before - F_after))
+
+    def upper_part(self, low: float, high: float) -> slice:
+        """Return the rows of unloading from the fraction `high` of the largest force to `low`.
+
+        Raises UsageError if unloading ends above the fraction `low`.
+        """
+        fraction = self.F[self.start : self.end] / self.F_max
+        if fraction.min() > low:
+            raise UsageError(
+                f"unloading ends at {fraction.min():.0%} of the largest force, above the "
+                f"{low:.0%} down to which it is fitted",
+                f"choose another part with --top, for example --top 98:{100 * fraction.min():.0f}",
+            )
+        begin = int(np.argmax(fraction <= high))
+        last = int(np.flatnonzero(fraction >= low)[-1])
+        return slice(self.start + begin, self.start + max(last, begin) + 1)
+
+
+def indentation_cycle(h: np.ndarray, F: np.ndarray, is_measured: bool = True) -> IndentationCycle:
+    """Find hold and unloading in a curve.
+
+    Parameters
+    ----------
+    h, F
+        Depths and forces (n,) in the order of time.
+    is_measured
+        False for a computed curve, which has no noise.
+
+    Raises
+    ------
+    UsageError
+        If there is no unloading after the largest force, force or depth are not above their noise,
+        or the force falls while the depth is held.
+    """
+    F_noise = noise_of(F) if is_measured else 0.0
+    h_noise = noise_of(h) if is_measured else 0.0
+    _check_signal("force", float(F.max(initial=0.0)), F_noise)
+    peak = int(np.argmax(F))
+    _check_signal("depth", float(h[peak]), h_noise)
+    hold_start, start = _hold(F, peak, F_noise)
+    end = _end_of_unloading(F, start, F_noise)
+    notes: tuple[str, ...] = ()
+    if end < len(F):
+        notes = (
+            f"unloading ends at row {end} of {len(F)}: the force rises again, and later rows are "
+            "left out",
+        )
+    cycle = IndentationCycle(h, F, start, end, hold_start, F_noise, h_noise, notes)
+    # A curve whose force does not fall below this fraction of the largest has no unloading.
+    unloaded_fraction = 0.9
+    lowest = float(F[start:end].min()) / cycle.F_max
+    if lowest > unloaded_fraction:
+        raise UsageError(
+            f"the curve has no unloading: after the largest force it falls to {lowest:.0%} of it",
+            "give a curve with loading and unloading, in the order of time",
+        )
+    _refuse_relaxation(cycle)
+    return cycle
+
+
+def noise_of(values: np.ndarray) -> float:
+    """Estimate the standard deviation of the white scatter of a smooth sequence of numbers (n,).
+
+    Fourth differences of white noise have sqrt(70) times its standard deviation, and those of a
+    smooth curve nearly vanish; the median ignores the corners of the curve. Returns 0 for fewer
+    than MIN_ROWS_OF_NOISE numbers.
+    """
+    if len(values) < MIN_ROWS_OF_NOISE:
+        return 0.0
+    # The median of |x| of a normal distribution is 0.6745 of its standard deviation.
+    return float(np.median(np.abs(np.diff(values, 4)))) / (0.6745 * 70**0.5)
+
+
+def _work(h: np.ndarray, F: np.ndarray) -> Work:
+    """Return the area below straight lines through the rows, and its error.
+
+    The error of the lines is of second order in the distance of the rows, so that a third of the
+    change without every second row estimates it.
+    """
+    kept = np.unique([*range(0, len(h), 2), len(h) - 1])
+    area, coarse_area = (
+        float(np.sum(np.diff(h[rows]) * (F[rows][1:] + F[rows][:-1]))) / 2
+        for rows in (np.arange(len(h)), kept)
+    )
+    return Work(area, abs(area - coarse_area) / 3)
+
+
+def _check_signal(name: str, largest: float, noise: float) -> None:
+    """Raise UsageError unless the largest force or depth is positive and far above its noise."""
+    if not largest > 0:
+        raise UsageError(
+            f"the largest {name} is {largest:.4g}, but it must be positive",
+            "forces that push and depths into the body are positive; check the columns, the frame "
+            "compliance and the drift",
+        )
+    if largest < MIN_SIGNAL_TO_NOISE * noise:
+        raise UsageError(
+            f"the largest {name} {largest:.4g} is not above its noise: the rows scatter by "
+            f"{noise:.2g}, and at least {MIN_SIGNAL_TO_NOISE:g} times as much is needed"
+        )
+
+
+def _hold(F: np.ndarray, peak: int, noise: float) -> tuple[int | None, int]:
+    """Return the first row of a hold at constant force, if any, and the row where it ends.
+
+    Without a hold the second number is the row of the largest force.
+    """
+    largest = float(F[peak])
+    # Rows around the largest force that belong to the hold and to the ends of the ramps.
+    near = max(0.01 * largest, 6 * noise)
+    distance = largest - F
+    below = np.flatnonzero(distance > near)
+    first = int(below[below < peak][-1]) + 1 if (below < peak).any() else 0
+    last = int(below[below > peak][0]) - 1 if (below > peak).any() else len(F) - 1
+    rows = np.arange(first, last + 1)
+    level = float(np.median(F[rows]))
+    scatter = max(3 * noise, 1e-3 * largest)
+    held = rows[np.abs(F[rows] - level) <= scatter]
+    # The ends of two ramps at a constant rate have a fraction 2 scatter/largest of all rows.
+    min_rows = max(10.0, (0.04 + 2 * scatter / largest) * len(F))
+    if len(held) < min_rows:
+        return None, peak
+    # Rows above the median are as frequent as below it until the last row of the hold.
+    return int(held[0]), int(held[F[held] >= level][-1])
+
+
+def _end_of_unloading(F: np.ndarray, start: int, noise: float) -> int:
+    """Return the row after the smallest force before the force rises again."""
+    unloading = F[start:]
+    lowest = np.minimum.accumulate(unloading)
+    # The force rises again if it exceeds the smallest one so far by this much.
+    rise = max(0.05 * float(F[start]), 6 * noise)
+    again = np.flatnonzero(unloading > lowest + rise)
+    stop = int(again[0]) if len(again) else len(unloading)
+    if stop == len(unloading):
+        return len(F)
+    return start + int(np.argmin(unloading[:stop])) + 1
+
+
+def _refuse_relaxation(cycle: IndentationCycle) -> None:
+    """Raise UsageError if the force falls while the depth is held, or while it still grows."""
+    rows = slice(cycle.start, cycle.end)
+    h = cycle.h[rows]
+    F = cycle.F[rows]
+    is_below_half = cycle.F_max - F >= 0.5 * cycle.F_max
+    half = int(np.argmax(is_below_half)) if is_below_half.any() else len(F) - 1
+    recovery = float(h[0] - h[half])
+    slope = float(F[0] - F[half]) / recovery if recovery > 0 else 0.0
+    tolerance = 4 * cycle.h_noise + 1e-4 * cycle.h_max
+    last = int(np.flatnonzero(h >= h[0] - tolerance)[-1])
+    fall = float(F[0] - F[last])
+    # This part of the force may be lost, beyond what unloading over the tolerance takes.
+    accepted_fall = 0.02
+    if fall > accepted_fall * cycle.F_max + 3 * tolerance * slope + 6 * cycle.F_noise:
+        raise UsageError(
+            f"after its largest value the force falls by {fall / cycle.F_max:.1%} while the depth "
+            "does not decrease: the body relaxes or creeps, and the slope is not its stiffness",
+            "hold the force before unloading, or unload faster",
+        )
