@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from indent_sim.process.errors import UsageError
+from indent_sim.process.regular_files import open_regular_file
 from indent_sim.results.atomic_files import read_regular_file, temporary_path
 
 PROGRAM = "indent-sim"
@@ -319,12 +320,9 @@ def is_own_lock(lock: Path) -> bool:
     """Return whether a lock file begins with this program's signature."""
     with (
         suppress(OSError),
-        open(os.open(lock, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as file,
+        open_regular_file(lock, links=False) as file,
     ):
-        return (
-            stat.S_ISREG(os.fstat(file.fileno()).st_mode)
-            and file.read(len(LOCK_SIGNATURE)) == LOCK_SIGNATURE
-        )
+        return file.read(len(LOCK_SIGNATURE)) == LOCK_SIGNATURE
     return False
 
 
