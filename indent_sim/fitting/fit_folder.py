@@ -41,7 +41,7 @@ from indent_sim.process.errors import (
 )
 from indent_sim.process.file_locks import lock_file
 from indent_sim.process.limits import write_error
-from indent_sim.process.regular_files import open_descriptor
+from indent_sim.process.regular_files import FORBIDDEN_IN_NAMES, open_descriptor
 from indent_sim.process.version import VERSION
 from indent_sim.results import result_files
 from indent_sim.results.atomic_files import write_atomically
@@ -345,7 +345,9 @@ def _file_name(name: str) -> str:
     """Return the name of a curve as one of a file: printable, and not too long."""
     # File systems allow 255 bytes, of which suffixes and names of temporary files need some.
     max_bytes = 200
-    text = printable(name).replace("/", "_")
+    text = printable(name)
+    for character in FORBIDDEN_IN_NAMES:
+        text = text.replace(character, "_")
     return text.encode()[:max_bytes].decode(errors="ignore")
 
 

@@ -21,9 +21,9 @@ from tempfile import TemporaryFile
 from typing import Any, Protocol, TypeVar
 
 from indent_sim.process import usage
+from indent_sim.process.operating_system import lower_limit
 from indent_sim.process.ranks import environment_without_launcher
 from indent_sim.process.signals import ignore_stop_signals
-from indent_sim.process.system_limits import lower_limit
 
 
 class ProcessCrash(Exception):

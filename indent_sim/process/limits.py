@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from indent_sim.process.errors import BackendError, IndentSimError, NotConverged, UsageError
-from indent_sim.process.system_limits import lower_limit, soft_limit
+from indent_sim.process.operating_system import lower_limit, soft_limit
 from indent_sim.process.usage import address_space
 
 DISK_FULL_ERRORS = (errno.ENOSPC, errno.EDQUOT)

@@ -8,6 +8,8 @@ import stat
 from pathlib import Path
 from typing import BinaryIO
 
+# Characters that the name of a file cannot contain.
+FORBIDDEN_IN_NAMES = '/<>:"\\|?*' if os.name == "nt" else "/"
 # Flags of os.open that some systems do not have; there they are 0. A pipe is opened without waiting
 # for its other end.
 _NO_WAIT: int = getattr(os, "O_NONBLOCK", 0)

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import ctypes
-import os
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from indent_sim.process.system_limits import peak_resident_size, soft_limit
+from indent_sim.process import operating_system
 
 
 @dataclass
@@ -69,12 +66,10 @@ def reset_peak_memory() -> None:
 def _own_peak_memory() -> float:
     """Return the peak memory of this process without its child processes [MB].
 
-    It is read from /proc if possible, because ru_maxrss includes the memory of the process that
-    started this one. On Windows it is 0, which stands for unknown.
+    It is read from /proc if possible, because Linux includes the memory of the process that
+    started this one.
     """
-    # macOS counts in bytes, other systems in kB.
-    unit = 1024**2 if sys.platform == "darwin" else 1024
-    return _proc_status("VmHWM:") or (peak_resident_size() or 0.0) / unit
+    return _proc_status("VmHWM:") or operating_system.peak_memory() / 1024**2
 
 
 def _proc_status(name: str) -> float | None:
@@ -91,33 +86,7 @@ def _proc_status(name: str) -> float | None:
 
 def machine_memory() -> float:
     """Return the physical memory of the machine [bytes], or this process's limit if smaller."""
-    return min(_physical_memory(), soft_limit("AS"))
-
-
-if sys.platform == "win32":
-
-    class _MemoryStatus(ctypes.Structure):
-        """MEMORYSTATUSEX of the Windows API."""
-
-        _fields_ = (
-            ("dwLength", ctypes.c_uint32),
-            ("dwMemoryLoad", ctypes.c_uint32),
-            ("ullTotalPhys", ctypes.c_uint64),
-            ("others", ctypes.c_uint64 * 6),
-        )
-
-    def _physical_memory() -> float:
-        """Return the physical memory of the machine [bytes]."""
-        status = _MemoryStatus(dwLength=ctypes.sizeof(_MemoryStatus))
-        if not ctypes.windll.kernel32.GlobalMemoryStatusEx(ctypes.byref(status)):
-            raise ctypes.WinError()
-        return float(status.ullTotalPhys)
-
-else:
-
-    def _physical_memory() -> float:
-        """Return the physical memory of the machine [bytes]."""
-        return float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
+    return min(operating_system.physical_memory(), operating_system.soft_limit("AS"))
 
 
 def duration_text(seconds: float) -> str:

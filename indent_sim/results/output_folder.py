@@ -113,6 +113,9 @@ class OutputFolder:
         self._refuse_target()
         if not OPEN_FILES_CAN_MOVE:
             self._close_lock()
+            # Such a system renames no folder to the name of an existing one, even of an empty one.
+            with suppress(OSError):
+                self.target.rmdir()
         # The working directory and its parents must not be renamed and deleted.
         if self._old_folder.parent != self.target and self.target not in (
             working_directory := Path.cwd(),

@@ -283,12 +283,14 @@ def config_file_entries(file: str, folder: Path) -> dict[str, str]:
     They are its absolute path, and its path relative to the result folder, which is still valid if
     both are moved together. Empty for a run without a config file.
     """
+    if not file:
+        return {}
     path = os.path.realpath(file)
-    return (
-        {"config": path, "config_from_here": os.path.relpath(path, os.path.realpath(folder))}
-        if file
-        else {}
-    )
+    try:
+        from_folder = os.path.relpath(path, os.path.realpath(folder))
+    except ValueError:
+        from_folder = path  # on another drive of Windows
+    return {"config": path, "config_from_here": from_folder}
 
 
 def is_same_config_file(old_report: Report, new_report: Report, folder: Path) -> bool:

@@ -141,8 +141,7 @@ FILES_WITH_POSIX = {
     "process/child_process.py",
     "process/file_locks.py",
     "process/signals.py",
-    "process/system_limits.py",
-    "process/usage.py",
+    "process/operating_system.py",
     "mesh/display_libraries.py",
     "fe/dolfinx_loading.py",
 }
