@@ -122,7 +122,7 @@ def _check_package(name: str, verdict: str, remedy: str) -> HealthCheck:
     """Check that a package can be imported; verdict and remedy are those for a missing one."""
     interrupt_handler = signal.getsignal(signal.SIGINT)
     try:
-        importlib.import_module(IMPORTED_MODULES.get(name, name))
+        imported = importlib.import_module(IMPORTED_MODULES.get(name, name))
     except Exception as error:
         # A missing library is an OSError of gmsh and an exception of its own type of petsc4py.
         return HealthCheck(
@@ -131,7 +131,7 @@ def _check_package(name: str, verdict: str, remedy: str) -> HealthCheck:
     finally:
         # The import of gmsh replaces the handler.
         signal.signal(signal.SIGINT, interrupt_handler)
-    module: Any = sys.modules[name]
+    module: Any = getattr(imported, name) if name in IMPORTED_MODULES else imported
     return HealthCheck(
         name, f"{_package_version(name, module)} at {Path(module.__file__ or '?').parent}"
     )
