@@ -48,7 +48,8 @@ def solver_command() -> str:
     if is_made_by_setup():
         return "make setup"
     if sys.platform == "win32":
-        return f"wsl --install, and in its Linux: pip install {_requirement('solver')}"
+        # A folder of Windows has another name in this Linux.
+        return "wsl --install, and in its Linux: pip install 'indent-sim[solver]'"
     if (Path(sys.prefix) / "conda-meta").is_dir():
         return f"conda install -c conda-forge {CONDA_PACKAGES}"
     if _has_solver_wheel():
@@ -100,7 +101,9 @@ def _requirement(extra: str = "") -> str:
     """Return the argument of `pip install` for this program: its name, or the folder it is from."""
     bracket = f"[{extra}]" if extra else ""
     requirement = f"{_source_folder() or 'indent-sim'}{bracket}"
-    return f"'{requirement}'" if bracket or " " in requirement else requirement
+    # The shell of Windows knows no other quotation marks.
+    quote = '"' if sys.platform == "win32" else "'"
+    return f"{quote}{requirement}{quote}" if bracket or " " in requirement else requirement
 
 
 def _source_folder() -> str:
