@@ -16,7 +16,7 @@ export PRTE_MCA_hwloc_default_binding_policy := none
 export OMPI_MCA_mpi_yield_when_idle := 1
 export OMPI_MCA_btl := ^tcp
 
-.PHONY: help setup demo check test system lint proofs verify stress pages foreign debian13 clean
+.PHONY: help setup demo check test system lint proofs verify stress pages foreign debian13 pypi clean
 .DEFAULT_GOAL := help
 
 help: ## this list
@@ -60,6 +60,9 @@ foreign: ## fits of other programs' curves, fetched from the internet, into docs
 
 debian13: ## `make test` inside a Debian 13 root (needs root and debootstrap)
 	@scripts/debian13
+
+pypi: setup ## `pip install '.[solver]'` inside a bare Debian 13 root, compared with .venv (needs root and debootstrap)
+	@scripts/pypi
 
 clean: ## remove .venv and the caches; results stay
 	rm -rf .venv build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis

@@ -13,33 +13,31 @@ import sys
 import sysconfig
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-NEEDED_PACKAGES: tuple[str, ...] = (
-    "numpy",
-    "scipy",
-    "pydantic",
-    "yaml",
-    "click",
-    "rich",
-    "h5py",
-    "mpi4py",
-    "petsc4py",
-    "ufl",
-    "dolfinx",
-    "gmsh",
+from indent_sim.process.installation import (
+    SOLVER_PACKAGES,
+    compiler_command,
+    installed_solver_packages,
+    is_made_by_setup,
+    program_command,
+    solver_command,
 )
+
+# Packages without which no command works.
+NEEDED_PACKAGES: tuple[str, ...] = ("numpy", "scipy", "pydantic", "yaml", "click", "rich")
 # Features by the optional package that they need.
 OPTIONAL_FEATURES = {
     "matplotlib": "pictures",
     "pint": "quantities with units in scenes",
     "jinja2": "reports",
+    "h5py": "fields, checkpoints, and fits of maps",
 }
-OPTIONAL_PACKAGES = {
-    name: f"no {feature} without it" for name, feature in OPTIONAL_FEATURES.items()
-}
+# Modules that import a package as a run does, if that is not its name.
+IMPORTED_MODULES = {"gmsh": "indent_sim.mesh.loaded_gmsh"}
 
 
 @dataclass(frozen=True)
@@ -58,22 +56,45 @@ class HealthCheck:
 
 def check_installation() -> list[HealthCheck]:
     """Check all parts of the installation that a run needs."""
-    environment_checks = [_check_working_directory(), _run_check("JIT cache", _check_kernel_cache)]
-    packages = [
-        *map(_check_package, NEEDED_PACKAGES),
-        *map(_check_package, OPTIONAL_PACKAGES, OPTIONAL_PACKAGES.values()),
+    working_directory = _check_working_directory()
+    optional = [
+        _check_package(name, "warning", f"no {feature} without it: {program_command()}")
+        for name, feature in OPTIONAL_FEATURES.items()
     ]
+    return [
+        _check_python(),
+        *(_check_package(name, "broken", program_command()) for name in NEEDED_PACKAGES),
+        *optional,
+        _run_check("BLAS", _check_blas),
+        *_check_solver(),
+        working_directory,
+    ]
+
+
+def _check_solver() -> list[HealthCheck]:
+    """Check all parts of the solver of scenes on a mesh; one finding if it is not installed."""
+    if not installed_solver_packages():
+        return [
+            HealthCheck(
+                "solver",
+                "not installed; theory, fits by theory and pictures work, scenes on a mesh do not",
+                "broken" if is_made_by_setup() else "warning",
+                f"this line installs it: {solver_command()}",
+            )
+        ]
+    # The MPI library of PyPI is found only after this import; other installations do not have it.
+    with suppress(ImportError):
+        importlib.import_module("dolfinx_solver")
     library_checks: dict[str, Callable[[], HealthCheck]] = {
         "MPI": _check_mpi,
         "MUMPS": _check_mumps,
-        "BLAS": _check_blas,
         "C compiler": _check_compiler,
+        "Python.h": _check_header_files,
+        "JIT cache": _check_kernel_cache,
     }
     return [
-        _check_python(),
-        *packages,
+        *(_check_package(name, "broken", solver_command()) for name in SOLVER_PACKAGES),
         *map(_run_check, library_checks, library_checks.values()),
-        *environment_checks,
     ]
 
 
@@ -97,20 +118,20 @@ def _check_python() -> HealthCheck:
     return HealthCheck("python", version_text, "broken", "3.11 or later is needed")
 
 
-def _check_package(name: str, remedy: str | None = None) -> HealthCheck:
-    """Check that a package can be imported; `remedy` is given for an optional package only."""
+def _check_package(name: str, verdict: str, remedy: str) -> HealthCheck:
+    """Check that a package can be imported; verdict and remedy are those for a missing one."""
     interrupt_handler = signal.getsignal(signal.SIGINT)
     try:
-        module: Any = importlib.import_module(name)
+        imported = importlib.import_module(IMPORTED_MODULES.get(name, name))
     except Exception as error:
         # A missing library is an OSError of gmsh and an exception of its own type of petsc4py.
-        verdict, remedy = ("broken", "run `make setup`") if remedy is None else ("warning", remedy)
         return HealthCheck(
             name, f"{type(error).__name__}: {error}".splitlines()[0], verdict, remedy
         )
     finally:
         # The import of gmsh replaces the handler.
         signal.signal(signal.SIGINT, interrupt_handler)
+    module: Any = getattr(imported, name) if name in IMPORTED_MODULES else imported
     return HealthCheck(
         name, f"{_package_version(name, module)} at {Path(module.__file__ or '?').parent}"
     )
@@ -179,7 +200,7 @@ def _check_blas() -> HealthCheck:
             "BLAS",
             "reference BLAS",
             "warning",
-            "runs are 3 to 10 times slower with it: install libopenblas0-pthread",
+            "runs are 3 to 10 times slower with it: apt-get install libopenblas0-pthread (as root)",
         )
     return HealthCheck("BLAS", "unknown", "warning")
 
@@ -190,7 +211,15 @@ def _check_compiler() -> HealthCheck:
     compiler_path = shutil.which(command)
     if compiler_path:
         return HealthCheck("C compiler", compiler_path)
-    return HealthCheck("C compiler", f"no {command}", "broken", "install gcc")
+    return HealthCheck("C compiler", f"no {command}", "broken", compiler_command())
+
+
+def _check_header_files() -> HealthCheck:
+    """Check that the header files of Python are installed, which every kernel includes."""
+    header = Path(sysconfig.get_path("include")) / "Python.h"
+    if header.exists():
+        return HealthCheck("Python.h", str(header.parent))
+    return HealthCheck("Python.h", f"not in {header.parent}", "broken", compiler_command())
 
 
 def _check_kernel_cache() -> HealthCheck:

@@ -30,6 +30,8 @@ def directory_problem(directory: str) -> str:
     except OSError:
         # The working directory was deleted; writing a result will fail.
         return ""
+    except ValueError:
+        leads_out = True  # to another drive of Windows
     return "leads out of the working directory through a link" if leads_out else ""
 
 

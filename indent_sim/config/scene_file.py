@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-import errno
 import json
 import math
 import os
 import re
-import stat
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from types import NoneType
@@ -25,6 +23,7 @@ from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import MAX_BYTES, MAX_DEPTH, KeyPath, key_path, key_text
 from indent_sim.model.loading import STEPPED_KEYS, Loading
 from indent_sim.process.errors import ConfigError, ConfigErrors, UsageError
+from indent_sim.process.regular_files import open_regular_file
 
 # Sections of a study, which no scene has.
 STUDY_SECTIONS = {"base", "vary"}
@@ -246,12 +245,7 @@ def _document_value(value: Any) -> Any:
 def _read_content(name: str) -> bytes:
     """Return the bytes of a file; raise UsageError if it cannot be read."""
     try:
-        # O_NONBLOCK opens a pipe without waiting for its writer; the pipe is then refused.
-        with open(
-            name, "rb", opener=lambda path, flags: os.open(path, flags | os.O_NONBLOCK)
-        ) as stream:
-            if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
-                raise OSError(errno.EINVAL, "not a regular file")
+        with open_regular_file(name) as stream:
             content = stream.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error

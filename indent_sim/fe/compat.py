@@ -159,7 +159,9 @@ def create_mesh(comm: MPI.Comm, cells: np.ndarray, points: np.ndarray, dim: int)
     ghosts = dolfinx.mesh.GhostMode.none
     if DOLFINX_VERSION < (0, 6):
         return dolfinx.mesh.create_mesh(comm, cells, points, domain, ghost_mode=ghosts)
-    partitioner = dolfinx.mesh.create_cell_partitioner(ghosts)
+    # The largest number of cells at a facet
+    limits = (2,) if DOLFINX_VERSION >= (0, 11) else ()
+    partitioner = dolfinx.mesh.create_cell_partitioner(ghosts, *limits)
     arguments = (domain, points) if DOLFINX_VERSION >= (0, 10) else (points, domain)
     return dolfinx.mesh.create_mesh(comm, cells, *arguments, partitioner=partitioner)
 
@@ -182,7 +184,14 @@ def cell_dofs(dofmap: Any) -> np.ndarray:
 
 def geometry_dofs(mesh: Mesh) -> np.ndarray:
     """Return the geometry nodes (cells, dim + 1) at the corners of every local cell."""
-    return cell_dofs(mesh.geometry.dofmap)[:, : mesh.topology.dim + 1]
+    geometry = mesh.geometry
+    dofmap = geometry.dofmaps[0] if DOLFINX_VERSION >= (0, 11) else geometry.dofmap
+    return cell_dofs(dofmap)[:, : mesh.topology.dim + 1]
+
+
+def has_vertex_dofs(space: fem.FunctionSpace) -> bool:
+    """Return whether the element of a space has dofs at the corners of its cells."""
+    return len(space.dofmap.dof_layout.entity_dofs(0, 0)) > 0
 
 
 def exterior_facets(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:

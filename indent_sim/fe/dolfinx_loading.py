@@ -15,10 +15,21 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from indent_sim.process.errors import BackendError
 
 logger = logging.getLogger("indent_sim")
+
+
+def load_mpi() -> Any:
+    """Import mpi4py and return its module MPI."""
+    # The MPI library of PyPI is found only after this import; other installations do not have it.
+    with suppress(ImportError):
+        import dolfinx_solver  # noqa: F401
+    from mpi4py import MPI
+
+    return MPI
 
 
 def load_dolfinx() -> Path:
@@ -35,6 +46,7 @@ def load_dolfinx() -> Path:
     sys.argv = ["indent-sim"]
     sigpipe_handler = signal.getsignal(signal.SIGPIPE)
     try:
+        load_mpi()
         import petsc4py
 
         # The signal handler of PETSc would end the program with exit code 59

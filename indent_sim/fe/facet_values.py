@@ -38,7 +38,7 @@ def cell_heights(mesh: Mesh, facets: np.ndarray) -> np.ndarray:
     """Return the height (facets,) of each cell above its facet [length]: dim * volume/area."""
     dim = mesh.topology.dim
     cells, local = adjacent_cells(mesh, facets)
-    corners = mesh.geometry.x[compat.cell_dofs(mesh.geometry.dofmap)[cells][:, : dim + 1], :dim]
+    corners = mesh.geometry.x[compat.geometry_dofs(mesh)[cells], :dim]
     apex = corners[np.arange(len(cells)), local]
     on_facet = np.array([np.delete(np.arange(dim + 1), k) for k in range(dim + 1)])[local]
     base = np.take_along_axis(corners, on_facet[:, :, None], axis=1)

@@ -9,7 +9,6 @@ was abandoned and is compiled again.
 
 from __future__ import annotations
 
-import fcntl
 import logging
 import os
 from collections.abc import Iterator
@@ -28,6 +27,7 @@ from ufl.domain import extract_unique_domain
 
 from indent_sim.fe import compat
 from indent_sim.process.errors import BackendError
+from indent_sim.process.file_locks import lock_file
 
 LOCK = "lock"
 logger = logging.getLogger("indent_sim")
@@ -98,12 +98,10 @@ def _exclusive_cache(comm: MPI.Comm) -> Iterator[None]:
 def _acquire(lock: IO[Any], folder: Path) -> None:
     """Acquire the file lock; on a file system without locks, continue without one."""
     try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        lock_file(lock.fileno())
     except BlockingIOError:
         _log_once(f"waiting for another process that compiles kernels in {folder}")
-        fcntl.flock(lock, fcntl.LOCK_EX)
-    except OSError:
-        pass
+        lock_file(lock.fileno(), wait=True)
 
 
 def _remove_incomplete_kernels(folder: Path) -> None:

@@ -131,7 +131,8 @@ class Unknowns:
         if len(self.names) == 1:
             return {"u": (self.space, np.arange(len(self.solution.x.array)))}
         collapsed = {name: self.subspace(name).collapse() for name in self.names}
-        return {name: (space, np.asarray(dofs)) for name, (space, dofs) in collapsed.items()}
+        # dolfinx 0.11 returns a list of arrays of dofs.
+        return {name: (space, np.ravel(dofs)) for name, (space, dofs) in collapsed.items()}
 
     def collapsed_space(self, name: str) -> fem.FunctionSpace:
         """Function space of the field alone."""

@@ -5,7 +5,6 @@ A call with the same folder continues with the curves that have no entry or whos
 
 from __future__ import annotations
 
-import fcntl
 import os
 import time
 from collections import Counter
@@ -14,7 +13,6 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import chain, count
-from multiprocessing import connection
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +31,7 @@ from indent_sim.fitting.curve_fit import (
 from indent_sim.fitting.forward_model.forward_model import ForwardModelCache
 from indent_sim.fitting.forward_model.parameters import number_at
 from indent_sim.fitting.inference.model_assessment import Interval
-from indent_sim.process.child_process import ChildProcess, ProcessCrash
+from indent_sim.process.child_process import ChildProcess, ProcessCrash, wait_for_answers
 from indent_sim.process.errors import (
     BackendError,
     ConfigError,
@@ -41,7 +39,9 @@ from indent_sim.process.errors import (
     UsageError,
     printable,
 )
+from indent_sim.process.file_locks import lock_file
 from indent_sim.process.limits import write_error
+from indent_sim.process.regular_files import FORBIDDEN_IN_NAMES, open_descriptor
 from indent_sim.process.version import VERSION
 from indent_sim.results import result_files
 from indent_sim.results.atomic_files import write_atomically
@@ -282,16 +282,14 @@ def open_locked(directory: Path, identity: Mapping[str, Any]) -> Iterator[list[E
     try:
         directory.mkdir(parents=True, exist_ok=True)
         (directory / CURVES_FOLDER).mkdir(exist_ok=True)
-        lock = os.open(directory / result_files.LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
+        lock = open_descriptor(directory / result_files.LOCK, os.O_RDWR | os.O_CREAT)
     except OSError as error:
         raise write_error(directory, error) from error
     try:
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock_file(lock)
         except BlockingIOError:
             raise UsageError(f"{directory} is in use by another fit") from None
-        except OSError:
-            pass  # this file system has no locks: continue without one
         yield list(report.get("curves", []))
     finally:
         os.close(lock)
@@ -368,7 +366,9 @@ def _file_name(name: str) -> str:
     """Return the name of a curve as one of a file: printable, and not too long."""
     # File systems allow 255 bytes, of which suffixes and names of temporary files need some.
     max_bytes = 200
-    text = printable(name).replace("/", "_")
+    text = printable(name)
+    for character in FORBIDDEN_IN_NAMES:
+        text = text.replace(character, "_")
     return text.encode()[:max_bytes].decode(errors="ignore")
 
 
@@ -428,13 +428,13 @@ def _run_in_processes(tasks: Iterator[Any], request: FitRequest, jobs: int) -> I
                 yield task
                 continue
             while not idle:
-                for process in _ready_processes(busy):
+                for process in wait_for_answers(busy):
                     idle.append(process)
                     yield _collect_entry(*busy.pop(process))
             process = idle.pop()
             busy[process] = process.begin_call(_fit_in_child, task, request), task
         while busy:
-            for process in _ready_processes(busy):
+            for process in wait_for_answers(busy):
                 yield _collect_entry(*busy.pop(process))
 
 
@@ -447,12 +447,6 @@ def _fit_in_child(task: _FitTask, request: FitRequest) -> Entry:
 def _forward_models() -> ForwardModelCache:
     """Return the cache of forward models of this process."""
     return ForwardModelCache()
-
-
-def _ready_processes(busy: Mapping[ChildProcess, Any]) -> list[ChildProcess]:
-    """Wait for processes that have finished their task, and return them."""
-    answered = list(map(id, connection.wait(list(busy))))  # type: ignore[arg-type]
-    return [process for process in busy if id(process) in answered]
 
 
 def _collect_entry(answer: Callable[[], Entry], task: _FitTask) -> Entry:

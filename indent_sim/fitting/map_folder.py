@@ -73,7 +73,7 @@ from indent_sim.process.limits import write_error
 from indent_sim.process.version import VERSION
 from indent_sim.results.atomic_files import write_atomically
 from indent_sim.results.json_text import to_json
-from indent_sim.results.map_arrays import hdf5_bytes, read_hdf5_file
+from indent_sim.results.map_arrays import hdf5_bytes, read_hdf5_file, require_hdf5
 from indent_sim.results.map_images import gwyddion_field, read_image, tiff_image
 from indent_sim.results.measured.curve_file import curve_files, read_curves
 from indent_sim.results.measured.measured_map import MeasuredMap
@@ -539,7 +539,7 @@ def fit_map_folder(
     thickness: str | None = None,
     tell: ReportLine = lambda line: None,
 ) -> MapFit:
-    """Fit a map into a folder; see `fit_map` for errors.
+    """Fit a map into a folder; see `fit_map` for errors, and `require_hdf5`.
 
     Parameters
     ----------
@@ -554,6 +554,7 @@ def fit_map_folder(
     tell
         Function that is called with each line of progress.
     """
+    require_hdf5()
     pixel_thickness = parse_thickness(thickness, request, curves.shape) if thickness else None
     identity = dict(request_identity(request)) | {"map": {"thickness": thickness}}
     with open_locked(directory, identity):

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 from indent_sim.process.child_process import ChildProcess, ProcessCrash
 from indent_sim.process.errors import BackendError, MeshError
+from indent_sim.process.installation import solver_command
 
 T = TypeVar("T")
 Gmsh = Any  # The module gmsh, which is imported only where it meshes, or one of its CAD kernels.
@@ -42,7 +43,7 @@ def start_mesher() -> None:
 
 
 # The one mesher of this process, as gmsh has global state.
-_mesher = ChildProcess("indent_sim.mesh.gmsh", "gmsh")
+_mesher = ChildProcess("indent_sim.mesh.gmsh", "indent_sim.mesh.loaded_gmsh")
 
 
 @contextmanager
@@ -51,11 +52,12 @@ def gmsh_session() -> Iterator[Gmsh]:
     # Importing, initializing and finalizing gmsh each replace the handler of SIGINT.
     handler = signal.getsignal(signal.SIGINT)
     try:
-        import gmsh
-    except ImportError as missing:
+        from indent_sim.mesh.loaded_gmsh import gmsh
+    except (ImportError, OSError) as error:
         raise BackendError(
-            f"gmsh is missing ({missing}); install the packages of packages-debian.txt"
-        ) from missing
+            f"gmsh is missing or lacks a library ({error}); this line installs it: "
+            f"{solver_command()}"
+        ) from error
     gmsh.initialize([], False)  # Without user configuration the mesh depends on the scene alone.
     try:
         signal.signal(signal.SIGINT, handler)

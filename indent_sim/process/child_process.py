@@ -10,19 +10,20 @@ import atexit
 import ctypes
 import os
 import pickle
-import resource
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from importlib import import_module
 from tempfile import TemporaryFile
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 from indent_sim.process import usage
+from indent_sim.process.operating_system import lower_limit
 from indent_sim.process.ranks import environment_without_launcher
+from indent_sim.process.signals import ignore_stop_signals
 
 
 class ProcessCrash(Exception):
@@ -40,7 +41,7 @@ class ProcessCrash(Exception):
 class ChildProcess:
     """Python process that executes calls one after another.
 
-    The process ignores SIGINT, SIGTERM and SIGHUP, which its parent handles, and ends with the
+    The process ignores the signals that stop a run, which its parent handles, and ends with the
     parent. If it has ended, the next call starts a new process. Printed output is not shown, except
     that ProcessCrash quotes the last error message.
 
@@ -49,7 +50,7 @@ class ChildProcess:
     *modules
         Names of modules that the process imports when it starts.
     inherited_files
-        Descriptors of files that stay open until the process ends.
+        Descriptors of files that stay open until the process ends; ignored on Windows.
     """
 
     def __init__(self, *modules: str, inherited_files: tuple[int, ...] = ()):
@@ -76,7 +77,7 @@ class ChildProcess:
             stdout=subprocess.PIPE,
             stderr=self._output,
             env=environment_without_launcher() | {"PYTHONPATH": search_path},
-            pass_fds=self._inherited_files,
+            pass_fds=self._inherited_files if os.name == "posix" else (),
         )
         # Stopping waits for the process, so that its CPU time is counted with that of the parent.
         atexit.register(self.stop)
@@ -180,18 +181,65 @@ def call_in_child(function: Callable[..., Any], *arguments: Any) -> Any:
         process.stop()
 
 
+class Answering(Protocol):
+    """Process whose descriptor becomes readable when the answer of a call has arrived."""
+
+    def fileno(self) -> int:
+        """Return the descriptor."""
+
+
+P = TypeVar("P", bound=Answering)
+
+
+def wait_for_answers(processes: Iterable[P]) -> list[P]:
+    """Wait until a call in one of some processes has ended, and return those with an answer."""
+    waiting = list(processes)
+    answered = list(map(id, _wait_for_descriptors(waiting)))
+    return [process for process in waiting if id(process) in answered]
+
+
+if sys.platform == "win32":
+
+    def _wait_for_descriptors(processes: list[Any]) -> list[Any]:
+        """Return the objects whose pipe has data or is closed, as soon as there is one."""
+        # The system can wait for several pipes only if they were made for that purpose.
+        seconds_between_looks = 0.02
+        while not (ready := [process for process in processes if _has_data(process.fileno())]):
+            time.sleep(seconds_between_looks)
+        return ready
+
+    def _has_data(descriptor: int) -> bool:
+        """Return whether a pipe has data, or was closed at its other end."""
+        import msvcrt
+
+        count = ctypes.c_uint32()
+        handle = ctypes.c_void_p(msvcrt.get_osfhandle(descriptor))
+        is_open = ctypes.windll.kernel32.PeekNamedPipe(
+            handle, None, 0, None, ctypes.byref(count), None
+        )
+        return not is_open or count.value > 0
+
+else:
+
+    def _wait_for_descriptors(processes: list[Any]) -> list[Any]:
+        """Return the objects whose descriptor is readable, as soon as there is one."""
+        from multiprocessing import connection
+
+        return connection.wait(processes)
+
+
 def _serve_calls() -> None:
     """Execute calls (main function of the child process) until the parent closes the pipe."""
-    signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
+    ignore_stop_signals()
     _end_with_parent()
     # A crash writes no core file.
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    lower_limit("CORE", 0)
     # Libraries print to the file of stderr; their output would damage the answers.
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     for module in sys.argv[1:]:
         # The first call reports what is missing.
-        with suppress(ImportError):
+        with suppress(ImportError, OSError):
             import_module(module)
     idle_memory = usage.current_memory()
     while True:
@@ -214,10 +262,14 @@ def _serve_calls() -> None:
 
 
 def _end_with_parent() -> None:
-    """Make Linux kill this process when its parent ends, even during a call of a library."""
+    """Make Linux kill this process when its parent ends, even during a call of a library.
+
+    On other systems it ends after the call, when it finds the pipe of the calls closed.
+    """
     pr_set_pdeathsig = 1  # PR_SET_PDEATHSIG of linux/prctl.h
-    with suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
+    if sys.platform == "linux":
+        with suppress(OSError, AttributeError):
+            ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
 
 
 if __name__ == "__main__":

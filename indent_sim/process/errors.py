@@ -178,3 +178,7 @@ class BackendError(IndentSimError):
     """A library is missing or does not work: dolfinx, PETSc, gmsh or MPI."""
 
     exit_code = 7
+
+
+class SolverMissing(BackendError):
+    """A scene needs a mesh, and the solver is not installed."""

@@ -10,12 +10,12 @@ from __future__ import annotations
 import errno
 import math
 import os
-import resource
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from indent_sim.process.errors import BackendError, IndentSimError, NotConverged, UsageError
+from indent_sim.process.operating_system import lower_limit, soft_limit
 from indent_sim.process.usage import address_space
 
 DISK_FULL_ERRORS = (errno.ENOSPC, errno.EDQUOT)
@@ -45,9 +45,9 @@ def require_resources() -> None:
     min_tasks = 20
     # The libraries alone were observed to use 700 MB of address space [bytes].
     min_address_space = 800e6
-    _require_limit("open files", "ulimit -n", resource.RLIMIT_NOFILE, min_open_files)
-    _require_limit("MB of memory", "ulimit -v", resource.RLIMIT_AS, min_address_space / 1e6, 1e6)
-    _require_limit("processes and threads", "ulimit -u", resource.RLIMIT_NPROC, min_tasks)
+    _require_limit("open files", "ulimit -n", "NOFILE", min_open_files)
+    _require_limit("MB of memory", "ulimit -v", "AS", min_address_space / 1e6, 1e6)
+    _require_limit("processes and threads", "ulimit -u", "NPROC", min_tasks)
     folder = Path(os.environ.get("TMPDIR") or "/tmp")
     if not folder.is_dir():
         return  # Libraries create a missing folder, or use another one.
@@ -68,22 +68,22 @@ def require_resources() -> None:
 
 
 def _require_limit(
-    resource_name: str, command: str, limit_number: int, required: float, unit: float = 1.0
+    resource_name: str, command: str, limit: str, required: float, unit: float = 1.0
 ) -> None:
     """Raise BackendError if a limit is below `required`; `command` is the shell command for it."""
-    allowed, _ = resource.getrlimit(limit_number)
-    if allowed != resource.RLIM_INFINITY and allowed / unit < required:
+    allowed = soft_limit(limit) / unit
+    if allowed < required:
         raise BackendError(
-            f"only {allowed / unit:.0f} {resource_name} are allowed ({command}); a run needs at "
+            f"only {allowed:.0f} {resource_name} are allowed ({command}); a run needs at "
             f"least {required:.0f}"
         )
 
 
 def limit_resources(seconds: float, memory: float) -> None:
-    """Limit the CPU time and the memory of this process.
+    """Limit the CPU time and the memory of this process, as far as the system can.
 
     When the time is used up, SIGXCPU ends the process. When the memory is used up, MemoryError is
-    raised or a library aborts the process.
+    raised or a library aborts the process. Windows limits neither, macOS only the time.
 
     Parameters
     ----------
@@ -92,14 +92,9 @@ def limit_resources(seconds: float, memory: float) -> None:
     memory
         Memory in addition to that in use [bytes].
     """
-    for number, limit in (
-        (resource.RLIMIT_CPU, math.ceil(seconds)),
-        (resource.RLIMIT_AS, address_space() + memory),
-    ):
-        _, hard = resource.getrlimit(number)
-        resource.setrlimit(
-            number, (int(limit) if hard == resource.RLIM_INFINITY else min(int(limit), hard), hard)
-        )
+    lower_limit("CPU", math.ceil(seconds))
+    if used := address_space():
+        lower_limit("AS", int(used + memory))
 
 
 def write_error(target: object, error: OSError) -> IndentSimError:

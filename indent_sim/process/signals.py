@@ -1,4 +1,4 @@
-"""SIGINT, SIGTERM and SIGHUP as an exception, so that an interrupted run keeps its results."""
+"""Signals that stop a run, as an exception, so that an interrupted run keeps its results."""
 
 from __future__ import annotations
 
@@ -10,11 +10,20 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+def _known_signals(*names: str) -> tuple[signal.Signals, ...]:
+    """Return the signals of these names that the system has."""
+    return tuple(signal.Signals[name] for name in names if name in signal.Signals.__members__)
+
+
+# Windows has no SIGHUP, and sends SIGBREAK when the window of a console is closed.
+STOP_SIGNALS = _known_signals("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
+# A process that one of these signals has ended was stopped from outside, or used too much.
+MACHINE_SIGNALS = _known_signals("SIGHUP", "SIGINT", "SIGBUS", "SIGKILL", "SIGTERM", "SIGXCPU")
 
 
 class Interrupted(KeyboardInterrupt):
-    """SIGINT, SIGTERM or SIGHUP was received; the exit code is 128 + the number of the signal."""
+    """A signal of STOP_SIGNALS was received; the exit code is 128 + the number of the signal."""
 
     def __init__(self, number: int):
         super().__init__(f"stopped by {signal.Signals(number).name}")
@@ -74,8 +83,8 @@ def raise_on_signals(rank: int = 0) -> Iterator[None]:
         # A second Ctrl-C ends the process at once, while mpirun and batch systems repeat SIGTERM
         # without such an intention.
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        signal.signal(signal.SIGHUP, signal.SIG_IGN)
+        for repeated in STOP_SIGNALS[1:]:
+            signal.signal(repeated, signal.SIG_IGN)
         raise Interrupted(number)
 
     def report_unraisable(unraisable: Any) -> None:
@@ -94,7 +103,7 @@ def raise_on_signals(rank: int = 0) -> Iterator[None]:
     handled_signals = [
         number
         for number in STOP_SIGNALS
-        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN
+        if number.name != "SIGHUP" or signal.getsignal(number) != signal.SIG_IGN
     ]
     old_handlers = {number: signal.signal(number, handler) for number in handled_signals}
     _interruptible_ranks.append(rank)
@@ -138,3 +147,13 @@ def defer_signals() -> Iterator[None]:
             signal.signal(number, handler)
         for first_signal in arrived[:1]:
             signal.raise_signal(first_signal)
+
+
+def ignore_stop_signals() -> None:
+    """Make this process ignore STOP_SIGNALS, which the process that started it handles."""
+    if hasattr(signal, "pthread_sigmask"):
+        # Blocked signals stay blocked whatever handlers a library installs.
+        signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)
+        return
+    for number in STOP_SIGNALS:
+        signal.signal(number, signal.SIG_IGN)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import resource
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+
+from indent_sim.process import operating_system
 
 
 @dataclass
@@ -66,10 +66,10 @@ def reset_peak_memory() -> None:
 def _own_peak_memory() -> float:
     """Return the peak memory of this process without its child processes [MB].
 
-    It is read from /proc if possible, because ru_maxrss includes the memory of the process that
+    It is read from /proc if possible, because Linux includes the memory of the process that
     started this one.
     """
-    return _proc_status("VmHWM:") or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return _proc_status("VmHWM:") or operating_system.peak_memory() / 1024**2
 
 
 def _proc_status(name: str) -> float | None:
@@ -86,9 +86,7 @@ def _proc_status(name: str) -> float | None:
 
 def machine_memory() -> float:
     """Return the physical memory of the machine [bytes], or this process's limit if smaller."""
-    physical = float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
-    allowed, _ = resource.getrlimit(resource.RLIMIT_AS)
-    return physical if allowed == resource.RLIM_INFINITY else min(physical, float(allowed))
+    return min(operating_system.physical_memory(), operating_system.soft_limit("AS"))
 
 
 def duration_text(seconds: float) -> str:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import errno
 import os
-import stat
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
+
+from indent_sim.process.regular_files import open_descriptor, open_regular_file, write_at
 
 
 def write_atomically(path: Path, content: str | bytes | Iterable[str], sync: bool = True) -> None:
@@ -42,7 +43,7 @@ def _open_new(path: Path) -> int:
     """Open a new file for writing; a link or the incomplete file of a killed run is replaced."""
     for _ in range(2):
         with suppress(FileExistsError):
-            return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+            return open_descriptor(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
         path.unlink(missing_ok=True)
     raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
 
@@ -66,7 +67,8 @@ def overwrite_in_place(path: Path, content: bytes) -> None:
 
 def sync_to_disk(path: Path) -> None:
     """Flush a file to the disk (fsync)."""
-    descriptor = os.open(path, os.O_RDONLY)
+    # Windows flushes only files that are open for writing.
+    descriptor = open_descriptor(path, os.O_RDWR)
     try:
         os.fsync(descriptor)
     finally:
@@ -87,14 +89,14 @@ def append_atomically(path: Path, data: bytes, sync: bool = True, tail: bytes = 
     tail
         Bytes at the end of the file, which also stay at its end; `data` is inserted before them.
     """
-    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+    descriptor = open_descriptor(path, os.O_WRONLY | os.O_CREAT, 0o666)
     try:
         size = os.fstat(descriptor).st_size
         try:
-            if os.pwrite(descriptor, data + tail, size - len(tail)) != len(data + tail):
+            if write_at(descriptor, data + tail, size - len(tail)) != len(data + tail):
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
         except OSError:
-            os.pwrite(descriptor, tail, size - len(tail))
+            write_at(descriptor, tail, size - len(tail))
             os.ftruncate(descriptor, size)
             raise
         if sync:
@@ -110,9 +112,7 @@ def read_regular_file(path: Path) -> bytes:
     """
     # A longer file is not read: it would fill the memory.
     max_bytes = 10**9
-    with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
-        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-            raise OSError(errno.EINVAL, "not a regular file", str(path))
+    with open_regular_file(path) as file:
         data = file.read(max_bytes + 1)
     if len(data) > max_bytes:
         raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))

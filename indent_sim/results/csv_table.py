@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from indent_sim.process.errors import UsageError
+from indent_sim.process.regular_files import open_regular_file
 from indent_sim.results import tables
 from indent_sim.results.atomic_files import read_regular_file
 from indent_sim.results.tables import EXPERIMENT
@@ -19,7 +19,7 @@ LARGEST_NUMBER = 1e150  # Its square is still a finite double.
 def header_of(path: Path) -> list[str]:
     """Return the titles in the first line of a comma-separated file; empty if it cannot be read."""
     try:
-        with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
+        with open_regular_file(path) as file:
             # Longer first lines are not those of a table of results.
             max_header_bytes = 10_000
             line = file.read(max_header_bytes).split(b"\n")[0]

@@ -9,6 +9,20 @@ from typing import Any
 
 import numpy as np
 
+from indent_sim.process.errors import BackendError
+from indent_sim.process.installation import afm_command
+
+
+def require_hdf5() -> None:
+    """Raise BackendError if the package that writes HDF5 files is missing."""
+    try:
+        import h5py  # noqa: F401
+    except ImportError as error:
+        raise BackendError(
+            f"the fit of a map is written by h5py, which is missing ({error}); this line installs "
+            f"it: {afm_command()}"
+        ) from error
+
 
 def hdf5_bytes(arrays: Mapping[str, np.ndarray], attributes: Mapping[str, Any]) -> bytes:
     """Return the bytes of a file with a compressed dataset for each array, and attributes."""

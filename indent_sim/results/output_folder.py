@@ -9,16 +9,16 @@ the folder is locked during the run (the kernel releases the lock if the run is 
 from __future__ import annotations
 
 import errno
-import fcntl
 import os
 import shutil
-import stat
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 
 from indent_sim.process.errors import IndentSimError, UsageError
+from indent_sim.process.file_locks import OPEN_FILES_CAN_MOVE, lock_file, release_lock
 from indent_sim.process.limits import write_error
+from indent_sim.process.regular_files import open_descriptor, refuse_irregular, write_at
 from indent_sim.results.atomic_files import temporary_path
 from indent_sim.results.result_files import (
     FIELDS_FOLDER,
@@ -106,12 +106,16 @@ class OutputFolder:
         self.path = self.target
         self._lock_descriptor = descriptor
         self.is_in_place = True
-        shutil.rmtree(staging, ignore_errors=True)
-        os.close(old_lock)
+        release_lock(old_lock, lambda: shutil.rmtree(staging, ignore_errors=True))
 
     def rename_into_place(self) -> None:
         """Rename the staging folder to the target, and keep foreign files of an old folder."""
         self._refuse_target()
+        if not OPEN_FILES_CAN_MOVE:
+            self._close_lock()
+            # Such a system renames no folder to the name of an existing one, even of an empty one.
+            with suppress(OSError):
+                self.target.rmdir()
         # The working directory and its parents must not be renamed and deleted.
         if self._old_folder.parent != self.target and self.target not in (
             working_directory := Path.cwd(),
@@ -131,12 +135,16 @@ class OutputFolder:
         self.path = self.target
         self.is_in_place = True
         self._created_parents = []
+        if self._lock_descriptor < 0:
+            self._lock_descriptor = _open_locked(self.path / LOCK, self.target)
         self._delete_old()
 
     def abandon(self) -> None:
         """Release the folder and restore its state before the run."""
         if not self.is_in_place and self._lock_descriptor >= 0:
-            shutil.rmtree(self.path, ignore_errors=True)
+            staging = self.path
+            release_lock(self._lock_descriptor, lambda: shutil.rmtree(staging, ignore_errors=True))
+            self._lock_descriptor = -1
         self.release_lock()
         for folder in reversed(self._created_parents):
             with suppress(OSError):
@@ -145,10 +153,16 @@ class OutputFolder:
 
     def release_lock(self) -> None:
         """Release the lock; the written files stay."""
+        if self._lock_descriptor < 0:
+            return
+        if _is_same_file(self._lock_descriptor, self.path / LOCK):
+            release_lock(self._lock_descriptor, (self.path / LOCK).unlink)
+            self._lock_descriptor = -1
+        self._close_lock()
+
+    def _close_lock(self) -> None:
+        """Close the lock file, which ends the lock."""
         if self._lock_descriptor >= 0:
-            if _is_same_file(self._lock_descriptor, self.path / LOCK):
-                with suppress(OSError):
-                    (self.path / LOCK).unlink()
             os.close(self._lock_descriptor)
             self._lock_descriptor = -1
 
@@ -278,22 +292,18 @@ def _move_missing(source: Path, target: Path, names: Iterable[str]) -> None:
 
 def _sign_lock(descriptor: int) -> None:
     """Write the signature into a lock file, which marks its folder as one of this program."""
-    os.pwrite(descriptor, LOCK_SIGNATURE, 0)
+    write_at(descriptor, LOCK_SIGNATURE, 0)
 
 
 def _open_locked(path: Path, target: Path, flags: int = os.O_CREAT) -> int:
     """Open and lock a file; raise UsageError if another process has locked it."""
-    descriptor = os.open(path, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK | flags, 0o644)
-    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-        os.close(descriptor)
-        raise OSError(errno.EINVAL, "not a regular file", str(path))
+    descriptor = open_descriptor(path, os.O_RDWR | flags)
+    refuse_irregular(descriptor, path)
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        lock_file(descriptor)
     except BlockingIOError:
         os.close(descriptor)
         raise UsageError(f"{target} is in use by another run") from None
-    except OSError:
-        pass  # Some file systems have no locks.
     return descriptor
 
 

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from indent_sim.process.errors import UsageError
+from indent_sim.process.regular_files import open_regular_file
 from indent_sim.results.atomic_files import read_regular_file, temporary_path
 
 PROGRAM = "indent-sim"
@@ -282,12 +283,14 @@ def config_file_entries(file: str, folder: Path) -> dict[str, str]:
     They are its absolute path, and its path relative to the result folder, which is still valid if
     both are moved together. Empty for a run without a config file.
     """
+    if not file:
+        return {}
     path = os.path.realpath(file)
-    return (
-        {"config": path, "config_from_here": os.path.relpath(path, os.path.realpath(folder))}
-        if file
-        else {}
-    )
+    try:
+        from_folder = os.path.relpath(path, os.path.realpath(folder))
+    except ValueError:
+        from_folder = path  # on another drive of Windows
+    return {"config": path, "config_from_here": from_folder}
 
 
 def is_same_config_file(old_report: Report, new_report: Report, folder: Path) -> bool:
@@ -319,12 +322,9 @@ def is_own_lock(lock: Path) -> bool:
     """Return whether a lock file begins with this program's signature."""
     with (
         suppress(OSError),
-        open(os.open(lock, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as file,
+        open_regular_file(lock, links=False) as file,
     ):
-        return (
-            stat.S_ISREG(os.fstat(file.fileno()).st_mode)
-            and file.read(len(LOCK_SIGNATURE)) == LOCK_SIGNATURE
-        )
+        return file.read(len(LOCK_SIGNATURE)) == LOCK_SIGNATURE
     return False
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import inf, pi
@@ -181,11 +182,17 @@ def _area_of_file(path: Path, units: Mapping[str, str]) -> AreaFunction:
     )
 
 
+def _unit_in_brackets(title: str) -> str:
+    """Return the unit at the end of a title such as h_c [nm] or A (nm^2); "" without one."""
+    match = re.fullmatch(r".*[\[(]([^\])]*)[\])]\s*", title)
+    return match[1].strip() if match else ""
+
+
 def _factors(path: Path, layout: TextLayout, units: Mapping[str, str]) -> tuple[float, float]:
     """Return the factors from the units of a table to the units of the curve; 1 without units."""
     if not layout.titles:
         return 1.0, 1.0
-    depth_unit, area_unit = (title.unit or title.unknown_unit for title in layout.titles[:2])
+    depth_unit, area_unit = (_unit_in_brackets(title.text) for title in layout.titles[:2])
     if not depth_unit and not area_unit:
         return 1.0, 1.0
     if not (depth_unit and area_unit and units.get("length")):

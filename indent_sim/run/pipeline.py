@@ -15,6 +15,7 @@ from typing import Any
 from indent_sim.config.scene_file import SceneInput, load, to_yaml
 from indent_sim.config.scene_sections import OutputSettings
 from indent_sim.config.schema import Config
+from indent_sim.fe.dolfinx_loading import load_mpi
 from indent_sim.model.imported_body import MeshFromFile
 from indent_sim.model.load_path import LoadPath
 from indent_sim.model.state import ERROR_COLUMNS, KRYLOV_COLUMNS, STATE_COLUMNS, State
@@ -61,7 +62,7 @@ from indent_sim.run.row_warnings import (
     underresolved_rows,
 )
 from indent_sim.run.run_output import Comm, OptionalOutput, RunOutput, optional_output_after_run
-from indent_sim.run.single_run import Progress, SingleRun, backend
+from indent_sim.run.single_run import Progress, SingleRun, backend, require_solver
 from indent_sim.run.solvers.hereditary_integral import ERROR_SOURCES, HereditaryIntegralSolver
 from indent_sim.run.solvers.semi_analytic import SemiAnalyticSolver
 from indent_sim.run.summary import rounded_timings
@@ -634,12 +635,20 @@ def communicator(comm: Comm, scene: Scene) -> Comm:
 
 
 def mpi() -> Any:
-    """Initialise MPI and return mpi4py.MPI; raise BackendError if mpi4py is missing."""
+    """Initialise MPI and return mpi4py.MPI.
+
+    Raises
+    ------
+    SolverMissing
+        If the solver is not installed.
+    BackendError
+        If MPI does not work.
+    """
+    require_solver()
     try:
-        from mpi4py import MPI
+        return load_mpi()
     except (ImportError, RuntimeError) as error:
         raise BackendError(f"mpi4py: {error}; `indent-sim doctor` lists what is missing") from error
-    return MPI
 
 
 def _plot(directory: Path, report: dict[str, Any]) -> None:

@@ -12,6 +12,7 @@ from indent_sim.config.scene_file import collect_errors, locate_error
 from indent_sim.config.schema import Config
 from indent_sim.model.imported_body import MeshFromFile
 from indent_sim.process.errors import ConfigError, IndentSimError
+from indent_sim.process.installation import installed_solver_packages
 from indent_sim.scene.plan import Plan
 from indent_sim.scene.scene import Scene, resolve, start_mesher
 from indent_sim.scene.solver_choices import needs_mesh
@@ -124,6 +125,6 @@ def start_mesher_if_needed(read: Callable[[], Config]) -> bool:
         config = read()
         if not needs_mesh(config):
             return False
-        if not isinstance(config.body, MeshFromFile):
+        if not isinstance(config.body, MeshFromFile) and installed_solver_packages():
             start_mesher()
     return True

@@ -12,7 +12,13 @@ from typing import Any
 from indent_sim.config.schema import Config
 from indent_sim.fe.dolfinx_loading import load_dolfinx
 from indent_sim.model.state import PullOff, State
-from indent_sim.process.errors import BackendError, NotConverged, VerificationError
+from indent_sim.process.errors import (
+    BackendError,
+    NotConverged,
+    SolverMissing,
+    VerificationError,
+)
+from indent_sim.process.installation import installed_solver_packages, missing_solver_text
 from indent_sim.process.ranks import run_on_root
 from indent_sim.process.signals import defer_signals
 from indent_sim.process.usage import Clock
@@ -562,8 +568,15 @@ def kernel_folder() -> Path:
     return load_dolfinx()
 
 
+def require_solver() -> None:
+    """Raise SolverMissing if no part of the solver of scenes on a mesh is installed."""
+    if not installed_solver_packages():
+        raise SolverMissing(missing_solver_text())
+
+
 def backend() -> Any:
     """Return the module `fe.solver`; raise BackendError if a library is missing."""
+    require_solver()
     try:
         # A signal inside an import would look like a missing library.
         with defer_signals():

@@ -7,9 +7,7 @@ that this program wrote are deleted in it.
 
 from __future__ import annotations
 
-import fcntl
 import os
-import signal
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -17,7 +15,10 @@ from pathlib import Path
 from typing import Any
 
 from indent_sim.process.errors import UsageError
+from indent_sim.process.file_locks import lock_file
 from indent_sim.process.limits import write_error
+from indent_sim.process.regular_files import open_descriptor
+from indent_sim.process.signals import MACHINE_SIGNALS
 from indent_sim.process.version import VERSION
 from indent_sim.results import result_files
 from indent_sim.results.atomic_files import write_atomically
@@ -151,16 +152,7 @@ class StudyFolder:
         reason = str(results_of_run.report.get("reason"))
         # The reason of a run that ran out of memory or disk space begins with one of these texts.
         resource_failures = ("MemoryError", "cannot write results")
-        # A run that ends by one of these signals was stopped from outside.
-        machine_signals = (
-            signal.SIGHUP,
-            signal.SIGINT,
-            signal.SIGBUS,
-            signal.SIGKILL,
-            signal.SIGTERM,
-            signal.SIGXCPU,
-        )
-        machine_codes = {128 + number for number in machine_signals}
+        machine_codes = {128 + number for number in MACHINE_SIGNALS}
         return code not in machine_codes and not reason.startswith(resource_failures)
 
     def ended_results(self, name: str) -> Results | None:
@@ -235,21 +227,15 @@ class StudyFolder:
 
     def _take_lock(self) -> None:
         """Lock the folder; raise UsageError if another study uses it."""
-        self._lock_descriptor = os.open(
-            self.path / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644
-        )
-        mode = fcntl.LOCK_SH if self._is_shared else fcntl.LOCK_EX
+        self._lock_descriptor = open_descriptor(self.path / LOCK, os.O_RDWR | os.O_CREAT)
         deadline = time.monotonic() + WORKER_TIMEOUT
         while True:
             try:
-                return fcntl.flock(self._lock_descriptor, mode | fcntl.LOCK_NB)
+                return lock_file(self._lock_descriptor, shared=self._is_shared)
             except BlockingIOError:
                 if time.monotonic() > deadline:
                     raise UsageError(f"{self.path} is in use by another study") from None
                 time.sleep(0.05)
-            except OSError:
-                # This file system has no locks; the study continues without one.
-                return None
 
     def _release(self) -> None:
         """Release the lock of the folder."""

@@ -8,12 +8,11 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
-from multiprocessing import connection
 from pathlib import Path
 from typing import TypeVar
 
 from indent_sim.config.schema import Config
-from indent_sim.process.child_process import ChildProcess, ProcessCrash
+from indent_sim.process.child_process import ChildProcess, ProcessCrash, wait_for_answers
 from indent_sim.process.errors import BackendError, ConfigError, IndentSimError, UsageError
 from indent_sim.run import pipeline
 
@@ -131,6 +130,6 @@ def run_jobs(
                 busy[worker] = name
             if not busy:
                 return
-            ready: Worker = connection.wait(list(busy))[0]  # type: ignore[assignment, arg-type]
+            ready = wait_for_answers(busy)[0]
             idle.append(ready)
             yield busy.pop(ready), ready.wait_for_job()

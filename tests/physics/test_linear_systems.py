@@ -121,9 +121,11 @@ def test_a_monitor_sees_every_linear_system(tmp_path, scene):
 
 
 def test_the_levels_of_the_multigrid_have_a_prefix_of_their_own(tmp_path):
-    usual = solved(tmp_path, **CUBE).states[-1]
-    with tuned(pmultigrid_mg_levels_ksp_max_it=1):  # of 3: a worse smoother needs more iterations
-        rough = solved(tmp_path, **CUBE).states[-1]
+    # With PETSc 3.25 a worse smoother needs more iterations from this size of the mesh on only.
+    finer = CUBE | {"mesh": {"h_contact": 0.08, "h_far": 0.2}}
+    usual = solved(tmp_path, **finer).states[-1]
+    with tuned(pmultigrid_mg_levels_ksp_max_it=1):  # of 3
+        rough = solved(tmp_path, **finer).states[-1]
     assert rough.force == pytest.approx(usual.force, rel=SAME)
     assert rough.krylov_iterations > usual.krylov_iterations
     assert not [

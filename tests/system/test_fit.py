@@ -14,6 +14,7 @@ from nanoscope_files import PEAKFORCE_CAPTURE
 
 import indent_sim
 from indent_sim.cli import commands
+from indent_sim.process.installation import afm_command
 from indent_sim.results.pictures import figures, forces
 from indent_sim.results.reader import read
 
@@ -126,7 +127,7 @@ def test_an_afm_file_without_its_reader_is_exit_7(
     monkeypatch.setitem(__import__("sys").modules, package, None)
     (tmp_path / name).write_bytes(data)
     done = command("fit", name, "--scene", "scene.yaml", "--vary", "material.E")
-    assert done.exit_code == 7 and "make setup AFM=1" in done.output
+    assert done.exit_code == 7 and afm_command() in done.output
 
 
 def test_a_design_says_what_a_measurement_would_tell(command, tmp_path):

@@ -98,6 +98,7 @@ def test_commands_of_the_pages_exist():
 DOCS = ("how_do_i", "study", "experiments", "conventions", "theory", "notes", "hardness")
 RUN = ("README.md", *(f"docs/{name}.md" for name in DOCS))
 ELSEWHERE = {  # blocks of commands that are not run here, by their first words
+    "pip install . ": "tests/system/test_wheel.py, and make pypi",
     "make demo ": "installs the packages of the machine: the first step of every check of a commit",
     "make check ": "the tests themselves",
     "mpirun -n 4": "tests/system/test_parallel.py, on 2 and 3 ranks",

@@ -31,8 +31,7 @@ class DofNumbering:
         width = space.dofmap.index_map_bs
         self._comm = space.mesh.comm
         self._owned_dofs = dofs.reshape(-1, width)[:owned]
-        is_in_cells = space.dofmap.dof_layout.num_entity_dofs(0) == 0
-        keys = (_cell_point_keys if is_in_cells else _node_keys)(space)[:owned]
+        keys = (_node_keys if compat.has_vertex_dofs(space) else _cell_point_keys)(space)[:owned]
         all_keys = np.sort(np.concatenate(self._comm.allgather(keys)))
         self._global_rows = np.searchsorted(all_keys, keys)
         self.shape = len(all_keys), width

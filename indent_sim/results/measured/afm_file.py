@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from indent_sim.process.errors import BackendError
+from indent_sim.process.installation import afm_command
 from indent_sim.results.measured import jpk_file
 from indent_sim.results.measured.measurement import (
-    INSTALL_HINT,
     SI,
     STIFFNESS_KEY,
     MeasuredCurve,
@@ -54,7 +54,8 @@ def read_afm_file(path: Path, stiffness: float | None = None) -> Sequence[Measur
         from afmformats import errors, formats
     except ImportError as error:
         raise BackendError(
-            f"{path} is an AFM file, and afmformats is missing ({error}); {INSTALL_HINT}"
+            f"{path} is an AFM file, and afmformats is missing ({error}); this line installs it: "
+            f"{afm_command()}"
         ) from error
     # afmformats logs whole tracebacks at lower levels.
     logging.getLogger("afmformats").setLevel(logging.CRITICAL)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import errno
-import os
 import re
-import stat
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from indent_sim.process.errors import UsageError
+from indent_sim.process.regular_files import open_regular_file
 from indent_sim.results.atomic_files import read_regular_file
 from indent_sim.results.measured import afm_file, nanoscope_file
 from indent_sim.results.measured.measurement import SI, MeasuredCurve
@@ -110,9 +108,7 @@ def _is_nanoscope_file(file: Path) -> bool:
 def _refuse_unreadable(path: Path) -> None:
     """Raise UsageError for a file that cannot be opened, before another package fails on it."""
     try:
-        with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
-            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-                raise OSError(errno.EINVAL, "not a regular file")
+        open_regular_file(path).close()
     except (OSError, ValueError) as error:
         raise _read_error(path, error) from None
 

@@ -17,9 +17,6 @@ CurvePart = Literal["approach", "hold", "retract", "all"]
 Abscissa = Literal["delta", "z"]
 DIMENSIONS = {"delta": "length", "z": "length", "force": "force", "t": "time"}
 SI = {"length": "m", "force": "N", "time": "s"}
-# These packages are needed to read AFM files.
-PACKAGES = "afmformats igor2 jprops pyfmreader tifffile 'pandas<3' pytz tzdata"
-INSTALL_HINT = f"install it with `make setup AFM=1`, or `pip install --no-deps {PACKAGES}`"
 # Part of a curve by the words for it in files.
 APPROACH_WORDS = (
     *("approach", "appr", "extend", "extension", "ex", "loading", "load", "trace"),

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from indent_sim.process.errors import BackendError
+from indent_sim.process.installation import afm_command
 from indent_sim.results.measured.measurement import (
-    INSTALL_HINT,
     SI,
     STIFFNESS_KEY,
     MeasuredCurve,
@@ -41,7 +41,8 @@ def read_peakforce_file(path: Path, stiffness: float | None = None) -> list[Meas
         from pyfmreader.nanosc.parsenanoscheader import parseNANOSCheader
     except ImportError as error:
         raise BackendError(
-            f"{path} is a PeakForce capture, and pyfmreader is missing ({error}); {INSTALL_HINT}"
+            f"{path} is a PeakForce capture, and pyfmreader is missing ({error}); this line "
+            f"installs it: {afm_command()}"
         ) from error
     try:
         with np.errstate(all="ignore"):

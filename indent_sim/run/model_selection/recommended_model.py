@@ -20,12 +20,14 @@ from indent_sim.model.experiment import Experiment
 from indent_sim.model.tips import Paraboloid, Sphere
 from indent_sim.model.unbounded_bodies import HalfSpace, UnboundedBody
 from indent_sim.model.walled_bodies import Box
-from indent_sim.process.errors import ConfigError
+from indent_sim.process.errors import ConfigError, NotConverged, SolverMissing
+from indent_sim.process.installation import missing_solver_text
 from indent_sim.run.model_selection import variants
 from indent_sim.run.model_selection.effect_table import EFFECTS
 from indent_sim.run.model_selection.effects import Effect, find_effect
 from indent_sim.run.model_selection.scene_variants import SceneVariants
 from indent_sim.run.model_selection.time_dependence import TransientVariants, limiting_case_changes
+from indent_sim.run.model_selection.variant_solver import NEEDS_MESH
 from indent_sim.run.model_selection.variants import Document, replace_sections
 from indent_sim.scene.regions import remove_unused_material
 from indent_sim.scene.scene import resolve
@@ -98,22 +100,36 @@ def require(config: Config, within: float = 0.01) -> Requirements:
     ------
     ConfigError
         If the scene cannot be run, or the tip never touches the body.
-    BackendError
-        If a solver is required that is not installed.
+    SolverMissing
+        If even the force of the scene needs a mesh, and the solver is not installed. Effects that
+        need it are unknown then.
     """
     try:
-        scene = resolve(config)
-        config = variants.set_gel_stretch(remove_unused_material(config, scene.physics.domain))
-        if scene.physics.is_time_dependent:
-            return _transient_requirements(TransientVariants(config, scene, within))
-        effects = _elastic_effects(SceneVariants(config, scene, within), tuple(EFFECTS))
-        model, variant = _simplest_model(config, effects, (), within)
-        text = _recommendation_text(model, variant, effects, within)
-        return Requirements(
-            tuple(effects.values()), variants.minimal_document(variant), model.percent, text
-        )
+        requirements = _requirements(config, within)
     except ConfigError as error:
         raise locate_error(config, error) from None
+    except NotConverged as error:
+        if NEEDS_MESH in str(error):
+            raise SolverMissing(missing_solver_text()) from None
+        raise
+    if any(NEEDS_MESH in effect.source for effect in requirements.effects):
+        hint = f"Some effects are unknown because {missing_solver_text()}"
+        return replace(requirements, words=f"{requirements.words} {hint}")
+    return requirements
+
+
+def _requirements(config: Config, within: float) -> Requirements:
+    """Return the requirements of a scene; see `require`."""
+    scene = resolve(config)
+    config = variants.set_gel_stretch(remove_unused_material(config, scene.physics.domain))
+    if scene.physics.is_time_dependent:
+        return _transient_requirements(TransientVariants(config, scene, within))
+    effects = _elastic_effects(SceneVariants(config, scene, within), tuple(EFFECTS))
+    model, variant = _simplest_model(config, effects, (), within)
+    text = _recommendation_text(model, variant, effects, within)
+    return Requirements(
+        tuple(effects.values()), variants.minimal_document(variant), model.percent, text
+    )
 
 
 def _elastic_effects(v: SceneVariants, names: tuple[str, ...]) -> dict[str, Effect]:

@@ -12,12 +12,21 @@ from indent_sim.config.schema import Config
 from indent_sim.model.contact import AutoContact
 from indent_sim.model.imported_body import MeshFromFile
 from indent_sim.model.state import State
-from indent_sim.process.errors import BackendError, ConfigError, IndentSimError, NotConverged
+from indent_sim.process.errors import (
+    BackendError,
+    ConfigError,
+    IndentSimError,
+    NotConverged,
+    SolverMissing,
+)
 from indent_sim.run.history_on_curve import HistoryResult, evaluate_with_units
 from indent_sim.run.model_selection.variants import replace_sections
 from indent_sim.run.pipeline import condense, states
 from indent_sim.scene.scene import Scene, resolve
 from indent_sim.theory.solution import SOLUTION_ERRORS
+
+# Reason why a variant is not solved without the solver of scenes on a mesh.
+NEEDS_MESH = "it needs a mesh, and the solver is not installed"
 
 T = TypeVar("T")
 
@@ -93,11 +102,14 @@ class VariantSolver:
     def _compute_once(self, key: str, compute: Callable[[], T]) -> T:
         """Return the result of `compute`, which is called once for each key.
 
-        Failures of `compute`, except BackendError, are stored as well, and raised as NotConverged.
+        Failures of `compute` are stored as well, and raised as NotConverged. A BackendError is
+        raised as it is, unless the solver is not installed at all.
         """
         if key not in self._results:
             try:
                 self._results[key] = compute()
+            except SolverMissing:
+                self._results[key] = NotConverged(NEEDS_MESH)
             except BackendError:
                 raise
             except (IndentSimError, *SOLUTION_ERRORS) as error:

@@ -38,7 +38,7 @@ from indent_sim.process.errors import (
     VerificationError,
 )
 from indent_sim.process.signals import defer_signals
-from indent_sim.results import field_reader, output_folder, result_files, tables
+from indent_sim.results import atomic_files, field_reader, output_folder, result_files, tables
 from indent_sim.results.atomic_files import write_atomically
 from indent_sim.results.compare import compare
 from indent_sim.results.field_arrays import ARRAYS
@@ -365,13 +365,15 @@ class TestEndings:
 
 class TestFullDisk:
     def test_a_row_that_does_not_fit_is_taken_back(self, tmp_path, monkeypatch):
-        pwrite = os.pwrite
+        write_at = atomic_files.write_at
         with (
             pytest.raises(NotConverged, match="1 rows are kept"),
             ResultFolder(tmp_path / "run", "") as run,
         ):
             run.append(a_state(1))
-            monkeypatch.setattr(os, "pwrite", lambda file, data, at: pwrite(file, data[:10], at))
+            monkeypatch.setattr(
+                atomic_files, "write_at", lambda file, data, at: write_at(file, data[:10], at)
+            )
             run.append(a_state(2))
         text = (tmp_path / "run" / "force_indentation.csv").read_text()
         assert text.count("\n") == 2 and text.endswith("\n")
@@ -390,7 +392,7 @@ class TestFullDisk:
 
     def test_fields_that_do_not_fit_are_not_named(self, tmp_path, monkeypatch):
         """On a full disk fields.xdmf names no state that could not be written."""
-        replace, pwrite = os.replace, os.pwrite
+        replace, write_at = os.replace, atomic_files.write_at
 
         def full(source, target):
             if Path(target).name == "step-2.h5":
@@ -412,7 +414,9 @@ class TestFullDisk:
         }
         writer = FieldWriter(tmp_path, *BODY, keep="all")
         writer.write(1, 0.1, some_fields(1))
-        monkeypatch.setattr(os, "pwrite", lambda file, data, at: pwrite(file, data[:500], at))
+        monkeypatch.setattr(
+            atomic_files, "write_at", lambda file, data, at: write_at(file, data[:500], at)
+        )
         with pytest.raises(OSError, match="No space"):
             writer.write(3, 0.1, some_fields(3))
         assert kept_steps(tmp_path) == [1]
