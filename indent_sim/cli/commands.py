@@ -30,6 +30,7 @@ from indent_sim.cli.options import (
     parse_layout,
     parse_limits,
     parse_pairs,
+    parse_rows,
     parse_shard,
     parse_tolerances,
     parse_words,
@@ -386,14 +387,15 @@ def _print_curve_requirements(
     "--models",
     flag_value="all",
     default="needed",
-    help="Fit the alternative models to every curve, not only where they are needed.",
+    help="Fit the alternative models to every curve, not only where they are needed; of a map only "
+    "to the sample of curves that are fitted one by one.",
 )
 @click.option(
     "--jobs",
     type=click.IntRange(1, 1000),
     default=1,
     metavar="N",
-    help="Curves at the same time [1].",
+    help="Curves, or blocks of curves of a map, at the same time [1].",
 )
 @click.option(
     "--map/--no-map",
@@ -412,6 +414,12 @@ def _print_curve_requirements(
     callback=parse_layout,
     metavar="ROWSxCOLUMNS",
     help="The files, in the order of their names, are the rows of a map.",
+)
+@click.option(
+    "--rows",
+    callback=parse_rows,
+    metavar="A:B",
+    help="With a map: rows A to B - 1, counted from 0 in the order of the scan [all].",
 )
 @click.option("--output", type=PATH, help="Folder of the fit [results/fit-<CURVE's stem>].")
 @quiet_option
@@ -521,22 +529,24 @@ def _fit_map(
     **options: Any,
 ) -> MapFit | None:
     """Fit a map with the options of the command line; return None if the curves are no map."""
-    from indent_sim.fitting import map_folder
+    from indent_sim.fitting import map_folder, map_source
 
     request = _fit_request(config, options)
     reading = _reading_options(options["columns"], options["units"])
-    measured_map = map_folder.find_map(curves, request, reading, options["as_map"], options["grid"])
+    source = map_source.MapSource(curves, reading, options["grid"], options["rows"])
+    measured_map = map_source.find_map(source, request, options["as_map"])
     if measured_map is None:
-        if options["thickness"]:
-            raise UsageError("--thickness belongs to a map", "leave it out, or add --map")
+        if wrong := [name for name in ("thickness", "rows") if options[name]]:
+            raise UsageError(f"--{wrong[0]} belongs to a map", "leave it out, or add --map")
         return None
-    if options["jobs"] > 1:
-        raise UsageError(
-            "--jobs: the curves of a map are fitted together in one process",
-            "leave --jobs out, or fit curve by curve with --no-map",
-        )
     return map_folder.fit_map_folder(
-        measured_map, request, output, options["thickness"], print_progress
+        measured_map,
+        source,
+        request,
+        output,
+        options["thickness"],
+        options["jobs"],
+        print_progress,
     )
 
 

@@ -58,6 +58,7 @@ PICTURES = "pictures"
 MAP_FIELDS = "map.h5"
 MAP_TABLE = "map.csv"
 MAP_PICTURE = "map.png"
+MAP_PROGRESS = "progress.h5"
 FIT_FILES = (
     FIT,
     FIT_TABLE,

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from indent_sim.config.quantities import si_factor
 from indent_sim.config.schema import Config
 from indent_sim.fitting.curve_fit import (
     SOLVED_DEPTH_FACTOR,
@@ -77,6 +78,27 @@ class MapScene:
         except NoCurve:
             return Samples(np.zeros(0), np.zeros(0))
         return samples.means_of_blocks(self.block_size)
+
+    def surface_height(self, contact_points: np.ndarray, travels: np.ndarray) -> np.ndarray:
+        """Return the height of the surface at zero force (N,) [length], up to a constant.
+
+        Displacements of a file with an image of the height begin anew for each curve; the image is
+        the height of the base where the tip turns, and the surface is `travel` above it.
+
+        Parameters
+        ----------
+        contact_points
+            Displacements at first touch (N,) [length].
+        travels
+            Displacements from first touch to the deepest sample (N,) [length].
+        """
+        image = self.curves.height
+        if image is None:
+            return -contact_points
+        places = self.curves.places
+        length = self.request.config.units.length
+        factor = si_factor(length, "length") if length else 1.0
+        return image[places[:, 0], places[:, 1]] / factor + travels  # type: ignore[no-any-return]
 
 
 def plan_map(curves: MeasuredMap, request: FitRequest, tables: ForwardModelCache) -> MapScene:

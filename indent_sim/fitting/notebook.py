@@ -11,7 +11,7 @@ import numpy as np
 
 from indent_sim.config.scene_file import config_from_mapping, load
 from indent_sim.config.schema import Config
-from indent_sim.fitting import map_folder
+from indent_sim.fitting import map_estimate, map_thickness
 from indent_sim.fitting.curve_fit import INTERVAL_KEYS, CurveFit, FitRequest, ModelChoice, fit_curve
 from indent_sim.fitting.forward_model.forward_model import ForwardModelCache
 from indent_sim.fitting.inference.estimate import OriginOptions
@@ -161,10 +161,10 @@ def fit_map(
     measured_map = _read_map(curves)
     pixels = None
     if isinstance(thickness, str):
-        pixels = map_folder.parse_thickness(thickness, request, measured_map.shape)
+        pixels = map_thickness.parse_thickness(thickness, request, measured_map.shape)
     elif thickness is not None:
-        pixels = map_folder.Thickness(values=np.asarray(thickness, dtype=float))
-    return FittedMap(**vars(map_folder.fit_map(measured_map, request, pixels)[0]))
+        pixels = map_thickness.Thickness(values=np.asarray(thickness, dtype=float))
+    return FittedMap(**vars(map_estimate.fit_map(measured_map, request, pixels)[0]))
 
 
 def _read_map(curves: str | Path | MeasuredMap | tuple[Any, Any]) -> MeasuredMap:

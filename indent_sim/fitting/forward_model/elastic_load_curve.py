@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -195,12 +196,7 @@ class ElasticLoadCurveGrid:
         wants_punches: bool = False,
     ):
         self.scene_curve = solve_load_curve(config, max_depth, wants_punches)
-
-        def solve(scene: Config) -> np.ndarray:
-            return _pack_coefficients(
-                solve_load_curve(scene, max_depth, wants_punches, self.scene_curve.exponent)
-            )
-
+        solve = partial(_solve_coefficients, max_depth, wants_punches, self.scene_curve.exponent)
         # Nodes around a value; the error is 2e-6 of the force with steps of 0.2.
         grid_nodes = 6
         self._grid = ParameterGrid(
@@ -231,6 +227,13 @@ class ElasticLoadCurveGrid:
             punch_coefficients=punches,
             max_radius=max_radius,
         )
+
+
+def _solve_coefficients(
+    max_depth: float, wants_punches: bool, exponent: float, config: Config
+) -> np.ndarray:
+    """Return the numbers of the load curve of a scene."""
+    return _pack_coefficients(solve_load_curve(config, max_depth, wants_punches, exponent))
 
 
 def _pack_coefficients(load_curve: ElasticLoadCurve) -> np.ndarray:
