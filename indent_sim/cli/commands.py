@@ -30,6 +30,7 @@ from indent_sim.cli.options import (
     parse_layout,
     parse_limits,
     parse_pairs,
+    parse_pixel,
     parse_rows,
     parse_shard,
     parse_tolerances,
@@ -696,6 +697,12 @@ def compare(
     help="Half width of the view of a field in contact radii, or all for the whole body.",
 )
 @click.option(
+    "--pixel",
+    callback=parse_pixel,
+    metavar="ROW,COLUMN",
+    help="Curve of a pixel of a fitted map, counted from 0, with its fit, computed anew.",
+)
+@click.option(
     "--font-size", "font", type=NumberInRange(4, 40), metavar="PT", help="Font size in points [10]."
 )
 @click.option(
@@ -730,6 +737,8 @@ def plot(paths: tuple[Path, ...], output: Path | None, **given_options: Any) -> 
         return _plot_study(paths, output, options)
     if len(paths) == 1 and paths[0].is_dir() and folder_kind(paths[0]) == "fit":
         return _plot_map(paths[0], output, options)
+    if "pixel" in options:
+        raise UsageError("--pixel belongs to the folder of a fitted map", "give one such folder")
     request = panels.plot_request(options) if options else None
     runs = [reader.read(path) for path in paths]
     if output is not None and output.suffix.lower() == ".tab":
@@ -753,11 +762,13 @@ def _plot_map(folder: Path, output: Path | None, options: dict[str, Any]) -> Non
     from indent_sim.fitting import map_folder, map_picture
     from indent_sim.results.pictures import figures
 
-    if unused_options := [name for name in options if name not in ("what", "dpi")]:
+    if unused_options := [name for name in options if name not in ("what", "dpi", "pixel")]:
         raise UsageError(
             f"the picture of a map has no option {unused_options[0]}",
-            "there are --what, --dpi and --output",
+            "there are --what, --pixel, --dpi and --output",
         )
+    if "pixel" in options:
+        return _plot_pixel(folder, output, options)
     map_fit = map_folder.read_map(folder)
     panels = options.get("what", ())
     if output is None:
@@ -766,6 +777,27 @@ def _plot_map(folder: Path, output: Path | None, options: dict[str, Any]) -> Non
     config = config_from_mapping(map_fit.entry["request"]["scene"])
     try:
         map_picture.draw_map(map_fit, config, output, panels, options.get("dpi"))
+    except OSError as error:
+        raise write_error(output, error) from error
+    print_stdout(str(output))
+
+
+def _plot_pixel(folder: Path, output: Path | None, options: dict[str, Any]) -> None:
+    """Plot the curve of a pixel of a fitted map with its fit."""
+    from indent_sim.fitting import map_pixel
+    from indent_sim.results.pictures import figures
+
+    if unused_options := [name for name in options if name != "pixel"]:
+        raise UsageError(
+            f"--pixel has no option {unused_options[0]}", "give --pixel with --output only"
+        )
+    row, column = options["pixel"]
+    if output is None:
+        output = folder / f"pixel-{row}-{column}.png"
+        figures.refuse_foreign_picture(output)
+    pixel = map_pixel.fit_pixel(folder, row, column)
+    try:
+        pixel.draw(output)
     except OSError as error:
         raise write_error(output, error) from error
     print_stdout(str(output))

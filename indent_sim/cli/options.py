@@ -99,6 +99,18 @@ def parse_layout(
     return int(rows), int(columns)
 
 
+def parse_pixel(
+    ctx: click.Context, option: click.Parameter, text: str | None
+) -> tuple[int, int] | None:
+    """Return the two numbers of ROW,COLUMN."""
+    if text is None:
+        return None
+    row, comma, column = text.partition(",")
+    if not (comma and row.isdecimal() and column.isdecimal()):
+        raise click.BadParameter(f"'{text}' is not ROW,COLUMN, for example 12,40")
+    return int(row), int(column)
+
+
 def parse_rows(
     ctx: click.Context, option: click.Parameter, text: str | None
 ) -> tuple[int, int] | None:

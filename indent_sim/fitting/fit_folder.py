@@ -14,7 +14,6 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import chain, count
-from multiprocessing import connection
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +32,7 @@ from indent_sim.fitting.curve_fit import (
 from indent_sim.fitting.forward_model.forward_model import ForwardModelCache
 from indent_sim.fitting.forward_model.parameters import number_at
 from indent_sim.fitting.inference.model_assessment import Interval
-from indent_sim.process.child_process import ChildProcess, ProcessCrash
+from indent_sim.process.child_process import ChildProcess, ProcessCrash, run_calls
 from indent_sim.process.errors import (
     BackendError,
     ConfigError,
@@ -398,24 +397,24 @@ def _run_tasks(tasks: Iterator[Any], request: FitRequest, jobs: int) -> Iterator
 
 def _run_in_processes(tasks: Iterator[Any], request: FitRequest, jobs: int) -> Iterator[Entry]:
     """Yield the entries of tasks that run in parallel, each as soon as it has ended."""
-    with ExitStack() as stack:
-        idle = [ChildProcess(__name__) for _ in range(jobs)]
-        for process in idle:
-            stack.callback(process.stop)
-        busy: dict[ChildProcess, tuple[Callable[[], Any], _FitTask]] = {}
+    rejected: list[Entry] = []
+
+    def calls() -> Iterator[tuple[_FitTask, Callable[..., Entry], tuple[Any, ...]]]:
         for task in tasks:
-            if not isinstance(task, _FitTask):
-                yield task
-                continue
-            while not idle:
-                for process in _ready_processes(busy):
-                    idle.append(process)
-                    yield _collect_entry(*busy.pop(process))
-            process = idle.pop()
-            busy[process] = process.begin_call(_fit_in_child, task, request), task
-        while busy:
-            for process in _ready_processes(busy):
-                yield _collect_entry(*busy.pop(process))
+            if isinstance(task, _FitTask):
+                yield task, _fit_in_child, (task, request)
+            else:
+                rejected.append(task)
+
+    with ExitStack() as stack:
+        processes = [ChildProcess(__name__) for _ in range(jobs)]
+        for process in processes:
+            stack.callback(process.stop)
+        for task, answer in run_calls(processes, calls()):
+            yield _collect_entry(answer, task)
+            while rejected:
+                yield rejected.pop()
+    yield from rejected
 
 
 def _fit_in_child(task: _FitTask, request: FitRequest) -> Entry:
@@ -427,12 +426,6 @@ def _fit_in_child(task: _FitTask, request: FitRequest) -> Entry:
 def _forward_models() -> ForwardModelCache:
     """Return the cache of forward models of this process."""
     return ForwardModelCache()
-
-
-def _ready_processes(busy: Mapping[ChildProcess, Any]) -> list[ChildProcess]:
-    """Wait for processes that have finished their task, and return them."""
-    answered = list(map(id, connection.wait(list(busy))))  # type: ignore[arg-type]
-    return [process for process in busy if id(process) in answered]
 
 
 def _collect_entry(answer: Callable[[], Entry], task: _FitTask) -> Entry:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from multiprocessing import connection
 
 import numpy as np
 
 from indent_sim.fitting.inference.pooled_noise import PooledNoise
 from indent_sim.fitting.map_fit import MapFitter, MapModel, ReadSamples
-from indent_sim.process.child_process import ChildProcess, ProcessCrash
+from indent_sim.process.child_process import ChildProcess, ProcessCrash, run_calls
 from indent_sim.process.errors import BackendError
 
 State = Mapping[str, np.ndarray]
@@ -49,32 +48,16 @@ def fit_blocks(
             on_block(block)
         return
     with ExitStack() as stack:
-        idle = [ChildProcess(__name__) for _ in range(min(jobs, len(blocks)))]
-        for process in idle:
+        processes = [ChildProcess(__name__) for _ in range(min(jobs, len(blocks)))]
+        for process in processes:
             stack.callback(process.stop)
-        answers = {
-            process: process.begin_call(
-                _begin_in_child, fitter.read, fitter.count, fitter.model, noise
-            )
-            for process in idle
-        }
-        for answer in answers.values():
-            _receive(answer)
-        busy: dict[ChildProcess, tuple[Callable[[], State], np.ndarray]] = {}
-        waiting = list(reversed(blocks))
-        while waiting or busy:
-            while waiting and idle:
-                process = idle.pop()
-                block = waiting.pop()
-                begun = process.begin_call(_fit_in_child, block, fitter.state(block))
-                busy[process] = begun, block
-            # Only as many objects as there are processes are compared.
-            ready = set(map(id, connection.wait(list(busy))))  # type: ignore[arg-type]
-            for process in [process for process in busy if id(process) in ready]:
-                answer, block = busy.pop(process)
-                idle.append(process)
-                fitter.restore(block, _receive(answer))
-                on_block(block)
+        model = (fitter.read, fitter.count, fitter.model, noise)
+        for begun in [process.begin_call(_begin_in_child, *model) for process in processes]:
+            _receive(begun)
+        calls = ((block, _fit_in_child, (block, fitter.state(block))) for block in blocks)
+        for block, answer in run_calls(processes, calls):
+            fitter.restore(block, _receive(answer))
+            on_block(block)
 
 
 def _fit_block(fitter: MapFitter, block: np.ndarray, noise: PooledNoise | None) -> None:
@@ -88,10 +71,15 @@ def _receive(answer: Callable[[], State]) -> State:
     try:
         return answer()
     except ProcessCrash as crash:
-        raise BackendError(
-            f"a process that fits curves of the map {crash}; call the command again, which "
-            "continues after the last finished block, with fewer --jobs"
-        ) from None
+        raise process_crash(crash) from None
+
+
+def process_crash(crash: ProcessCrash) -> BackendError:
+    """Return the error of a process that ended before it had fitted its curves."""
+    return BackendError(
+        f"a process that fits curves of the map {crash}; call the command again with fewer --jobs: "
+        "it continues after the last finished block"
+    )
 
 
 # Map and noise of this child process, which are sent once for all blocks.

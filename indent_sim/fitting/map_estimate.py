@@ -9,7 +9,9 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -19,7 +21,6 @@ from indent_sim.fitting.curve_fit import (
     FitRequest,
     fit_curve,
     format_value,
-    rejected_fit,
     relative_calibration_error,
     request_identity,
 )
@@ -32,7 +33,7 @@ from indent_sim.fitting.inference.pooled_noise import (
     MIN_BASELINES,
     PooledNoise,
 )
-from indent_sim.fitting.map_blocks import fit_blocks
+from indent_sim.fitting.map_blocks import fit_blocks, process_crash
 from indent_sim.fitting.map_fit import (
     FITTED,
     REASONS,
@@ -57,10 +58,11 @@ from indent_sim.fitting.map_scene import (
 )
 from indent_sim.fitting.map_source import named_curve
 from indent_sim.fitting.map_thickness import Thickness
+from indent_sim.process.child_process import ChildProcess, ProcessCrash, run_calls
 from indent_sim.process.errors import UsageError
 from indent_sim.process.usage import cpu_time
 from indent_sim.results.measured.measured_map import MeasuredMap
-from indent_sim.results.measured.measurement import NoCurve
+from indent_sim.results.measured.measurement import MeasuredCurve
 
 # Curves that are also fitted one by one: as many at random as with the largest misfit.
 SAMPLE_SIZE = 48
@@ -124,7 +126,7 @@ def fit_map(
     passes.run(FITTED_WITH_NOISE, progress.noise)
     noise = progress.noise
     map_fit = _map_fit(scene, fitter.fits, noise, thicknesses)
-    sample = _fit_sample(scene, map_fit, fitter.fits, thicknesses, tables)
+    sample = _fit_sample(scene, fitter.fits, thicknesses, tables, jobs)
     entry = _entry(scene, map_fit, fitter.fits, sample, cpu_time() - start_time)
     return replace(map_fit, entry=entry), [fit for _, fit in sample]
 
@@ -259,10 +261,10 @@ def _map_fit(
 
 def _fit_sample(
     scene: MapScene,
-    map_fit: MapFit,
     fits: PixelFits,
     thicknesses: np.ndarray | None,
     tables: ForwardModelCache,
+    jobs: int,
 ) -> list[tuple[int, CurveFit]]:
     """Fit curves one by one: half of them at random, half with the largest misfit."""
     fitted = np.flatnonzero(fits.is_fitted)
@@ -272,21 +274,44 @@ def _fit_sample(
         -np.log10(np.maximum(fits.p_shape[fitted], 1e-300)), np.abs(fits.half_z[fitted])
     )
     worst = fitted[np.argsort(-misfit)[:count]]
-    sample = []
-    for index in np.unique(np.concatenate([chosen, worst])).tolist():
-        request = scene.request
-        if thicknesses is not None:
-            config = replace_numbers(request.config, {HEIGHT_KEY: float(thicknesses[index])})
-            request = replace(request, config=config)
-        try:
-            curve = named_curve(scene.curves, index)
-        except NoCurve as error:
-            row, column = scene.curves.place(index)
-            fit = rejected_fit(f"row {row} column {column}", error.problem)
-        else:
-            fit = fit_curve(curve, request, tables)
-        sample.append((index, fit))
-    return sample
+
+    def pixel_request(index: int) -> FitRequest:
+        if thicknesses is None:
+            return scene.request
+        config = replace_numbers(scene.request.config, {HEIGHT_KEY: float(thicknesses[index])})
+        return replace(scene.request, config=config)
+
+    indices = np.unique(np.concatenate([chosen, worst])).tolist()
+    calls = [
+        (index, _fit_in_child, (named_curve(scene.curves, index), pixel_request(index)))
+        for index in indices
+    ]
+    if jobs == 1:
+        return [(index, fit_curve(*arguments, tables)) for index, _, arguments in calls]
+    with ExitStack() as stack:
+        processes = [ChildProcess(__name__) for _ in range(jobs)]
+        for process in processes:
+            stack.callback(process.stop)
+        sample = {index: _receive_fit(answer) for index, answer in run_calls(processes, calls)}
+    return sorted(sample.items())
+
+
+def _fit_in_child(curve: MeasuredCurve, request: FitRequest) -> CurveFit:
+    """Fit one curve in a child process, which keeps its forward models for later curves."""
+    return fit_curve(curve, request, _forward_models())
+
+
+@cache
+def _forward_models() -> ForwardModelCache:
+    """Return the cache of forward models of this process."""
+    return ForwardModelCache()
+
+
+def _receive_fit(answer: Callable[[], CurveFit]) -> CurveFit:
+    try:
+        return answer()
+    except ProcessCrash as crash:
+        raise process_crash(crash) from None
 
 
 def _entry(
