@@ -126,7 +126,7 @@ def fit_map(
     passes.run(FITTED_WITH_NOISE, progress.noise)
     noise = progress.noise
     map_fit = _map_fit(scene, fitter.fits, noise, thicknesses)
-    sample = _fit_sample(scene, fitter.fits, thicknesses, tables, jobs)
+    sample = _fit_sample(passes, scene, thicknesses, tables)
     entry = _entry(scene, map_fit, fitter.fits, sample, cpu_time() - start_time)
     return replace(map_fit, entry=entry), [fit for _, fit in sample]
 
@@ -260,20 +260,14 @@ def _map_fit(
 
 
 def _fit_sample(
+    passes: _Passes,
     scene: MapScene,
-    fits: PixelFits,
     thicknesses: np.ndarray | None,
     tables: ForwardModelCache,
-    jobs: int,
 ) -> list[tuple[int, CurveFit]]:
     """Fit curves one by one: half of them at random, half with the largest misfit."""
-    fitted = np.flatnonzero(fits.is_fitted)
-    count = min(SAMPLE_SIZE // 2, len(fitted))
-    chosen = np.random.default_rng(0).choice(fitted, count, replace=False)
-    misfit = np.fmax(
-        -np.log10(np.maximum(fits.p_shape[fitted], 1e-300)), np.abs(fits.half_z[fitted])
-    )
-    worst = fitted[np.argsort(-misfit)[:count]]
+    progress = passes.progress
+    indices = _sample_indices(passes.fitter.fits)
 
     def pixel_request(index: int) -> FitRequest:
         if thicknesses is None:
@@ -281,19 +275,35 @@ def _fit_sample(
         config = replace_numbers(scene.request.config, {HEIGHT_KEY: float(thicknesses[index])})
         return replace(scene.request, config=config)
 
-    indices = np.unique(np.concatenate([chosen, worst])).tolist()
     calls = [
         (index, _fit_in_child, (named_curve(scene.curves, index), pixel_request(index)))
         for index in indices
+        if index not in progress.sample
     ]
-    if jobs == 1:
-        return [(index, fit_curve(*arguments, tables)) for index, _, arguments in calls]
-    with ExitStack() as stack:
-        processes = [ChildProcess(__name__) for _ in range(jobs)]
-        for process in processes:
-            stack.callback(process.stop)
-        sample = {index: _receive_fit(answer) for index, answer in run_calls(processes, calls)}
-    return sorted(sample.items())
+    if passes.jobs == 1:
+        for index, _, arguments in calls:
+            progress.finish_curve(passes.fitter, index, fit_curve(*arguments, tables))
+    else:
+        with ExitStack() as stack:
+            processes = [ChildProcess(__name__) for _ in range(passes.jobs)]
+            for process in processes:
+                stack.callback(process.stop)
+            for index, answer in run_calls(processes, calls):
+                progress.finish_curve(passes.fitter, index, _receive_fit(answer))
+    return [(index, progress.sample[index]) for index in indices]
+
+
+def _sample_indices(fits: PixelFits) -> list[int]:
+    """Return the curves that are fitted one by one."""
+    fitted = np.flatnonzero(fits.is_fitted)
+    count = min(SAMPLE_SIZE // 2, len(fitted))
+    chosen = np.random.default_rng(0).choice(fitted, count, replace=False)
+    misfit = np.fmax(
+        -np.log10(np.maximum(fits.p_shape[fitted], 1e-300)), np.abs(fits.half_z[fitted])
+    )
+    worst = fitted[np.argsort(-misfit)[:count]]
+    indices: list[int] = np.unique(np.concatenate([chosen, worst])).tolist()
+    return indices
 
 
 def _fit_in_child(curve: MeasuredCurve, request: FitRequest) -> CurveFit:

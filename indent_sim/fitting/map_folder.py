@@ -17,7 +17,6 @@ from indent_sim.config.quantities import si_factor
 from indent_sim.fitting import fit_table
 from indent_sim.fitting.curve_fit import CurveFit, FitRequest, quantity_kind, request_identity
 from indent_sim.fitting.fit_folder import (
-    CURVES_FOLDER,
     FIT_TABLE,
     MAP_FIELDS,
     MAP_PICTURE,
@@ -166,10 +165,6 @@ def write_map(
                 directory / f"{name}.gsf", gwyddion_field(data, map_fit.size, name, unit)
             )
             write_atomically(directory / f"{name}.tif", tiff_image(data, map_fit.size, unit))
-        for fit in sample:
-            if fit.plotted is not None:
-                table = fit_table.table_of_curve(fit.plotted)
-                write_atomically(directory / CURVES_FOLDER / f"{fit.name}.csv", table, sync=False)
         entries = [fit.entry for fit in sample]
         write_atomically(
             directory / FIT_TABLE, fit_table.table_of_fits(entries, request.varied_keys)

@@ -10,7 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.fitting.fit_folder import MAP_PROGRESS
+from indent_sim.fitting import fit_table
+from indent_sim.fitting.curve_fit import CurveFit
+from indent_sim.fitting.fit_folder import CURVES_FOLDER, MAP_PROGRESS
 from indent_sim.fitting.inference.pooled_noise import PooledNoise
 from indent_sim.fitting.map_fit import BLOCK_SIZE, MapFitter
 from indent_sim.process.limits import write_error
@@ -39,6 +41,7 @@ class MapProgress:
     def __init__(self, folder: Path | None = None, header: Mapping[str, Any] | None = None):
         self.folder = folder
         self.noise: PooledNoise | None = None
+        self.sample: dict[int, CurveFit] = {}
         self._header = dict(header or {})
         self._stages = np.zeros(0, dtype=np.int8)
 
@@ -54,12 +57,14 @@ class MapProgress:
         with suppress(OSError, KeyError, ValueError, TypeError):
             arrays, attributes = read_hdf5_file(self.folder / MAP_PROGRESS)
             stages = arrays.pop("stages")
+            sample = json.loads(arrays.pop("sample").tobytes())
             noise = json.loads(attributes["noise"])
             if attributes["identity"] != self._identity or len(stages) != count:
                 return 0
             fitter.restore(np.arange(fitter.count), arrays)
             self._stages = stages
             self.noise = PooledNoise.from_record(noise) if noise else None
+            self.sample = {int(k): self._read_curve_fit(entry) for k, entry in sample.items()}
         return sum(len(block) for block in self._blocks_at(fitter, FITTED_WITH_NOISE))
 
     def unfinished(self, fitter: MapFitter, stage: int) -> list[np.ndarray]:
@@ -72,6 +77,22 @@ class MapProgress:
         self._stages[block[0] // BLOCK_SIZE] = stage
         self.save(fitter)
 
+    def finish_curve(self, fitter: MapFitter, index: int, fit: CurveFit) -> None:
+        """Keep the fit of a curve of the sample, and write its table."""
+        self.sample[index] = fit
+        if self.folder is not None and fit.plotted is not None:
+            table = self.folder / CURVES_FOLDER / f"{fit.name}.csv"
+            write_atomically(table, fit_table.table_of_curve(fit.plotted), sync=False)
+        self.save(fitter)
+
+    def _read_curve_fit(self, entry: dict[str, Any]) -> CurveFit:
+        """Return the fit of a curve of the sample, without data if its table is not readable."""
+        assert self.folder is not None
+        with suppress(OSError, ValueError):
+            table = self.folder / CURVES_FOLDER / f"{entry['curve']}.csv"
+            return CurveFit(entry, fit_table.read_curve_table(table.read_text()))
+        return CurveFit(entry)
+
     def save(self, fitter: MapFitter) -> None:
         """Write the results of all finished blocks.
 
@@ -82,7 +103,11 @@ class MapProgress:
         """
         if self.folder is None:
             return
-        arrays = fitter.state(np.arange(fitter.count)) | {"stages": self._stages}
+        entries = to_json({str(index): fit.entry for index, fit in self.sample.items()})
+        arrays = fitter.state(np.arange(fitter.count)) | {
+            "stages": self._stages,
+            "sample": np.frombuffer(entries.encode(), dtype=np.uint8),
+        }
         noise = self.noise.as_record() if self.noise else None
         attributes = {"identity": self._identity, "noise": json.dumps(noise)}
         data = hdf5_bytes(arrays, attributes, is_compressed=False)
