@@ -95,9 +95,15 @@ class CurveFits:
         return 0 if is_any_done else NotConverged.exit_code
 
     def as_json(self) -> Entry:
-        """Return scene, varied keys and entries as written to fit.json."""
-        scene = str(self.request.config.source.name)
-        return {"scene": scene, "vary": list(self.request.varied_keys), "curves": self.entries}
+        """Return scene, varied keys, units of fit.csv and entries as written to fit.json."""
+        config = self.request.config
+        keys = self.request.varied_keys
+        return {
+            "scene": str(config.source.name),
+            "vary": list(keys),
+            "units": fit_table.column_units(fit_table.fit_columns(keys), keys, config),
+            "curves": self.entries,
+        }
 
 
 @dataclass(frozen=True)

@@ -149,7 +149,9 @@ def write_map(
         if map_fit.size is not None:
             attributes |= {"size_m": map_fit.size}
         arrays = quantities | {"reason": map_fit.reason.astype(np.int8)}
-        write_atomically(directory / MAP_FIELDS, hdf5_bytes(arrays, attributes))
+        columns = (*quantities, *fit_table.fit_columns(request.varied_keys))
+        units = fit_table.column_units(columns, request.varied_keys, request.config)
+        write_atomically(directory / MAP_FIELDS, hdf5_bytes(arrays, attributes, units))
         write_atomically(directory / MAP_TABLE, _table(map_fit, quantities))
         for name, values, kind in (
             (
@@ -174,7 +176,7 @@ def write_map(
         status = "done" if map_fit.entry["map"]["fitted"] else "failed"
         code = 0 if status == "done" else NotConverged.exit_code
         header = {"program": PROGRAM, "version": VERSION, "status": status, "exit_code": code}
-        write_atomically(directory / FIT, to_json(header | map_fit.entry) + "\n")
+        write_atomically(directory / FIT, to_json(header | {"units": units} | map_fit.entry) + "\n")
     except OSError as error:
         raise write_error(directory, error) from error
 
