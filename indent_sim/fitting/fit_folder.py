@@ -49,6 +49,7 @@ from indent_sim.results.measured.curve_file import curve_files, read_curves
 from indent_sim.results.measured.measurement import MeasuredCurve, NoCurve
 from indent_sim.results.result_files import FIT, PROGRAM, read_report
 from indent_sim.run.planned_run import PlannedRun
+from indent_sim.run.solvers.elastic_curve import is_self_similar
 
 FIT_TABLE = "fit.csv"
 FIT_PICTURE = "fit.png"
@@ -159,7 +160,7 @@ def fit_curves(
     files = [file for path in paths for file in curve_files(path)]
     for key in request.varied_keys:
         number_at(request.config, key)
-    PlannedRun.resolve(request.config)
+    tell_cost(request, tell)
     with open_locked(directory, request_identity(request)) as earlier_entries:
         writer = _Writer(directory, request, earlier_entries)
         try:
@@ -184,6 +185,26 @@ def fit_curves(
     if len(fits.entries) > 1:
         tell(_summary_line(fits))
     return fits
+
+
+def tell_cost(request: FitRequest, tell: ReportLine) -> None:
+    """Say that the forces of the scene come from finite elements, and how long one run takes.
+
+    Raises ConfigError if the scene is not valid.
+    """
+    planned_run = PlannedRun.resolve(request.config)
+    if planned_run.scene.is_meshed and not is_self_similar(request.config):
+        seconds = planned_run.study_seconds(error_bars=True)
+        tell(
+            f"the scene has no theory: each solution by finite elements takes about {seconds:.2g} s "
+            "of CPU time, and a fit needs one or more"
+        )
+    elif planned_run.scene.is_meshed:
+        seconds = planned_run.study_seconds(error_bars=True)
+        tell(
+            f"the force of a sharp pyramid grows with the square of the depth: at most one solution "
+            f"by finite elements is needed, of about {seconds:.2g} s of CPU time"
+        )
 
 
 class _Writer:

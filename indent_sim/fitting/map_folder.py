@@ -23,6 +23,7 @@ from indent_sim.fitting.fit_folder import (
     MAP_TABLE,
     PICTURES,
     open_locked,
+    tell_cost,
 )
 from indent_sim.fitting.inference.pooled_noise import PooledNoise
 from indent_sim.fitting.map_estimate import ReportLine, fit_map
@@ -81,6 +82,7 @@ def fit_map_folder(
             progress.remove()
             tell(f"finished by an earlier call: {finished.words}")
             return finished
+        tell_cost(request, tell)
         try:
             map_fit, sample = fit_map(curves, request, pixel_thickness, jobs, progress, tell)
             map_fit = replace(map_fit, entry=map_fit.entry | header)
