@@ -908,9 +908,9 @@ def _own_file_names(folder: Path) -> Sequence[str]:
 
             return STUDY_FILES
         case "fit":
-            from indent_sim.fitting.fit_folder import FIT_FILES
+            from indent_sim.fitting.fit_folder import fit_files
 
-            return FIT_FILES
+            return fit_files(folder)
     return (*RESULT_FILES, FIELDS_FOLDER)
 
 

@@ -47,13 +47,12 @@ from indent_sim.results.atomic_files import write_atomically
 from indent_sim.results.json_text import to_json
 from indent_sim.results.measured.curve_file import curve_files, read_curves
 from indent_sim.results.measured.measurement import MeasuredCurve, NoCurve
-from indent_sim.results.result_files import FIT, PROGRAM, read_report
+from indent_sim.results.result_files import CURVES_FOLDER, FIT, PROGRAM, read_report
 from indent_sim.run.planned_run import PlannedRun
 from indent_sim.run.solvers.elastic_curve import is_self_similar
 
 FIT_TABLE = "fit.csv"
 FIT_PICTURE = "fit.png"
-CURVES_FOLDER = "curves"
 PICTURES = "pictures"
 MAP_FIELDS = "map.h5"
 MAP_TABLE = "map.csv"
@@ -69,6 +68,7 @@ FIT_FILES = (
     MAP_TABLE,
     MAP_PICTURE,
 )
+IMAGE_SUFFIXES = (".gsf", ".tif")  # images of a map: of the varied key, and of the height
 ReportLine = Callable[[str], None]
 Entry = dict[str, Any]
 
@@ -187,24 +187,24 @@ def fit_curves(
     return fits
 
 
+def fit_files(folder: Path) -> tuple[str, ...]:
+    """Return the names of all files and folders that a fit writes, with the images of a map."""
+    keys = read_report(folder, FIT).get("vary", [])
+    names = (*(str(key).rpartition(".")[2] for key in keys), "height")
+    return (*FIT_FILES, *(f"{name}{suffix}" for name in names for suffix in IMAGE_SUFFIXES))
+
+
 def tell_cost(request: FitRequest, tell: ReportLine) -> None:
     """Say that the forces of the scene come from finite elements, and how long one run takes.
 
     Raises ConfigError if the scene is not valid.
     """
     planned_run = PlannedRun.resolve(request.config)
-    if planned_run.scene.is_meshed and not is_self_similar(request.config):
-        seconds = planned_run.study_seconds(error_bars=True)
-        tell(
-            f"the scene has no theory: each solution by finite elements takes about {seconds:.2g} s "
-            "of CPU time, and a fit needs one or more"
-        )
-    elif planned_run.scene.is_meshed:
-        seconds = planned_run.study_seconds(error_bars=True)
-        tell(
-            f"the force of a sharp pyramid grows with the square of the depth: at most one solution "
-            f"by finite elements is needed, of about {seconds:.2g} s of CPU time"
-        )
+    if not planned_run.scene.is_meshed:
+        return
+    count = "at most one is needed" if is_self_similar(request.config) else "one or more are needed"
+    seconds = planned_run.study_seconds(error_bars=True)
+    tell(f"a solution by finite elements takes about {seconds:.2g} s of CPU time; {count}")
 
 
 class _Writer:

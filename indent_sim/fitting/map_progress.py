@@ -12,7 +12,7 @@ import numpy as np
 
 from indent_sim.fitting import fit_table
 from indent_sim.fitting.curve_fit import CurveFit
-from indent_sim.fitting.fit_folder import CURVES_FOLDER, MAP_PROGRESS
+from indent_sim.fitting.fit_folder import MAP_PROGRESS
 from indent_sim.fitting.inference.pooled_noise import PooledNoise
 from indent_sim.fitting.map_fit import BLOCK_SIZE, MapFitter
 from indent_sim.process.limits import write_error
@@ -20,7 +20,7 @@ from indent_sim.process.version import VERSION
 from indent_sim.results.atomic_files import temporary_path, write_atomically
 from indent_sim.results.json_text import to_json
 from indent_sim.results.map_arrays import hdf5_bytes, read_hdf5_file
-from indent_sim.results.result_files import FIT, PROGRAM
+from indent_sim.results.result_files import CURVES_FOLDER, FIT, PROGRAM
 
 NOT_FITTED = 0
 INITIALLY_FITTED = 1
