@@ -406,9 +406,10 @@ def _print_curve_requirements(
 )
 @click.option(
     "--thickness",
-    metavar="FILE|height[:MEAN]",
+    metavar="FILE|height[:MEAN]|base",
     help="With a map: thickness of each pixel, in a .gsf, .tif or text file, or from the height at "
-    "zero force, if the base is flat; MEAN is the median thickness [body.height].",
+    "zero force, if the base is flat; MEAN is the median thickness [body.height]. base: the height "
+    "above the plane of the base, fitted where the base is bare.",
 )
 @click.option(
     "--grid",

@@ -35,6 +35,7 @@ from indent_sim.fitting.inference.pooled_noise import (
 )
 from indent_sim.fitting.map_blocks import fit_blocks, process_crash
 from indent_sim.fitting.map_fit import (
+    BARE_BASE,
     FITTED,
     REASONS,
     TOO_DEEP,
@@ -46,7 +47,9 @@ from indent_sim.fitting.map_fit import (
 from indent_sim.fitting.map_progress import (
     FITTED_WITH_NOISE,
     INITIALLY_FITTED,
+    REFITTED,
     MapProgress,
+    ThicknessFit,
 )
 from indent_sim.fitting.map_result import MapFit
 from indent_sim.fitting.map_scene import (
@@ -57,9 +60,9 @@ from indent_sim.fitting.map_scene import (
     thinnest_body,
 )
 from indent_sim.fitting.map_source import named_curve
-from indent_sim.fitting.map_thickness import Thickness
+from indent_sim.fitting.map_thickness import Thickness, heights_above_base
 from indent_sim.process.child_process import ChildProcess, ProcessCrash, run_calls
-from indent_sim.process.errors import UsageError
+from indent_sim.process.errors import ConfigError, UsageError
 from indent_sim.process.usage import cpu_time
 from indent_sim.results.measured.measured_map import MeasuredMap
 from indent_sim.results.measured.measurement import MeasuredCurve
@@ -122,7 +125,7 @@ def fit_map(
     if progress.noise is None:
         progress.noise = _estimate_noise(fitter)
     tell(f"noise of the map: {noise_text(progress.noise)}")
-    thicknesses = _set_thickness(fitter, scene, thickness)
+    thicknesses = _set_thickness(passes, scene, thickness)
     passes.run(FITTED_WITH_NOISE, progress.noise)
     noise = progress.noise
     map_fit = _map_fit(scene, fitter.fits, noise, thicknesses)
@@ -153,7 +156,7 @@ class _Passes:
             # Time [s] between two lines of progress.
             interval = 2.0
             if time.monotonic() - last_told > interval:
-                name = "fitted" if noise else "fitted without the noise"
+                name = "fitted" if noise else "fitted by ordinary least squares"
                 self.tell(f"{done} of {self.fitter.count} curves {name}")
                 last_told = time.monotonic()
 
@@ -172,27 +175,84 @@ def _estimate_noise(fitter: MapFitter) -> PooledNoise:
 
 
 def _set_thickness(
-    fitter: MapFitter, scene: MapScene, thickness: Thickness | None
+    passes: _Passes, scene: MapScene, thickness: Thickness | None
 ) -> np.ndarray | None:
-    """Give the fitter the thickness of each curve (N,) after the first pass, and return it."""
+    """Give the fitter the thickness of each curve (N,) after the first pass, and return it.
+
+    A thickness that follows from contact points is computed twice: those of the first pass are of a
+    body of one thickness.
+    """
+    fitter = passes.fitter
     if thickness is None or not np.isfinite(fitter.initial_depths).any():
         return None
+    if thickness.values is None:
+        if thickness.mean is None and REFITTED not in passes.progress.thickness:
+            fitter.reject(_is_bare_base(fitter, scene), BARE_BASE)
+        _use_thickness(passes, scene, thickness, REFITTED)
+        passes.run(REFITTED, None)
+    return _use_thickness(passes, scene, thickness, FITTED_WITH_NOISE)
+
+
+def _use_thickness(
+    passes: _Passes, scene: MapScene, thickness: Thickness, stage: int
+) -> np.ndarray:
+    """Give the fitter the thicknesses (N,) of a stage, of an earlier call if they are kept."""
+    fitter = passes.fitter
+    kept = passes.progress.thickness
+    if stage not in kept:
+        # The contact point moves by less than this fraction of the depth with another thickness.
+        margin = 1.1
+        max_depth = margin * float(np.nanmax(fitter.initial_depths))
+        kept[stage] = ThicknessFit(_thicknesses(fitter, scene, thickness, max_depth), max_depth)
+        passes.progress.save(fitter)
+    values = kept[stage].values
+    max_depth = kept[stage].max_depth
+    fitter.model = thickness_model(scene, values, max_depth)
+    fitter.reject(values < thinnest_body(max_depth), TOO_DEEP)
+    return values
+
+
+def _thicknesses(
+    fitter: MapFitter, scene: MapScene, thickness: Thickness, max_depth: float
+) -> np.ndarray:
+    """Return the thickness of each curve (N,), as it is given or from the contact points."""
+    places = scene.curves.places
     if thickness.values is not None:
-        places = scene.curves.places
-        thicknesses = thickness.values[places[:, 0], places[:, 1]]
+        given: np.ndarray = thickness.values[places[:, 0], places[:, 1]]
+        return given
+    height = scene.surface_height(fitter.initial.contact_point, fitter.initial.travel)
+    is_fitted = fitter.fits.is_fitted
+    if thickness.mean is not None:
+        values = thickness.mean + height - np.nanmedian(height[is_fitted])
     else:
-        assert thickness.mean is not None
-        initial = fitter.initial
-        height = scene.surface_height(initial.contact_point, initial.travel)
-        height = np.where(fitter.fits.is_fitted & np.isfinite(height), height, math.nan)
-        height = np.where(np.isfinite(height), height, np.nanmedian(height))
-        thicknesses = thickness.mean + height - np.median(height)
-    # The contact point moves by less than this fraction of the depth when the thickness is right.
-    margin = 1.1
-    max_depth = margin * float(np.nanmax(fitter.initial_depths))
-    fitter.model = thickness_model(scene, thicknesses, max_depth)
-    fitter.reject(thicknesses < thinnest_body(max_depth), TOO_DEEP)
+        values = heights_above_base(places, height, fitter.fits.reason == BARE_BASE)
+    # The thickness of rejected curves is not used. A surface may be below the base.
+    values = np.where(is_fitted & np.isfinite(values), values, np.nanmedian(values[is_fitted]))
+    thicknesses: np.ndarray = np.maximum(values, 0.5 * thinnest_body(max_depth))
     return thicknesses
+
+
+def _is_bare_base(fitter: MapFitter, scene: MapScene) -> np.ndarray:
+    """Return whether the base moves the spring only, without an indentation (N,).
+
+    Raises
+    ------
+    ConfigError
+        If there is no spring, behind which the depth is a small difference.
+    """
+    if not scene.forward_model.experiment.compliance:
+        raise ConfigError(
+            "--thickness",
+            "the bare base is known by the deflection of a cantilever, and the scene has none",
+            "give experiment.cantilever, or another --thickness",
+        )
+    # Depth of a rigid body, over the displacement of the cantilever's base.
+    max_depth_fraction = 0.05
+    initial = fitter.initial
+    is_base: np.ndarray = fitter.fits.is_fitted & (
+        initial.depth < max_depth_fraction * initial.travel
+    )
+    return is_base
 
 
 def _map_fit(
@@ -251,7 +311,7 @@ def _map_fit(
         image(np.where(is_fitted, explained, math.nan)),
         reason,
         image(height - np.nanmedian(height)),
-        None if thicknesses is None else image(thicknesses),
+        None if thicknesses is None else image(np.where(is_fitted, thicknesses, math.nan)),
         {name: image(np.where(is_fitted, values, math.nan)) for name, values in pixels.items()},
         scene.curves.size,
         noise,

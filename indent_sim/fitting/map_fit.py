@@ -81,6 +81,7 @@ REASONS = (
     "no contact: no fit was found",
     "the modulus is known to a factor of more than 4 only",
     "the contact is too deep for the thickness or for the solved scene",
+    "the bare base: the tip does not indent it",
 )
 ReadSamples = Callable[[int], Samples]
 FITTED = 0
@@ -95,6 +96,7 @@ FEW_IN_CONTACT = 8
 NO_FIT = 9
 UNCERTAIN = 10
 TOO_DEEP = 11
+BARE_BASE = 12
 
 
 @dataclass
@@ -294,7 +296,8 @@ class MapFitter:
             self.fit_block_initially(block)
 
     def fit_block_initially(self, block: np.ndarray) -> None:
-        """Fit the curves of a block by ordinary least squares; see `fit_initially`."""
+        """Fit the curves of a block that are not rejected yet; see `fit_initially`."""
+        block = block[self.fits.is_fitted[block]]
         with np.errstate(all="ignore"):
             for first in range(0, len(block), BATCH_SIZE):
                 for curves, samples in self._equally_long(block[first : first + BATCH_SIZE]):

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.fitting import fit_picture
 from indent_sim.fitting.curve_fit import (
@@ -97,7 +99,7 @@ def _request_of_record(
 ) -> FitRequest:
     """Return the settings of the fit of a pixel, with its thickness."""
     config = config_from_mapping(record["scene"])
-    if map_fit.thickness is not None:
+    if map_fit.thickness is not None and np.isfinite(map_fit.thickness[row, column]):
         config = replace_numbers(config, {HEIGHT_KEY: float(map_fit.thickness[row, column])})
     return FitRequest(
         config,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,17 @@ from indent_sim.results.result_files import CURVES_FOLDER, FIT, PROGRAM
 
 NOT_FITTED = 0
 INITIALLY_FITTED = 1
-FITTED_WITH_NOISE = 2
+# By ordinary least squares as well, with the thickness that follows from the first pass.
+REFITTED = 2
+FITTED_WITH_NOISE = 3
+
+
+@dataclass(frozen=True)
+class ThicknessFit:
+    """Thickness of each curve (N,) [length], and the largest depth for which it is used."""
+
+    values: np.ndarray
+    max_depth: float
 
 
 class MapProgress:
@@ -42,6 +53,8 @@ class MapProgress:
         self.folder = folder
         self.noise: PooledNoise | None = None
         self.sample: dict[int, CurveFit] = {}
+        # By the stage for which it is used.
+        self.thickness: dict[int, ThicknessFit] = {}
         self._header = dict(header or {})
         self._stages = np.zeros(0, dtype=np.int8)
 
@@ -61,6 +74,11 @@ class MapProgress:
             noise = json.loads(attributes["noise"])
             if attributes["identity"] != self._identity or len(stages) != count:
                 return 0
+            self.thickness = {
+                stage: ThicknessFit(arrays.pop(name), float(arrays.pop(f"max_depth.{stage}")))
+                for stage in (REFITTED, FITTED_WITH_NOISE)
+                if (name := f"thickness.{stage}") in arrays
+            }
             fitter.restore(np.arange(fitter.count), arrays)
             self._stages = stages
             self.noise = PooledNoise.from_record(noise) if noise else None
@@ -108,6 +126,9 @@ class MapProgress:
             "stages": self._stages,
             "sample": np.frombuffer(entries.encode(), dtype=np.uint8),
         }
+        for stage, thickness in self.thickness.items():
+            arrays[f"thickness.{stage}"] = thickness.values
+            arrays[f"max_depth.{stage}"] = np.array(thickness.max_depth)
         noise = self.noise.as_record() if self.noise else None
         attributes = {"identity": self._identity, "noise": json.dumps(noise)}
         data = hdf5_bytes(arrays, attributes, is_compressed=False)

@@ -27,21 +27,54 @@ class Thickness:
         force: the body lies on a flat base.
     values
         Thickness of each pixel (rows, columns) [length of the scene], if it is given.
+
+    Without both, the thickness is the height above the plane of the base, which is fitted to the
+    pixels where the base is bare.
     """
 
     mean: float | None = None
     values: np.ndarray | None = None
 
 
+def heights_above_base(places: np.ndarray, heights: np.ndarray, is_base: np.ndarray) -> np.ndarray:
+    """Return heights (N,) above the plane through the pixels of the bare base.
+
+    Parameters
+    ----------
+    places
+        Rows and columns of the pixels (N, 2).
+    heights
+        Heights of the surface (N,) [length]; NaN if unknown.
+    is_base
+        Whether the base is bare (N,).
+
+    Raises
+    ------
+    UsageError
+        If these pixels do not determine a plane.
+    """
+    columns = np.column_stack([np.ones(len(places)), places])
+    used = is_base & np.isfinite(heights)
+    plane, _, rank, _ = np.linalg.lstsq(columns[used], heights[used], rcond=None)
+    if rank < columns.shape[1]:
+        raise UsageError(
+            f"the plane of the base cannot be fitted: the base is bare in {used.sum()} pixels",
+            "give --thickness height:MEAN or a file",
+        )
+    above: np.ndarray = heights - columns @ plane
+    return above
+
+
 def parse_thickness(text: str, request: FitRequest, shape: tuple[int, int]) -> Thickness:
-    """Return the thickness of the pixels by `height`, `height:MEAN`, or a file.
+    """Return the thickness of the pixels by `height`, `height:MEAN`, `base`, or a file.
 
     Parameters
     ----------
     text
         `height`: body.height is the median thickness, and the thickness follows the surface;
-        `height:MEAN` with another median, such as `height:6 um`; or a .gsf, .tif or text file with
-        a number for each pixel [length of the scene; .gsf: m].
+        `height:MEAN` with another median, such as `height:6 um`; `base`: height above the plane of
+        the base, where it is bare; or a .gsf, .tif or text file with a number for each pixel
+        [length of the scene; .gsf: m].
     request
         The scene.
     shape
@@ -59,13 +92,16 @@ def parse_thickness(text: str, request: FitRequest, shape: tuple[int, int]) -> T
         if match[1]:
             config = replace_numbers(config, {HEIGHT_KEY: _number_or_text(match[1])})
         return Thickness(mean=number_at(config, HEIGHT_KEY))
+    if text == "base":
+        number_at(config, HEIGHT_KEY)
+        return Thickness()
     path = Path(text)
     try:
         values = read_image(path)
     except (OSError, ValueError) as error:
         raise UsageError(
             f"--thickness {text}: cannot be read ({error})",
-            "give height, height:MEAN as in height:6um, or a .gsf, .tif or .csv file",
+            "give height, height:MEAN as in height:6um, base, or a .gsf, .tif or .csv file",
         ) from None
     if values.shape != shape:
         raise UsageError(

@@ -114,12 +114,11 @@ def main() -> None:
     print(f"{len(truth.force)} curves of {options.points} points made", flush=True)
     print(f"CPU time of their making: {time.process_time() - start:.0f} s", flush=True)
     places = np.column_stack(np.divmod(np.arange(len(truth.force)), shape[1]))
-    abscissa = "z" if options.spring else "delta"
 
     def read_curve(index: int) -> MeasuredCurve:
-        columns = {abscissa: truth.x}
-        approach = {"approach": slice(0, len(truth.x))}
-        return MeasuredCurve(str(index), truth.force[index], parts=approach, **columns)
+        depth, z = (None, truth.x) if options.spring else (truth.x, None)
+        parts = {"approach": slice(0, len(truth.x))}
+        return MeasuredCurve(str(index), truth.force[index], depth, z, parts=parts)
 
     curves = MeasuredMap(shape, None, places, read_curve, units={})
     request = FitRequest(config_from_mapping(scene(4.1, options.spring)), ("material.E",))
