@@ -55,6 +55,7 @@ from indent_sim.fitting.map_result import MapFit
 from indent_sim.fitting.map_scene import (
     HEIGHT_KEY,
     MapScene,
+    largest_depth,
     plan_map,
     thickness_model,
     thinnest_body,
@@ -202,7 +203,7 @@ def _use_thickness(
     if stage not in kept:
         # The contact point moves by less than this fraction of the depth with another thickness.
         margin = 1.1
-        max_depth = margin * float(np.nanmax(fitter.initial_depths))
+        max_depth = margin * largest_depth(fitter.initial_depths, percentile=99.0)
         kept[stage] = ThicknessFit(_thicknesses(fitter, scene, thickness, max_depth), max_depth)
         passes.progress.save(fitter)
     values = kept[stage].values

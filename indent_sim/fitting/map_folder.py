@@ -31,7 +31,7 @@ from indent_sim.fitting.map_fit import FITTED, REASONS
 from indent_sim.fitting.map_progress import MapProgress
 from indent_sim.fitting.map_result import MapFit
 from indent_sim.fitting.map_source import MapSource
-from indent_sim.fitting.map_thickness import parse_thickness
+from indent_sim.fitting.map_thickness import parse_thickness, thickness_of_scene
 from indent_sim.process.errors import ConfigError, NotConverged, UsageError
 from indent_sim.process.limits import write_error
 from indent_sim.process.version import VERSION
@@ -71,7 +71,9 @@ def fit_map_folder(
     tell
         Function that is called with each line of progress.
     """
-    pixel_thickness = parse_thickness(thickness, request, curves.shape) if thickness else None
+    pixel_thickness = thickness_of_scene(request.config)
+    if thickness:
+        pixel_thickness = parse_thickness(thickness, request, curves.shape)
     options = {"thickness": thickness, "grid": source.grid, "rows": source.rows}
     identity = dict(request_identity(request)) | {"map": options}
     header = {"request": identity, "source": source.record() | _file_state(thickness)}

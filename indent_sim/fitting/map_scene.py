@@ -130,7 +130,7 @@ def plan_map(curves: MeasuredMap, request: FitRequest, tables: ForwardModelCache
         counts.append(len(samples))
     if not depths:
         raise UsageError("no curve of the map has a contact")
-    depth = SOLVED_DEPTH_FACTOR * max(depths)
+    depth = SOLVED_DEPTH_FACTOR * largest_depth(np.array(depths), percentile=95.0)
     try:
         forward_model = tables.forward_model(config, request.varied_keys, depth)
     except ForwardModelUnavailable as error:
@@ -141,6 +141,16 @@ def plan_map(curves: MeasuredMap, request: FitRequest, tables: ForwardModelCache
     block_size = math.ceil(np.median(counts) / MAX_SAMPLES)
     planned = replace(request, config=config)
     return MapScene(request, planned, curves, forward_model, tuple(notes), block_size)
+
+
+def largest_depth(depths: np.ndarray, percentile: float) -> float:
+    """Return the largest depth of a map [length], up to which bodies are solved.
+
+    A curve without a contact that is not recognised as such may have any depth, for which the body
+    might be too thin. Therefore depths above 1.5 times a percentile do not count.
+    """
+    max_ratio = 1.5
+    return float(min(np.nanmax(depths), max_ratio * np.nanpercentile(depths, percentile)))
 
 
 def _check_keys(request: FitRequest) -> None:

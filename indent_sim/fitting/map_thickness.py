@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from indent_sim.config.quantities import si_factor
+from indent_sim.config.schema import Config
 from indent_sim.fitting.curve_fit import FitRequest
 from indent_sim.fitting.forward_model.parameters import number_at, replace_numbers
 from indent_sim.fitting.map_scene import HEIGHT_KEY
-from indent_sim.process.errors import UsageError
+from indent_sim.process.errors import ConfigError, UsageError
 from indent_sim.results.map_images import read_image
 
 
@@ -112,6 +113,25 @@ def parse_thickness(text: str, request: FitRequest, shape: tuple[int, int]) -> T
     if path.suffix.lower() == ".gsf" and length:
         values = values / si_factor(length, "length")
     return Thickness(values=values)
+
+
+def thickness_of_scene(config: Config) -> Thickness | None:
+    """Return the thickness by the section `map` of a scene; None if it has none.
+
+    Raises
+    ------
+    ConfigError
+        If the body has no height, or if both a median and a base are given.
+    """
+    settings = config.map
+    if settings is None:
+        return None
+    height = number_at(config, HEIGHT_KEY)
+    if settings.base and settings.mean is not None:
+        raise ConfigError("map", "has both mean and base", "the base makes a median superfluous")
+    if settings.base:
+        return Thickness()
+    return Thickness(mean=height if settings.mean is None else settings.mean)
 
 
 def _number_or_text(text: str) -> float | str:

@@ -146,7 +146,8 @@ def fit_map(
     vary
         Key of the modulus.
     thickness
-        Thickness of each pixel (rows, columns) [length], or the text of `--thickness`.
+        Thickness of each pixel (rows, columns) [length], or the text of `--thickness`; by default
+        that of the section `map` of the scene.
     contact_point
         Displacement at first contact, if it is known.
 
@@ -159,7 +160,7 @@ def fit_map(
     """
     request = FitRequest(_load_scene(scene), (vary,), "approach", OriginOptions(contact_point))
     measured_map = _read_map(curves)
-    pixels = None
+    pixels = map_thickness.thickness_of_scene(request.config)
     if isinstance(thickness, str):
         pixels = map_thickness.parse_thickness(thickness, request, measured_map.shape)
     elif thickness is not None:

@@ -18,7 +18,9 @@ from indent_sim.fitting.inference.pooled_noise import (
     estimate_pooled_noise,
 )
 from indent_sim.fitting.map_fit import REASONS, MapFitter, MapModel, PixelFits
-from indent_sim.fitting.map_scene import MapScene
+from indent_sim.fitting.map_scene import MapScene, largest_depth
+from indent_sim.fitting.map_thickness import Thickness, thickness_of_scene
+from indent_sim.process.errors import ConfigError
 from indent_sim.results.measured.measured_map import MeasuredMap
 from indent_sim.results.measured.measurement import MeasuredCurve, NoCurve
 
@@ -225,3 +227,33 @@ def test_height_of_the_surface_at_zero_force(has_image):
 def no_curve(index: int) -> MeasuredCurve:
     """Raise the error of a curve that cannot be read."""
     raise NoCurve("no curve")
+
+
+@pytest.mark.parametrize(
+    ("section", "thickness"),
+    [
+        ({"thickness": "height"}, Thickness(mean=1.0)),
+        ({"mean": 2.5}, Thickness(mean=2.5)),
+        ({"base": {"plane": "fitted"}}, Thickness()),
+        (None, None),
+    ],
+)
+def test_thickness_of_a_map_in_its_scene(section, thickness):
+    """The median is body.height, another one, or none above a plane."""
+    config = scene(**({"map": section} if section else {}))
+    assert thickness_of_scene(config) == thickness
+
+
+def test_scene_of_a_map_without_a_thickness_is_refused():
+    with pytest.raises(ConfigError, match="height"):
+        thickness_of_scene(scene(HALF_SPACE, map={"thickness": "height"}))
+    with pytest.raises(ConfigError, match="both mean and base"):
+        thickness_of_scene(scene(map={"mean": 2.0, "base": {"plane": "fitted"}}))
+
+
+def test_curves_without_contact_do_not_set_the_largest_depth():
+    """One curve in a hundred may have any depth; the others count, also up to 1.5 times deeper."""
+    depths = np.append(np.full(199, 0.5), 5.0)
+    assert largest_depth(depths, 99.0) == 0.75
+    assert largest_depth(np.append(np.full(199, 0.5), 0.7), 99.0) == 0.7
+    assert largest_depth(np.array([0.2, np.nan, 0.5]), 99.0) == 0.5
