@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -123,7 +124,7 @@ def draw_parameter_intervals(
         # Names of more curves would overlap.
         max_names = 40
         if len(ordered) <= max_names:
-            names = [picture_text(str(entry["curve"]), 24) for entry in ordered]
+            names = _short_names([str(entry["curve"]) for entry in ordered])
             axes.set_xticks(range(1, len(names) + 1), names, rotation=90, fontsize=8)
         else:
             axes.locator_params(axis="x", integer=True)
@@ -136,6 +137,17 @@ def draw_parameter_intervals(
             figure, f"{count}{rejected_text}", "95 % intervals; fit.csv has a row for each curve"
         )
         figures.save(figure, path)
+
+
+def _short_names(names: Sequence[str]) -> list[str]:
+    """Return names for a picture, without a long beginning that all have."""
+    max_letters = 20
+    columns = zip(*names, strict=False)
+    same = list(takewhile(lambda letters: len(set(letters)) == 1, columns))
+    common = min(len(same), min(map(len, names)) - 3)
+    if len(names) == 1 or max(map(len, names)) <= max_letters or common < 1:
+        return [picture_text(name, max_letters) for name in names]
+    return [picture_text(f"…{name[common:]}", max_letters) for name in names]
 
 
 def _draw_forces(force_axes: Axes, residual_axes: Axes, fit: CurveFit, config: Config) -> None:
