@@ -30,6 +30,8 @@ from indent_sim.cli.options import (
     parse_layout,
     parse_limits,
     parse_pairs,
+    parse_pixel,
+    parse_rows,
     parse_shard,
     parse_tolerances,
     parse_top,
@@ -397,14 +399,15 @@ def _print_curve_requirements(
     "--models",
     flag_value="all",
     default="needed",
-    help="Fit the alternative models to every curve, not only where they are needed.",
+    help="Fit the alternative models to every curve, not only where they are needed; of a map only "
+    "to the sample of curves that are fitted one by one.",
 )
 @click.option(
     "--jobs",
     type=click.IntRange(1, 1000),
     default=1,
     metavar="N",
-    help="Curves at the same time [1].",
+    help="Curves, or blocks of curves of a map, at the same time [1].",
 )
 @click.option(
     "--map/--no-map",
@@ -414,15 +417,22 @@ def _print_curve_requirements(
 )
 @click.option(
     "--thickness",
-    metavar="FILE|height[:MEAN]",
+    metavar="FILE|height[:MEAN]|base",
     help="With a map: thickness of each pixel, in a .gsf, .tif or text file, or from the height at "
-    "zero force, if the base is flat; MEAN is the median thickness [body.height].",
+    "zero force, if the base is flat; MEAN is the median thickness [body.height]. base: the height "
+    "above the plane of the base, fitted where the base is bare.",
 )
 @click.option(
     "--grid",
     callback=parse_layout,
     metavar="ROWSxCOLUMNS",
     help="The files, in the order of their names, are the rows of a map.",
+)
+@click.option(
+    "--rows",
+    callback=parse_rows,
+    metavar="A:B",
+    help="With a map: rows A to B - 1, counted from 0 in the order of the scan [all].",
 )
 @click.option("--output", type=PATH, help="Folder of the fit [results/fit-<CURVE's stem>].")
 @quiet_option
@@ -532,27 +542,29 @@ def _fit_map(
     **options: Any,
 ) -> MapFit | None:
     """Fit a map with the options of the command line; return None if the curves are no map."""
-    from indent_sim.fitting import map_folder
+    from indent_sim.fitting import map_folder, map_source
 
     request = _fit_request(config, options)
     reading = _reading_options(options)
-    measured_map = map_folder.find_map(curves, request, reading, options["as_map"], options["grid"])
+    source = map_source.MapSource(curves, reading, options["grid"], options["rows"])
+    measured_map = map_source.find_map(source, request, options["as_map"])
     if measured_map is None:
-        if options["thickness"]:
-            raise UsageError("--thickness belongs to a map", "leave it out, or add --map")
+        if wrong := [name for name in ("thickness", "rows") if options[name]]:
+            raise UsageError(f"--{wrong[0]} belongs to a map", "leave it out, or add --map")
         return None
     if options["level"] is not None:
         raise UsageError(
             "--level: the baselines of a map are fitted",
             "leave --level out, or fit curve by curve with --no-map",
         )
-    if options["jobs"] > 1:
-        raise UsageError(
-            "--jobs: the curves of a map are fitted together in one process",
-            "leave --jobs out, or fit curve by curve with --no-map",
-        )
     return map_folder.fit_map_folder(
-        measured_map, request, output, options["thickness"], print_progress
+        measured_map,
+        source,
+        request,
+        output,
+        options["thickness"],
+        options["jobs"],
+        print_progress,
     )
 
 
@@ -788,6 +800,12 @@ def compare(
     help="Half width of the view of a field in contact radii, or all for the whole body.",
 )
 @click.option(
+    "--pixel",
+    callback=parse_pixel,
+    metavar="ROW,COLUMN",
+    help="Curve of a pixel of a fitted map, counted from 0, with its fit, computed anew.",
+)
+@click.option(
     "--font-size", "font", type=NumberInRange(4, 40), metavar="PT", help="Font size in points [10]."
 )
 @click.option(
@@ -822,6 +840,8 @@ def plot(paths: tuple[Path, ...], output: Path | None, **given_options: Any) -> 
         return _plot_study(paths, output, options)
     if len(paths) == 1 and paths[0].is_dir() and folder_kind(paths[0]) == "fit":
         return _plot_map(paths[0], output, options)
+    if "pixel" in options:
+        raise UsageError("--pixel belongs to the folder of a fitted map", "give one such folder")
     request = panels.plot_request(options) if options else None
     runs = [reader.read(path) for path in paths]
     if output is not None and output.suffix.lower() == ".tab":
@@ -845,11 +865,13 @@ def _plot_map(folder: Path, output: Path | None, options: dict[str, Any]) -> Non
     from indent_sim.fitting import map_folder, map_picture
     from indent_sim.results.pictures import figures
 
-    if unused_options := [name for name in options if name not in ("what", "dpi")]:
+    if unused_options := [name for name in options if name not in ("what", "dpi", "pixel")]:
         raise UsageError(
             f"the picture of a map has no option {unused_options[0]}",
-            "there are --what, --dpi and --output",
+            "there are --what, --pixel, --dpi and --output",
         )
+    if "pixel" in options:
+        return _plot_pixel(folder, output, options)
     map_fit = map_folder.read_map(folder)
     panels = options.get("what", ())
     if output is None:
@@ -858,6 +880,27 @@ def _plot_map(folder: Path, output: Path | None, options: dict[str, Any]) -> Non
     config = config_from_mapping(map_fit.entry["request"]["scene"])
     try:
         map_picture.draw_map(map_fit, config, output, panels, options.get("dpi"))
+    except OSError as error:
+        raise write_error(output, error) from error
+    print_stdout(str(output))
+
+
+def _plot_pixel(folder: Path, output: Path | None, options: dict[str, Any]) -> None:
+    """Plot the curve of a pixel of a fitted map with its fit."""
+    from indent_sim.fitting import map_pixel
+    from indent_sim.results.pictures import figures
+
+    if unused_options := [name for name in options if name != "pixel"]:
+        raise UsageError(
+            f"--pixel has no option {unused_options[0]}", "give --pixel with --output only"
+        )
+    row, column = options["pixel"]
+    if output is None:
+        output = folder / f"pixel-{row}-{column}.png"
+        figures.refuse_foreign_picture(output)
+    pixel = map_pixel.fit_pixel(folder, row, column)
+    try:
+        pixel.draw(output)
     except OSError as error:
         raise write_error(output, error) from error
     print_stdout(str(output))
@@ -968,9 +1011,9 @@ def _own_file_names(folder: Path) -> Sequence[str]:
 
             return STUDY_FILES
         case "fit":
-            from indent_sim.fitting.fit_folder import FIT_FILES
+            from indent_sim.fitting.fit_folder import fit_files
 
-            return FIT_FILES
+            return fit_files(folder)
     return (*RESULT_FILES, FIELDS_FOLDER)
 
 

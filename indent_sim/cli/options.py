@@ -99,6 +99,30 @@ def parse_layout(
     return int(rows), int(columns)
 
 
+def parse_pixel(
+    ctx: click.Context, option: click.Parameter, text: str | None
+) -> tuple[int, int] | None:
+    """Return the two numbers of ROW,COLUMN."""
+    if text is None:
+        return None
+    row, comma, column = text.partition(",")
+    if not (comma and row.isdecimal() and column.isdecimal()):
+        raise click.BadParameter(f"'{text}' is not ROW,COLUMN, for example 12,40")
+    return int(row), int(column)
+
+
+def parse_rows(
+    ctx: click.Context, option: click.Parameter, text: str | None
+) -> tuple[int, int] | None:
+    """Return the two numbers of A:B, the second of which is larger."""
+    if text is None:
+        return None
+    first, colon, end = text.partition(":")
+    if not (colon and first.isdecimal() and end.isdecimal() and int(first) < int(end)):
+        raise click.BadParameter(f"'{text}' is not A:B with A < B, for example 0:32")
+    return int(first), int(end)
+
+
 def parse_limits(
     ctx: click.Context, option: click.Parameter, text: str | None
 ) -> tuple[float, float] | None:

@@ -90,6 +90,22 @@ class OutputSettings:
 
 
 @dataclass(frozen=True)
+class MapBase:
+    """Base of the body in a map: a plane through the pixels where it is bare."""
+
+    plane: Literal["fitted"] = "fitted"
+
+
+@dataclass(frozen=True)
+class MapSettings:
+    """Thickness of the body at each pixel of a map. Only `fit` of a map uses this section."""
+
+    thickness: Literal["height"] = "height"
+    mean: Length | None = None
+    base: MapBase | None = None
+
+
+@dataclass(frozen=True)
 class Source:
     """Source of every key of a config: file and line, or the `--set` option.
 
@@ -132,6 +148,7 @@ class SceneSections(BaseModel):
     drainage: Drainage | None = None
     loading: Loading
     experiment: Experiment | None = None
+    map: MapSettings | None = None
     mesh: MeshSettings = MeshSettings()
     accuracy: Annotated[float, Gt(0), Lt(1)] | AccuracyPreset | None = None
     solver: SolverSettings = SolverSettings()

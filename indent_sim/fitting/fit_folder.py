@@ -31,7 +31,7 @@ from indent_sim.fitting.curve_fit import (
 from indent_sim.fitting.forward_model.forward_model import ForwardModelCache
 from indent_sim.fitting.forward_model.parameters import number_at
 from indent_sim.fitting.inference.model_assessment import Interval
-from indent_sim.process.child_process import ChildProcess, ProcessCrash, wait_for_answers
+from indent_sim.process.child_process import ChildProcess, ProcessCrash, run_calls
 from indent_sim.process.errors import (
     BackendError,
     ConfigError,
@@ -48,16 +48,17 @@ from indent_sim.results.atomic_files import write_atomically
 from indent_sim.results.json_text import to_json
 from indent_sim.results.measured.curve_file import curve_files, read_curves
 from indent_sim.results.measured.measurement import MeasuredCurve, NoCurve
-from indent_sim.results.result_files import FIT, PROGRAM, read_report
+from indent_sim.results.result_files import CURVES_FOLDER, FIT, PROGRAM, read_report
 from indent_sim.run.planned_run import PlannedRun
+from indent_sim.run.solvers.elastic_curve import is_self_similar
 
 FIT_TABLE = "fit.csv"
 FIT_PICTURE = "fit.png"
-CURVES_FOLDER = "curves"
 PICTURES = "pictures"
 MAP_FIELDS = "map.h5"
 MAP_TABLE = "map.csv"
 MAP_PICTURE = "map.png"
+MAP_PROGRESS = "progress.h5"
 FIT_FILES = (
     FIT,
     FIT_TABLE,
@@ -68,6 +69,7 @@ FIT_FILES = (
     MAP_TABLE,
     MAP_PICTURE,
 )
+IMAGE_SUFFIXES = (".gsf", ".tif")  # images of a map: of the varied key, and of the height
 ReportLine = Callable[[str], None]
 Entry = dict[str, Any]
 
@@ -115,9 +117,15 @@ class CurveFits:
         return 0 if is_any_done else NotConverged.exit_code
 
     def as_json(self) -> Entry:
-        """Return scene, varied keys and entries as written to fit.json."""
-        scene = str(self.request.config.source.name)
-        return {"scene": scene, "vary": list(self.request.varied_keys), "curves": self.entries}
+        """Return scene, varied keys, units of fit.csv and entries as written to fit.json."""
+        config = self.request.config
+        keys = self.request.varied_keys
+        return {
+            "scene": str(config.source.name),
+            "vary": list(keys),
+            "units": fit_table.column_units(fit_table.fit_columns(keys), keys, config),
+            "curves": self.entries,
+        }
 
 
 @dataclass(frozen=True)
@@ -173,7 +181,7 @@ def fit_curves(
     files = [file for path in paths for file in curve_files(path)]
     for key in request.varied_keys:
         number_at(request.config, key)
-    PlannedRun.resolve(request.config)
+    tell_cost(request, tell)
     with open_locked(directory, request_identity(request)) as earlier_entries:
         writer = _Writer(directory, request, earlier_entries)
         try:
@@ -198,6 +206,26 @@ def fit_curves(
     if len(fits.entries) > 1:
         tell(_summary_line(fits))
     return fits
+
+
+def fit_files(folder: Path) -> tuple[str, ...]:
+    """Return the names of all files and folders that a fit writes, with the images of a map."""
+    keys = read_report(folder, FIT).get("vary", [])
+    names = (*(str(key).rpartition(".")[2] for key in keys), "height")
+    return (*FIT_FILES, *(f"{name}{suffix}" for name in names for suffix in IMAGE_SUFFIXES))
+
+
+def tell_cost(request: FitRequest, tell: ReportLine) -> None:
+    """Say that the forces of the scene come from finite elements, and how long one run takes.
+
+    Raises ConfigError if the scene is not valid.
+    """
+    planned_run = PlannedRun.resolve(request.config)
+    if not planned_run.scene.is_meshed:
+        return
+    count = "at most one is needed" if is_self_similar(request.config) else "one or more are needed"
+    seconds = planned_run.study_seconds(error_bars=True)
+    tell(f"a solution by finite elements takes about {seconds:.2g} s of CPU time; {count}")
 
 
 class _Writer:
@@ -418,24 +446,24 @@ def _run_tasks(tasks: Iterator[Any], request: FitRequest, jobs: int) -> Iterator
 
 def _run_in_processes(tasks: Iterator[Any], request: FitRequest, jobs: int) -> Iterator[Entry]:
     """Yield the entries of tasks that run in parallel, each as soon as it has ended."""
-    with ExitStack() as stack:
-        idle = [ChildProcess(__name__) for _ in range(jobs)]
-        for process in idle:
-            stack.callback(process.stop)
-        busy: dict[ChildProcess, tuple[Callable[[], Any], _FitTask]] = {}
+    rejected: list[Entry] = []
+
+    def calls() -> Iterator[tuple[_FitTask, Callable[..., Entry], tuple[Any, ...]]]:
         for task in tasks:
-            if not isinstance(task, _FitTask):
-                yield task
-                continue
-            while not idle:
-                for process in wait_for_answers(busy):
-                    idle.append(process)
-                    yield _collect_entry(*busy.pop(process))
-            process = idle.pop()
-            busy[process] = process.begin_call(_fit_in_child, task, request), task
-        while busy:
-            for process in wait_for_answers(busy):
-                yield _collect_entry(*busy.pop(process))
+            if isinstance(task, _FitTask):
+                yield task, _fit_in_child, (task, request)
+            else:
+                rejected.append(task)
+
+    with ExitStack() as stack:
+        processes = [ChildProcess(__name__) for _ in range(jobs)]
+        for process in processes:
+            stack.callback(process.stop)
+        for task, answer in run_calls(processes, calls()):
+            yield _collect_entry(answer, task)
+            while rejected:
+                yield rejected.pop()
+    yield from rejected
 
 
 def _fit_in_child(task: _FitTask, request: FitRequest) -> Entry:

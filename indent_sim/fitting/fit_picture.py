@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 
 from indent_sim.config.schema import Config
 from indent_sim.fitting.curve_fit import CurveFit, one_line_summary, quantity_kind
-from indent_sim.results.measured.measurement import curve_parts
+from indent_sim.results.measured.measurement import MeasuredCurve, curve_parts
 from indent_sim.results.pictures import figures
 from indent_sim.results.pictures.axes import Axis, picture_text, scaled_axis
 from indent_sim.results.pictures.figures import COLOURS, GREY, INK, Axes, Figure, PlotStyle
@@ -21,10 +22,10 @@ Entry = Mapping[str, Any]
 
 
 @contextmanager
-def fit_figure(fit: CurveFit, config: Config) -> Iterator[Figure]:
+def fit_figure(fit: CurveFit, config: Config, note: str = "") -> Iterator[Figure]:
     """Yield the figure of one curve: force and fit, residuals, and the first key by depth range.
 
-    The residuals are in per cent of the largest force.
+    The residuals are in per cent of the largest force. A note ends the line below the title.
     """
     assert fit.plotted is not None
     with figures.new_figure((10.5, 5.2)) as figure:
@@ -44,13 +45,44 @@ def fit_figure(fit: CurveFit, config: Config) -> Iterator[Figure]:
                 _parameter_axis(config, keys[0], [fit.entry]),
                 range_name,
             )
-        figures.draw_title(figure, picture_text(fit.name), one_line_summary(fit.entry, config))
+        subtitle = "  ·  ".join(filter(None, [one_line_summary(fit.entry, config), note]))
+        figures.draw_title(figure, picture_text(fit.name), subtitle)
         yield figure
 
 
-def draw_curve(fit: CurveFit, config: Config, path: Path) -> None:
-    """Draw one curve into a file."""
-    with fit_figure(fit, config) as figure:
+def draw_curve(fit: CurveFit, config: Config, path: Path, note: str = "") -> None:
+    """Draw one curve into a file; see `fit_figure`."""
+    with fit_figure(fit, config, note) as figure:
+        figures.save(figure, path)
+
+
+def draw_rejected_curve(
+    curve: MeasuredCurve, fit: CurveFit, config: Config, path: Path, note: str = ""
+) -> None:
+    """Draw the force of a curve that was rejected over its depth or displacement, by its parts.
+
+    A note ends the line below the title.
+    """
+    with figures.new_figure((8.0, 5.2)) as figure:
+        axes = figure.subplots()
+        make_axis = _axis_factory(config)
+        column = curve.available_abscissa("z")
+        name = "displacement z" if column == "z" else "depth δ"
+        x = make_axis("length", curve.abscissa_values(column), name)
+        force = make_axis("force", curve.force, "force F")
+        parts = curve.parts or {"measured": slice(None)}
+        for k, (part, rows) in enumerate(parts.items()):
+            style: PlotStyle = {"ls": "", "marker": ".", "ms": 3, "color": COLOURS[k % 4]}
+            axes.plot(
+                x(curve.abscissa_values(column)[rows]),
+                force(curve.force[rows]),
+                label=part,
+                **style,
+            )
+        axes.set(xlabel=x.label, ylabel=force.label)
+        axes.legend(loc="best")
+        subtitle = "  ·  ".join(filter(None, [f"refused: {fit.entry['reason']}", note]))
+        figures.draw_title(figure, picture_text(curve.name), subtitle)
         figures.save(figure, path)
 
 
@@ -89,7 +121,13 @@ def draw_parameter_intervals(
             face = {} if explained else {"mfc": "white"}
             axes.errorbar(ranks, value, [value - low, high - value], label=name, **style, **face)
         axes.set(xlabel="curve, by size", xlim=(0.5, len(done_entries) + 0.5), ylabel=axis.label)
-        axes.locator_params(axis="x", integer=True)
+        # Names of more curves would overlap.
+        max_names = 40
+        if len(ordered) <= max_names:
+            names = _short_names([str(entry["curve"]) for entry in ordered])
+            axes.set_xticks(range(1, len(names) + 1), names, rotation=90, fontsize=8)
+        else:
+            axes.locator_params(axis="x", integer=True)
         axes.margins(y=0.2)  # room for the two lines of the legend
         axes.legend(loc="upper left")
         rejected_count = len(entries) - len(done_entries)
@@ -99,6 +137,17 @@ def draw_parameter_intervals(
             figure, f"{count}{rejected_text}", "95 % intervals; fit.csv has a row for each curve"
         )
         figures.save(figure, path)
+
+
+def _short_names(names: Sequence[str]) -> list[str]:
+    """Return names for a picture, without a long beginning that all have."""
+    max_letters = 20
+    columns = zip(*names, strict=False)
+    same = list(takewhile(lambda letters: len(set(letters)) == 1, columns))
+    common = min(len(same), min(map(len, names)) - 3)
+    if len(names) == 1 or max(map(len, names)) <= max_letters or common < 1:
+        return [picture_text(name, max_letters) for name in names]
+    return [picture_text(f"…{name[common:]}", max_letters) for name in names]
 
 
 def _draw_forces(force_axes: Axes, residual_axes: Axes, fit: CurveFit, config: Config) -> None:

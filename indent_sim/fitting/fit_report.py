@@ -14,7 +14,7 @@ from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import dump
 from indent_sim.fitting import fit_picture, map_picture
 from indent_sim.fitting.curve_fit import INTERVAL_KEYS, CurveFit, format_value
-from indent_sim.fitting.fit_folder import CURVES_FOLDER, FIT_TABLE
+from indent_sim.fitting.fit_folder import FIT_TABLE
 from indent_sim.fitting.fit_table import read_curve_table
 from indent_sim.fitting.inference.model_assessment import Interval
 from indent_sim.fitting.map_folder import read_map
@@ -23,7 +23,7 @@ from indent_sim.process.version import VERSION
 from indent_sim.results.atomic_files import read_regular_file
 from indent_sim.results.html_report import Picture, Table, render_page, thinned_table, value_text
 from indent_sim.results.pictures import figures
-from indent_sim.results.result_files import FIT, PROGRAM, read_report
+from indent_sim.results.result_files import CURVES_FOLDER, FIT, PROGRAM, read_report
 
 Entry = Mapping[str, Any]
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from indent_sim.fitting.curve_fit import PlottedCurve
+from indent_sim.config.schema import Config
+from indent_sim.fitting.curve_fit import PlottedCurve, quantity_kind
+from indent_sim.results.pictures.axes import unit_label
 
 FIRST_COLUMNS = ("curve", "status", "reason", "explained", "cause")
 LAST_COLUMNS = (
@@ -24,6 +26,20 @@ LAST_COLUMNS = (
     "drift_percent",
     "hertz_E",
 )
+# Kinds of the columns of fit.csv and map.csv that are not those of a key, for `unit_label`.
+COLUMN_KINDS = {
+    "contact_point": "length",
+    "contact_point_low": "length",
+    "contact_point_high": "length",
+    "height": "length",
+    "thickness": "length",
+    "depth": "length",
+    "force_max": "force",
+    "baseline": "force",
+    "slope": "line",
+    "hertz_E": "pressure",
+}
+PERCENT_COLUMNS = ("rms_percent", "drift_percent")
 PLOTTED_COLUMNS = ("delta", "force", "fit", "residual")
 MODEL_PREFIX = "fit_"
 Entry = Mapping[str, Any]
@@ -35,17 +51,41 @@ def table_of_fits(entries: Sequence[Entry], keys: Sequence[str]) -> str:
     drift_percent is the relative difference between the values of the first key by fits to half the
     depth and to the whole depth. Cells without a value are empty.
     """
-    columns = (
-        *FIRST_COLUMNS,
-        *(f"{key}{end}" for key in keys for end in ("", "_low", "_high")),
-        *LAST_COLUMNS,
-    )
     text = io.StringIO()
-    table = csv.DictWriter(text, columns, lineterminator="\n", restval="")
+    table = csv.DictWriter(text, fit_columns(keys), lineterminator="\n", restval="")
     table.writeheader()
     for entry in entries:
         table.writerow(_fit_row(entry, keys))
     return text.getvalue()
+
+
+def column_units(columns: Iterable[str], keys: Sequence[str], config: Config) -> dict[str, str]:
+    """Return the units of columns of fit.csv or map.csv that have one.
+
+    Parameters
+    ----------
+    columns
+        Names of the columns.
+    keys
+        Varied keys of the scene.
+    config
+        The scene.
+    """
+    scene_units = {"length": config.units.length, "force": config.units.force}
+    kinds: dict[str, str] = dict(COLUMN_KINDS)
+    for key in keys:
+        kinds |= {f"{key}{end}": quantity_kind(config, key) or "" for end in ("", "_low", "_high")}
+    if keys:
+        kinds |= {f"statistical_{end}": kinds[keys[0]] for end in ("low", "high")}
+    units = {name: unit_label(kinds[name], scene_units) for name in columns if kinds.get(name)}
+    units |= {name: "%" for name in PERCENT_COLUMNS if name in columns}
+    return {name: unit for name, unit in units.items() if unit}
+
+
+def fit_columns(keys: Sequence[str]) -> tuple[str, ...]:
+    """Return the columns of fit.csv."""
+    key_columns = (f"{key}{end}" for key in keys for end in ("", "_low", "_high"))
+    return (*FIRST_COLUMNS, *key_columns, *LAST_COLUMNS)
 
 
 def _fit_row(entry: Entry, keys: Sequence[str]) -> dict[str, Any]:

@@ -12,7 +12,7 @@ The reasons are those for which single curves are rejected (`estimate`).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
@@ -42,6 +42,8 @@ from indent_sim.fitting.inference.model_assessment import (
     CONTACT_MARGIN,
     MAX_DEPTH_Z,
     MIN_SHAPE_P,
+    SUSPICIOUS_DEPTH_Z,
+    SUSPICIOUS_SHAPE_P,
     trend_cosines,
 )
 from indent_sim.fitting.inference.noise import NORMAL_95, WHITE, solve_normal_equations
@@ -54,7 +56,11 @@ from indent_sim.fitting.inference.pooled_noise import (
 )
 
 # Curves that are fitted at once: their samples fit into the cache of a processor.
-BLOCK_SIZE = 64
+BATCH_SIZE = 64
+# Neighbouring curves that are fitted without a result between them. A killed fit continues after
+# the last block, and processes fit different blocks. A batch has curves of one block only, so that
+# numbers depend neither on kills nor on the number of processes.
+BLOCK_SIZE = 1024
 # Numbers of samples are multiples of this, so that many curves have the same.
 LENGTH_STEP = 32
 # Relative change of the sums of squares at which the fits of a map end.
@@ -75,7 +81,9 @@ REASONS = (
     "no contact: no fit was found",
     "the modulus is known to a factor of more than 4 only",
     "the contact is too deep for the thickness or for the solved scene",
+    "the bare base: the tip does not indent it",
 )
+ReadSamples = Callable[[int], Samples]
 FITTED = 0
 INCOMPLETE = 1
 FEW_POINTS = 2
@@ -88,6 +96,7 @@ FEW_IN_CONTACT = 8
 NO_FIT = 9
 UNCERTAIN = 10
 TOO_DEEP = 11
+BARE_BASE = 12
 
 
 @dataclass
@@ -106,6 +115,8 @@ class PixelFits:
         Baseline at the contact point [force], and its slope [force/length].
     max_force, depth
         Largest fitted force [force]; depth without the spring's deflection [length].
+    travel
+        Displacement of the base from first touch to the deepest sample [length].
     rms
         Root mean square of the residuals [force].
     p_shape
@@ -127,6 +138,7 @@ class PixelFits:
     slope: np.ndarray
     max_force: np.ndarray
     depth: np.ndarray
+    travel: np.ndarray
     rms: np.ndarray
     p_shape: np.ndarray
     half_theta: np.ndarray
@@ -138,13 +150,7 @@ class PixelFits:
     @classmethod
     def empty(cls, count: int) -> PixelFits:
         """Return results without any fit."""
-        integers = ("reason", "point_count")
-        arrays = {
-            entry.name: np.zeros(count, dtype=np.int32)
-            if entry.name in integers
-            else np.full(count, math.nan)
-            for entry in fields(cls)
-        }
+        arrays = _empty_arrays(cls, count, ("reason", "point_count"))
         return cls(**arrays)
 
     @property
@@ -160,6 +166,52 @@ class PixelFits:
         is_depth_dependent = np.abs(self.half_z) > MAX_DEPTH_Z
         explained: np.ndarray = self.is_fitted & ~has_trend & ~is_depth_dependent
         return explained
+
+
+@dataclass
+class InitialFits:
+    """Fits of the curves of a map by ordinary least squares, in arrays (N, ...).
+
+    Attributes
+    ----------
+    theta, contact_point, level, slope
+        Parameters, as those of `PixelFits`.
+    depth, travel
+        Depth without the spring's deflection, and with it [length].
+    near_count
+        Number of samples at the end of the curve that are fitted.
+    baseline_count
+        Number of samples before contact.
+    """
+
+    theta: np.ndarray
+    contact_point: np.ndarray
+    level: np.ndarray
+    slope: np.ndarray
+    depth: np.ndarray
+    travel: np.ndarray
+    near_count: np.ndarray
+    baseline_count: np.ndarray
+
+    @classmethod
+    def empty(cls, count: int) -> InitialFits:
+        """Return results without any fit."""
+        return cls(**_empty_arrays(cls, count, ("near_count", "baseline_count")))
+
+    def parameters(self, curves: np.ndarray) -> np.ndarray:
+        """Return theta, c, level at c and slope (b, 4) of some curves."""
+        columns = (self.theta, self.contact_point, self.level, self.slope)
+        return np.stack([column[curves] for column in columns], axis=-1)
+
+
+def _empty_arrays(cls: type, count: int, integers: Sequence[str]) -> dict[str, np.ndarray]:
+    """Return an array (count,) for each field of a class: zeros for integers, else NaN."""
+    return {
+        entry.name: np.zeros(count, dtype=np.int32)
+        if entry.name in integers
+        else np.full(count, math.nan)
+        for entry in fields(cls)
+    }
 
 
 @dataclass(frozen=True)
@@ -211,23 +263,45 @@ class MapFitter:
         The scene; it may be replaced after the first pass.
     """
 
-    def __init__(self, read: Callable[[int], Samples], count: int, model: MapModel):
-        self._read = read
-        self._count = count
+    def __init__(self, read: ReadSamples, count: int, model: MapModel):
+        self.read = read
+        self.count = count
         self.model = model
         self.fits = PixelFits.empty(count)
-        # Parameters by ordinary least squares: theta, c, level at c and slope.
-        self._initial = np.full((count, 4), math.nan)
-        self._initial_depths = np.full(count, math.nan)
-        self._near_counts = np.zeros(count, dtype=int)
-        self._baseline_counts = np.zeros(count, dtype=int)
+        self.initial = InitialFits.empty(count)
+
+    @property
+    def blocks(self) -> list[np.ndarray]:
+        """Indices of the curves of each block."""
+        firsts = range(0, self.count, BLOCK_SIZE)
+        return [np.arange(first, min(first + BLOCK_SIZE, self.count)) for first in firsts]
+
+    def state(self, curves: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the results of some curves, by name."""
+        return {
+            f"{part}.{name}": values[curves]
+            for part, results in (("fits", self.fits), ("initial", self.initial))
+            for name, values in vars(results).items()
+        }
+
+    def restore(self, curves: np.ndarray, state: Mapping[str, np.ndarray]) -> None:
+        """Set the results of some curves to those that `state` has returned."""
+        for name, values in state.items():
+            part, _, column = name.partition(".")
+            getattr(getattr(self, part), column)[curves] = values
 
     def fit_initially(self) -> None:
         """Reject curves without a contact, and fit the others by ordinary least squares."""
-        for first in range(0, self._count, BLOCK_SIZE):
-            block = np.arange(first, min(first + BLOCK_SIZE, self._count))
-            for curves, samples in self._equally_long(block):
-                self._fit_block_initially(curves, samples)
+        for block in self.blocks:
+            self.fit_block_initially(block)
+
+    def fit_block_initially(self, block: np.ndarray) -> None:
+        """Fit the curves of a block that are not rejected yet; see `fit_initially`."""
+        block = block[self.fits.is_fitted[block]]
+        with np.errstate(all="ignore"):
+            for first in range(0, len(block), BATCH_SIZE):
+                for curves, samples in self._equally_long(block[first : first + BATCH_SIZE]):
+                    self._fit_batch_initially(curves, samples)
 
     def estimate_noise(self) -> PooledNoise | None:
         """Return the noise of the map, or None if too few curves have long baselines.
@@ -235,10 +309,11 @@ class MapFitter:
         Baselines end a fifth of the depth before first touch.
         """
         max_baselines = 500
-        candidates = np.flatnonzero(self._baseline_counts >= MIN_BASELINE_SAMPLES)
+        baseline_counts = self.initial.baseline_count
+        candidates = np.flatnonzero(baseline_counts >= MIN_BASELINE_SAMPLES)
         if len(candidates) < MIN_BASELINES:
             return None
-        counts = self._baseline_counts[candidates]
+        counts = baseline_counts[candidates]
         # Half of the curves have as long a baseline, if so many are enough.
         m = min(int(np.median(counts)), MAX_BASELINE_SAMPLES)
         if np.count_nonzero(counts >= m) < MIN_BASELINES:
@@ -249,8 +324,8 @@ class MapFitter:
         ]
         baselines = []
         for curve in chosen:
-            end = self._baseline_counts[curve]
-            baselines.append(self._read(int(curve)).force[end - m : end])
+            end = baseline_counts[curve]
+            baselines.append(self.read(int(curve)).force[end - m : end])
         return estimate_pooled_noise(np.array(baselines))
 
     def reject(self, is_rejected: np.ndarray, reason: int) -> None:
@@ -260,29 +335,25 @@ class MapFitter:
     @property
     def initial_depths(self) -> np.ndarray:
         """Depths of the first pass, without the spring's deflection (N,) [length]; or NaN."""
-        return np.where(self.fits.is_fitted, self._initial_depths, math.nan)
+        return np.where(self.fits.is_fitted, self.initial.depth, math.nan)
 
     @property
     def initial_contact_points(self) -> np.ndarray:
         """Contact points by ordinary least squares (N,) [length]; NaN for rejected curves."""
-        return self._initial[:, 1]
+        return self.initial.contact_point
 
-    def fit(self, noise: PooledNoise, on_progress: Callable[[int], None] = lambda _: None) -> None:
-        """Fit all curves with the noise of the map.
+    def fit(self, noise: PooledNoise) -> None:
+        """Fit all curves with the noise of the map."""
+        for block in self.blocks:
+            self.fit_block(block, noise)
 
-        Parameters
-        ----------
-        noise
-            The noise.
-        on_progress
-            Function that is called with the number of curves that are done.
-        """
-        done = int(np.count_nonzero(~self.fits.is_fitted))
-        for curves in self._blocks_of_equal_length():
-            _, samples = next(self._equally_long(curves, int(self._near_counts[curves[0]])))
-            self._fit_block(curves, samples, noise)
-            done += len(curves)
-            on_progress(done)
+    def fit_block(self, block: np.ndarray, noise: PooledNoise) -> None:
+        """Fit the curves of a block with the noise of the map."""
+        with np.errstate(all="ignore"):
+            for curves in self._batches_of_equal_length(block):
+                count = int(self.initial.near_count[curves[0]])
+                _, samples = next(self._equally_long(curves, count))
+                self._fit_batch(curves, samples, noise)
 
     def _equally_long(
         self, curves: Iterable[int], last: int | None = None
@@ -290,7 +361,7 @@ class MapFitter:
         """Yield groups of curves of equal length; `last` limits them to their last samples."""
         groups: dict[int, list[tuple[int, Samples]]] = {}
         for curve in curves:
-            samples = self._read(int(curve))
+            samples = self.read(int(curve))
             groups.setdefault(len(samples), []).append((int(curve), samples))
         if last is not None:
             groups = {last: [pair for group in groups.values() for pair in group]}
@@ -304,7 +375,7 @@ class MapFitter:
                 ),
             )
 
-    def _fit_block_initially(self, curves: np.ndarray, samples: Samples) -> None:
+    def _fit_batch_initially(self, curves: np.ndarray, samples: Samples) -> None:
         reasons = reasons_without_signal(samples)
         self.fits.reason[curves] = reasons
         is_kept = reasons == FITTED
@@ -324,14 +395,20 @@ class MapFitter:
         model = model.select(np.flatnonzero(is_rising))
         p, squares = minimize_squares(model, p[is_rising], WHITE, tolerance=MAP_TOLERANCE)
         self.fits.reason[curves[~np.isfinite(squares)]] = NO_FIT
-        self._initial[curves] = _with_absolute_baseline(model, p)
+        for column, values in zip(
+            ("theta", "contact_point", "level", "slope"),
+            _with_absolute_baseline(model, p).T,
+            strict=True,
+        ):
+            getattr(self.initial, column)[curves] = values
         c = p[:, 1, None]
         depth = samples.x.max(axis=-1, keepdims=True) - c
         max_force = model.contact_force(p).max(axis=-1)
         rms = np.sqrt((model.residual(p) ** 2).mean(axis=-1))
         self.fits.reason[curves[max_force < MIN_SIGNAL_TO_NOISE * rms]] = NOISY
         deflection = model.forward_model.experiment.compliance * max_force
-        self._initial_depths[curves] = depth[:, 0] - deflection
+        self.initial.travel[curves] = depth[:, 0]
+        self.initial.depth[curves] = depth[:, 0] - deflection
         margin = np.maximum(
             MAX_BASELINE_DEPTHS * depth,
             MIN_BASELINE_FRACTION * np.ptp(samples.x, axis=-1, keepdims=True),
@@ -339,30 +416,34 @@ class MapFitter:
         n = samples.x.shape[-1]
         near_counts = np.count_nonzero(samples.x > c - margin, axis=-1)
         rounded = LENGTH_STEP * np.ceil(near_counts / LENGTH_STEP).astype(int)
-        self._near_counts[curves] = np.minimum(rounded, LENGTH_STEP * (n // LENGTH_STEP))
-        self._baseline_counts[curves] = np.argmax(samples.x > c - CONTACT_MARGIN * depth, axis=-1)
+        self.initial.near_count[curves] = np.minimum(rounded, LENGTH_STEP * (n // LENGTH_STEP))
+        self.initial.baseline_count[curves] = np.argmax(
+            samples.x > c - CONTACT_MARGIN * depth, axis=-1
+        )
 
-    def _blocks_of_equal_length(self) -> Iterator[np.ndarray]:
-        fitted = np.flatnonzero(self.fits.is_fitted)
-        counts = self._near_counts[fitted]
+    def _batches_of_equal_length(self, block: np.ndarray) -> Iterator[np.ndarray]:
+        fitted = block[self.fits.is_fitted[block]]
+        counts = self.initial.near_count[fitted]
         for count in np.unique(counts):
             same = fitted[counts == count]
-            for first in range(0, len(same), BLOCK_SIZE):
-                yield same[first : first + BLOCK_SIZE]
+            for first in range(0, len(same), BATCH_SIZE):
+                yield same[first : first + BATCH_SIZE]
 
-    def _fit_block(self, curves: np.ndarray, samples: Samples, noise: PooledNoise) -> None:
+    def _fit_batch(self, curves: np.ndarray, samples: Samples, noise: PooledNoise) -> None:
         """Fit curves with the noise of the map, and assess the fits."""
         model = self.model.curve_model(curves, samples)
-        fit = _fit_weighted(model, _with_relative_baseline(model, self._initial[curves]), noise)
+        initial = _with_relative_baseline(model, self.initial.parameters(curves))
+        fit = _fit_weighted(model, initial, noise)
         absolute = _with_absolute_baseline(model, fit.p)
         max_force = np.abs(model.contact_force(fit.p)).max(axis=-1)
         compliance = model.forward_model.experiment.compliance
         p_shape = _shape_probability(model, fit, noise)
         halves = _fit_depth_range(model, fit, noise, 0.5)
         thetas = [fit.p[:, 0], halves.theta]
-        # The fits to other parts of the depth are computed for suspicious curves only, with the
-        # limits of `model_assessment.is_suspect`.
-        suspicious = np.flatnonzero((p_shape < 1e-2) | (np.abs(halves.z) > 2.5))
+        # The fits to other parts of the depth are computed for suspicious curves only.
+        suspicious = np.flatnonzero(
+            (p_shape < SUSPICIOUS_SHAPE_P) | (np.abs(halves.z) > SUSPICIOUS_DEPTH_Z)
+        )
         if len(suspicious):
             for fraction in (0.7, 0.9):
                 theta = np.full(len(curves), math.nan)
@@ -379,6 +460,7 @@ class MapFitter:
             "slope": absolute[:, 3],
             "max_force": max_force,
             "depth": samples.x.max(axis=-1) - fit.p[:, 1] - compliance * max_force,
+            "travel": samples.x.max(axis=-1) - fit.p[:, 1],
             "rms": np.sqrt((fit.rows[:, -1] ** 2).mean(axis=-1)),
             "p_shape": p_shape,
             "half_theta": halves.theta,

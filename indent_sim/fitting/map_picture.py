@@ -15,7 +15,7 @@ from indent_sim.fitting.curve_fit import quantity_kind
 from indent_sim.fitting.map_result import MapFit
 from indent_sim.process.errors import UsageError
 from indent_sim.results.pictures import figures
-from indent_sim.results.pictures.axes import Axis, scaled_axis
+from indent_sim.results.pictures.axes import Axis, printed_unit, scaled_axis
 from indent_sim.results.pictures.figures import COLOURS, GREY, INK, Axes, Figure
 from indent_sim.results.reader import Results
 
@@ -59,8 +59,10 @@ def map_figure(map_fit: MapFit, config: Config, panels: Sequence[str] = ()) -> I
         fitted = int(np.count_nonzero(np.isfinite(map_fit.value)))
         curves = int(np.count_nonzero(map_fit.reason >= 0))
         refused = f", {curves - fitted} refused" if curves > fitted else ""
-        key = map_fit.key
-        figures.draw_title(figure, f"{fitted} of {curves} curves fitted{refused}", f"varied: {key}")
+        subtitle = f"varied: {map_fit.key}"
+        if fitted < map_fit.value.size:
+            subtitle += "  ·  grey: no value"
+        figures.draw_title(figure, f"{fitted} of {curves} curves fitted{refused}", subtitle)
         yield figure
 
 
@@ -141,12 +143,13 @@ def _draw_histogram(figure: Figure, axes: Axes, map_fit: MapFit, config: Config)
     axes.hist(values, bins=bins, color=COLOURS[0])
     if is_logarithmic:
         axes.set_xscale("log")
+        _write_plain_numbers(axes.xaxis)
     quartiles = np.percentile(values, [25, 50, 75])
     for value, style in zip(quartiles, (":", "-", ":"), strict=True):
         axes.axvline(value, color=INK, ls=style, lw=1.2)
-    axes.set_title(
-        f"median {quartiles[1]:.4g}, middle half {quartiles[0]:.4g} to {quartiles[2]:.4g}"
-    )
+    unit = f" {printed_unit(axis.unit)}" if axis.unit else ""
+    low, median, high = (f"{value:.4g}" for value in quartiles)
+    axes.set_title(f"median {median}{unit}, middle half {low} to {high}{unit}")
 
 
 PANELS: dict[str, Callable[[Figure, Axes, MapFit, Config], None]] = {
@@ -166,7 +169,22 @@ def _draw_image(
     )
     axes.set_facecolor(NO_VALUE)
     _label_axes(axes, map_fit)
-    figure.colorbar(image, ax=axes, label=label, shrink=0.9)
+    # Beside the image, and as high as it is.
+    bar = figure.colorbar(image, cax=axes.inset_axes((1.03, 0.0, 0.045, 1.0)), label=label)
+    if bar.ax.get_yscale() == "log":
+        _write_plain_numbers(bar.ax.yaxis)
+
+
+def _write_plain_numbers(axis: Any) -> None:
+    """Write the numbers of a logarithmic axis as decimals, also between powers of ten."""
+    from matplotlib.ticker import LogFormatter
+
+    class _Decimals(LogFormatter):
+        def __call__(self, x: float, pos: int | None = None) -> str:
+            return f"{x:g}" if super().__call__(x, pos) else ""
+
+    for set_formatter in (axis.set_major_formatter, axis.set_minor_formatter):
+        set_formatter(_Decimals(labelOnlyBase=False, minor_thresholds=(2.0, 0.5)))
 
 
 def _extent(map_fit: MapFit) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from indent_sim.config.quantities import si_factor
 from indent_sim.config.schema import Config
 from indent_sim.fitting.curve_fit import (
     SOLVED_DEPTH_FACTOR,
@@ -78,6 +79,27 @@ class MapScene:
             return Samples(np.zeros(0), np.zeros(0))
         return samples.means_of_blocks(self.block_size)
 
+    def surface_height(self, contact_points: np.ndarray, travels: np.ndarray) -> np.ndarray:
+        """Return the height of the surface at zero force (N,) [length], up to a constant.
+
+        Displacements of a file with an image of the height begin anew for each curve; the image is
+        the height of the base where the tip turns, and the surface is `travel` above it.
+
+        Parameters
+        ----------
+        contact_points
+            Displacements at first touch (N,) [length].
+        travels
+            Displacements from first touch to the deepest sample (N,) [length].
+        """
+        image = self.curves.height
+        if image is None:
+            return -contact_points
+        places = self.curves.places
+        length = self.request.config.units.length
+        factor = si_factor(length, "length") if length else 1.0
+        return image[places[:, 0], places[:, 1]] / factor + travels  # type: ignore[no-any-return]
+
 
 def plan_map(curves: MeasuredMap, request: FitRequest, tables: ForwardModelCache) -> MapScene:
     """Return the scene of a map, solved up to the largest depth of its curves.
@@ -108,7 +130,7 @@ def plan_map(curves: MeasuredMap, request: FitRequest, tables: ForwardModelCache
         counts.append(len(samples))
     if not depths:
         raise UsageError("no curve of the map has a contact")
-    depth = SOLVED_DEPTH_FACTOR * max(depths)
+    depth = SOLVED_DEPTH_FACTOR * largest_depth(np.array(depths), percentile=95.0)
     try:
         forward_model = tables.forward_model(config, request.varied_keys, depth)
     except ForwardModelUnavailable as error:
@@ -119,6 +141,16 @@ def plan_map(curves: MeasuredMap, request: FitRequest, tables: ForwardModelCache
     block_size = math.ceil(np.median(counts) / MAX_SAMPLES)
     planned = replace(request, config=config)
     return MapScene(request, planned, curves, forward_model, tuple(notes), block_size)
+
+
+def largest_depth(depths: np.ndarray, percentile: float) -> float:
+    """Return the largest depth of a map [length], up to which bodies are solved.
+
+    A curve without a contact that is not recognised as such may have any depth, for which the body
+    might be too thin. Therefore depths above 1.5 times a percentile do not count.
+    """
+    max_ratio = 1.5
+    return float(min(np.nanmax(depths), max_ratio * np.nanpercentile(depths, percentile)))
 
 
 def _check_keys(request: FitRequest) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from indent_sim.config.scene_file import config_from_mapping, load
 from indent_sim.config.schema import Config
-from indent_sim.fitting import map_folder
+from indent_sim.fitting import map_estimate, map_thickness
 from indent_sim.fitting.curve_fit import (
     INTERVAL_KEYS,
     CurveFit,
@@ -159,7 +159,8 @@ def fit_map(
     vary
         Key of the modulus.
     thickness
-        Thickness of each pixel (rows, columns) [length], or the text of `--thickness`.
+        Thickness of each pixel (rows, columns) [length], or the text of `--thickness`; by default
+        that of the section `map` of the scene.
     contact_point
         Displacement at first contact, if it is known.
 
@@ -172,12 +173,12 @@ def fit_map(
     """
     request = FitRequest(_load_scene(scene), (vary,), "approach", OriginOptions(contact_point))
     measured_map = _read_map(curves)
-    pixels = None
+    pixels = map_thickness.thickness_of_scene(request.config)
     if isinstance(thickness, str):
-        pixels = map_folder.parse_thickness(thickness, request, measured_map.shape)
+        pixels = map_thickness.parse_thickness(thickness, request, measured_map.shape)
     elif thickness is not None:
-        pixels = map_folder.Thickness(values=np.asarray(thickness, dtype=float))
-    return FittedMap(**vars(map_folder.fit_map(measured_map, request, pixels)[0]))
+        pixels = map_thickness.Thickness(values=np.asarray(thickness, dtype=float))
+    return FittedMap(**vars(map_estimate.fit_map(measured_map, request, pixels)[0]))
 
 
 def _read_map(curves: str | Path | MeasuredMap | tuple[Any, Any]) -> MeasuredMap:

@@ -36,6 +36,7 @@ contact: the contact law and its enforcement
 loading: the load path of the tip: the prescribed depths or forces
 experiment: conditions of the measurement: adhesion without range, instrument, oscillations,
   calibration
+map: thickness of the body at each pixel of a fitted map
 mesh: element sizes, and the part of the body that is modelled
 accuracy [1]: largest permitted relative error of the force at any step, from which the mesh is
   chosen; fast = 0.05, balanced = 0.01, accurate = 0.001
@@ -393,6 +394,12 @@ source: where the value is published
 within [1]: deviation that the source itself states; empty if it states none
 ours_difference [1]: ours over exact, minus one, in per cent
 wrong: value that deviates by more than its stated error: nobody, published, ours, both, or unknown
+
+## Fit of a map
+map.thickness: height: the thickness of a pixel follows the height of the surface at zero force
+map.mean [length]: median thickness of the body; body.height if it is not given
+map.base: plane above which the surface has the thickness, instead of a median thickness
+plane: fitted: through the pixels in which the base is bare
 
 ## Table of a fit, one row a curve
 curve: name of the measured curve: name of the file, with a number if it has several curves

@@ -14,7 +14,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from importlib import import_module
 from tempfile import TemporaryFile
@@ -170,6 +170,42 @@ class ChildProcess:
         if errors:
             ending += f" ({errors[-1].partition(':')[2].strip()})"
         return ProcessCrash(ending, 128 - code if code < 0 else code or 1)
+
+
+Key = TypeVar("Key")
+
+
+def run_calls(
+    processes: Sequence[ChildProcess],
+    calls: Iterable[tuple[Key, Callable[..., Any], tuple[Any, ...]]],
+) -> Iterator[tuple[Key, Callable[[], Any]]]:
+    """Execute calls in several processes, each of which takes the next call when it is idle.
+
+    Parameters
+    ----------
+    processes
+        The processes.
+    calls
+        A key, the function and its arguments for each call.
+
+    Yields
+    ------
+    key, answer
+        Key of a call that has ended, and the function that returns its answer; see
+        `ChildProcess.begin_call`.
+    """
+    idle = list(processes)
+    busy: dict[ChildProcess, tuple[Key, Callable[[], Any]]] = {}
+    for key, function, arguments in calls:
+        while not idle:
+            for process in wait_for_answers(busy):
+                idle.append(process)
+                yield busy.pop(process)
+        process = idle.pop()
+        busy[process] = key, process.begin_call(function, *arguments)
+    while busy:
+        for process in wait_for_answers(busy):
+            yield busy.pop(process)
 
 
 def call_in_child(function: Callable[..., Any], *arguments: Any) -> Any:

@@ -24,14 +24,25 @@ def require_hdf5() -> None:
         ) from error
 
 
-def hdf5_bytes(arrays: Mapping[str, np.ndarray], attributes: Mapping[str, Any]) -> bytes:
-    """Return the bytes of a file with a compressed dataset for each array, and attributes."""
+def hdf5_bytes(
+    arrays: Mapping[str, np.ndarray],
+    attributes: Mapping[str, Any],
+    units: Mapping[str, str] | None = None,
+    is_compressed: bool = True,
+) -> bytes:
+    """Return the bytes of a file with a dataset for each array, and attributes.
+
+    A dataset whose unit is known has it as its attribute `unit`.
+    """
     import h5py
 
     data = io.BytesIO()
     with h5py.File(data, "w") as file:
         for name, values in arrays.items():
-            file.create_dataset(name, data=values, compression="gzip", shuffle=True)
+            filters = {"compression": "gzip", "shuffle": True} if is_compressed else {}
+            dataset = file.create_dataset(name, data=values, **filters)
+            if units and name in units:
+                dataset.attrs["unit"] = units[name]
         for name, value in attributes.items():
             file.attrs[name] = list(value) if isinstance(value, tuple) else value
     return data.getvalue()

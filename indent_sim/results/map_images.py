@@ -64,7 +64,7 @@ def tiff_image(values: np.ndarray, size: tuple[float, float] | None, unit: str) 
         tags[TiffImagePlugin.Y_RESOLUTION] = rows / size[0] * MICROMETRE
         tags[TiffImagePlugin.RESOLUTION_UNIT] = 1
     data = io.BytesIO()
-    image = Image.fromarray(np.ascontiguousarray(values[::-1], dtype=np.float32), mode="F")
+    image = Image.fromarray(np.ascontiguousarray(values[::-1], dtype=np.float32))
     image.save(data, format="TIFF", tiffinfo=tags)
     return data.getvalue()
 

@@ -33,6 +33,7 @@ MEDIA_TYPES = {
     ".xdmf": "application/xml",
     ".h5": "application/x-hdf5",
     ".msh": "model/mesh",
+    ".tif": "image/tiff",
 }
 
 

@@ -26,10 +26,11 @@ HIDDEN_NAMES = {LOCK, ".staging", ".old"}
 REPORT = "run.json"
 TABLE = "force_indentation.csv"
 CONFIG = "config.yaml"
-# The folder of a study has these two entries, the folder of a fit the third.
+# The folder of a study has these two entries, the folder of a fit the others.
 STUDY = "study.json"
 RUNS = "runs"
 FIT = "fit.json"
+CURVES_FOLDER = "curves"
 REPORT_PAGE = "report.html"  # It is the report of a run, a study or a fit.
 CRATE = "ro-crate-metadata.json"  # Archives of research data read this file.
 MESH_FILE = "body.msh"  # It is the mesh of a body that was read from a file.
@@ -107,8 +108,9 @@ def read_report(folder: Path, name: str = REPORT) -> Report:
 def folder_kind(folder: Path) -> Literal["nothing", "run", "study", "fit", "other"]:
     """Return the kind of content of a folder: a run, a study, a fit, nothing, or other files.
 
-    "nothing" stands for a missing or empty folder, and for a folder that contains only the lock or
-    the empty runs/ of a run or study that was killed at its start.
+    "nothing" stands for a missing or empty folder, and for a folder that contains only the lock,
+    the empty runs/ or curves/, or the unfinished fit.json of a run, study or fit that was killed at
+    its start.
 
     Raises
     ------
@@ -131,10 +133,9 @@ def folder_kind(folder: Path) -> Literal["nothing", "run", "study", "fit", "othe
         return "study"
     if read_report(folder, FIT):
         return "fit"
-    is_begun = (
-        names <= {LOCK, RUNS}
-        and not entry_names(folder / RUNS, ())
-        and not (folder / RUNS).is_symlink()
+    is_begun = names <= {LOCK, RUNS, CURVES_FOLDER, temporary_path(folder / FIT).name} and not any(
+        entry_names(folder / name, ()) or (folder / name).is_symlink()
+        for name in (RUNS, CURVES_FOLDER)
     )
     # A run that is killed as it begins leaves an empty lock; a study always leaves an empty one.
     lock = folder / LOCK

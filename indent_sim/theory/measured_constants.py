@@ -69,6 +69,7 @@ DRAINAGE_RAMP_FRACTIONS = {
 # element solution with an uncertainty of 2e-5; the often quoted 0.7453 is 1 % too high. Repeated,
 # by finite elements to 1 %: tests/physics/test_tips.py.
 PYRAMID_CONSTANT = 0.73762
+PYRAMID_CONSTANT_ERROR = 3e-5  # Relative error of this constant [-].
 
 # Stated relative error [-] of the force of layers and stacks: ten times the largest change with
 # finer quadrature. Repeated by tests/unit/theory/test_stack.py.

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import h5py
@@ -18,6 +22,7 @@ from indent_sim.cli import commands
 from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.fitting.forward_model.forward_model import ForwardModel
 from indent_sim.fitting.map_folder import read_map
+from indent_sim.fitting.map_pixel import fit_pixel
 from indent_sim.results.map_images import read_image
 
 SIZE = 10
@@ -122,8 +127,11 @@ def test_map_is_drawn_and_reported(folder: Path) -> None:
         assert Path(drawn.output.strip()).stat().st_size > 10_000
     refused = CliRunner().invoke(commands.program, ["plot", str(result), "--what", "force"])
     assert refused.exit_code == 2 and "modulus" in refused.stderr
-    told = CliRunner().invoke(commands.program, ["report", str(result)])
+    told = CliRunner().invoke(commands.program, ["report", str(result), "--crate"])
     assert told.exit_code == 0, told.output
+    crate = json.loads((result / "ro-crate-metadata.json").read_text())
+    parts = {entity["@id"] for entity in crate["@graph"]}
+    assert {"map.h5", "map.csv", "E.gsf", "E.tif", "height.gsf", "height.tif"} <= parts
     assert "curves: 99 fitted" in Path(told.output.strip()).read_text()
 
 
@@ -136,7 +144,8 @@ def test_arrays_give_the_same_map(folder: Path) -> None:
     force = force + 0.05 * np.random.default_rng(2).standard_normal(force.shape)
     fitted = fit_map((0.5 * z, force), scene)
     np.testing.assert_allclose(fitted.value, TRUE_MODULI, rtol=0.1)
-    assert len(fitted.figure("modulus").axes) == 2
+    [panel] = fitted.figure("modulus").axes
+    assert len(panel.child_axes) == 1  # the colour bar
     same = fit_map((0.5 * z, force), scene, thickness=np.full((SIZE, SIZE), 4.0))
     # Splines between thicknesses and the steps of their table change the force by 0.1 %.
     np.testing.assert_allclose(same.value, fitted.value, rtol=2e-3)
@@ -161,17 +170,60 @@ def test_thickness_of_each_pixel_changes_its_modulus(folder: Path) -> None:
     np.testing.assert_allclose(np.nanmedian(ratio[5:]), 1.0, atol=5e-3)
 
 
+def test_thickness_above_a_tilted_base(tmp_path: Path) -> None:
+    """Gel on a tilted glass that is bare in two columns: thickness and modulus, from one map."""
+    z, _ = true_curves()
+    rows, columns = np.mgrid[:SIZE, :SIZE]
+    base = 0.01 * rows - 0.02 * columns
+    thickness = np.where(columns < 2, 0.0, 2.0 + 0.2 * columns)
+    draw = np.random.default_rng(5)
+    curves = []
+    for place in np.ndindex(SIZE, SIZE):
+        height = float(thickness[place])
+        scene = SCENE | {"body": {"shape": "layer", "height": height or 4.0}}
+        model = ForwardModel(config_from_mapping(scene), ["material.E"], 1.2)
+        force = model(np.log([2.0]), z) if height else STIFFNESS * np.maximum(z, 0.0)
+        force = force + 0.05 * draw.standard_normal(POINTS)
+        # The base of the cantilever moves less far to a higher surface.
+        curves.append(
+            [jpk_files.measured("extend", 1e-6 * (z - base[place] - height), 1e-9 * force)]
+        )
+    grid = jpk_files.Grid(SIZE, SIZE, 1e-5, 1e-5, back_and_forth=False)
+    files = jpk_files.members(curves, "force-scan-map", grid)
+    jpk_files.write(tmp_path / "cells.jpk-force-map", files)
+    (tmp_path / "scene.yaml").write_text(yaml.safe_dump(SCENE))
+    done = fit(tmp_path, "--thickness", "base", "--output", str(tmp_path / "fit"))
+    assert done.exit_code == 0, done.output
+    found = read_map(tmp_path / "fit")
+    assert found.thickness is not None
+    is_base = thickness == 0
+    assert {found.reasons[code] for code in found.reason[is_base]} == {
+        "the bare base: the tip does not indent it"
+    }
+    # Contact points have standard deviations of some 0.003 um, and the modulus of 1.5 %.
+    np.testing.assert_allclose(found.thickness[~is_base], thickness[~is_base], atol=0.02)
+    # Without the second pass the thinnest gel is found 0.04 um too thin.
+    assert np.mean((found.thickness - thickness)[:, 2]) == pytest.approx(0.0, abs=0.004)
+    assert np.nanmedian(found.value) == pytest.approx(2.0, rel=0.01)
+    covered = (found.low < 2.0) & (found.high > 2.0)
+    assert np.mean(covered[~is_base]) > 0.85
+
+
 @pytest.mark.parametrize(
     ("options", "code", "word"),
     [
         (("--vary", "body.height"), 3, "a map varies one modulus"),
         (("--thickness", "no.csv"), 2, "cannot be read"),
+        (("--thickness", "base"), 2, "the plane of the base cannot be fitted"),
         (("--thickness", "height:soft"), 3, "body.height"),
         (("--grid", "3x3"), 2, "files"),
         (("--map", "--segment", "retract"), 2, "approach"),
-        (("--jobs", "2"), 2, "one process"),
         (("--level", "0"), 2, "the baselines of a map are fitted"),
         (("--no-map", "--thickness", "height"), 2, "--thickness"),
+        (("--no-map", "--rows", "0:2"), 2, "--rows"),
+        (("--rows", "0:11"), 2, "rows 0:10"),
+        (("--rows", "2:2"), 2, "A < B"),
+        (("--rows", "0:3"), 2, "fewer than 64 curves"),
     ],
 )
 def test_options_that_do_not_fit_are_refused(folder: Path, options, code: int, word: str) -> None:  # type: ignore[no-untyped-def]
@@ -179,6 +231,136 @@ def test_options_that_do_not_fit_are_refused(folder: Path, options, code: int, w
     assert refused.exit_code == code, refused.output
     assert word in refused.stderr
     assert not (folder / "refused" / "fit.json").exists()
+
+
+def test_processes_and_rows_do_not_change_numbers(folder: Path) -> None:
+    """Two processes give the same bits; rows that are left out have no value."""
+    done = fit(folder, "--jobs", "2", "--rows", "2:10", "--output", str(folder / "rows"))
+    assert done.exit_code == 0, done.output
+    done = fit(folder, "--rows", "2:10", "--output", str(folder / "rows of one process"))
+    assert done.exit_code == 0, done.output
+    together, alone = (read_map(folder / name) for name in ("rows", "rows of one process"))
+    for name in ("value", "low", "high", "height", "reason"):
+        np.testing.assert_array_equal(getattr(together, name), getattr(alone, name))
+    assert (together.reason[:2] == -1).all() and np.isnan(together.value[:2]).all()
+    # Fewer baselines give another noise; a half width is 2 %.
+    whole = read_map(folder / "fit").value
+    np.testing.assert_allclose(together.value[2:], whole[2:], rtol=0.02)
+
+
+# It kills itself before or after the COUNT-th file that is replaced, with blocks of 16 curves.
+KILLED_FIT = """
+import os, signal, sys
+from indent_sim.fitting import map_fit
+from indent_sim.cli import commands
+
+map_fit.BLOCK_SIZE = 16
+count, moment, *words = sys.argv[1:]
+replace = os.replace
+left = int(count)
+
+def replace_and_die(*paths):
+    global left
+    left -= 1
+    if not left and moment == "before":
+        os.kill(os.getpid(), signal.SIGKILL)
+    replace(*paths)
+    if not left:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+os.replace = replace_and_die
+commands.program(words)
+"""
+
+
+def killed_fit(folder: Path, count: int, moment: str) -> subprocess.CompletedProcess[str]:
+    """Fit the map in a process that is killed at its COUNT-th file, if it writes so many."""
+    words = ["fit", "cells.jpk-force-map", "--scene", "scene.yaml", "--vary", "material.E"]
+    words += ["--thickness", "height"]
+    return subprocess.run(
+        [sys.executable, "-c", KILLED_FIT, str(count), moment, *words, "--output", "killed"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
+
+
+def test_a_killed_map_is_continued(folder: Path) -> None:
+    """Kills lose no finished block and change no bit; the noise is that of the first call."""
+    target = folder / "killed"
+    stages = np.zeros(7, dtype=int)
+    # The first files are fit.json and the blocks of the first pass; then come those of two more
+    # passes, the sample with two files for each curve, and the results.
+    for count, moment in (
+        (1, "before"),
+        (5, "before"),
+        (9, "after"),
+        (20, "after"),
+        (30, "before"),
+    ):
+        ended = killed_fit(folder, count, moment)
+        assert ended.returncode == -signal.SIGKILL, ended.stderr
+        refused = CliRunner().invoke(commands.program, ["plot", str(target)])
+        assert refused.exit_code == 2, refused.output
+        if (target / "progress.h5").exists():
+            with h5py.File(target / "progress.h5") as file:
+                reached = file["stages"][:].astype(int)
+            assert (reached >= stages).all()
+            stages = reached
+    assert (stages == 3).all()
+    ended = killed_fit(folder, 10**6, "never")
+    assert ended.returncode == 0, ended.stderr
+    assert "100 of 100 curves were fitted by an earlier call" in ended.stderr
+    shutil.move(target, folder / "continued")
+    assert killed_fit(folder, 10**6, "never").returncode == 0
+    with h5py.File(folder / "continued" / "map.h5") as one, h5py.File(target / "map.h5") as other:
+        assert set(one) == set(other)
+        for name in one:
+            np.testing.assert_array_equal(one[name][:], other[name][:], err_msg=name)
+    # Neither the file of the progress nor an incomplete file is left.
+    names = {path.name for path in (folder / "continued").iterdir()}
+    assert names == {path.name for path in target.iterdir()}
+    assert not [name for name in names if name.endswith(".new") or name.startswith("progress")]
+    # A call for a finished map does nothing.
+    again = killed_fit(folder, 1, "before")
+    assert again.returncode == 0 and "finished by an earlier call" in again.stderr
+
+
+def test_curve_of_a_pixel_is_drawn_with_its_fit(folder: Path) -> None:
+    """Also of a pixel that was refused; without the file of the map it is refused clearly."""
+
+    def plot(place: str, fit_folder: Path = folder / "fit"):  # type: ignore[no-untyped-def]
+        return CliRunner().invoke(commands.program, ["plot", str(fit_folder), "--pixel", place])
+
+    pixel = fit_pixel(folder / "fit", 7, 8)
+    parameter = pixel.fit.entry["parameters"]["material.E"]
+    assert parameter["low"] < TRUE_MODULI[7, 8] < parameter["high"]
+    assert parameter["value"] == pytest.approx(read_map(folder / "fit").value[7, 8], rel=0.02)
+    for place in ("7,8", f"{DEAD[0]},{DEAD[1]}"):
+        drawn = plot(place)
+        assert drawn.exit_code == 0, drawn.output
+        assert Path(drawn.output.strip()).stat().st_size > 10_000
+    outside = plot("10,0")
+    assert outside.exit_code == 2 and "rows 0 to 9" in outside.stderr
+    assert plot("7").exit_code == 2
+    moved = folder / "moved"
+    shutil.move(folder / "cells.jpk-force-map", moved)
+    try:
+        missing = plot("7,8")
+        assert missing.exit_code == 2 and "does not exist any more" in missing.stderr
+    finally:
+        shutil.move(moved, folder / "cells.jpk-force-map")
+
+
+def test_units_stand_beside_the_tables(folder: Path) -> None:
+    units = json.loads((folder / "fit" / "fit.json").read_text())["units"]
+    assert units["material.E"] == "nN/um²" and units["slope"] == "nN/um"
+    assert units["contact_point"] == "um" and units["rms_percent"] == "%"
+    with h5py.File(folder / "fit" / "map.h5") as file:
+        assert file["material.E_low"].attrs["unit"] == "nN/um²"
+        assert "unit" not in file["p_shape"].attrs
 
 
 def test_a_folder_of_curves_ends_with_a_summary(tmp_path: Path) -> None:

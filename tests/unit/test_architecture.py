@@ -122,6 +122,7 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
         "studies/small_multiples.py",
         "fitting/fit_picture.py",
     ),
+    "PIL": ("results/map_images.py",),
     "scipy": ("theory/", "fe/", "fitting/", "model/", "scene/", "results/pictures/curves.py"),
     "yaml": ("config/strict_yaml.py",),
     "pint": ("config/quantities.py",),

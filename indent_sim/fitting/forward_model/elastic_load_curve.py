@@ -8,9 +8,11 @@ at the nodes of a grid and interpolated between them.
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -28,7 +30,13 @@ from indent_sim.fitting.forward_model.parameters import Parameter
 from indent_sim.fitting.measured_constants import DEGREE, SOLVED_DEPTHS
 from indent_sim.process.errors import ConfigError, NotConverged
 from indent_sim.run.planned_run import PlannedRun
-from indent_sim.run.solvers.elastic_curve import ElasticForces, elastic_forces, flat_punches
+from indent_sim.run.solvers.elastic_curve import (
+    ElasticForces,
+    elastic_forces,
+    flat_punches,
+    is_self_similar,
+    self_similar_force,
+)
 
 MIN_DEPTH_ROOT = 0.02  # lower end of s; the force is a power law of the depth below
 MESH_DEGREE = 5  # degree of the polynomial for the ratio of a mesh's force to that of theory
@@ -195,17 +203,20 @@ class ElasticLoadCurveGrid:
         wants_punches: bool = False,
     ):
         self.scene_curve = solve_load_curve(config, max_depth, wants_punches)
-
-        def solve(scene: Config) -> np.ndarray:
-            return _pack_coefficients(
-                solve_load_curve(scene, max_depth, wants_punches, self.scene_curve.exponent)
-            )
-
+        solve = partial(_solve_coefficients, max_depth, wants_punches, self.scene_curve.exponent)
         # Nodes around a value; the error is 2e-6 of the force with steps of 0.2.
         grid_nodes = 6
         self._grid = ParameterGrid(
             config, shape_parameters, _pack_coefficients(self.scene_curve), solve, grid_nodes
         )
+
+    def with_depth(self, max_depth: float) -> ElasticLoadCurveGrid:
+        """Return the curves of a self-similar scene up to another depth, without a solution."""
+        grid = copy.copy(self)
+        curve = self.scene_curve
+        radius = curve.contact_radius * max_depth / curve.max_depth
+        grid.scene_curve = replace(curve, max_depth=max_depth, contact_radius=radius)
+        return grid
 
     def load_curve(self, theta: Sequence[float]) -> ElasticLoadCurve:
         """Return the load curve at coordinates theta of the shape parameters.
@@ -231,6 +242,13 @@ class ElasticLoadCurveGrid:
             punch_coefficients=punches,
             max_radius=max_radius,
         )
+
+
+def _solve_coefficients(
+    max_depth: float, wants_punches: bool, exponent: float, config: Config
+) -> np.ndarray:
+    """Return the numbers of the load curve of a scene."""
+    return _pack_coefficients(solve_load_curve(config, max_depth, wants_punches, exponent))
 
 
 def _pack_coefficients(load_curve: ElasticLoadCurve) -> np.ndarray:
@@ -309,6 +327,8 @@ def solve_load_curve(
         The scene is not valid.
     """
     planned_run = plan_elastic_run(config, max_depth)
+    if is_self_similar(config) and not wants_punches:
+        return _self_similar_curve(planned_run, max_depth)
     try:
         solved_forces = elastic_forces(planned_run, max_depth * DEPTH_ROOTS**2)
         load_curve = (_curve_from_mesh if planned_run.scene.is_meshed else _curve_from_theory)(
@@ -320,6 +340,24 @@ def solve_load_curve(
     except (NotConverged, *NUMERICAL_ERRORS) as error:
         raise ForwardModelUnavailable(str(error)) from error
     return replace(load_curve, punch_coefficients=punches, max_radius=max_radius)
+
+
+def _self_similar_curve(planned_run: PlannedRun, max_depth: float) -> ElasticLoadCurve:
+    """Return F = C delta^2 with the constant of one solution, at the depth that the mesh is for."""
+    try:
+        solved = self_similar_force(planned_run, max_depth)
+    except (NotConverged, *NUMERICAL_ERRORS) as error:
+        raise ForwardModelUnavailable(str(error)) from error
+    exponent = 2.0
+    coefficients = np.zeros(DEGREE + 1)
+    coefficients[0] = math.log(float(solved.forces[0])) - exponent * math.log(max_depth)
+    return ElasticLoadCurve(
+        max_depth,
+        exponent,
+        coefficients,
+        relative_error=solved.error,
+        contact_radius=solved.contact_radius,
+    )
 
 
 def _curve_from_theory(

@@ -43,6 +43,7 @@ from indent_sim.fitting.forward_model.parameters import (
 )
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.history_on_curve import relaxation_modulus
+from indent_sim.run.solvers.elastic_curve import is_self_similar
 
 # Key of the exponent of the depth by which an alternative model multiplies the force.
 FREE_EXPONENT_KEY = "exponent"
@@ -272,6 +273,15 @@ class ForwardModel:
             return self
         model = copy.copy(self)
         model._curve_rows = self._curve_rows[curves]
+        return model
+
+    def with_depth(self, max_depth: float) -> ForwardModel:
+        """Return a copy of the model of a self-similar scene for another largest depth."""
+        model = copy.copy(self)
+        model.__dict__.pop("tabulated_curve", None)
+        model.max_depth = max_depth
+        model.pivot_depth = max_depth
+        model.elastic_curves = self.elastic_curves.with_depth(max_depth)
         return model
 
     def with_load_curves(self, load_curves: TabulatedLoadCurve, rows: np.ndarray) -> ForwardModel:
@@ -695,13 +705,19 @@ class ForwardModelCache:
         ConfigError
             If the scene is not valid at any depth.
         """
-        cache_key = to_yaml(config), keys, max_depth, measured_path
+        # One solution of a self-similar scene gives the forces at all depths.
+        has_one_solution = (
+            is_self_similar(config) and not config.instrument.adhesion and measured_path is None
+        )
+        solved_depth = 0.0 if has_one_solution else max_depth
+        cache_key = to_yaml(config), keys, solved_depth, measured_path
         if cache_key not in self._models:
             max_models = 100
             if len(self._models) >= max_models:
                 self._models.clear()
             self._models[cache_key] = _build_forward_model(config, keys, max_depth, measured_path)
-        return self._models[cache_key]
+        model = self._models[cache_key]
+        return model if model.max_depth == max_depth else model.with_depth(max_depth)
 
 
 def _build_forward_model(

@@ -29,6 +29,9 @@ BETTER_MODEL_P = 1e-3
 # above this z score of a fit to a part of the depth.
 MIN_SHAPE_P = 1e-3
 MAX_DEPTH_Z = 3.5
+# Already below this probability, or above this z score, further models and depths are fitted.
+SUSPICIOUS_SHAPE_P = 1e-2
+SUSPICIOUS_DEPTH_Z = 2.5
 # Depths before first contact that do not count as baseline: the snap-in of a tip lies there.
 CONTACT_MARGIN = 0.2
 
@@ -200,18 +203,16 @@ def is_suspect(
     p_baseline: float | None,
 ) -> bool:
     """Return True if other models should be fitted."""
-    # Probabilities below which, and the z score above which, other models are fitted.
-    max_shape = 1e-2
+    # Probabilities below which other models are fitted.
     max_power = 1e-2
     max_snap = 1e-3
-    max_z = 2.5
     max_baseline = 1e-3
     is_depth_dependent = any(
-        np.any(np.abs(range_fit.z_score) > max_z) for range_fit in depth_range_fits
+        np.any(np.abs(range_fit.z_score) > SUSPICIOUS_DEPTH_Z) for range_fit in depth_range_fits
     )
     is_noisy = p_baseline is not None and p_baseline < max_baseline
     has_trend = (
-        residual_trend.shape < max_shape
+        residual_trend.shape < SUSPICIOUS_SHAPE_P
         or residual_trend.power < max_power
         or residual_trend.snap < max_snap
     )

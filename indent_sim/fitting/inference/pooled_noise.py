@@ -15,8 +15,10 @@ Sources: Patterson & Thompson (1971), Biometrika 58, 545.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from scipy.fft import dct, idct, irfft, next_fast_len, rfft
@@ -72,6 +74,32 @@ class PooledNoise:
     weights: tuple[float, ...]
     baseline_count: int = 0
     baseline_samples: int = 0
+
+    def as_record(self) -> dict[str, Any]:
+        """Return the noise as plain data; the wavelength of a component without one is None."""
+        return {
+            "components": [
+                {
+                    "decay_length": component.decay_length,
+                    "wavelength": component.wavelength
+                    if math.isfinite(component.wavelength)
+                    else None,
+                }
+                for component in self.components
+            ],
+            "weights": list(self.weights),
+            "baselines": self.baseline_count,
+            "samples": self.baseline_samples,
+        }
+
+    @classmethod
+    def from_record(cls, record: Mapping[str, Any]) -> PooledNoise:
+        """Return the noise of plain data; raise KeyError or TypeError if it is none."""
+        components = tuple(
+            NoiseComponent(part["decay_length"], part["wavelength"] or math.inf)
+            for part in record["components"]
+        )
+        return cls(components, tuple(record["weights"]), record["baselines"], record["samples"])
 
     def autocovariance(self, n: int) -> np.ndarray:
         """Return the autocovariance at lags of 0 to n - 1 samples."""

@@ -125,6 +125,10 @@ class JpkFile:
                 number, _, name = rest.partition(".")
                 self._shared.setdefault(f"{kind}.{number}", {})[name] = value
 
+    def __reduce__(self) -> tuple[type[JpkFile], tuple[Path, float | None]]:
+        """Pickle the path: a process that gets the map opens the file itself."""
+        return JpkFile, (self.path, self._given_stiffness)
+
     def __len__(self) -> int:
         return len(self.numbers) or 1
 

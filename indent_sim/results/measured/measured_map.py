@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import overload
 
 import numpy as np
@@ -58,6 +59,18 @@ class MeasuredMap(Sequence[MeasuredCurve]):
         """Return the curve of an index; raise NoCurve if it is damaged."""
         return self[index]
 
+    def with_rows(self, first: int, end: int) -> MeasuredMap:
+        """Return the map with the curves of the rows `first` to `end - 1` only."""
+        rows = self.places[:, 0]
+        indices = np.flatnonzero((first <= rows) & (rows < end))
+        read_curve = partial(_read_selected, self.read_curve, indices)
+        return replace(self, places=self.places[indices], read_curve=read_curve)
+
+    def index_of(self, row: int, column: int) -> int | None:
+        """Return the index of the curve at a place, from 0; None if the place has no curve."""
+        indices = np.flatnonzero((self.places == (row, column)).all(axis=-1))
+        return int(indices[0]) if len(indices) else None
+
     def place(self, index: int) -> tuple[int, int]:
         """Return row and column of a curve, from 0."""
         row, column = self.places[index].tolist()
@@ -68,6 +81,13 @@ class MeasuredMap(Sequence[MeasuredCurve]):
         pixels = np.full(self.shape, np.nan)
         pixels[self.places[:, 0], self.places[:, 1]] = values
         return pixels
+
+
+def _read_selected(
+    read_curve: Callable[[int], MeasuredCurve], indices: np.ndarray, index: int
+) -> MeasuredCurve:
+    """Return a curve by its index among the selected ones."""
+    return read_curve(int(indices[index]))
 
 
 def grid_places(numbers: np.ndarray, columns: int, back_and_forth: bool) -> np.ndarray:

@@ -9,7 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from indent_sim.config.schema import Config
 from indent_sim.model.state import State
+from indent_sim.model.tips import RegularPyramid
+from indent_sim.model.unbounded_bodies import HalfSpace
 from indent_sim.process.errors import NotConverged
 from indent_sim.run.derived_quantities import hertz_forces, punches_of
 from indent_sim.run.error_estimation.coarser_run import CoarserRun, coarser_scene, halve_penalty
@@ -17,6 +20,7 @@ from indent_sim.run.error_estimation.error_bars import ErrorBars
 from indent_sim.run.pipeline import condense, states
 from indent_sim.run.planned_run import PlannedRun
 from indent_sim.scene.scene import Scene
+from indent_sim.theory.measured_constants import PYRAMID_CONSTANT_ERROR
 from indent_sim.theory.punches import contact_radius
 from indent_sim.theory.solution import SOLUTION_ERRORS
 
@@ -88,6 +92,40 @@ def elastic_forces(prospect: PlannedRun, depths: np.ndarray) -> ElasticForces:
     forces = np.array([state.force for state in states_found])
     return ElasticForces(
         forces, theory_forces, states_found[-1].a, _relative_error(scene, states_found, depths)
+    )
+
+
+def is_self_similar(config: Config) -> bool:
+    """Return whether the force is a constant times the square of the depth.
+
+    So it is for a sharp pyramid on a homogeneous half-space, since this problem has no length but
+    the depth.
+    """
+    body = config.body
+    is_homogeneous = (
+        isinstance(body, HalfSpace)
+        and not (body.layers or body.inclusions)
+        and not body.surface_tension
+    )
+    is_sharp = isinstance(config.indenter, RegularPyramid) and not config.indenter.tip_radius
+    return is_homogeneous and is_sharp and not config.contact.path_key
+
+
+def self_similar_force(prospect: PlannedRun, depth: float) -> ElasticForces:
+    """Return the force of a self-similar scene at a depth, by the formula if there is one.
+
+    Otherwise it is one solution on the mesh, which is made for this depth. Raises NotConverged if
+    the depth is not reached.
+    """
+    scene = prospect.scene
+    scales = scene.physics.scales
+    is_linear = getattr(prospect.config.material, "model", "") == "linear_elastic"
+    [force] = hertz_forces(scene, [depth / scales.depth]) if is_linear else [None]
+    if force is None or prospect.config.solver.method != "auto":
+        return elastic_forces(prospect, np.array([depth]))
+    contact_radius = scene.physics.indenter.radius_at(depth / scales.depth) * scales.length
+    return ElasticForces(
+        np.array([force * scales.force]), None, contact_radius, PYRAMID_CONSTANT_ERROR
     )
 
 

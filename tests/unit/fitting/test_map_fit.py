@@ -8,6 +8,7 @@ from measurements import HALF_SPACE, drawn, scene
 from scipy.linalg import toeplitz
 
 from indent_sim.fitting import map_fit
+from indent_sim.fitting.curve_fit import FitRequest
 from indent_sim.fitting.forward_model.forward_model import ForwardModel
 from indent_sim.fitting.inference.estimate import OriginOptions, Samples, fit_model
 from indent_sim.fitting.inference.noise import Noise
@@ -17,6 +18,11 @@ from indent_sim.fitting.inference.pooled_noise import (
     estimate_pooled_noise,
 )
 from indent_sim.fitting.map_fit import REASONS, MapFitter, MapModel, PixelFits
+from indent_sim.fitting.map_scene import MapScene, largest_depth
+from indent_sim.fitting.map_thickness import Thickness, thickness_of_scene
+from indent_sim.process.errors import ConfigError
+from indent_sim.results.measured.measured_map import MeasuredMap
+from indent_sim.results.measured.measurement import MeasuredCurve, NoCurve
 
 MAX_DEPTH = 0.14
 N = 300
@@ -194,3 +200,60 @@ def test_what_is_known_of_the_origin_makes_intervals_narrower():
     assert widths[1] < 0.5 * widths[0]
     assert (fits.contact_point == 0.013).all() and (fits.contact_point_sd == 0).all()
     assert (fits.slope == 0).all()
+
+
+@pytest.mark.parametrize("has_image", [False, True])
+def test_height_of_the_surface_at_zero_force(has_image):
+    """Displacements are absolute, or begin anew for each curve beside an image of the height.
+
+    The surface of the second pixel is 0.3 um higher. The tip turns at the same force, but 0.1 um
+    deeper in the soft second pixel.
+    """
+    travel = np.array([0.5, 0.6])
+    image = np.array([[0.0, 0.3 - 0.1]])
+    curves = MeasuredMap(
+        (1, 2), None, np.array([[0, 0], [0, 1]]), no_curve, 1e-6 * image if has_image else None
+    )
+    config = scene(units={"length": "um", "force": "nN"})
+    request = FitRequest(config, ("material.E",))
+    model = ForwardModel(config, ["material.E"], MAX_DEPTH)
+    # Without an image the base moves 0.3 um less far to the higher surface.
+    contact_points = 2.0 - travel if has_image else np.array([1.5, 1.2])
+    map_scene = MapScene(request, request, curves, model, ())
+    height = map_scene.surface_height(contact_points, travel)
+    assert height[1] - height[0] == pytest.approx(0.3)
+
+
+def no_curve(index: int) -> MeasuredCurve:
+    """Raise the error of a curve that cannot be read."""
+    raise NoCurve("no curve")
+
+
+@pytest.mark.parametrize(
+    ("section", "thickness"),
+    [
+        ({"thickness": "height"}, Thickness(mean=1.0)),
+        ({"mean": 2.5}, Thickness(mean=2.5)),
+        ({"base": {"plane": "fitted"}}, Thickness()),
+        (None, None),
+    ],
+)
+def test_thickness_of_a_map_in_its_scene(section, thickness):
+    """The median is body.height, another one, or none above a plane."""
+    config = scene(**({"map": section} if section else {}))
+    assert thickness_of_scene(config) == thickness
+
+
+def test_scene_of_a_map_without_a_thickness_is_refused():
+    with pytest.raises(ConfigError, match="height"):
+        thickness_of_scene(scene(HALF_SPACE, map={"thickness": "height"}))
+    with pytest.raises(ConfigError, match="both mean and base"):
+        thickness_of_scene(scene(map={"mean": 2.0, "base": {"plane": "fitted"}}))
+
+
+def test_curves_without_contact_do_not_set_the_largest_depth():
+    """One curve in a hundred may have any depth; the others count, also up to 1.5 times deeper."""
+    depths = np.append(np.full(199, 0.5), 5.0)
+    assert largest_depth(depths, 99.0) == 0.75
+    assert largest_depth(np.append(np.full(199, 0.5), 0.7), 99.0) == 0.7
+    assert largest_depth(np.array([0.2, np.nan, 0.5]), 99.0) == 0.5

@@ -10,10 +10,11 @@ from measurements import HALF_SPACE, LAYER, relaxing, scene
 
 from indent_sim.config.quantities import pressure_keys
 from indent_sim.fitting.forward_model.elastic_load_curve import plan_elastic_run
-from indent_sim.fitting.forward_model.forward_model import ForwardModel
+from indent_sim.fitting.forward_model.forward_model import ForwardModel, ForwardModelCache
 from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavailable
 from indent_sim.fitting.forward_model.parameters import ADHESION_WORK_KEY, number_at, parameters_of
 from indent_sim.process.errors import ConfigError
+from indent_sim.run.solvers.elastic_curve import is_self_similar
 from indent_sim.theory.adhesion import Jkr
 from indent_sim.theory.elastic_curve import ElasticCurve
 from indent_sim.theory.lee_radok_ting import LeeRadokTing
@@ -214,3 +215,37 @@ def test_a_spring_on_a_relaxing_body_balances():
     np.testing.assert_allclose(
         rigid(np.array([]), 0.1 * t - force, t), force, rtol=1e-6, atol=1e-12
     )
+
+
+def test_force_of_a_sharp_pyramid_needs_no_solution():
+    """F = C E* tan(beta) delta^2 with the constant of a boundary-element solution, at any depth."""
+    pyramid = {"shape": "vickers"}
+    models = ForwardModelCache()
+    shallow, deep = (
+        models.forward_model(scene(HALF_SPACE, tip=pyramid), ("material.E",), depth)
+        for depth in (0.01, 0.1)
+    )
+    delta = np.array([0.003, 0.01])
+    E_star = 1.0 / (1.0 - 0.45**2)
+    expected = 0.73762 * E_star * np.tan(np.radians(68.0)) * delta**2
+    # A Chebyshev series of one coefficient, in tables of cubic polynomials.
+    for model in (shallow, deep):
+        np.testing.assert_allclose(model(np.zeros(1), delta), expected, rtol=1e-9)
+        assert model.relative_error == pytest.approx(3e-5)
+    assert (shallow.max_depth, deep.max_depth) == (0.01, 0.1)
+    assert deep.elastic_curves.scene_curve.contact_radius == pytest.approx(
+        10.0 * shallow.elastic_curves.scene_curve.contact_radius
+    )
+
+
+@pytest.mark.parametrize(
+    ("tip", "body"),
+    [
+        ({"shape": "vickers", "tip_radius": 0.1}, HALF_SPACE),
+        ({"shape": "vickers"}, LAYER),
+        ({"shape": "cone", "half_angle": 70.0}, HALF_SPACE),
+    ],
+    ids=["rounded", "layer", "cone, by theory"],
+)
+def test_other_scenes_are_not_self_similar(tip, body):
+    assert not is_self_similar(scene(body, tip=tip))
