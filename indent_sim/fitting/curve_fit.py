@@ -49,6 +49,7 @@ from indent_sim.fitting.inference.estimate import (
     initial_guesses,
     reject_without_signal,
 )
+from indent_sim.fitting.inference.jumps import find_jumps, sides_of
 from indent_sim.fitting.inference.model_assessment import (
     Interval,
     ModelAssessment,
@@ -66,6 +67,8 @@ from indent_sim.results.reader import Results
 from indent_sim.run.solvers.elastic_curve import half_space_modulus
 
 SOLVED_DEPTH_FACTOR = 1.3  # the scene is solved to this multiple of the estimated largest depth
+# The same for an adhesive tip, whose contacts are those of deeper ones without adhesion.
+ADHESIVE_DEPTH_FACTOR = 2.4
 MIN_DEPTH_FACTOR = 1.01  # smallest multiple, for a body that cannot be indented further
 MIN_DIGITS = 4
 MAX_DIGITS = 10
@@ -226,6 +229,8 @@ def _fit_load_curve(
     config: Config, request: FitRequest, samples: Samples, tables: ForwardModelCache
 ) -> Estimate:
     """Fit an elastic scene; solve deeper and refit if the fitted depth exceeds the solved one."""
+    if config.experiment and config.experiment.adhesion:
+        return _fit_adhesive_load_curve(config, request, samples, tables)
     forward_model = _graded_forward_model(config, request.varied_keys, samples, tables)
     estimate = fit_model(forward_model, samples, request.origin)
     depth = _max_indentation(estimate)
@@ -236,6 +241,41 @@ def _fit_load_curve(
             request.origin,
         )
     return estimate
+
+
+def _fit_adhesive_load_curve(
+    config: Config, request: FitRequest, samples: Samples, tables: ForwardModelCache
+) -> Estimate:
+    """Fit an adhesive scene; solve deeper and refit until all contacts of the fit are solved.
+
+    The contacts of an adhesive tip are larger than those without adhesion at the same depth.
+    """
+    contact_depth = adhesive_contact_depth(samples, config)
+    for factor in (ADHESIVE_DEPTH_FACTOR, SOLVED_DEPTH_FACTOR, MIN_DEPTH_FACTOR):
+        try:
+            forward_model = tables.forward_model(
+                config, request.varied_keys, graded_depth(factor * contact_depth)
+            )
+            break
+        except (ConfigError, ForwardModelUnavailable):
+            continue
+    else:
+        forward_model = tables.forward_model(config, request.varied_keys, contact_depth)
+    max_rounds = 5
+    for _ in range(max_rounds):
+        estimate = fit_model(forward_model, samples, request.origin)
+        missing = estimate.depth / forward_model.largest_displacement(estimate.theta)
+        if 0.0 < missing <= 1.0:
+            return estimate
+        # A contact that is tensile at all solved depths tells only that deeper ones are needed.
+        growth = min(max(1.2 * missing, 1.3), 3.0) if missing > 0.0 else 3.0
+        forward_model = tables.forward_model(
+            config, request.varied_keys, graded_depth(growth * forward_model.max_depth)
+        )
+    raise FitRejected(
+        "the adhesive contact is larger than any that was solved: the adhesion is too strong for "
+        "the depth of the curve"
+    )
 
 
 def _fit_along_path(
@@ -355,15 +395,30 @@ def _graded_forward_model(
     curve.
     """
     contact_depth = max_contact_depth(samples, config)
-    # Solved depths are powers of this ratio, so that curves share solutions.
-    grade_ratio = 1.25
-    graded_depth = grade_ratio ** math.ceil(
-        math.log(SOLVED_DEPTH_FACTOR * contact_depth) / math.log(grade_ratio)
-    )
     try:
-        return tables.forward_model(config, keys, graded_depth)
+        return tables.forward_model(config, keys, graded_depth(SOLVED_DEPTH_FACTOR * contact_depth))
     except (ConfigError, ForwardModelUnavailable):
         return tables.forward_model(config, keys, MIN_DEPTH_FACTOR * contact_depth)
+
+
+def graded_depth(depth: float) -> float:
+    """Return a depth, rounded up to a power of a fixed ratio, so that curves share solutions."""
+    grade_ratio = 1.25
+    return float(grade_ratio ** math.ceil(math.log(depth) / math.log(grade_ratio)))
+
+
+def adhesive_contact_depth(samples: Samples, config: Config) -> float:
+    """Return the depth of a curve with adhesion [length], from its snap-in if that is clear."""
+    side = sides_of(samples.x) if samples.branch is None else np.abs(samples.branch)
+    touch = find_jumps(samples.x, samples.force, side).touch
+    if touch is None:
+        return max_contact_depth(samples, config)
+    compliance = config.experiment.compliance if config.experiment else 0.0
+    rise = float(samples.force.max()) - baseline_level(samples)
+    travel = float(samples.x.max()) - touch[0]
+    # Least depth on a soft spring, as a fraction of the travel.
+    min_depth_fraction = 0.05
+    return max(travel - compliance * rise, min_depth_fraction * travel)
 
 
 def max_contact_depth(samples: Samples, config: Config) -> float:

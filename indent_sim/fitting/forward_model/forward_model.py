@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
 from indent_sim.config.scene_file import to_yaml
 from indent_sim.config.schema import Config
@@ -36,6 +37,7 @@ from indent_sim.fitting.forward_model.measured_path_forces import (
 from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavailable
 from indent_sim.fitting.forward_model.parameters import (
     ADHESION_WORK_KEY,
+    RETRACT_WORK_KEY,
     Parameter,
     number_at,
     parameters_of,
@@ -47,6 +49,9 @@ from indent_sim.run.history_on_curve import relaxation_modulus
 # Key of the exponent of the depth by which an alternative model multiplies the force.
 FREE_EXPONENT_KEY = "exponent"
 MIN_RELATIVE_DEPTH = 1e-9  # a free power of the depth is constant below this, also if it diverges
+# Branches of the samples of an adhesive tip that is in contact.
+APPROACH = 1
+RETRACT = 2
 # Maps times to the function that turns elastic forces at these times into relaxed forces.
 LoadCurve = ElasticLoadCurve | TabulatedLoadCurve
 RelaxationOperator = Callable[[np.ndarray], Callable[[np.ndarray], np.ndarray]]
@@ -64,6 +69,8 @@ class ExperimentSettings:
         Transformed values (theta) of the shape parameters.
     adhesion_work
         Work of adhesion [force/length].
+    retract_work
+        Work of adhesion during the retraction [force/length].
     compliance
         Compliance of cantilever and frame [length/force].
     relaxation
@@ -76,6 +83,7 @@ class ExperimentSettings:
     scale: np.ndarray
     shape_coordinates: tuple[float, ...]
     adhesion_work: float
+    retract_work: float
     compliance: float
     relaxation: RelaxationOperator | None
     extra_exponent: float = 0.0
@@ -173,7 +181,13 @@ class ForwardModel:
         """Relative discretisation error of the force."""
         return self.elastic_curves.scene_curve.relative_error
 
-    def __call__(self, theta: np.ndarray, x: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
+    def __call__(
+        self,
+        theta: np.ndarray,
+        x: np.ndarray,
+        t: np.ndarray | None = None,
+        branch: np.ndarray | None = None,
+    ) -> np.ndarray:
         """Return the forces of the scene.
 
         Parameters
@@ -184,6 +198,9 @@ class ForwardModel:
             Displacements (..., n) [length].
         t
             Times (n,) [s] in increasing order, or None.
+        branch
+            Branch of every sample (n,) of an adhesive tip, `APPROACH`, `RETRACT` or another number
+            for a sample out of contact; None if the model decides what is in contact.
 
         Returns
         -------
@@ -192,7 +209,7 @@ class ForwardModel:
         """
         if theta.ndim > 1 and not self.is_batchable:
             return np.stack(
-                [self(theta_row, x_row, t) for theta_row, x_row in self._pairs(theta, x)]
+                [self(theta_row, x_row, t, branch) for theta_row, x_row in self._pairs(theta, x)]
             )
         settings = self._experiment_settings(theta)
         if self.is_time_dependent and t is None:
@@ -201,7 +218,7 @@ class ForwardModel:
             return self._force_along_path(self.path_forces, settings, x, t)
         if self.has_adhesion:
             return self._adhesive_force(
-                self.elastic_curves.load_curve(settings.shape_coordinates), settings, x
+                self.elastic_curves.load_curve(settings.shape_coordinates), settings, x, branch
             )
         load_curve = self._load_curve(settings)
         if settings.relaxation is not None and t is not None:
@@ -209,7 +226,11 @@ class ForwardModel:
         return self._elastic_force(load_curve, settings, self._depth(load_curve, settings, x))
 
     def linearize(
-        self, theta: np.ndarray, x: np.ndarray, t: np.ndarray | None
+        self,
+        theta: np.ndarray,
+        x: np.ndarray,
+        t: np.ndarray | None,
+        branch: np.ndarray | None = None,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the forces, and their derivatives by theta and by a shift of the curve.
 
@@ -221,6 +242,8 @@ class ForwardModel:
             Displacements (..., n) [length].
         t
             Times (n,) [s], or None.
+        branch
+            Branch of every sample (n,) of an adhesive tip, or None.
 
         Returns
         -------
@@ -232,12 +255,14 @@ class ForwardModel:
         """
         if theta.ndim > 1 and not self.is_batchable:
             results = [
-                self.linearize(theta_row, x_row, t) for theta_row, x_row in self._pairs(theta, x)
+                self.linearize(theta_row, x_row, t, branch)
+                for theta_row, x_row in self._pairs(theta, x)
             ]
             forces, derivatives = zip(*results, strict=True)
             return np.stack(forces), np.stack(derivatives)
         if not self.has_analytic_derivatives:
-            return self(theta, x, t), self._difference_quotients(theta, x, t)
+            force = self(theta, x, t, branch)
+            return force, self._difference_quotients(theta, x, t, branch)
         settings = self._experiment_settings(theta)
         load_curve = self._load_curve(settings)
         delta = self._depth(load_curve, settings, x)
@@ -321,7 +346,11 @@ class ForwardModel:
         return force * variation / max(float(high[k] - low[k]), 1e-300)
 
     def _difference_quotients(
-        self, theta: np.ndarray, x: np.ndarray, t: np.ndarray | None
+        self,
+        theta: np.ndarray,
+        x: np.ndarray,
+        t: np.ndarray | None,
+        branch: np.ndarray | None,
     ) -> np.ndarray:
         """Return the derivatives by central differences, one-sided at bounds."""
         columns = []
@@ -329,11 +358,13 @@ class ForwardModel:
             step = np.zeros(len(theta))
             step[k] = 1e-4
             low, high = (np.clip(changed, *self.bounds) for changed in (theta - step, theta + step))
-            difference = self(high, x, t) - self(low, x, t)
+            difference = self(high, x, t, branch) - self(low, x, t, branch)
             columns.append(difference / max(float(high[k] - low[k]), 1e-300))
         h = 1e-5 * self.max_depth
-        shift_derivative = (self(theta, x - h, t) - self(theta, x + h, t)) / (2.0 * h)
-        is_beside_snap = self.has_adhesion & (np.abs(x) <= h)
+        shift_derivative = (self(theta, x - h, t, branch) - self(theta, x + h, t, branch)) / (
+            2.0 * h
+        )
+        is_beside_snap = self.has_adhesion & (branch is None) & (np.abs(x) <= h)
         return np.vstack([*columns, np.where(is_beside_snap, 0.0, shift_derivative)])
 
     def _load_curve(self, settings: ExperimentSettings) -> LoadCurve:
@@ -371,7 +402,10 @@ class ForwardModel:
         return self.tabulated_curve.force_and_stiffness(delta, rows)[0]
 
     def force_without_spring(self, theta: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-        """Return the force over depth without spring and relaxation, for an initial guess."""
+        """Return the force over depth without spring and relaxation, for an initial guess.
+
+        An adhesive tip is in contact from first touch until pull-off.
+        """
         settings = self._experiment_settings(theta)
         path_forces = self.path_forces
         if path_forces is not None:
@@ -383,7 +417,8 @@ class ForwardModel:
         if self.has_adhesion:
             adhesive_curve = self.elastic_curves.load_curve(settings.shape_coordinates)
             rigid_settings = replace(settings, compliance=0.0, relaxation=None)
-            return lambda delta: self._adhesive_force(adhesive_curve, rigid_settings, delta)
+            jkr_branch = self._jkr_branch(adhesive_curve, rigid_settings, settings.adhesion_work)
+            return lambda delta: _force_in_contact(delta, *jkr_branch)
         load_curve = self._load_curve(settings)
         return lambda delta: self._elastic_force(load_curve, settings, delta)
 
@@ -473,6 +508,7 @@ class ForwardModel:
             scale = np.exp(np.clip(log_change, -700.0, 700.0))
         adhesion = self.experiment.adhesion
         adhesion_work = values.get(ADHESION_WORK_KEY, adhesion.work if adhesion else 0.0)
+        retract_work = values.get(RETRACT_WORK_KEY, adhesion_work)
         cantilever = self.experiment.cantilever
         frame = self.experiment.frame
         compliance = (
@@ -492,6 +528,7 @@ class ForwardModel:
             scale,
             tuple(theta[self._shape_indices]) if self._shape_indices else (),
             adhesion_work,
+            retract_work,
             compliance,
             relaxation,
             extra_exponent,
@@ -512,9 +549,35 @@ class ForwardModel:
         return model
 
     def _adhesive_force(
-        self, load_curve: ElasticLoadCurve, settings: ExperimentSettings, x: np.ndarray
+        self,
+        load_curve: ElasticLoadCurve,
+        settings: ExperimentSettings,
+        x: np.ndarray,
+        branch: np.ndarray | None = None,
     ) -> np.ndarray:
-        """Return the force of the stable JKR branch, from first contact (x = 0) until pull-off.
+        """Return the force of an adhesive tip at displacements (n,).
+
+        If the branch of the samples is None, the tip is in contact from first touch (x = 0) until
+        pull-off. A sample that is in contact beyond pull-off has the force at pull-off, and one
+        beyond the largest punch a linear continuation.
+        """
+        works = {APPROACH: settings.adhesion_work, RETRACT: settings.retract_work}
+        if branch is None:
+            return _force_in_contact(
+                x, *self._jkr_branch(load_curve, settings, settings.adhesion_work)
+            )
+        forces = np.zeros(x.shape)
+        for name, work in works.items():
+            is_on_branch = branch == name
+            if is_on_branch.any():
+                jkr_branch = self._jkr_branch(load_curve, settings, work)
+                forces[is_on_branch] = _continued(x[is_on_branch], *jkr_branch)
+        return forces
+
+    def _jkr_branch(
+        self, load_curve: ElasticLoadCurve, settings: ExperimentSettings, work: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return displacement of the base and force along the stable JKR branch, from pull-off on.
 
         The contact radius a parametrizes the branch: delta = delta_1 - q and F = F_1 - K q with
         q^2 = 4 pi a w / K', where delta_1 and F_1 hold without adhesion, K(a) is the stiffness of a
@@ -525,30 +588,38 @@ class ForwardModel:
         # Samples of the stable branch of an adhesive tip.
         jkr_branch_samples = 600
         ln_a = np.linspace(log_min_radius, 0.0, jkr_branch_samples)
-        log_columns = [
-            np.polynomial.chebyshev.chebval(1.0 - 2.0 * ln_a / log_min_radius, coefficients)
-            for coefficients in load_curve.punch_coefficients
-        ]
-        delta, force, K, slope = np.exp(log_columns)
+        delta, force, K, slope = np.exp(
+            chebyshev.chebval(1.0 - 2.0 * ln_a / log_min_radius, load_curve.punch_coefficients.T)
+        )
         q = np.sqrt(
-            4.0
-            * np.pi
-            * load_curve.max_radius
-            * np.exp(ln_a)
-            * settings.adhesion_work
-            / (settings.scale * slope)
+            4.0 * np.pi * load_curve.max_radius * np.exp(ln_a) * work / (settings.scale * slope)
         )
         delta = delta - q
         force = settings.scale * (force - K * q)
-        base_displacement = delta + settings.compliance * force
-        unstable_points = np.flatnonzero(np.diff(base_displacement) <= 0)
+        displacement = delta + settings.compliance * force
+        unstable_points = np.flatnonzero(np.diff(displacement) <= 0)
         first_stable = int(unstable_points[-1]) + 1 if len(unstable_points) else 0
-        has_touched = np.logical_or.accumulate(x >= 0.0)
-        return np.where(
-            has_touched & (x >= base_displacement[first_stable]),
-            np.interp(x, base_displacement[first_stable:], force[first_stable:]),
-            0.0,
-        )
+        return displacement[first_stable:], force[first_stable:]
+
+    def work_of_shift(self, theta: np.ndarray, shift: float) -> float:
+        """Return the work of adhesion [force/length] that shifts the largest contact by q [length].
+
+        At constant contact radius the depth is smaller by q than without adhesion.
+        """
+        settings = self._experiment_settings(theta)
+        load_curve = self.elastic_curves.load_curve(settings.shape_coordinates)
+        assert load_curve.punch_coefficients is not None
+        # The polynomials end at 1 with the largest punch.
+        slope = math.exp(float(chebyshev.chebval(1.0, load_curve.punch_coefficients[3])))
+        scale = float(settings.scale[..., 0])
+        return shift**2 * scale * slope / (4.0 * math.pi * load_curve.max_radius)
+
+    def largest_displacement(self, theta: np.ndarray) -> float:
+        """Return the displacement of the base [length] up to which adhesive contacts are known."""
+        settings = self._experiment_settings(theta)
+        load_curve = self.elastic_curves.load_curve(settings.shape_coordinates)
+        works = (settings.adhesion_work, settings.retract_work)
+        return min(float(self._jkr_branch(load_curve, settings, work)[0][-1]) for work in works)
 
     def _relaxed_force(
         self,
@@ -590,6 +661,21 @@ class ForwardModel:
             if np.abs(change).max(initial=0.0) < tolerance * self.max_depth:
                 break
         return force
+
+
+def _force_in_contact(x: np.ndarray, displacement: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Return forces along a stable branch from first touch (x = 0) until pull-off, else 0 (n,)."""
+    has_touched = np.logical_or.accumulate(x >= 0.0)
+    is_in_contact = has_touched & (x >= displacement[0])
+    return np.where(is_in_contact, _continued(x, displacement, force), 0.0)
+
+
+def _continued(x: np.ndarray, displacement: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Return forces at x (n,) by interpolation, constant below the table and linear above it."""
+    stiffness = (force[-1] - force[-2]) / (displacement[-1] - displacement[-2])
+    beyond = np.maximum(x - displacement[-1], 0.0)
+    forces: np.ndarray = np.interp(x, displacement, force) + stiffness * beyond
+    return forces
 
 
 def _build_path_forces(

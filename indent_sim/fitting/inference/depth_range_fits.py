@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -97,7 +97,7 @@ def _fit_depth_range(
         < MIN_CONTACT_POINTS
     ):
         return None
-    partial_model = CurveModel(model.forward_model, model.samples.select(is_inside), model.origin)
+    partial_model = replace(model, samples=model.samples.select(is_inside))
     try:
         p, _ = partial_model.least_squares(
             convert_baseline(model, partial_model, estimate.ordinary_p)
@@ -110,13 +110,14 @@ def _fit_depth_range(
     D = -whole_pseudoinverse[:k].copy()
     D[:, is_inside] += np.linalg.pinv(J)[:k]
     uncertainty = estimate.uncertainty
-    sd = np.sqrt(
-        np.maximum(
-            uncertainty.s2
-            * np.einsum("ij,ji->i", D, uncertainty.likeliest_noise.apply_covariance(D.T)),
-            0.0,
-        )
+    variance = uncertainty.s2 * np.einsum(
+        "ij,ji->i", D, uncertainty.likeliest_noise.apply_covariance(D.T)
     )
+    if model.touch is not None:
+        # Both fits have the contact point of the snap-in, and differ by its error.
+        shift = D @ model.with_free_touch.jacobian(estimate.ordinary_p)[:, k]
+        variance += shift**2 * uncertainty.covariance[k, k]
+    sd = np.sqrt(np.maximum(variance, 0.0))
     sd = np.maximum(sd, MIN_DEVIATION_RATIO * partial_uncertainty.sd[:k])
     theta = p[:k]
     return DepthRangeFit(

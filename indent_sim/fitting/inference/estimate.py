@@ -10,20 +10,26 @@ are larger, since a noise with a long correlation time hides a systematic misfit
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
-from indent_sim.fitting.forward_model.forward_model import ForwardModel
+from indent_sim.fitting.forward_model.forward_model import APPROACH, ForwardModel
 from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavailable
+from indent_sim.fitting.forward_model.parameters import Role
 from indent_sim.fitting.inference.initial_guess import fit_trials
-from indent_sim.fitting.inference.least_squares import (
-    SQUARES_TOLERANCE,
-    Metric,
-    minimize_squares,
+from indent_sim.fitting.inference.jumps import (
+    LEFT_OUT,
+    Jumps,
+    best_branches,
+    find_jumps,
+    sides_of,
+    spread_of_uniform,
+    touch_interval,
 )
+from indent_sim.fitting.inference.least_squares import Metric, minimize_squares
 from indent_sim.fitting.inference.noise import (
     NORMAL_95,
     WHITE,
@@ -50,6 +56,14 @@ MIN_SIGNAL_TO_NOISE = 4.0
 MAX_UNCERTAINTY_FACTOR = 4.0
 # Number of blocks of a curve whose means distinguish a contact from noise.
 SIGNAL_BLOCKS = 50
+# A fit in correlated noise is discarded if its rms exceeds that of ordinary least squares by more.
+MAX_RMS_RATIO = 1.1
+# A snap-in of at least this many standard deviations of the noise lies between two known samples.
+CLEAR_SNAP_DEVIATIONS = 5.0
+
+
+# Roles of parameters that do not only multiply the force.
+NONLINEAR_ROLES: tuple[Role, ...] = ("shape", "work", "relaxation", "spring", "power")
 
 
 class FitRejected(Exception):
@@ -68,11 +82,15 @@ class Samples:
         Force [force].
     t : ndarray, shape (n,), optional
         Time [s].
+    branch : ndarray of int, shape (n,), optional
+        Branches of the samples of an adhesive tip, see `jumps`; None if the model decides which
+        samples are in contact.
     """
 
     x: np.ndarray
     force: np.ndarray
     t: np.ndarray | None = None
+    branch: np.ndarray | None = None
 
     def __len__(self) -> int:
         return self.x.shape[-1]
@@ -80,7 +98,10 @@ class Samples:
     def select(self, selected: np.ndarray) -> Samples:
         """Return the selected samples."""
         return Samples(
-            self.x[selected], self.force[selected], None if self.t is None else self.t[selected]
+            self.x[selected],
+            self.force[selected],
+            None if self.t is None else self.t[selected],
+            None if self.branch is None else self.branch[selected],
         )
 
     def select_curves(self, selected: np.ndarray) -> Samples:
@@ -108,7 +129,14 @@ class Samples:
             x,
             force,
             None if self.t is None else self.t[remainder:].reshape(-1, block_size).mean(axis=1),
+            None if self.branch is None else self._branch_of_blocks(block_size, remainder),
         )
+
+    def _branch_of_blocks(self, block_size: int, remainder: int) -> np.ndarray:
+        """Return the branches of blocks; a block with several branches is left out."""
+        assert self.branch is not None
+        blocks = self.branch[remainder:].reshape(-1, block_size)
+        return np.where((blocks == blocks[:, :1]).all(axis=1), blocks[:, 0], LEFT_OUT)
 
 
 @dataclass(frozen=True)
@@ -146,6 +174,9 @@ class CurveModel:
         Indices of parameters that are not fitted.
     weights : ndarray, shape (..., n), optional
         Factors of the residuals, 0 for samples that are left out.
+    touch : tuple of float, optional
+        Displacements [length] between which the tip clearly snapped in. The contact point lies
+        between them, and is not fitted.
     """
 
     forward_model: ForwardModel
@@ -153,6 +184,7 @@ class CurveModel:
     origin: OriginOptions = field(default_factory=OriginOptions)
     fixed: frozenset[int] = frozenset()
     weights: np.ndarray | None = None
+    touch: tuple[float, float] | None = None
 
     @property
     def coordinate_count(self) -> int:
@@ -169,10 +201,23 @@ class CurveModel:
     def is_free(self) -> np.ndarray:
         """True for the parameters that are fitted (p,)."""
         is_free = np.ones(self.coordinate_count + 3, dtype=bool)
-        is_free[self.coordinate_count] = self.origin.contact_point is None
+        is_free[self.coordinate_count] = self.origin.contact_point is None and self.touch is None
         is_free[-1] = self.origin.has_slope
         is_free[list(self.fixed)] = False
         return is_free
+
+    @property
+    def with_free_touch(self) -> CurveModel:
+        """The model whose contact point is fitted, also if the tip clearly snapped in."""
+        return self if self.touch is None else replace(self, touch=None)
+
+    @cached_property
+    def _factors(self) -> np.ndarray | None:
+        """Factors of the residuals (..., n), 0 for samples that are left out."""
+        if self.samples.branch is None:
+            return self.weights
+        is_used = self.samples.branch != LEFT_OUT
+        return is_used * (1.0 if self.weights is None else self.weights)  # type: ignore[no-any-return]
 
     @property
     def has_analytic_derivatives(self) -> bool:
@@ -198,7 +243,9 @@ class CurveModel:
     def contact_force(self, p: np.ndarray) -> np.ndarray:
         """Return the forces without the baseline (..., n)."""
         theta = p[..., : self.coordinate_count]
-        return self.forward_model(theta, self.depth_coordinate(p), self.samples.t)
+        return self.forward_model(
+            theta, self.depth_coordinate(p), self.samples.t, self.samples.branch
+        )
 
     def baseline(self, p: np.ndarray) -> np.ndarray:
         """Return the baseline b0 + b1 (x - mean)/range (..., n)."""
@@ -208,7 +255,7 @@ class CurveModel:
     def residual(self, p: np.ndarray) -> np.ndarray:
         """Return the measured minus the modelled forces (..., n)."""
         residual: np.ndarray = self.samples.force - self.baseline(p) - self.contact_force(p)
-        return residual if self.weights is None else residual * self.weights
+        return residual if self._factors is None else residual * self._factors
 
     def jacobian(self, p: np.ndarray) -> np.ndarray:
         """Return the derivatives of the modelled forces of one curve (n, p)."""
@@ -221,7 +268,9 @@ class CurveModel:
         """
         depth = self.depth_coordinate(p)
         theta = p[..., : self.coordinate_count]
-        force, derivatives = self.forward_model.linearize(theta, depth, self.samples.t)
+        force, derivatives = self.forward_model.linearize(
+            theta, depth, self.samples.t, self.samples.branch
+        )
         residual = self.samples.force - self.baseline(p) - force
         rows = np.empty((*depth.shape[:-1], p.shape[-1] + 1, depth.shape[-1]))
         rows[..., :-3, :] = derivatives
@@ -229,7 +278,7 @@ class CurveModel:
         rows[..., -2, :] = self._baseline_coordinate
         rows[..., :-1, :] *= self.is_free[:, None]
         rows[..., -1, :] = residual
-        return rows if self.weights is None else rows * self.weights[..., None, :]
+        return rows if self._factors is None else rows * self._factors[..., None, :]
 
     @property
     def sample_spacing(self) -> float:
@@ -371,85 +420,62 @@ class Estimate:
 
 def estimate_parameters(model: CurveModel, initial_p: np.ndarray) -> Estimate:
     """Fit a model, beginning at the parameters `initial_p`."""
-    ordinary_p = _search_contact_point(model, model.least_squares(initial_p)[0])
+    ordinary_p, _ = model.least_squares(initial_p)
     uncertainty = uncertainty_at(model, ordinary_p)
     if uncertainty.likeliest_noise == WHITE:
         return Estimate(model, ordinary_p, ordinary_p, uncertainty)
     weighted_p, _ = model.least_squares(ordinary_p, uncertainty.likeliest_noise)
-    # A fit in correlated noise is discarded if its rms exceeds that of ordinary least squares
-    # by more.
-    max_rms_ratio = 1.1
-    if _rms_residual(model, weighted_p) > max_rms_ratio * _rms_residual(model, ordinary_p):
+    if _rms_residual(model, weighted_p) > MAX_RMS_RATIO * _rms_residual(model, ordinary_p):
         return Estimate(model, ordinary_p, ordinary_p, uncertainty)
     return Estimate(model, weighted_p, ordinary_p, uncertainty_at(model, weighted_p))
-
-
-def _search_contact_point(model: CurveModel, p: np.ndarray) -> np.ndarray:
-    """Move the contact point of a tip that snaps in, to reduce the sum of squares.
-
-    The sum of squares is discontinuous where the snap-in passes a sample, and a descent iteration
-    stops there.
-    """
-    if not model.forward_model.has_adhesion or model.origin.contact_point is not None:
-        return p
-    fixed_model = replace(model, fixed=model.fixed | {model.coordinate_count})
-    squares = math.inf
-    # Search of the contact point of a tip that snaps in: shifts in samples, iterations of a trial
-    # fit, and number of moves.
-    shifts = (-3, -2, -1, 0, 1, 2, 3)
-    iterations = 6
-    max_moves = 5
-    for _ in range(max_moves):
-        trials = [
-            p + shift * model.sample_spacing * np.eye(len(p))[model.coordinate_count]
-            for shift in shifts
-        ]
-        best_p, smallest_squares = min(
-            (fixed_model.least_squares(trial, rounds=iterations) for trial in trials),
-            key=lambda found: found[1],
-        )
-        if smallest_squares >= squares * (1 - SQUARES_TOLERANCE):
-            break
-        p, squares = model.least_squares(best_p)
-    return p
 
 
 def uncertainty_at(
     model: CurveModel, p: np.ndarray, noises: Sequence[Noise] | None = None
 ) -> ParameterUncertainty:
     """Return the uncertainty of the parameters at `p`; fixed parameters have none."""
-    is_free = model.is_free
-    uncertainty = average_over_noise(model.jacobian(p)[:, is_free], model.residual(p), noises)
+    free_model = model.with_free_touch
+    is_free = free_model.is_free
+    uncertainty = average_over_noise(free_model.jacobian(p)[:, is_free], model.residual(p), noises)
     covariance = np.zeros((len(is_free), len(is_free)))
     step = np.zeros(len(is_free))
     covariance[np.ix_(is_free, is_free)] = uncertainty.covariance
     step[is_free] = uncertainty.step
-    return replace(
-        uncertainty,
-        covariance=_limit_contact_point_variance(covariance, model, p, uncertainty.s2),
-        step=step,
-    )
+    covariance, step = _observe_touch(covariance, step, model, p, uncertainty.s2)
+    return replace(uncertainty, covariance=covariance, step=step)
 
 
-def _limit_contact_point_variance(
-    covariance: np.ndarray, model: CurveModel, p: np.ndarray, s2: float
-) -> np.ndarray:
-    """Return the covariance with the variance of the contact point limited by the snap-in.
+def _observe_touch(
+    covariance: np.ndarray, step: np.ndarray, model: CurveModel, p: np.ndarray, s2: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return covariance and mean step of the parameters, with the snap-in as an observation.
 
-    A clear snap-in lies between two samples at the spacing d, so that the contact point is known to
-    within +-d; its standard deviation (uniform distribution) is d/sqrt(3).
+    A clear snap-in lies between two samples. It observes the contact point in the middle between
+    them, with the standard deviation of a uniform distribution.
     """
-    # A snap-in of at least this many standard deviations of the noise lies between two known
-    # samples.
-    clear_snap_deviations = 5.0
-    if not model.is_free[model.coordinate_count] or _snap_in_force(
-        model, p
-    ) < clear_snap_deviations * math.sqrt(s2):
-        return covariance
-    contact_column = covariance[model.coordinate_count]
-    return covariance - np.outer(contact_column, contact_column) / (
-        model.sample_spacing**2 / 3.0 + contact_column[model.coordinate_count]
-    )
+    index = model.coordinate_count
+    touch = _touch_of(model, p, s2)
+    if touch is None or index in model.fixed or model.origin.contact_point is not None:
+        return covariance, step
+    column = covariance[index]
+    gain = column / (spread_of_uniform(touch) ** 2 + column[index])
+    innovation = 0.5 * (touch[0] + touch[1]) - p[index] - step[index]
+    return covariance - np.outer(gain, column), step + gain * innovation
+
+
+def _touch_of(model: CurveModel, p: np.ndarray, s2: float) -> tuple[float, float] | None:
+    """Return displacements [length] between which the tip snapped in; None if that is not clear.
+
+    If the model decides which samples are in contact, as in a planned measurement, the contact
+    point lies in the middle between two samples.
+    """
+    if model.touch is not None or model.samples.branch is not None:
+        return model.touch
+    if _snap_in_force(model, p) < CLEAR_SNAP_DEVIATIONS * math.sqrt(s2):
+        return None
+    contact_point = float(p[model.coordinate_count])
+    half_spacing = 0.5 * model.sample_spacing
+    return contact_point - half_spacing, contact_point + half_spacing
 
 
 def _snap_in_force(model: CurveModel, p: np.ndarray) -> float:
@@ -480,9 +506,9 @@ def standard_deviation(estimate: Estimate, k: int, fixed: Sequence[int] = ()) ->
         parameter.
     """
     model = replace(estimate.model, fixed=estimate.model.fixed | set(fixed))
-    is_free = model.is_free
+    is_free = model.with_free_touch.is_free
     noise = estimate.uncertainty.likeliest_noise
-    J = model.jacobian(estimate.p)
+    J = model.with_free_touch.jacobian(estimate.p)
     scale = np.sqrt((J * J).sum(axis=0))
     if not scale[k] > 0:
         return math.inf if is_free[k] else 0.0
@@ -493,16 +519,10 @@ def standard_deviation(estimate: Estimate, k: int, fixed: Sequence[int] = ()) ->
     covariance[np.ix_(is_free, is_free)] = (
         estimate.uncertainty.s2 * inverse / np.outer(scale[is_free], scale[is_free])
     )
-    return math.sqrt(
-        max(
-            float(
-                _limit_contact_point_variance(
-                    covariance, model, estimate.p, estimate.uncertainty.s2
-                )[k, k]
-            ),
-            0.0,
-        )
+    covariance, _ = _observe_touch(
+        covariance, np.zeros(len(is_free)), model, estimate.p, estimate.uncertainty.s2
     )
+    return math.sqrt(max(float(covariance[k, k]), 0.0))
 
 
 def _rms_residual(model: CurveModel, p: np.ndarray) -> float:
@@ -562,8 +582,10 @@ def baseline_level(samples: Samples) -> float:
     return float(np.median(samples.force[far_samples]))
 
 
-def _trial_coordinates(forward_model: ForwardModel) -> list[np.ndarray]:
-    """Return the parameters of the scene, and copies with one nonlinear parameter changed."""
+def _trial_coordinates(
+    forward_model: ForwardModel, roles: Sequence[Role] = NONLINEAR_ROLES
+) -> list[np.ndarray]:
+    """Return the parameters of the scene, and copies with one parameter of some roles changed."""
     initial = forward_model.initial_coordinates
     trials = [initial]
     # Offsets of the trial values of a coordinate from that of the scene: logarithmic and linear
@@ -571,7 +593,7 @@ def _trial_coordinates(forward_model: ForwardModel) -> list[np.ndarray]:
     log_offsets = (0.0, -1.2, 1.2, -2.4, 2.4)
     linear_offsets = (0.0, -0.1, 0.1)
     for k, parameter in enumerate(forward_model.parameters):
-        if parameter.role != "scale":
+        if parameter.role in roles:
             for offset in (linear_offsets if parameter.is_linear else log_offsets)[1:]:
                 trial = initial.copy()
                 trial[k] = float(np.clip(initial[k] + offset, *parameter.bounds))
@@ -634,6 +656,8 @@ def fit_model(
     FitRejected
         If the curve has no contact or does not determine the parameters.
     """
+    if forward_model.has_adhesion:
+        return _fit_adhesive_tip(forward_model, samples, origin)
     pilot_model = CurveModel(forward_model, samples.block_means(MAX_PILOT_SAMPLES), origin)
     guesses = (
         initial_guesses(forward_model, samples, origin)
@@ -663,6 +687,207 @@ def fit_model(
     estimate = estimate_parameters(model, convert_baseline(pilot_model, model, best[0]))
     _reject_weak_signal(estimate)
     return estimate
+
+
+def _fit_adhesive_tip(
+    forward_model: ForwardModel, samples: Samples, origin: OriginOptions
+) -> Estimate:
+    """Fit a scene with an adhesive tip to a curve, whose jumps separate the branches."""
+    jumps = find_jumps(samples.x, samples.force, _sides(samples))
+    touch = jumps.touch if origin.contact_point is None else None
+    samples = replace(samples, branch=jumps.branch)
+    model = CurveModel(forward_model, samples.block_means(MAX_PILOT_SAMPLES), origin, touch=touch)
+    trials = []
+    for guess in _adhesive_guesses(model, jumps):
+        try:
+            trials.append(place_jumps(model, guess, jumps.weak_sides))
+        except (ForwardModelUnavailable, ValueError, np.linalg.LinAlgError):
+            continue
+    if not trials:
+        raise FitRejected("no contact: no fit was found")
+    pilot_model, pilot_p, _ = min(trials, key=lambda trial: trial[2])
+    contact_point = float(pilot_p[model.coordinate_count])
+    near_model = replace(model, samples=samples_near_contact(samples, contact_point))
+    if len(near_model.samples) < MIN_POINTS:
+        raise FitRejected(f"no contact: {len(near_model.samples)} points in contact")
+    p = convert_baseline(pilot_model, near_model, pilot_p)
+    estimate = estimate_adhesive_tip(near_model, p, jumps.weak_sides)
+    _reject_weak_signal(estimate)
+    return estimate
+
+
+def _sides(samples: Samples) -> np.ndarray:
+    """Return APPROACH or RETRACT for every sample."""
+    return sides_of(samples.x) if samples.branch is None else np.abs(samples.branch)
+
+
+def estimate_adhesive_tip(
+    model: CurveModel, p: np.ndarray, weak_sides: tuple[int, ...]
+) -> Estimate:
+    """Fit an adhesive tip, beginning at the parameters `p`.
+
+    The parameters are the mean over all noise models. It is approached from ordinary least squares
+    as far as the residuals allow: a noise with a long correlation time hides a systematic misfit.
+    """
+    model, ordinary_p, _ = place_jumps(model, p, weak_sides)
+    uncertainty = uncertainty_at(model, ordinary_p)
+    mean_p = model.clip_to_bounds(ordinary_p + model.limit_step(uncertainty.step))
+    largest_rms = MAX_RMS_RATIO * _rms_residual(model, ordinary_p)
+    # Halvings of the step: the last one is negligible.
+    for _ in range(10):
+        if _rms_residual(model, mean_p) <= largest_rms:
+            return Estimate(model, mean_p, ordinary_p, uncertainty_at(model, mean_p))
+        mean_p = 0.5 * (mean_p + ordinary_p)
+    return Estimate(model, ordinary_p, ordinary_p, uncertainty)
+
+
+def place_jumps(
+    model: CurveModel, p: np.ndarray, weak_sides: tuple[int, ...]
+) -> tuple[CurveModel, np.ndarray, float]:
+    """Fit an adhesive tip, and place those jumps that are not clear, in turn.
+
+    Returns
+    -------
+    model : CurveModel
+        The model with the branches of all samples, and with the touch if the snap-in is clear.
+    p : ndarray, shape (p,)
+        The parameters by ordinary least squares.
+    squares : float
+        The sum of squares.
+    """
+    p = _at_touch(model, p)
+    if not weak_sides:
+        return model, *model.least_squares(p)
+    branch = _branch_by_model(model, p, weak_sides)
+    max_rounds = 6
+    for _ in range(max_rounds):
+        model = replace(model, samples=replace(model.samples, branch=branch))
+        p, squares = model.least_squares(p)
+        next_branch = _branch_of_least_squares(model, p, branch, weak_sides)
+        if np.array_equal(next_branch, branch):
+            break
+        branch = next_branch
+    touch = touch_interval(model.samples.x, branch)
+    if APPROACH not in weak_sides or model.origin.contact_point is not None or touch is None:
+        return model, p, squares
+    first_force = model.contact_force(p)[np.argmax(branch == APPROACH)]
+    if abs(first_force) < CLEAR_SNAP_DEVIATIONS * _rms_residual(model, p):
+        return model, p, squares
+    model = replace(model, touch=touch)
+    return model, *model.least_squares(_at_touch(model, p))
+
+
+def _at_touch(model: CurveModel, p: np.ndarray) -> np.ndarray:
+    """Return the parameters with the contact point in the middle of the touch, if it is known."""
+    p = p.copy()
+    if model.touch is not None:
+        p[model.coordinate_count] = 0.5 * sum(model.touch)
+    return p
+
+
+def _branch_by_model(model: CurveModel, p: np.ndarray, weak_sides: tuple[int, ...]) -> np.ndarray:
+    """Return the branches (n,), on weak sides as the model predicts them."""
+    samples = model.samples
+    assert samples.branch is not None
+    side = np.abs(samples.branch)
+    is_out = model.forward_model(p[: model.coordinate_count], model.depth_coordinate(p)) == 0.0
+    branch: np.ndarray = np.where(
+        np.isin(side, weak_sides), np.where(is_out, -side, side), samples.branch
+    )
+    return branch
+
+
+def _branch_of_least_squares(
+    model: CurveModel, p: np.ndarray, branch: np.ndarray, weak_sides: tuple[int, ...]
+) -> np.ndarray:
+    """Return the branches (n,) with the least squares at the parameters p.
+
+    A snap-in lies within some samples of the contact point.
+    """
+    samples = model.samples
+    side = np.abs(branch)
+    depth = model.depth_coordinate(p)
+    theta = p[: model.coordinate_count]
+    # Largest distance of a snap-in from the contact point, in samples.
+    max_distance = 3.5
+    is_near = np.abs(depth) <= max_distance * model.sample_spacing
+    is_approach = (side == APPROACH) & (APPROACH in weak_sides)
+    has_touched = np.logical_or.accumulate(depth >= 0.0)
+    branch = np.where(is_approach, np.where(has_touched, side, -side), branch)
+    may_move = np.where(side == APPROACH, is_near & is_approach, np.isin(side, weak_sides))
+    force = samples.force - model.baseline(p)
+    contact_force = model.forward_model(theta, depth, samples.t, side)
+    return best_branches(branch, force**2, (force - contact_force) ** 2, may_move)
+
+
+def _adhesive_guesses(model: CurveModel, jumps: Jumps) -> list[np.ndarray]:
+    """Return initial guesses of the parameters of an adhesive tip, the best first."""
+    samples = model.samples
+    origin = model.origin
+    forward_model = model.forward_model
+    if origin.contact_point is not None:
+        contact_points = np.array([origin.contact_point])
+    elif model.touch is not None:
+        contact_points = np.array([0.5 * sum(model.touch)])
+    else:
+        contact_points = np.percentile(samples.x, np.linspace(2.0, 97.0, 80))
+    compliance = forward_model.experiment.compliance
+    depth = samples.x - compliance * (samples.force - baseline_level(samples))
+    assert samples.branch is not None
+    is_used = samples.branch != LEFT_OUT
+    is_out = samples.branch[is_used] < 0
+    guesses = []
+    for theta, has_scale in _adhesive_trials(forward_model, depth.max() - contact_points.min()):
+        try:
+            force_at_depth = forward_model.force_without_spring(theta)
+        except ForwardModelUnavailable:
+            continue
+        f = np.stack([force_at_depth(depth[is_used] - c) for c in contact_points])
+        f[:, is_out] = 0.0
+        fits = fit_trials(
+            samples.x[is_used], samples.force[is_used], f, origin.has_slope, has_scale
+        )
+        best = int(np.argmin(fits.squares))
+        if not math.isfinite(fits.squares[best]):
+            continue
+        coordinates = theta.copy()
+        if has_scale:
+            # Force and adhesion of a body are proportional to its modulus.
+            is_scaled = [
+                parameter.role in ("scale", "work") for parameter in forward_model.parameters
+            ]
+            coordinates[is_scaled] += math.log(fits.amplitude[best])
+        p = np.array([*coordinates, contact_points[best], fits.level[best], fits.slope[best]])
+        guesses.append((float(fits.squares[best]), p))
+    # Number of initial guesses from which the fit is iterated to convergence.
+    max_guesses = 3
+    return [p for _, p in sorted(guesses, key=lambda guess: guess[0])[:max_guesses]]
+
+
+def _adhesive_trials(
+    forward_model: ForwardModel, depth: float
+) -> Iterator[tuple[np.ndarray, bool]]:
+    """Yield trial values of theta, and whether their force and adhesion are scaled together.
+
+    The ratio of work and modulus has no natural size in the scene. It is tried from one that hardly
+    shifts the largest contact to one that shifts it by twice the depth, whichever of both varies.
+    """
+    shifts = depth * np.geomspace(0.01, 2.0, 24)
+    works = [k for k, one in enumerate(forward_model.parameters) if one.role == "work"]
+    scale_index = forward_model.scale_index
+    adhesion = forward_model.experiment.adhesion
+    assert adhesion is not None
+    for initial in _trial_coordinates(forward_model, ("shape", "spring")):
+        if not works and scale_index is None:
+            yield initial, False
+            continue
+        for shift in shifts:
+            theta = initial.copy()
+            log_work = math.log(forward_model.work_of_shift(theta, shift))
+            theta[works] = log_work
+            if not works:
+                theta[scale_index] += math.log(adhesion.work) - log_work
+            yield theta, bool(works) and scale_index is not None
 
 
 def _try_least_squares(model: CurveModel, initial_p: np.ndarray) -> tuple[np.ndarray, float] | None:
