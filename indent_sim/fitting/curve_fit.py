@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -21,6 +21,8 @@ from indent_sim.fitting.forward_model.elastic_load_curve import (
     solve_load_curve,
 )
 from indent_sim.fitting.forward_model.forward_model import (
+    APPROACH,
+    RETRACT,
     ForwardModel,
     ForwardModelCache,
     is_time_dependent,
@@ -34,7 +36,13 @@ from indent_sim.fitting.forward_model.parameter_grid import (
     NUMERICAL_ERRORS,
     ForwardModelUnavailable,
 )
-from indent_sim.fitting.forward_model.parameters import SPRING_KEYS, number_at, replace_numbers
+from indent_sim.fitting.forward_model.parameters import (
+    ADHESION_WORK_KEY,
+    RETRACT_WORK_KEY,
+    SPRING_KEYS,
+    number_at,
+    replace_numbers,
+)
 from indent_sim.fitting.inference import alternative_models
 from indent_sim.fitting.inference.alternative_models import AlternativeModel, add_to_experiment
 from indent_sim.fitting.inference.depth_range_fits import fit_depth_ranges
@@ -140,6 +148,14 @@ class CurveFit:
         return bool(self.entry["status"] == "done")
 
 
+def keys_of_part(keys: Sequence[str], part: CurvePart) -> tuple[str, ...]:
+    """Return the varied keys; the work of adhesion of each branch if both are fitted together."""
+    if part == "both" and ADHESION_WORK_KEY in keys and RETRACT_WORK_KEY not in keys:
+        after = list(keys).index(ADHESION_WORK_KEY) + 1
+        return (*keys[:after], RETRACT_WORK_KEY, *keys[after:])
+    return tuple(keys)
+
+
 def rejected_fit(name: str, reason: str, seconds: float = 0.0) -> CurveFit:
     """Return the result for a curve that was rejected, with the reason."""
     return CurveFit({"curve": name, "status": "refused", "reason": reason, "seconds": seconds})
@@ -214,6 +230,12 @@ def _fit_and_assess(
     config, samples, notes = prepare_curve(curve, request)
     _refuse_wrong_scale(config, samples)
     reject_without_signal(samples)
+    if request.curve_part == "both" and is_time_dependent(config):
+        raise ConfigError(
+            "--segment both",
+            "leaves out the hold, which the force of a time-dependent material depends on",
+            "give --segment all",
+        )
     if is_time_dependent(config) and samples.t is None:
         raise NoCurve("no column of time, which a viscoelastic or poroelastic scene needs")
     fit_function = _fit_along_path if needs_time_stepping(config) else _fit_load_curve
@@ -375,7 +397,24 @@ def prepare_curve(curve: MeasuredCurve, request: FitRequest) -> tuple[Config, Sa
     if not has_spring and column == "z":
         notes.append("no spring is known: the displacement of the base is taken as the depth")
     t = None if curve.t is None else curve.t - curve.t[0]
-    return config, Samples(curve.abscissa_values(column), curve.force, t), notes
+    samples = Samples(curve.abscissa_values(column), curve.force, t)
+    if config.experiment and config.experiment.adhesion:
+        samples = _in_order_of_time(samples, curve, request.curve_part)
+    return config, samples, notes
+
+
+def _in_order_of_time(samples: Samples, curve: MeasuredCurve, part: CurvePart) -> Samples:
+    """Return the samples of an adhesive tip from its approach on, with their sides."""
+    if part == "approach" and samples.x[0] > samples.x[-1]:
+        # A file in order of z: the tip touches at the end of its rows.
+        return Samples(
+            samples.x[::-1], samples.force[::-1], None if samples.t is None else samples.t[::-1]
+        )
+    if part != "both":
+        return samples
+    branch = np.full(len(samples), APPROACH)
+    branch[curve.parts["retract"]] = RETRACT
+    return replace(samples, branch=branch)
 
 
 def _remove_spring(config: Config) -> Config:
@@ -754,6 +793,8 @@ def _significant_digits(interval: Interval) -> int:
 
 def quantity_kind(config: Config, key: str) -> str | None:
     """Return "length", "force" or "pressure" for a key of this dimension, else None."""
+    if key == RETRACT_WORK_KEY:
+        return quantity_kind(config, ADHESION_WORK_KEY)
     return dimension_of_key(key_path(key), to_mapping(config))
 
 

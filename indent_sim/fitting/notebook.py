@@ -12,7 +12,14 @@ import numpy as np
 from indent_sim.config.scene_file import config_from_mapping, load
 from indent_sim.config.schema import Config
 from indent_sim.fitting import map_folder
-from indent_sim.fitting.curve_fit import INTERVAL_KEYS, CurveFit, FitRequest, ModelChoice, fit_curve
+from indent_sim.fitting.curve_fit import (
+    INTERVAL_KEYS,
+    CurveFit,
+    FitRequest,
+    ModelChoice,
+    fit_curve,
+    keys_of_part,
+)
 from indent_sim.fitting.forward_model.forward_model import ForwardModelCache
 from indent_sim.fitting.inference.estimate import OriginOptions
 from indent_sim.fitting.inference.model_assessment import Interval
@@ -98,7 +105,9 @@ def fit(
         If a key or the scene is invalid.
     """
     config = _load_scene(scene)
-    request = FitRequest(config, tuple(vary), segment, OriginOptions(contact_point), models)
+    request = FitRequest(
+        config, keys_of_part(vary, segment), segment, OriginOptions(contact_point), models
+    )
     curve_fit = fit_curve(_read_curve(curve, columns, units), request, ForwardModelCache())
     if not curve_fit.is_done:
         raise NotConverged(f"{curve_fit.name}: {curve_fit.entry['reason']}")

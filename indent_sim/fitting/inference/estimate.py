@@ -19,10 +19,15 @@ import numpy as np
 from indent_sim.fitting.forward_model.forward_model import APPROACH, ForwardModel
 from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavailable
 from indent_sim.fitting.forward_model.parameters import Role
+from indent_sim.fitting.inference.baseline import (
+    CONTACT_MARGIN,
+    WRONG_BASELINE_P,
+    baseline_columns,
+    baseline_shift_probability,
+)
 from indent_sim.fitting.inference.initial_guess import fit_trials
 from indent_sim.fitting.inference.jumps import (
     LEFT_OUT,
-    Jumps,
     best_branches,
     find_jumps,
     sides_of,
@@ -192,7 +197,8 @@ class CurveModel:
         return len(self.forward_model.parameters)
 
     @cached_property
-    def _baseline_coordinate(self) -> np.ndarray:
+    def baseline_coordinate(self) -> np.ndarray:
+        """Coordinate s = (x - mean)/range of the slope of the baseline (..., n)."""
         x = self.samples.x
         span = np.maximum(np.ptp(x, axis=-1, keepdims=True), 1e-300)
         return (x - x.mean(axis=-1, keepdims=True)) / span  # type: ignore[no-any-return]
@@ -249,7 +255,7 @@ class CurveModel:
 
     def baseline(self, p: np.ndarray) -> np.ndarray:
         """Return the baseline b0 + b1 (x - mean)/range (..., n)."""
-        baseline: np.ndarray = p[..., -2, None] + p[..., -1, None] * self._baseline_coordinate
+        baseline: np.ndarray = p[..., -2, None] + p[..., -1, None] * self.baseline_coordinate
         return baseline
 
     def residual(self, p: np.ndarray) -> np.ndarray:
@@ -275,7 +281,7 @@ class CurveModel:
         rows = np.empty((*depth.shape[:-1], p.shape[-1] + 1, depth.shape[-1]))
         rows[..., :-3, :] = derivatives
         rows[..., -3, :] = 1.0
-        rows[..., -2, :] = self._baseline_coordinate
+        rows[..., -2, :] = self.baseline_coordinate
         rows[..., :-1, :] *= self.is_free[:, None]
         rows[..., -1, :] = residual
         return rows if self._factors is None else rows * self._factors[..., None, :]
@@ -358,6 +364,9 @@ class Estimate:
         Noise and covariance of the parameters.
     profiles : dict
         Intervals by profile likelihood, by index of the parameter.
+    p_baseline_shift : float, optional
+        Probability that the fit moves the baseline away from the samples out of contact by chance;
+        None if the baseline is too short.
     """
 
     model: CurveModel
@@ -365,6 +374,7 @@ class Estimate:
     ordinary_p: np.ndarray
     uncertainty: ParameterUncertainty
     profiles: dict[int, tuple[float, float]] = field(default_factory=dict)
+    p_baseline_shift: float | None = None
 
     @property
     def theta(self) -> np.ndarray:
@@ -686,34 +696,78 @@ def fit_model(
     model = CurveModel(forward_model, near_samples, origin)
     estimate = estimate_parameters(model, convert_baseline(pilot_model, model, best[0]))
     _reject_weak_signal(estimate)
-    return estimate
+    return _test_baseline(estimate)
+
+
+def _test_baseline(estimate: Estimate) -> Estimate:
+    """Return the estimate with the test of its baseline by the samples out of contact."""
+    model = estimate.model
+    is_out = samples_out_of_contact(model, estimate.p)
+    return replace(
+        estimate,
+        p_baseline_shift=baseline_shift_probability(
+            model.samples.x[is_out],
+            estimate.residual[is_out],
+            model.origin.has_slope,
+        ),
+    )
+
+
+def samples_out_of_contact(model: CurveModel, p: np.ndarray) -> np.ndarray:
+    """Return True for the samples (n,) of the baseline.
+
+    Without known branches these are the samples before a snap-in could be.
+    """
+    if model.samples.branch is not None:
+        return model.samples.branch < LEFT_OUT
+    contact_point = float(p[model.coordinate_count])
+    depth = float(model.samples.x.max()) - contact_point
+    is_out: np.ndarray = model.samples.x < contact_point - CONTACT_MARGIN * depth
+    return is_out
 
 
 def _fit_adhesive_tip(
     forward_model: ForwardModel, samples: Samples, origin: OriginOptions
 ) -> Estimate:
-    """Fit a scene with an adhesive tip to a curve, whose jumps separate the branches."""
+    """Fit a scene with an adhesive tip to a curve, and reject it without a contact."""
+    model, p, weak_sides = fit_adhesive_pilot(forward_model, samples, origin)
+    contact_point = float(p[model.coordinate_count])
+    near_model = replace(model, samples=samples_near_contact(model.samples, contact_point))
+    if len(near_model.samples) < MIN_POINTS:
+        raise FitRejected(f"no contact: {len(near_model.samples)} points in contact")
+    estimate = estimate_adhesive_tip(near_model, convert_baseline(model, near_model, p), weak_sides)
+    _reject_weak_signal(estimate)
+    return estimate
+
+
+def fit_adhesive_pilot(
+    forward_model: ForwardModel, samples: Samples, origin: OriginOptions
+) -> tuple[CurveModel, np.ndarray, tuple[int, ...]]:
+    """Fit an adhesive tip to block means of a curve, whose jumps separate its branches.
+
+    Returns
+    -------
+    model : CurveModel
+        The model of all samples, with their branches.
+    p : ndarray, shape (p,)
+        The parameters.
+    weak_sides : tuple of int
+        Sides of the curve without a clear jump.
+    """
     jumps = find_jumps(samples.x, samples.force, _sides(samples))
     touch = jumps.touch if origin.contact_point is None else None
-    samples = replace(samples, branch=jumps.branch)
-    model = CurveModel(forward_model, samples.block_means(MAX_PILOT_SAMPLES), origin, touch=touch)
+    model = CurveModel(forward_model, replace(samples, branch=jumps.branch), origin, touch=touch)
+    pilot_model = replace(model, samples=model.samples.block_means(MAX_PILOT_SAMPLES))
     trials = []
-    for guess in _adhesive_guesses(model, jumps):
+    for guess in _adhesive_guesses(pilot_model):
         try:
-            trials.append(place_jumps(model, guess, jumps.weak_sides))
+            trials.append(place_jumps(pilot_model, guess, jumps.weak_sides))
         except (ForwardModelUnavailable, ValueError, np.linalg.LinAlgError):
             continue
     if not trials:
         raise FitRejected("no contact: no fit was found")
-    pilot_model, pilot_p, _ = min(trials, key=lambda trial: trial[2])
-    contact_point = float(pilot_p[model.coordinate_count])
-    near_model = replace(model, samples=samples_near_contact(samples, contact_point))
-    if len(near_model.samples) < MIN_POINTS:
-        raise FitRejected(f"no contact: {len(near_model.samples)} points in contact")
-    p = convert_baseline(pilot_model, near_model, pilot_p)
-    estimate = estimate_adhesive_tip(near_model, p, jumps.weak_sides)
-    _reject_weak_signal(estimate)
-    return estimate
+    _, p, _ = min(trials, key=lambda trial: trial[2])
+    return model, convert_baseline(pilot_model, model, p), jumps.weak_sides
 
 
 def _sides(samples: Samples) -> np.ndarray:
@@ -726,10 +780,42 @@ def estimate_adhesive_tip(
 ) -> Estimate:
     """Fit an adhesive tip, beginning at the parameters `p`.
 
+    If the contact moves the baseline away from the samples out of contact, the scene does not
+    explain the contact. The fit is then repeated with the baseline of these samples.
+    """
+    estimate = _test_baseline(_estimate_with_jumps(model, p, weak_sides))
+    p_shift = estimate.p_baseline_shift
+    if p_shift is None or p_shift >= WRONG_BASELINE_P:
+        return estimate
+    count = model.coordinate_count
+    held_model = replace(estimate.model, fixed=model.fixed | {count + 1, count + 2})
+    held_p = _with_baseline_of_samples(estimate)
+    held_estimate = _estimate_with_jumps(held_model, held_p, weak_sides)
+    return replace(held_estimate, p_baseline_shift=p_shift)
+
+
+def _with_baseline_of_samples(estimate: Estimate) -> np.ndarray:
+    """Return the parameters with the least-squares baseline of the samples out of contact."""
+    model = estimate.model
+    p = estimate.p.copy()
+    is_out = samples_out_of_contact(model, p)
+    columns = baseline_columns(model.baseline_coordinate[is_out], model.origin.has_slope)
+    correction = np.linalg.lstsq(columns, estimate.residual[is_out], rcond=None)[0]
+    p[model.coordinate_count + 1 : model.coordinate_count + 1 + len(correction)] += correction
+    return p
+
+
+def _estimate_with_jumps(model: CurveModel, p: np.ndarray, weak_sides: tuple[int, ...]) -> Estimate:
+    """Fit an adhesive tip and its jumps, beginning at the parameters `p`.
+
     The parameters are the mean over all noise models. It is approached from ordinary least squares
     as far as the residuals allow: a noise with a long correlation time hides a systematic misfit.
     """
     model, ordinary_p, _ = place_jumps(model, p, weak_sides)
+    if model.touch is not None:
+        # The contact may tell the contact point better than the snap-in does.
+        ordinary_p = ordinary_p + uncertainty_at(model, ordinary_p, (WHITE,)).step
+        ordinary_p, _ = model.least_squares(ordinary_p)
     uncertainty = uncertainty_at(model, ordinary_p)
     mean_p = model.clip_to_bounds(ordinary_p + model.limit_step(uncertainty.step))
     largest_rms = MAX_RMS_RATIO * _rms_residual(model, ordinary_p)
@@ -820,7 +906,7 @@ def _branch_of_least_squares(
     return best_branches(branch, force**2, (force - contact_force) ** 2, may_move)
 
 
-def _adhesive_guesses(model: CurveModel, jumps: Jumps) -> list[np.ndarray]:
+def _adhesive_guesses(model: CurveModel) -> list[np.ndarray]:
     """Return initial guesses of the parameters of an adhesive tip, the best first."""
     samples = model.samples
     origin = model.origin
@@ -919,10 +1005,18 @@ def convert_baseline(old: CurveModel, new: CurveModel, p: np.ndarray) -> np.ndar
 
 
 def _reject_weak_signal(estimate: Estimate) -> None:
-    contact_count = int(np.count_nonzero(estimate.model.samples.x > estimate.contact_point))
+    branch = estimate.model.samples.branch
+    is_in_contact = (
+        estimate.model.samples.x > estimate.contact_point if branch is None else branch > LEFT_OUT
+    )
+    contact_count = int(np.count_nonzero(is_in_contact))
     if contact_count < MIN_CONTACT_POINTS:
         raise FitRejected(f"no contact: {contact_count} points in contact")
-    if estimate.max_force < MIN_SIGNAL_TO_NOISE * estimate.rms:
+    # A misfit of an adhesive contact is no noise, which shows in the samples out of contact.
+    noise = estimate.rms
+    if branch is not None and not is_in_contact.all():
+        noise = min(noise, float(np.std(estimate.residual[branch < LEFT_OUT])))
+    if estimate.max_force < MIN_SIGNAL_TO_NOISE * noise:
         raise FitRejected("no contact: the force does not rise above its noise")
     for k, parameter in enumerate(estimate.model.forward_model.parameters):
         factor = (

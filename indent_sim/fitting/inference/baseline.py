@@ -1,0 +1,75 @@
+"""Baseline of a curve: the samples out of contact know it, whatever the contact is.
+
+A fit determines the baseline b0 + b1 s from all samples. A scene that does not explain the contact
+may move it away from the samples out of contact: their residuals are then not noise about zero.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from indent_sim.fitting.inference.noise import (
+    Noise,
+    average_over_noise,
+    f_test,
+    solve_normal_equations,
+)
+
+# Least number of samples, and of independent samples, of a baseline that is compared with the fit.
+MIN_POINTS = 40
+MIN_EFFECTIVE_POINTS = 8.0
+# Depths before first contact that do not count as baseline: the snap-in of a tip lies there.
+CONTACT_MARGIN = 0.2
+# Probability of the baseline's own samples below which the scene does not explain the curve.
+WRONG_BASELINE_P = 1e-4
+
+
+def baseline_columns(s: np.ndarray, has_slope: bool) -> np.ndarray:
+    """Return the columns (n, 1 or 2) of a constant and, with a slope, a linear baseline."""
+    columns = [np.ones(len(s)), s][: 2 if has_slope else 1]
+    return np.column_stack(columns)
+
+
+def baseline_noise(s: np.ndarray, r: np.ndarray) -> tuple[Noise, float] | None:
+    """Return the noise of a baseline and its variance; None if the baseline is too short.
+
+    Parameters
+    ----------
+    s : ndarray, shape (n,)
+        Coordinates of the samples out of contact.
+    r : ndarray, shape (n,)
+        Their residuals [force].
+    """
+    if len(r) < MIN_POINTS:
+        return None
+    uncertainty = average_over_noise(baseline_columns(s - s.mean(), True), r)
+    noise = uncertainty.likeliest_noise
+    if len(r) / noise.integrated_correlation_time < MIN_EFFECTIVE_POINTS:
+        return None
+    return noise, uncertainty.s2
+
+
+def baseline_shift_probability(s: np.ndarray, r: np.ndarray, has_slope: bool) -> float | None:
+    """Return the probability that the samples out of contact differ from the baseline by chance.
+
+    It is the probability of an F test of a baseline through the residuals, with the noise of these
+    samples: a misfit of the contact can pass for slow noise of the whole curve. It is None if the
+    baseline is too short, and 1 for a baseline that follows from these samples alone.
+
+    Parameters
+    ----------
+    s, r
+        Coordinates of the samples out of contact (n,), and their residuals [force].
+    has_slope
+        True if the baseline of the fit has a slope.
+    """
+    own = baseline_noise(s, r)
+    if own is None:
+        return None
+    columns = baseline_columns(s - s.mean(), has_slope)
+    columns /= np.sqrt((columns * columns).sum(axis=0))
+    m = columns.shape[1]
+    gram = own[0].gram(np.vstack([columns.T, r]))
+    squares_with = float(solve_normal_equations(gram).residual_squares)
+    squares_without = float(gram[-1, -1])
+    return f_test(max(squares_without - squares_with, 0.0), m, squares_with, len(r) - m)
