@@ -78,6 +78,8 @@ SOLVED_DEPTH_FACTOR = 1.3  # the scene is solved to this multiple of the estimat
 # The same for an adhesive tip, whose contacts are those of deeper ones without adhesion.
 ADHESIVE_DEPTH_FACTOR = 2.4
 MIN_DEPTH_FACTOR = 1.01  # smallest multiple, for a body that cannot be indented further
+# A parameter whose interval spans a larger factor is not determined.
+MAX_KNOWN_FACTOR = 1e3
 MIN_DIGITS = 4
 MAX_DIGITS = 10
 INTERVAL_KEYS = ("value", "low", "high")  # keys of an interval in fit.json
@@ -828,12 +830,21 @@ def one_line_summary(entry: Mapping[str, Any], config: Config) -> str:
 
 
 def format_interval(key: str, config: Config, interval: Interval) -> str:
-    """Return a key's value and its 95 % interval as text with units."""
+    """Return a key's value and its 95 % interval as text with units.
+
+    A parameter that the curve does not determine is said so, with its upper limit if it has one.
+    """
+    name = key.rpartition(".")[2]
+    if interval.low == 0.0 < interval.value:
+        limit = format_value(key, config, interval.high, interval)
+        return f"{name} is not determined: at most {limit}"
+    if interval.low > 0.0 and interval.high > MAX_KNOWN_FACTOR * interval.low:
+        return f"{name} is not determined by the curve"
     value, low, high = (
         format_value(key, config, number, interval)
         for number in (interval.value, interval.low, interval.high)
     )
-    return f"{key.rpartition('.')[2]} = {value}, 95 % in {low} to {high}"
+    return f"{name} = {value}, 95 % in {low} to {high}"
 
 
 def _parameter_sentence(assessment: ModelAssessment, k: int, config: Config) -> str:

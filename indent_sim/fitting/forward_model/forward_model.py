@@ -599,6 +599,8 @@ class ForwardModel:
         displacement = delta + settings.compliance * force
         unstable_points = np.flatnonzero(np.diff(displacement) <= 0)
         first_stable = int(unstable_points[-1]) + 1 if len(unstable_points) else 0
+        # Adhesion that is too strong for the solved contacts leaves their last two.
+        first_stable = min(first_stable, jkr_branch_samples - 2)
         return displacement[first_stable:], force[first_stable:]
 
     def work_of_shift(self, theta: np.ndarray, shift: float) -> float:
@@ -672,7 +674,8 @@ def _force_in_contact(x: np.ndarray, displacement: np.ndarray, force: np.ndarray
 
 def _continued(x: np.ndarray, displacement: np.ndarray, force: np.ndarray) -> np.ndarray:
     """Return forces at x (n,) by interpolation, constant below the table and linear above it."""
-    stiffness = (force[-1] - force[-2]) / (displacement[-1] - displacement[-2])
+    rise = max(displacement[-1] - displacement[-2], 1e-300)
+    stiffness = (force[-1] - force[-2]) / rise
     beyond = np.maximum(x - displacement[-1], 0.0)
     forces: np.ndarray = np.interp(x, displacement, force) + stiffness * beyond
     return forces

@@ -49,8 +49,10 @@ class Parameter:
         return value if self.is_linear else math.log(value)
 
     def value(self, theta: float) -> float:
-        """Return the value at a transformed parameter theta."""
-        return theta if self.is_linear else math.exp(min(max(theta, -700.0), 700.0))
+        """Return the value at a transformed parameter theta; 0 at minus infinity."""
+        if self.is_linear:
+            return theta
+        return 0.0 if theta == -math.inf else math.exp(min(max(theta, -700.0), 700.0))
 
     @property
     def bounds(self) -> tuple[float, float]:

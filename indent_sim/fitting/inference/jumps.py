@@ -21,10 +21,10 @@ from indent_sim.fitting.forward_model.forward_model import APPROACH, RETRACT
 
 LEFT_OUT = 0
 # A jump is clear if it exceeds this multiple of the standard deviation of the changes between
-# samples out of contact; of 1000 changes of white noise one is as large once in 3000 curves.
+# samples, of which one in 3.5 million of normally distributed ones is as large.
 CLEAR_JUMP_DEVIATIONS = 5.0
-# Least number of samples out of contact whose changes give the noise.
-MIN_NOISE_SAMPLES = 20
+# Number of samples on each side of a jump, whose medians differ by at least half of it.
+MIN_SIDE_SAMPLES = 5
 # Standard deviation of a normal distribution over the median of its absolute value.
 MEDIAN_TO_DEVIATION = 1.4826
 
@@ -92,23 +92,28 @@ def find_jumps(x: np.ndarray, force: np.ndarray, side: np.ndarray) -> Jumps:
 
 def _clear_fall(force: np.ndarray) -> tuple[int, int] | None:
     """Return the last sample before and the first one after the largest fall, if it is clear."""
-    if len(force) <= MIN_NOISE_SAMPLES:
+    if len(force) < 2 * MIN_SIDE_SAMPLES:
         return None
     changes = np.diff(force)
     steepest = int(np.argmin(changes))
-    if steepest + 1 < MIN_NOISE_SAMPLES:
-        return None
-    deviation = MEDIAN_TO_DEVIATION * float(np.median(np.abs(changes[:steepest])))
-    is_fall = changes < -max(CLEAR_JUMP_DEVIATIONS * deviation, 1e-9 * float(np.ptp(force)))
-    if not is_fall[steepest]:
-        return None
+    # Changes of changes do not contain the slope of the contact.
+    deviation = MEDIAN_TO_DEVIATION * float(np.median(np.abs(np.diff(changes)))) / math.sqrt(2.0)
+    threshold = max(CLEAR_JUMP_DEVIATIONS * deviation, 1e-9 * float(np.ptp(force)))
+    is_fall = changes < -threshold
     before = after = steepest
     # A jump may last several samples.
     while before > 0 and is_fall[before - 1]:
         before -= 1
     while after + 1 < len(changes) and is_fall[after + 1]:
         after += 1
-    return before, after + 1
+    first = after + 1
+    if not is_fall[steepest] or before + 1 < MIN_SIDE_SAMPLES:
+        return None
+    # A single sample that is far off is no jump.
+    earlier = force[before + 1 - MIN_SIDE_SAMPLES : before + 1]
+    later = force[first : first + MIN_SIDE_SAMPLES]
+    fall = float(np.median(earlier) - np.median(later))
+    return (before, first) if fall > 0.5 * (force[before] - force[first]) else None
 
 
 def best_branches(

@@ -173,8 +173,10 @@ class ModelAssessment:
     def _uncertainty_factor(self, k: int) -> float:
         interval = self.stated_interval(k)
         ends = (abs(interval.high), abs(interval.value), abs(interval.low))
-        if self.estimate.model.forward_model.parameters[k].is_linear or min(ends) == 0:
+        if self.estimate.model.forward_model.parameters[k].is_linear:
             return 1.0
+        if min(ends) == 0:
+            return math.inf
         return max(ends[0] / ends[1], ends[1] / ends[2])
 
 

@@ -20,6 +20,9 @@ from indent_sim.fitting.inference.noise import NORMAL_95
 
 # Half width of the interval of a coordinate above which profiles are computed.
 WIDE_HALF_WIDTH = 0.2
+# Largest distance of a value from the fitted one, in its logarithm: a factor of a million.
+FARTHEST_LOG_DISTANCE = math.log(1e6)
+FARTHEST_LOG_WORK = 60.0
 
 
 def add_profile_intervals(estimate: Estimate) -> Estimate:
@@ -43,7 +46,7 @@ def _profile_end(estimate: Estimate, k: int, side: float, critical_rise: float) 
     """Return the value at which the profile has risen by `critical_rise`.
 
     If the other parameters cannot be fitted along the profile, the value of the quadratic
-    approximation is returned.
+    approximation is returned. The lower end of a work of adhesion that is not seen is 0.
     """
     model = replace(estimate.model, fixed=frozenset({k}))
     noise = estimate.uncertainty.likeliest_noise
@@ -59,13 +62,22 @@ def _profile_end(estimate: Estimate, k: int, side: float, critical_rise: float) 
     # Number of values on each side, and distance of the last one in standard deviations.
     value_count = 7
     last_distance = 3.0
-    for step in np.linspace(0.0, last_distance, value_count + 1)[1:]:
-        value = min(max(start + side * step * sd, low), high)
+    parameter = model.forward_model.parameters[k]
+    farthest = last_distance * sd
+    if not parameter.is_linear:
+        farthest = min(farthest, FARTHEST_LOG_DISTANCE)
+    distances = farthest * np.linspace(0.0, 1.0, value_count + 1)[1:]
+    if parameter.role == "work":
+        # A curve without adhesion tells an upper limit of the work only, far above a fitted value
+        # that is next to nothing.
+        distances = np.append(distances, np.geomspace(farthest, FARTHEST_LOG_WORK, 12)[1:])
+    for distance in distances:
+        value = min(max(start + side * distance, low), high)
         p[k] = value
         try:
             p, squares = model.least_squares(p, noise, neighbour_iterations)
         except (ForwardModelUnavailable, ValueError, np.linalg.LinAlgError):
-            return start + side * NORMAL_95 * sd
+            return start + side * min(NORMAL_95 * sd, farthest)
         rise = max((squares - smallest_squares) / estimate.uncertainty.s2, 0.0)
         if rise >= critical_rise:
             fraction = (math.sqrt(critical_rise) - math.sqrt(previous_rise)) / max(
@@ -76,4 +88,4 @@ def _profile_end(estimate: Estimate, k: int, side: float, critical_rise: float) 
             return value
         previous_value = value
         previous_rise = rise
-    return previous_value
+    return low if parameter.role == "work" and side < 0 else previous_value
