@@ -57,7 +57,7 @@ from indent_sim.fitting.inference.estimate import (
     initial_guesses,
     reject_without_signal,
 )
-from indent_sim.fitting.inference.jumps import find_jumps, sides_of
+from indent_sim.fitting.inference.jumps import find_jumps, sides_of, touch_interval
 from indent_sim.fitting.inference.model_assessment import (
     Interval,
     ModelAssessment,
@@ -703,6 +703,11 @@ def _warnings(assessment: ModelAssessment) -> list[str]:
         for k, parameter in enumerate(parameters)
         if estimate.is_at_bound(k)
     ]
+    if (touch := _contradicting_touch(estimate)) is not None:
+        messages.append(
+            f"the tip snaps in between {touch[0]:.4g} and {touch[1]:.4g}, not at the contact point "
+            f"{estimate.contact_point:.4g} that was given: leave --contact-point out"
+        )
     # A baseline that rises by more of the force is probably contact.
     steep_baseline = 0.5
     if estimate.p[-1] > steep_baseline * estimate.max_force:
@@ -723,6 +728,19 @@ def _warnings(assessment: ModelAssessment) -> list[str]:
             "of the interval: use a finer mesh"
         )
     return messages
+
+
+def _contradicting_touch(estimate: Estimate) -> tuple[float, float] | None:
+    """Return the displacements of a snap-in that is not at the given contact point, or None."""
+    model = estimate.model
+    if model.origin.contact_point is None or model.samples.branch is None:
+        return None
+    touch = touch_interval(model.samples.x, model.samples.branch)
+    # A given contact point may be off by some samples.
+    margin = 5.0 * model.sample_spacing
+    if touch is None or touch[0] - margin < estimate.contact_point < touch[1] + margin:
+        return None
+    return touch
 
 
 def _scale_warnings(estimate: Estimate, config: Config) -> list[str]:

@@ -48,6 +48,9 @@ from indent_sim.run.history_on_curve import relaxation_modulus
 
 # Key of the exponent of the depth by which an alternative model multiplies the force.
 FREE_EXPONENT_KEY = "exponent"
+# Key of the exponent of the contact radius by which an alternative model multiplies the work of
+# adhesion.
+WORK_EXPONENT_KEY = "work_exponent"
 MIN_RELATIVE_DEPTH = 1e-9  # a free power of the depth is constant below this, also if it diverges
 # Branches of the samples of an adhesive tip that is in contact.
 APPROACH = 1
@@ -78,6 +81,9 @@ class ExperimentSettings:
     extra_exponent
         Exponent n of the factor (depth/reference depth)^n of the force. It is 0 except in the
         alternative model in which the tip has another shape.
+    work_exponent
+        Exponent m of the factor (contact radius/largest punch)^m of the work of adhesion. It is 0
+        except in the alternative model in which the adhesion changes as the contact grows.
     """
 
     scale: np.ndarray
@@ -87,6 +93,7 @@ class ExperimentSettings:
     compliance: float
     relaxation: RelaxationOperator | None
     extra_exponent: float = 0.0
+    work_exponent: float = 0.0
 
 
 class ForwardModel:
@@ -532,6 +539,7 @@ class ForwardModel:
             compliance,
             relaxation,
             extra_exponent,
+            values.get(WORK_EXPONENT_KEY, 0.0),
         )
 
     def add_free_exponent(self, pivot_depth: float) -> ForwardModel:
@@ -588,12 +596,12 @@ class ForwardModel:
         # Samples of the stable branch of an adhesive tip.
         jkr_branch_samples = 600
         ln_a = np.linspace(log_min_radius, 0.0, jkr_branch_samples)
+        work_factor = np.exp(settings.work_exponent * ln_a)
         delta, force, K, slope = np.exp(
             chebyshev.chebval(1.0 - 2.0 * ln_a / log_min_radius, load_curve.punch_coefficients.T)
         )
-        q = np.sqrt(
-            4.0 * np.pi * load_curve.max_radius * np.exp(ln_a) * work / (settings.scale * slope)
-        )
+        radius = load_curve.max_radius * np.exp(ln_a)
+        q = np.sqrt(4.0 * np.pi * radius * work * work_factor / (settings.scale * slope))
         delta = delta - q
         force = settings.scale * (force - K * q)
         displacement = delta + settings.compliance * force
@@ -622,6 +630,14 @@ class ForwardModel:
         load_curve = self.elastic_curves.load_curve(settings.shape_coordinates)
         works = (settings.adhesion_work, settings.retract_work)
         return min(float(self._jkr_branch(load_curve, settings, work)[0][-1]) for work in works)
+
+    def add_work_exponent(self) -> ForwardModel:
+        """Return the model with the work of adhesion multiplied by a free power of the radius."""
+        model = copy.copy(self)
+        exponent = Parameter(WORK_EXPONENT_KEY, 0.0, "power", -2.0, 4.0, is_linear=True)
+        model.parameters = (*self.parameters, exponent)
+        model.varied_keys = (*self.varied_keys, WORK_EXPONENT_KEY)
+        return model
 
     def _relaxed_force(
         self,

@@ -21,6 +21,7 @@ from indent_sim.fitting.inference.estimate import (
     convert_baseline,
     estimate_adhesive_tip,
     fit_adhesive_pilot,
+    place_jumps,
     uncertainty_at,
 )
 from indent_sim.fitting.inference.noise import f_test
@@ -164,10 +165,15 @@ def _with_forward_model(model: CurveModel, forward_model: ForwardModel) -> Curve
 
 
 def _fit_adhesion(estimate: Estimate, config: Config, tables: ForwardModelCache) -> Estimate | None:
-    """Return the fit of the scene with a free work of adhesion; None if it has one already."""
+    """Return the fit of the scene with a free work of adhesion.
+
+    If the work is free already, its power of the contact radius is fitted as well.
+    """
     forward_model = estimate.model.forward_model
-    if ADHESION_WORK_KEY in forward_model.varied_keys or forward_model.is_time_dependent:
+    if forward_model.is_time_dependent:
         return None
+    if ADHESION_WORK_KEY in forward_model.varied_keys:
+        return _fit_growing_adhesion(estimate)
     if not forward_model.has_adhesion:
         # The fit begins with works of any size, whichever the scene has.
         radius = forward_model.elastic_curves.scene_curve.contact_radius
@@ -190,6 +196,25 @@ def _fit_adhesion(estimate: Estimate, config: Config, tables: ForwardModelCache)
     adhesive_estimate = estimate_adhesive_tip(model, p, weak_sides)
     largest = adhesive_model.largest_displacement(adhesive_estimate.theta)
     return adhesive_estimate if adhesive_estimate.depth <= largest else None
+
+
+def _fit_growing_adhesion(estimate: Estimate) -> Estimate | None:
+    """Return the fit of an adhesive scene whose work is multiplied by a power of the radius."""
+    model = _with_forward_model(estimate.model, estimate.model.forward_model.add_work_exponent())
+    count = estimate.model.coordinate_count
+    trials = []
+    for exponent in (0.0, 0.5, 1.5):
+        initial_p = np.insert(estimate.ordinary_p, count, exponent)
+        try:
+            trials.append(place_jumps(model, initial_p, ()))
+        except (ForwardModelUnavailable, ValueError, np.linalg.LinAlgError):
+            continue
+    if not trials:
+        return None
+    _, p, _ = min(trials, key=lambda trial: trial[2])
+    richer = estimate_adhesive_tip(model, p, ())
+    largest = richer.model.forward_model.largest_displacement(richer.theta)
+    return richer if richer.depth <= largest else None
 
 
 def refutation_probability(scene: Estimate, richer: Estimate) -> float:

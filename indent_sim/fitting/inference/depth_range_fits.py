@@ -8,6 +8,7 @@ import numpy as np
 
 from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavailable
 from indent_sim.fitting.inference.estimate import (
+    FARTHEST_LOG_DISTANCE,
     MIN_CONTACT_POINTS,
     CurveModel,
     Estimate,
@@ -43,7 +44,7 @@ class DepthRangeFit:
 
     def interval(self, k: int) -> tuple[float, float]:
         """Return the 95 % interval of a transformed parameter."""
-        half_width = NORMAL_95 * float(self.sd[k])
+        half_width = min(NORMAL_95 * float(self.sd[k]), FARTHEST_LOG_DISTANCE)
         return float(self.theta[k]) - half_width, float(self.theta[k]) + half_width
 
 

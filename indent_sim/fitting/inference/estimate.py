@@ -65,6 +65,8 @@ SIGNAL_BLOCKS = 50
 MAX_RMS_RATIO = 1.1
 # A snap-in of at least this many standard deviations of the noise lies between two known samples.
 CLEAR_SNAP_DEVIATIONS = 5.0
+# Largest distance of a value from the fitted one, in its logarithm: a factor of a million.
+FARTHEST_LOG_DISTANCE = math.log(1e6)
 
 
 # Roles of parameters that do not only multiply the force.
@@ -414,7 +416,7 @@ class Estimate:
     def interval(self, k: int) -> tuple[float, float]:
         """Return the 95 % interval of a transformed parameter, within its bounds."""
         low, high = self.model.forward_model.parameters[k].bounds
-        half_width = NORMAL_95 * float(self.sd[k])
+        half_width = min(NORMAL_95 * float(self.sd[k]), FARTHEST_LOG_DISTANCE)
         lower, upper = self.profiles.get(
             k, (float(self.theta[k]) - half_width, float(self.theta[k]) + half_width)
         )

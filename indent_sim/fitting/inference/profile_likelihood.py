@@ -15,13 +15,15 @@ from dataclasses import replace
 import numpy as np
 
 from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavailable
-from indent_sim.fitting.inference.estimate import Estimate, standard_deviation
+from indent_sim.fitting.inference.estimate import (
+    FARTHEST_LOG_DISTANCE,
+    Estimate,
+    standard_deviation,
+)
 from indent_sim.fitting.inference.noise import NORMAL_95
 
 # Half width of the interval of a coordinate above which profiles are computed.
 WIDE_HALF_WIDTH = 0.2
-# Largest distance of a value from the fitted one, in its logarithm: a factor of a million.
-FARTHEST_LOG_DISTANCE = math.log(1e6)
 FARTHEST_LOG_WORK = 60.0
 
 
