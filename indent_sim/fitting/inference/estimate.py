@@ -847,11 +847,13 @@ def place_jumps(
     if not weak_sides:
         return model, *model.least_squares(p)
     branch = _branch_by_model(model, p, weak_sides)
+    if APPROACH in weak_sides and model.origin.contact_point is None:
+        branch, p = _search_touch(replace(model, samples=replace(model.samples, branch=branch)), p)
     max_rounds = 6
     for _ in range(max_rounds):
         model = replace(model, samples=replace(model.samples, branch=branch))
         p, squares = model.least_squares(p)
-        next_branch = _branch_of_least_squares(model, p, branch, weak_sides)
+        next_branch = _branch_of_least_squares(model, p, weak_sides)
         if np.array_equal(next_branch, branch):
             break
         branch = next_branch
@@ -863,6 +865,46 @@ def place_jumps(
         return model, p, squares
     model = replace(model, touch=touch)
     return model, *model.least_squares(_at_touch(model, p))
+
+
+def _search_touch(model: CurveModel, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return branches and parameters of the snap-in with the least squares near the contact point.
+
+    The sum of squares jumps where the touch passes a sample, and a descent iteration stops there:
+    the intervals between samples are tried in turn.
+    """
+    samples = model.samples
+    assert samples.branch is not None
+    approach = np.flatnonzero(np.abs(samples.branch) == APPROACH)
+    # Samples that are farther than all earlier ones: a touch lies before one of them.
+    farthest = np.maximum.accumulate(samples.x[approach])
+    first_samples = approach[1:][farthest[1:] > farthest[:-1]]
+    contact_point = float(p[model.coordinate_count])
+    center = int(np.searchsorted(samples.x[first_samples], contact_point))
+    # Samples on each side of the contact point that are tried, iterations of a trial, and moves.
+    reach = 6
+    iterations = 4
+    max_moves = 6
+    best: tuple[float, int, np.ndarray, np.ndarray] | None = None
+    tried: set[int] = set()
+    for _ in range(max_moves):
+        for index in range(max(center - reach, 0), min(center + reach + 1, len(first_samples))):
+            if index in tried:
+                continue
+            tried.add(index)
+            first = int(first_samples[index])
+            branch = samples.branch.copy()
+            branch[approach] = np.where(approach < first, -APPROACH, APPROACH)
+            touch = (float(samples.x[first - 1]), float(samples.x[first]))
+            trial = replace(model, samples=replace(samples, branch=branch), touch=touch)
+            start = p if best is None else best[2]
+            trial_p, squares = trial.least_squares(_at_touch(trial, start), rounds=iterations)
+            if best is None or squares < best[0]:
+                best = squares, index, trial_p, branch
+        if best is None or best[1] == center:
+            break
+        center = best[1]
+    return (samples.branch, p) if best is None else (best[3], best[2])
 
 
 def _at_touch(model: CurveModel, p: np.ndarray) -> np.ndarray:
@@ -886,26 +928,28 @@ def _branch_by_model(model: CurveModel, p: np.ndarray, weak_sides: tuple[int, ..
 
 
 def _branch_of_least_squares(
-    model: CurveModel, p: np.ndarray, branch: np.ndarray, weak_sides: tuple[int, ...]
+    model: CurveModel, p: np.ndarray, weak_sides: tuple[int, ...]
 ) -> np.ndarray:
     """Return the branches (n,) with the least squares at the parameters p.
 
-    A snap-in lies within some samples of the contact point.
+    The snap-in of a given contact point lies within some samples of it; that of a fitted one has
+    been searched.
     """
     samples = model.samples
-    side = np.abs(branch)
+    assert samples.branch is not None
+    side = np.abs(samples.branch)
     depth = model.depth_coordinate(p)
-    theta = p[: model.coordinate_count]
     # Largest distance of a snap-in from the contact point, in samples.
     max_distance = 3.5
     is_near = np.abs(depth) <= max_distance * model.sample_spacing
-    is_approach = (side == APPROACH) & (APPROACH in weak_sides)
-    has_touched = np.logical_or.accumulate(depth >= 0.0)
-    branch = np.where(is_approach, np.where(has_touched, side, -side), branch)
-    may_move = np.where(side == APPROACH, is_near & is_approach, np.isin(side, weak_sides))
+    may_move = np.isin(side, weak_sides) & ((side != APPROACH) | is_near)
+    if model.origin.contact_point is None:
+        may_move &= side != APPROACH
     force = samples.force - model.baseline(p)
+    theta = p[: model.coordinate_count]
     contact_force = model.forward_model(theta, depth, samples.t, side)
-    return best_branches(branch, force**2, (force - contact_force) ** 2, may_move)
+    squares_in = (force - contact_force) ** 2
+    return best_branches(samples.branch, force**2, squares_in, may_move)
 
 
 def _adhesive_guesses(model: CurveModel) -> list[np.ndarray]:
