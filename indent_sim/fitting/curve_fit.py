@@ -57,7 +57,7 @@ from indent_sim.fitting.inference.estimate import (
     initial_guesses,
     reject_without_signal,
 )
-from indent_sim.fitting.inference.jumps import find_jumps, sides_of, touch_interval
+from indent_sim.fitting.inference.jumps import LEFT_OUT, find_jumps, sides_of, touch_interval
 from indent_sim.fitting.inference.model_assessment import (
     Interval,
     ModelAssessment,
@@ -909,8 +909,15 @@ def _plotted_curve(assessment: ModelAssessment) -> PlottedCurve:
         if t is not None and model.forward_model.is_time_dependent
         else None
     )
+    branch = model.samples.branch
+    # Samples between the two sides of a jump are not fitted.
+    is_used = np.ones(len(delta), dtype=bool) if branch is None else branch != LEFT_OUT
     return PlottedCurve(
-        delta, model.samples.force - baseline, fitted, alternative_fits, contact_times
+        delta[is_used],
+        (model.samples.force - baseline)[is_used],
+        fitted[is_used],
+        {name: force[is_used] for name, force in alternative_fits.items()},
+        None if contact_times is None else contact_times[is_used],
     )
 
 

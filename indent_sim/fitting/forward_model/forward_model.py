@@ -132,6 +132,7 @@ class ForwardModel:
         self.experiment = config.instrument
         self.pivot_depth = max_depth
         self.has_adhesion = self.experiment.adhesion is not None
+        self.lowest_work = 0.0
         self._shape_indices = [
             k for k, parameter in enumerate(self.parameters) if parameter.role == "shape"
         ]
@@ -157,13 +158,17 @@ class ForwardModel:
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lower and upper bounds of the transformed parameters, ordered as varied_keys."""
+        """Lower and upper bounds of the transformed parameters in fits, ordered as varied_keys."""
         low, high = (
             zip(*(parameter.bounds for parameter in self.parameters), strict=True)
             if self.parameters
             else ((), ())
         )
-        return np.array(low, dtype=float), np.array(high, dtype=float)
+        lower = np.array(low, dtype=float)
+        if self.lowest_work > 0.0:
+            is_work = [parameter.role == "work" for parameter in self.parameters]
+            lower[is_work] = np.maximum(lower[is_work], math.log(self.lowest_work))
+        return lower, np.array(high, dtype=float)
 
     @property
     def scale_index(self) -> int | None:
@@ -623,6 +628,15 @@ class ForwardModel:
         slope = math.exp(float(chebyshev.chebval(1.0, load_curve.punch_coefficients[3])))
         scale = float(settings.scale[..., 0])
         return shift**2 * scale * slope / (4.0 * math.pi * load_curve.max_radius)
+
+    def bound_work(self, lowest: float) -> ForwardModel:
+        """Return the model with a lower bound of its works of adhesion during fits [force/length].
+
+        The logarithm of a work that is next to nothing has no effect on the force.
+        """
+        model = copy.copy(self)
+        model.lowest_work = lowest
+        return model
 
     def largest_displacement(self, theta: np.ndarray) -> float:
         """Return the displacement of the base [length] up to which adhesive contacts are known."""

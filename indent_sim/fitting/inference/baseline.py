@@ -12,7 +12,6 @@ from indent_sim.fitting.inference.noise import (
     Noise,
     average_over_noise,
     f_test,
-    solve_normal_equations,
 )
 
 # Least number of samples, and of independent samples, of a baseline that is compared with the fit.
@@ -52,9 +51,10 @@ def baseline_noise(s: np.ndarray, r: np.ndarray) -> tuple[Noise, float] | None:
 def baseline_shift_probability(s: np.ndarray, r: np.ndarray, has_slope: bool) -> float | None:
     """Return the probability that the samples out of contact differ from the baseline by chance.
 
-    It is the probability of an F test of a baseline through the residuals, with the noise of these
-    samples: a misfit of the contact can pass for slow noise of the whole curve. It is None if the
-    baseline is too short, and 1 for a baseline that follows from these samples alone.
+    It is the probability of an F test of a baseline through the residuals, with the covariance of
+    all noise models of these samples: a misfit of the contact can pass for slow noise of the whole
+    curve. It is None if the baseline is too short, and 1 for a baseline that follows from these
+    samples alone.
 
     Parameters
     ----------
@@ -63,13 +63,15 @@ def baseline_shift_probability(s: np.ndarray, r: np.ndarray, has_slope: bool) ->
     has_slope
         True if the baseline of the fit has a slope.
     """
-    own = baseline_noise(s, r)
-    if own is None:
+    if len(r) < MIN_POINTS:
         return None
-    columns = baseline_columns(s - s.mean(), has_slope)
-    columns /= np.sqrt((columns * columns).sum(axis=0))
-    m = columns.shape[1]
-    gram = own[0].gram(np.vstack([columns.T, r]))
-    squares_with = float(solve_normal_equations(gram).residual_squares)
-    squares_without = float(gram[-1, -1])
-    return f_test(max(squares_without - squares_with, 0.0), m, squares_with, len(r) - m)
+    uncertainty = average_over_noise(baseline_columns(s - s.mean(), has_slope), r)
+    correlation_time = uncertainty.likeliest_noise.integrated_correlation_time
+    independent_points = len(r) / correlation_time
+    if independent_points < MIN_EFFECTIVE_POINTS:
+        return None
+    shift = uncertainty.step
+    m = len(shift)
+    squares = float(shift @ np.linalg.lstsq(uncertainty.covariance, shift, rcond=None)[0])
+    degrees_of_freedom = max(int(independent_points) - m, 1)
+    return f_test(squares, m, float(degrees_of_freedom), degrees_of_freedom)

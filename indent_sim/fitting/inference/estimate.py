@@ -65,6 +65,9 @@ SIGNAL_BLOCKS = 50
 MAX_RMS_RATIO = 1.1
 # A snap-in of at least this many standard deviations of the noise lies between two known samples.
 CLEAR_SNAP_DEVIATIONS = 5.0
+# Smallest shift of a contact by adhesion, relative to the depth of the curve. It changes the force
+# by 1.5e-4 of itself.
+SMALLEST_SHIFT = 1e-4
 # Largest distance of a value from the fitted one, in its logarithm: a factor of a million.
 FARTHEST_LOG_DISTANCE = math.log(1e6)
 
@@ -760,8 +763,17 @@ def fit_adhesive_pilot(
     touch = jumps.touch if origin.contact_point is None else None
     model = CurveModel(forward_model, replace(samples, branch=jumps.branch), origin, touch=touch)
     pilot_model = replace(model, samples=model.samples.block_means(MAX_PILOT_SAMPLES))
+    guesses = _adhesive_guesses(pilot_model)
+    if not guesses:
+        raise FitRejected("no contact: the force does not rise with the depth")
+    theta = guesses[0][: model.coordinate_count]
+    depth = float(samples.x.max()) - float(guesses[0][model.coordinate_count])
+    forward_model = forward_model.bound_work(
+        forward_model.work_of_shift(theta, SMALLEST_SHIFT * depth)
+    )
+    model, pilot_model = (replace(one, forward_model=forward_model) for one in (model, pilot_model))
     trials = []
-    for guess in _adhesive_guesses(pilot_model):
+    for guess in guesses:
         try:
             trials.append(place_jumps(pilot_model, guess, jumps.weak_sides))
         except (ForwardModelUnavailable, ValueError, np.linalg.LinAlgError):

@@ -15,7 +15,7 @@ from measurements import HALF_SPACE, LAYER, scene
 
 from indent_sim.config.schema import Config
 from indent_sim.fitting.forward_model.elastic_load_curve import plan_elastic_run
-from indent_sim.fitting.forward_model.forward_model import APPROACH, RETRACT, ForwardModel
+from indent_sim.fitting.forward_model.forward_model import APPROACH, ForwardModel
 from indent_sim.fitting.forward_model.parameters import ADHESION_WORK_KEY, RETRACT_WORK_KEY
 from indent_sim.fitting.inference.estimate import (
     CLEAR_SNAP_DEVIATIONS,
@@ -60,10 +60,13 @@ class AdhesiveCurve:
         One of GROUPS.
     snap_fraction : float
         Force at snap-in over the largest force.
+    growth : float
+        Exponent of the contact radius to which the works are proportional.
     """
 
     group: str
     snap_fraction: float
+    growth: float = 0.0
 
     @property
     def compliance(self) -> float:
@@ -100,7 +103,9 @@ class AdhesiveCurve:
     def branch(self, work: float) -> tuple[np.ndarray, np.ndarray]:
         """Return displacement of the base and force along the stable branch."""
         a, delta, force, stiffness, slope = self._punches
-        q = np.sqrt(4.0 * np.pi * a * work / slope)
+        # A contact radius of the deepest point, about.
+        grown_work = work * (a / math.sqrt(Z_END)) ** self.growth
+        q = np.sqrt(4.0 * np.pi * a * grown_work / slope)
         force = force - stiffness * q
         z = delta - q + self.compliance * force
         first = int(np.argmin(z[: np.flatnonzero(np.diff(z) <= 0)[-1] + 2]))
@@ -177,8 +182,3 @@ class AdhesiveCurve:
         if self.snap_fraction > CLEAR_SNAP_DEVIATIONS * noise_level:
             information[2, 2] += 12.0 / model.sample_spacing**2
         return math.sqrt(float(np.linalg.inv(information)[0, 0]))
-
-
-def retraction_sides() -> np.ndarray:
-    """Return the branches of a curve of approach and retraction that is in contact (2 POINTS,)."""
-    return np.repeat([APPROACH, RETRACT], POINTS)
