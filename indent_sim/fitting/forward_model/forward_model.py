@@ -599,7 +599,7 @@ class ForwardModel:
         assert load_curve.punch_coefficients is not None
         log_min_radius = math.log(MIN_RADIUS_FRACTION)
         # Samples of the stable branch of an adhesive tip.
-        jkr_branch_samples = 600
+        jkr_branch_samples = 1500
         ln_a = np.linspace(log_min_radius, 0.0, jkr_branch_samples)
         work_factor = np.exp(settings.work_exponent * ln_a)
         delta, force, K, slope = np.exp(

