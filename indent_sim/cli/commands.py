@@ -370,10 +370,10 @@ def _print_curve_requirements(
 @sensitivity_option
 @click.option(
     "--segment",
-    type=click.Choice(("approach", "hold", "retract", "all")),
+    type=click.Choice(("approach", "hold", "retract", "both", "all")),
     default="approach",
     show_default=True,
-    help="Part of the curve; hold: approach and hold.",
+    help="Part of the curve; hold: approach and hold; both: approach and retract.",
 )
 @click.option(
     "--contact-point",
@@ -580,13 +580,14 @@ def _print_map(map_fit: MapFit, output: Path, output_format: OutputFormat) -> No
 
 def _fit_request(config: Config, options: Mapping[str, Any]) -> FitRequest:
     """Return the settings of a fit from the options of the command line."""
-    from indent_sim.fitting.curve_fit import FitRequest
+    from indent_sim.fitting.curve_fit import FitRequest, keys_of_part
     from indent_sim.fitting.inference.estimate import OriginOptions
 
     level = options["level"]
     has_slope = options["baseline"] == "tilted" and level is None
     origin = OriginOptions(options["contact_point"], has_slope, level)
-    return FitRequest(config, options["keys"], options["segment"], origin, options["models"])
+    keys = keys_of_part(options["keys"], options["segment"])
+    return FitRequest(config, keys, options["segment"], origin, options["models"])
 
 
 def _fit_curves(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -21,6 +21,8 @@ from indent_sim.fitting.forward_model.elastic_load_curve import (
     solve_load_curve,
 )
 from indent_sim.fitting.forward_model.forward_model import (
+    APPROACH,
+    RETRACT,
     ForwardModel,
     ForwardModelCache,
     is_time_dependent,
@@ -34,7 +36,13 @@ from indent_sim.fitting.forward_model.parameter_grid import (
     NUMERICAL_ERRORS,
     ForwardModelUnavailable,
 )
-from indent_sim.fitting.forward_model.parameters import SPRING_KEYS, number_at, replace_numbers
+from indent_sim.fitting.forward_model.parameters import (
+    ADHESION_WORK_KEY,
+    RETRACT_WORK_KEY,
+    SPRING_KEYS,
+    number_at,
+    replace_numbers,
+)
 from indent_sim.fitting.inference import alternative_models
 from indent_sim.fitting.inference.alternative_models import AlternativeModel, add_to_experiment
 from indent_sim.fitting.inference.depth_range_fits import fit_depth_ranges
@@ -49,6 +57,7 @@ from indent_sim.fitting.inference.estimate import (
     initial_guesses,
     reject_without_signal,
 )
+from indent_sim.fitting.inference.jumps import LEFT_OUT, find_jumps, sides_of, touch_interval
 from indent_sim.fitting.inference.missing_baseline import STEEP_BASELINE, known_baseline
 from indent_sim.fitting.inference.model_assessment import (
     Interval,
@@ -67,7 +76,11 @@ from indent_sim.results.reader import Results
 from indent_sim.run.solvers.elastic_curve import half_space_modulus
 
 SOLVED_DEPTH_FACTOR = 1.3  # the scene is solved to this multiple of the estimated largest depth
+# The same for an adhesive tip, whose contacts are those of deeper ones without adhesion.
+ADHESIVE_DEPTH_FACTOR = 2.4
 MIN_DEPTH_FACTOR = 1.01  # smallest multiple, for a body that cannot be indented further
+# A parameter whose interval spans a larger factor is not determined.
+MAX_KNOWN_FACTOR = 1e3
 MIN_DIGITS = 4
 MAX_DIGITS = 10
 INTERVAL_KEYS = ("value", "low", "high")  # keys of an interval in fit.json
@@ -136,6 +149,14 @@ class CurveFit:
     def is_done(self) -> bool:
         """True if the parameters were found."""
         return bool(self.entry["status"] == "done")
+
+
+def keys_of_part(keys: Sequence[str], part: CurvePart) -> tuple[str, ...]:
+    """Return the varied keys; the work of adhesion of each branch if both are fitted together."""
+    if part == "both" and ADHESION_WORK_KEY in keys and RETRACT_WORK_KEY not in keys:
+        after = list(keys).index(ADHESION_WORK_KEY) + 1
+        return (*keys[:after], RETRACT_WORK_KEY, *keys[after:])
+    return tuple(keys)
 
 
 def rejected_fit(name: str, reason: str, seconds: float = 0.0) -> CurveFit:
@@ -212,6 +233,12 @@ def _fit_and_assess(
     config, samples, notes = prepare_curve(curve, request)
     _refuse_wrong_scale(config, samples)
     reject_without_signal(samples)
+    if request.curve_part == "both" and is_time_dependent(config):
+        raise ConfigError(
+            "--segment both",
+            "leaves out the hold, which the force of a time-dependent material depends on",
+            "give --segment all",
+        )
     if is_time_dependent(config) and samples.t is None:
         raise NoCurve("no column of time, which a viscoelastic or poroelastic scene needs")
     errors: tuple[float, ...] = ()
@@ -263,6 +290,8 @@ def _fit_load_curve(
     config: Config, request: FitRequest, samples: Samples, tables: ForwardModelCache
 ) -> Estimate:
     """Fit an elastic scene; solve deeper and refit if the fitted depth exceeds the solved one."""
+    if config.experiment and config.experiment.adhesion:
+        return _fit_adhesive_load_curve(config, request, samples, tables)
     forward_model = _graded_forward_model(config, request.varied_keys, samples, tables)
     estimate = fit_model(forward_model, samples, request.origin)
     depth = _max_indentation(estimate)
@@ -273,6 +302,41 @@ def _fit_load_curve(
             request.origin,
         )
     return estimate
+
+
+def _fit_adhesive_load_curve(
+    config: Config, request: FitRequest, samples: Samples, tables: ForwardModelCache
+) -> Estimate:
+    """Fit an adhesive scene; solve deeper and refit until all contacts of the fit are solved.
+
+    The contacts of an adhesive tip are larger than those without adhesion at the same depth.
+    """
+    contact_depth = adhesive_contact_depth(samples, config)
+    for factor in (ADHESIVE_DEPTH_FACTOR, SOLVED_DEPTH_FACTOR, MIN_DEPTH_FACTOR):
+        try:
+            forward_model = tables.forward_model(
+                config, request.varied_keys, graded_depth(factor * contact_depth)
+            )
+            break
+        except (ConfigError, ForwardModelUnavailable):
+            continue
+    else:
+        forward_model = tables.forward_model(config, request.varied_keys, contact_depth)
+    max_rounds = 5
+    for _ in range(max_rounds):
+        estimate = fit_model(forward_model, samples, request.origin)
+        missing = estimate.depth / forward_model.largest_displacement(estimate.theta)
+        if 0.0 < missing <= 1.0:
+            return estimate
+        # A contact that is tensile at all solved depths tells only that deeper ones are needed.
+        growth = min(max(1.2 * missing, 1.3), 3.0) if missing > 0.0 else 3.0
+        forward_model = tables.forward_model(
+            config, request.varied_keys, graded_depth(growth * forward_model.max_depth)
+        )
+    raise FitRejected(
+        "the adhesive contact is larger than any that was solved: the adhesion is too strong for "
+        "the depth of the curve"
+    )
 
 
 def _fit_along_path(
@@ -384,7 +448,24 @@ def prepare_curve(curve: MeasuredCurve, request: FitRequest) -> tuple[Config, Sa
     if not has_spring and column == "z":
         notes.append("no spring is known: the displacement of the base is taken as the depth")
     t = None if curve.t is None else curve.t - curve.t[0]
-    return config, Samples(curve.abscissa_values(column), curve.force, t), notes
+    samples = Samples(curve.abscissa_values(column), curve.force, t)
+    if config.experiment and config.experiment.adhesion:
+        samples = _in_order_of_time(samples, curve, request.curve_part)
+    return config, samples, notes
+
+
+def _in_order_of_time(samples: Samples, curve: MeasuredCurve, part: CurvePart) -> Samples:
+    """Return the samples of an adhesive tip from its approach on, with their sides."""
+    if part == "approach" and samples.x[0] > samples.x[-1]:
+        # A file in order of z: the tip touches at the end of its rows.
+        return Samples(
+            samples.x[::-1], samples.force[::-1], None if samples.t is None else samples.t[::-1]
+        )
+    if part != "both":
+        return samples
+    branch = np.full(len(samples), APPROACH)
+    branch[curve.parts["retract"]] = RETRACT
+    return replace(samples, branch=branch)
 
 
 def _remove_spring(config: Config) -> Config:
@@ -404,15 +485,30 @@ def _graded_forward_model(
     curve.
     """
     contact_depth = max_contact_depth(samples, config)
-    # Solved depths are powers of this ratio, so that curves share solutions.
-    grade_ratio = 1.25
-    graded_depth = grade_ratio ** math.ceil(
-        math.log(SOLVED_DEPTH_FACTOR * contact_depth) / math.log(grade_ratio)
-    )
     try:
-        return tables.forward_model(config, keys, graded_depth)
+        return tables.forward_model(config, keys, graded_depth(SOLVED_DEPTH_FACTOR * contact_depth))
     except (ConfigError, ForwardModelUnavailable):
         return tables.forward_model(config, keys, MIN_DEPTH_FACTOR * contact_depth)
+
+
+def graded_depth(depth: float) -> float:
+    """Return a depth, rounded up to a power of a fixed ratio, so that curves share solutions."""
+    grade_ratio = 1.25
+    return float(grade_ratio ** math.ceil(math.log(depth) / math.log(grade_ratio)))
+
+
+def adhesive_contact_depth(samples: Samples, config: Config) -> float:
+    """Return the depth of a curve with adhesion [length], from its snap-in if that is clear."""
+    side = sides_of(samples.x) if samples.branch is None else np.abs(samples.branch)
+    touch = find_jumps(samples.x, samples.force, side).touch
+    if touch is None:
+        return max_contact_depth(samples, config)
+    compliance = config.experiment.compliance if config.experiment else 0.0
+    rise = float(samples.force.max()) - baseline_level(samples)
+    travel = float(samples.x.max()) - touch[0]
+    # Least depth on a soft spring, as a fraction of the travel.
+    min_depth_fraction = 0.05
+    return max(travel - compliance * rise, min_depth_fraction * travel)
 
 
 def max_contact_depth(samples: Samples, config: Config) -> float:
@@ -663,6 +759,11 @@ def _warnings(assessment: ModelAssessment) -> list[str]:
         for k, parameter in enumerate(parameters)
         if estimate.is_at_bound(k)
     ]
+    if (touch := _contradicting_touch(estimate)) is not None:
+        messages.append(
+            f"the tip snaps in between {touch[0]:.4g} and {touch[1]:.4g}, not at the contact point "
+            f"{estimate.contact_point:.4g} that was given: leave --contact-point out"
+        )
     if estimate.p[-1] > STEEP_BASELINE * estimate.max_force:
         hint = (
             "if the curve begins in contact it has no baseline and the modulus is wrong; fix what "
@@ -681,6 +782,19 @@ def _warnings(assessment: ModelAssessment) -> list[str]:
             "of the interval: use a finer mesh"
         )
     return messages
+
+
+def _contradicting_touch(estimate: Estimate) -> tuple[float, float] | None:
+    """Return the displacements of a snap-in that is not at the given contact point, or None."""
+    model = estimate.model
+    if model.origin.contact_point is None or model.samples.branch is None:
+        return None
+    touch = touch_interval(model.samples.x, model.samples.branch)
+    # A given contact point may be off by some samples.
+    margin = 5.0 * model.sample_spacing
+    if touch is None or touch[0] - margin < estimate.contact_point < touch[1] + margin:
+        return None
+    return touch
 
 
 def _scale_warnings(estimate: Estimate, config: Config) -> list[str]:
@@ -753,6 +867,8 @@ def _significant_digits(interval: Interval) -> int:
 
 def quantity_kind(config: Config, key: str) -> str | None:
     """Return "length", "force" or "pressure" for a key of this dimension, else None."""
+    if key == RETRACT_WORK_KEY:
+        return quantity_kind(config, ADHESION_WORK_KEY)
     return dimension_of_key(key_path(key), to_mapping(config))
 
 
@@ -786,12 +902,21 @@ def one_line_summary(entry: Mapping[str, Any], config: Config) -> str:
 
 
 def format_interval(key: str, config: Config, interval: Interval) -> str:
-    """Return a key's value and its 95 % interval as text with units."""
+    """Return a key's value and its 95 % interval as text with units.
+
+    A parameter that the curve does not determine is said so, with its upper limit if it has one.
+    """
+    name = key.rpartition(".")[2]
+    if interval.low == 0.0 < interval.value:
+        limit = format_value(key, config, interval.high, interval)
+        return f"{name} is not determined: at most {limit}"
+    if interval.low > 0.0 and interval.high > MAX_KNOWN_FACTOR * interval.low:
+        return f"{name} is not determined by the curve"
     value, low, high = (
         format_value(key, config, number, interval)
         for number in (interval.value, interval.low, interval.high)
     )
-    return f"{key.rpartition('.')[2]} = {value}, 95 % in {low} to {high}"
+    return f"{name} = {value}, 95 % in {low} to {high}"
 
 
 def _parameter_sentence(assessment: ModelAssessment, k: int, config: Config) -> str:
@@ -838,8 +963,15 @@ def _plotted_curve(assessment: ModelAssessment) -> PlottedCurve:
         if t is not None and model.forward_model.is_time_dependent
         else None
     )
+    branch = model.samples.branch
+    # Samples between the two sides of a jump are not fitted.
+    is_used = np.ones(len(delta), dtype=bool) if branch is None else branch != LEFT_OUT
     return PlottedCurve(
-        delta, model.samples.force - baseline, fitted, alternative_fits, contact_times
+        delta[is_used],
+        (model.samples.force - baseline)[is_used],
+        fitted[is_used],
+        {name: force[is_used] for name, force in alternative_fits.items()},
+        None if contact_times is None else contact_times[is_used],
     )
 
 

@@ -20,6 +20,7 @@ from scipy.special import fdtrc
 
 from indent_sim.fitting.forward_model.elastic_load_curve import TabulatedLoadCurve
 from indent_sim.fitting.forward_model.forward_model import ForwardModel
+from indent_sim.fitting.inference.baseline import CONTACT_MARGIN
 from indent_sim.fitting.inference.depth_range_fits import MIN_DEVIATION_RATIO
 from indent_sim.fitting.inference.estimate import (
     MAX_BASELINE_DEPTHS,
@@ -39,7 +40,6 @@ from indent_sim.fitting.inference.estimate import (
 from indent_sim.fitting.inference.initial_guess import fit_trials
 from indent_sim.fitting.inference.least_squares import minimize_squares
 from indent_sim.fitting.inference.model_assessment import (
-    CONTACT_MARGIN,
     MAX_DEPTH_Z,
     MIN_SHAPE_P,
     SUSPICIOUS_DEPTH_Z,

@@ -141,7 +141,8 @@ def _read_map(source: MapSource, request: FitRequest, choice: bool | None) -> Me
     reading = source.reading
     if source.grid is not None:
         files = [file for path in source.paths for file in curve_files(path)]
-        return _map_of_files(files, source.grid, reading)
+        stiffness = cantilever_stiffness_si(request.config)
+        return _map_of_files(files, source.grid, reading, stiffness)
     if len(source.paths) != 1 or not source.paths[0].is_file():
         return None
     try:
@@ -150,6 +151,7 @@ def _read_map(source: MapSource, request: FitRequest, choice: bool | None) -> Me
             reading.columns or None,
             reading.units,
             cantilever_stiffness_si(request.config),
+            reading.sensitivity,
         )
     except NoCurve:
         if choice:
@@ -171,25 +173,33 @@ def _with_rows(curves: MeasuredMap, rows: tuple[int, int]) -> MeasuredMap:
 
 @dataclass(frozen=True)
 class _CurveFiles:
-    """Files of the curves of a map, one for each."""
+    """Files of the curves of a map, one for each, and the spring constant of the scene [N/m]."""
 
     files: Sequence[Path]
     reading: ReadOptions
+    stiffness: float | None
 
     def read(self, index: int) -> MeasuredCurve:
         """Return the curve of a file."""
-        return read_curves(self.files[index], self.reading.columns or None, self.reading.units)[0]
+        reading = self.reading
+        return read_curves(
+            self.files[index],
+            reading.columns or None,
+            reading.units,
+            self.stiffness,
+            reading.sensitivity,
+        )[0]
 
 
 def _map_of_files(
-    files: Sequence[Path], grid: tuple[int, int], reading: ReadOptions
+    files: Sequence[Path], grid: tuple[int, int], reading: ReadOptions, stiffness: float | None
 ) -> MeasuredMap:
     """Return the map whose curves are the files, row by row."""
     rows, columns = grid
     if len(files) != rows * columns:
         raise UsageError(f"--grid {rows}x{columns}: there are {len(files)} files")
     places = np.column_stack(np.divmod(np.arange(len(files)), columns))
-    return MeasuredMap(grid, None, places, _CurveFiles(files, reading).read)
+    return MeasuredMap(grid, None, places, _CurveFiles(files, reading, stiffness).read)
 
 
 def named_curve(curves: MeasuredMap, index: int) -> MeasuredCurve:

@@ -19,6 +19,7 @@ from indent_sim.fitting.curve_fit import (
     ModelChoice,
     cantilever_stiffness_si,
     fit_curve,
+    keys_of_part,
 )
 from indent_sim.fitting.fit_folder import ReadOptions
 from indent_sim.fitting.forward_model.forward_model import ForwardModelCache
@@ -110,7 +111,8 @@ def fit(
         If a key or the scene is invalid.
     """
     config = _load_scene(scene)
-    request = FitRequest(config, tuple(vary), segment, OriginOptions(contact_point), models)
+    keys = keys_of_part(vary, segment)
+    request = FitRequest(config, keys, segment, OriginOptions(contact_point), models)
     reading = ReadOptions(tuple(columns), units, sensitivity)
     curve_fit = fit_curve(_read_curve(curve, reading, config), request, ForwardModelCache())
     if not curve_fit.is_done:

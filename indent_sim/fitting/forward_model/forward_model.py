@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
 from indent_sim.config.scene_file import to_yaml
 from indent_sim.config.schema import Config
@@ -36,6 +37,7 @@ from indent_sim.fitting.forward_model.measured_path_forces import (
 from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavailable
 from indent_sim.fitting.forward_model.parameters import (
     ADHESION_WORK_KEY,
+    RETRACT_WORK_KEY,
     Parameter,
     number_at,
     parameters_of,
@@ -47,7 +49,13 @@ from indent_sim.run.solvers.elastic_curve import is_self_similar
 
 # Key of the exponent of the depth by which an alternative model multiplies the force.
 FREE_EXPONENT_KEY = "exponent"
+# Key of the exponent of the contact radius by which an alternative model multiplies the work of
+# adhesion.
+WORK_EXPONENT_KEY = "work_exponent"
 MIN_RELATIVE_DEPTH = 1e-9  # a free power of the depth is constant below this, also if it diverges
+# Branches of the samples of an adhesive tip that is in contact.
+APPROACH = 1
+RETRACT = 2
 # Maps times to the function that turns elastic forces at these times into relaxed forces.
 LoadCurve = ElasticLoadCurve | TabulatedLoadCurve
 RelaxationOperator = Callable[[np.ndarray], Callable[[np.ndarray], np.ndarray]]
@@ -65,6 +73,8 @@ class ExperimentSettings:
         Transformed values (theta) of the shape parameters.
     adhesion_work
         Work of adhesion [force/length].
+    retract_work
+        Work of adhesion during the retraction [force/length].
     compliance
         Compliance of cantilever and frame [length/force].
     relaxation
@@ -72,14 +82,19 @@ class ExperimentSettings:
     extra_exponent
         Exponent n of the factor (depth/reference depth)^n of the force. It is 0 except in the
         alternative model in which the tip has another shape.
+    work_exponent
+        Exponent m of the factor (contact radius/largest punch)^m of the work of adhesion. It is 0
+        except in the alternative model in which the adhesion changes as the contact grows.
     """
 
     scale: np.ndarray
     shape_coordinates: tuple[float, ...]
     adhesion_work: float
+    retract_work: float
     compliance: float
     relaxation: RelaxationOperator | None
     extra_exponent: float = 0.0
+    work_exponent: float = 0.0
 
 
 class ForwardModel:
@@ -118,6 +133,7 @@ class ForwardModel:
         self.experiment = config.instrument
         self.pivot_depth = max_depth
         self.has_adhesion = self.experiment.adhesion is not None
+        self.lowest_work = 0.0
         self._shape_indices = [
             k for k, parameter in enumerate(self.parameters) if parameter.role == "shape"
         ]
@@ -143,13 +159,17 @@ class ForwardModel:
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lower and upper bounds of the transformed parameters, ordered as varied_keys."""
+        """Lower and upper bounds of the transformed parameters in fits, ordered as varied_keys."""
         low, high = (
             zip(*(parameter.bounds for parameter in self.parameters), strict=True)
             if self.parameters
             else ((), ())
         )
-        return np.array(low, dtype=float), np.array(high, dtype=float)
+        lower = np.array(low, dtype=float)
+        if self.lowest_work > 0.0:
+            is_work = [parameter.role == "work" for parameter in self.parameters]
+            lower[is_work] = np.maximum(lower[is_work], math.log(self.lowest_work))
+        return lower, np.array(high, dtype=float)
 
     @property
     def scale_index(self) -> int | None:
@@ -174,7 +194,13 @@ class ForwardModel:
         """Relative discretisation error of the force."""
         return self.elastic_curves.scene_curve.relative_error
 
-    def __call__(self, theta: np.ndarray, x: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
+    def __call__(
+        self,
+        theta: np.ndarray,
+        x: np.ndarray,
+        t: np.ndarray | None = None,
+        branch: np.ndarray | None = None,
+    ) -> np.ndarray:
         """Return the forces of the scene.
 
         Parameters
@@ -185,6 +211,9 @@ class ForwardModel:
             Displacements (..., n) [length].
         t
             Times (n,) [s] in increasing order, or None.
+        branch
+            Branch of every sample (n,) of an adhesive tip, `APPROACH`, `RETRACT` or another number
+            for a sample out of contact; None if the model decides what is in contact.
 
         Returns
         -------
@@ -193,7 +222,7 @@ class ForwardModel:
         """
         if theta.ndim > 1 and not self.is_batchable:
             return np.stack(
-                [self(theta_row, x_row, t) for theta_row, x_row in self._pairs(theta, x)]
+                [self(theta_row, x_row, t, branch) for theta_row, x_row in self._pairs(theta, x)]
             )
         settings = self._experiment_settings(theta)
         if self.is_time_dependent and t is None:
@@ -202,7 +231,7 @@ class ForwardModel:
             return self._force_along_path(self.path_forces, settings, x, t)
         if self.has_adhesion:
             return self._adhesive_force(
-                self.elastic_curves.load_curve(settings.shape_coordinates), settings, x
+                self.elastic_curves.load_curve(settings.shape_coordinates), settings, x, branch
             )
         load_curve = self._load_curve(settings)
         if settings.relaxation is not None and t is not None:
@@ -210,7 +239,11 @@ class ForwardModel:
         return self._elastic_force(load_curve, settings, self._depth(load_curve, settings, x))
 
     def linearize(
-        self, theta: np.ndarray, x: np.ndarray, t: np.ndarray | None
+        self,
+        theta: np.ndarray,
+        x: np.ndarray,
+        t: np.ndarray | None,
+        branch: np.ndarray | None = None,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the forces, and their derivatives by theta and by a shift of the curve.
 
@@ -222,6 +255,8 @@ class ForwardModel:
             Displacements (..., n) [length].
         t
             Times (n,) [s], or None.
+        branch
+            Branch of every sample (n,) of an adhesive tip, or None.
 
         Returns
         -------
@@ -233,12 +268,14 @@ class ForwardModel:
         """
         if theta.ndim > 1 and not self.is_batchable:
             results = [
-                self.linearize(theta_row, x_row, t) for theta_row, x_row in self._pairs(theta, x)
+                self.linearize(theta_row, x_row, t, branch)
+                for theta_row, x_row in self._pairs(theta, x)
             ]
             forces, derivatives = zip(*results, strict=True)
             return np.stack(forces), np.stack(derivatives)
         if not self.has_analytic_derivatives:
-            return self(theta, x, t), self._difference_quotients(theta, x, t)
+            force = self(theta, x, t, branch)
+            return force, self._difference_quotients(theta, x, t, branch)
         settings = self._experiment_settings(theta)
         load_curve = self._load_curve(settings)
         delta = self._depth(load_curve, settings, x)
@@ -331,7 +368,11 @@ class ForwardModel:
         return force * variation / max(float(high[k] - low[k]), 1e-300)
 
     def _difference_quotients(
-        self, theta: np.ndarray, x: np.ndarray, t: np.ndarray | None
+        self,
+        theta: np.ndarray,
+        x: np.ndarray,
+        t: np.ndarray | None,
+        branch: np.ndarray | None,
     ) -> np.ndarray:
         """Return the derivatives by central differences, one-sided at bounds."""
         columns = []
@@ -339,11 +380,13 @@ class ForwardModel:
             step = np.zeros(len(theta))
             step[k] = 1e-4
             low, high = (np.clip(changed, *self.bounds) for changed in (theta - step, theta + step))
-            difference = self(high, x, t) - self(low, x, t)
+            difference = self(high, x, t, branch) - self(low, x, t, branch)
             columns.append(difference / max(float(high[k] - low[k]), 1e-300))
         h = 1e-5 * self.max_depth
-        shift_derivative = (self(theta, x - h, t) - self(theta, x + h, t)) / (2.0 * h)
-        is_beside_snap = self.has_adhesion & (np.abs(x) <= h)
+        shift_derivative = (self(theta, x - h, t, branch) - self(theta, x + h, t, branch)) / (
+            2.0 * h
+        )
+        is_beside_snap = self.has_adhesion & (branch is None) & (np.abs(x) <= h)
         return np.vstack([*columns, np.where(is_beside_snap, 0.0, shift_derivative)])
 
     def _load_curve(self, settings: ExperimentSettings) -> LoadCurve:
@@ -381,7 +424,10 @@ class ForwardModel:
         return self.tabulated_curve.force_and_stiffness(delta, rows)[0]
 
     def force_without_spring(self, theta: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-        """Return the force over depth without spring and relaxation, for an initial guess."""
+        """Return the force over depth without spring and relaxation, for an initial guess.
+
+        An adhesive tip is in contact from first touch until pull-off.
+        """
         settings = self._experiment_settings(theta)
         path_forces = self.path_forces
         if path_forces is not None:
@@ -393,7 +439,8 @@ class ForwardModel:
         if self.has_adhesion:
             adhesive_curve = self.elastic_curves.load_curve(settings.shape_coordinates)
             rigid_settings = replace(settings, compliance=0.0, relaxation=None)
-            return lambda delta: self._adhesive_force(adhesive_curve, rigid_settings, delta)
+            jkr_branch = self._jkr_branch(adhesive_curve, rigid_settings, settings.adhesion_work)
+            return lambda delta: _force_in_contact(delta, *jkr_branch)
         load_curve = self._load_curve(settings)
         return lambda delta: self._elastic_force(load_curve, settings, delta)
 
@@ -483,6 +530,7 @@ class ForwardModel:
             scale = np.exp(np.clip(log_change, -700.0, 700.0))
         adhesion = self.experiment.adhesion
         adhesion_work = values.get(ADHESION_WORK_KEY, adhesion.work if adhesion else 0.0)
+        retract_work = values.get(RETRACT_WORK_KEY, adhesion_work)
         cantilever = self.experiment.cantilever
         frame = self.experiment.frame
         compliance = (
@@ -502,9 +550,11 @@ class ForwardModel:
             scale,
             tuple(theta[self._shape_indices]) if self._shape_indices else (),
             adhesion_work,
+            retract_work,
             compliance,
             relaxation,
             extra_exponent,
+            values.get(WORK_EXPONENT_KEY, 0.0),
         )
 
     def add_free_exponent(self, pivot_depth: float) -> ForwardModel:
@@ -522,9 +572,35 @@ class ForwardModel:
         return model
 
     def _adhesive_force(
-        self, load_curve: ElasticLoadCurve, settings: ExperimentSettings, x: np.ndarray
+        self,
+        load_curve: ElasticLoadCurve,
+        settings: ExperimentSettings,
+        x: np.ndarray,
+        branch: np.ndarray | None = None,
     ) -> np.ndarray:
-        """Return the force of the stable JKR branch, from first contact (x = 0) until pull-off.
+        """Return the force of an adhesive tip at displacements (n,).
+
+        If the branch of the samples is None, the tip is in contact from first touch (x = 0) until
+        pull-off. A sample that is in contact beyond pull-off has the force at pull-off, and one
+        beyond the largest punch a linear continuation.
+        """
+        works = {APPROACH: settings.adhesion_work, RETRACT: settings.retract_work}
+        if branch is None:
+            return _force_in_contact(
+                x, *self._jkr_branch(load_curve, settings, settings.adhesion_work)
+            )
+        forces = np.zeros(x.shape)
+        for name, work in works.items():
+            is_on_branch = branch == name
+            if is_on_branch.any():
+                jkr_branch = self._jkr_branch(load_curve, settings, work)
+                forces[is_on_branch] = _continued(x[is_on_branch], *jkr_branch)
+        return forces
+
+    def _jkr_branch(
+        self, load_curve: ElasticLoadCurve, settings: ExperimentSettings, work: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return displacement of the base and force along the stable JKR branch, from pull-off on.
 
         The contact radius a parametrizes the branch: delta = delta_1 - q and F = F_1 - K q with
         q^2 = 4 pi a w / K', where delta_1 and F_1 hold without adhesion, K(a) is the stiffness of a
@@ -533,32 +609,59 @@ class ForwardModel:
         assert load_curve.punch_coefficients is not None
         log_min_radius = math.log(MIN_RADIUS_FRACTION)
         # Samples of the stable branch of an adhesive tip.
-        jkr_branch_samples = 600
+        jkr_branch_samples = 1500
         ln_a = np.linspace(log_min_radius, 0.0, jkr_branch_samples)
-        log_columns = [
-            np.polynomial.chebyshev.chebval(1.0 - 2.0 * ln_a / log_min_radius, coefficients)
-            for coefficients in load_curve.punch_coefficients
-        ]
-        delta, force, K, slope = np.exp(log_columns)
-        q = np.sqrt(
-            4.0
-            * np.pi
-            * load_curve.max_radius
-            * np.exp(ln_a)
-            * settings.adhesion_work
-            / (settings.scale * slope)
+        work_factor = np.exp(settings.work_exponent * ln_a)
+        delta, force, K, slope = np.exp(
+            chebyshev.chebval(1.0 - 2.0 * ln_a / log_min_radius, load_curve.punch_coefficients.T)
         )
+        radius = load_curve.max_radius * np.exp(ln_a)
+        q = np.sqrt(4.0 * np.pi * radius * work * work_factor / (settings.scale * slope))
         delta = delta - q
         force = settings.scale * (force - K * q)
-        base_displacement = delta + settings.compliance * force
-        unstable_points = np.flatnonzero(np.diff(base_displacement) <= 0)
+        displacement = delta + settings.compliance * force
+        unstable_points = np.flatnonzero(np.diff(displacement) <= 0)
         first_stable = int(unstable_points[-1]) + 1 if len(unstable_points) else 0
-        has_touched = np.logical_or.accumulate(x >= 0.0)
-        return np.where(
-            has_touched & (x >= base_displacement[first_stable]),
-            np.interp(x, base_displacement[first_stable:], force[first_stable:]),
-            0.0,
-        )
+        # Adhesion that is too strong for the solved contacts leaves their last two.
+        first_stable = min(first_stable, jkr_branch_samples - 2)
+        return displacement[first_stable:], force[first_stable:]
+
+    def work_of_shift(self, theta: np.ndarray, shift: float) -> float:
+        """Return the work of adhesion [force/length] that shifts the largest contact by q [length].
+
+        At constant contact radius the depth is smaller by q than without adhesion.
+        """
+        settings = self._experiment_settings(theta)
+        load_curve = self.elastic_curves.load_curve(settings.shape_coordinates)
+        assert load_curve.punch_coefficients is not None
+        # The polynomials end at 1 with the largest punch.
+        slope = math.exp(float(chebyshev.chebval(1.0, load_curve.punch_coefficients[3])))
+        scale = float(settings.scale[..., 0])
+        return shift**2 * scale * slope / (4.0 * math.pi * load_curve.max_radius)
+
+    def bound_work(self, lowest: float) -> ForwardModel:
+        """Return the model with a lower bound of its works of adhesion during fits [force/length].
+
+        The logarithm of a work that is next to nothing has no effect on the force.
+        """
+        model = copy.copy(self)
+        model.lowest_work = lowest
+        return model
+
+    def largest_displacement(self, theta: np.ndarray) -> float:
+        """Return the displacement of the base [length] up to which adhesive contacts are known."""
+        settings = self._experiment_settings(theta)
+        load_curve = self.elastic_curves.load_curve(settings.shape_coordinates)
+        works = (settings.adhesion_work, settings.retract_work)
+        return min(float(self._jkr_branch(load_curve, settings, work)[0][-1]) for work in works)
+
+    def add_work_exponent(self) -> ForwardModel:
+        """Return the model with the work of adhesion multiplied by a free power of the radius."""
+        model = copy.copy(self)
+        exponent = Parameter(WORK_EXPONENT_KEY, 0.0, "power", -2.0, 4.0, is_linear=True)
+        model.parameters = (*self.parameters, exponent)
+        model.varied_keys = (*self.varied_keys, WORK_EXPONENT_KEY)
+        return model
 
     def _relaxed_force(
         self,
@@ -600,6 +703,22 @@ class ForwardModel:
             if np.abs(change).max(initial=0.0) < tolerance * self.max_depth:
                 break
         return force
+
+
+def _force_in_contact(x: np.ndarray, displacement: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Return forces along a stable branch from first touch (x = 0) until pull-off, else 0 (n,)."""
+    has_touched = np.logical_or.accumulate(x >= 0.0)
+    is_in_contact = has_touched & (x >= displacement[0])
+    return np.where(is_in_contact, _continued(x, displacement, force), 0.0)
+
+
+def _continued(x: np.ndarray, displacement: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Return forces at x (n,) by interpolation, constant below the table and linear above it."""
+    rise = max(displacement[-1] - displacement[-2], 1e-300)
+    stiffness = (force[-1] - force[-2]) / rise
+    beyond = np.maximum(x - displacement[-1], 0.0)
+    forces: np.ndarray = np.interp(x, displacement, force) + stiffness * beyond
+    return forces
 
 
 def _build_path_forces(

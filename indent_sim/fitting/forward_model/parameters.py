@@ -15,6 +15,8 @@ from indent_sim.process.errors import ConfigError
 
 Role = Literal["scale", "shape", "work", "relaxation", "spring", "power"]
 ADHESION_WORK_KEY = "experiment.adhesion.work"
+# Work of adhesion during the retraction, if approach and retraction are fitted together.
+RETRACT_WORK_KEY = "experiment.adhesion.work_retract"
 SPRING_KEYS = ("experiment.cantilever.stiffness", "experiment.frame.compliance")
 MIN_HEIGHT_DEPTHS = 1.15  # lower bound of a height in depths: the tip must not reach the base
 
@@ -47,8 +49,10 @@ class Parameter:
         return value if self.is_linear else math.log(value)
 
     def value(self, theta: float) -> float:
-        """Return the value at a transformed parameter theta."""
-        return theta if self.is_linear else math.exp(min(max(theta, -700.0), 700.0))
+        """Return the value at a transformed parameter theta; 0 at minus infinity."""
+        if self.is_linear:
+            return theta
+        return 0.0 if theta == -math.inf else math.exp(min(max(theta, -700.0), 700.0))
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -94,7 +98,7 @@ def _make_parameter(config: Config, key: str, max_depth: float) -> Parameter:
         raise ConfigError(
             key, f"is {initial_value:g}: a fit begins from a number above 0", f"--set {key}=..."
         )
-    if key == ADHESION_WORK_KEY:
+    if key in (ADHESION_WORK_KEY, RETRACT_WORK_KEY):
         return Parameter(key, initial_value, "work", 0.0, math.inf)
     if "relaxation" in key_path(key):
         is_fraction = key.endswith("[0]") or last_part == "exponent"
@@ -116,7 +120,12 @@ def _make_parameter(config: Config, key: str, max_depth: float) -> Parameter:
 
 
 def number_at(config: Config, key: str) -> float:
-    """Return the number at a key; raise ConfigError if a curve cannot determine it."""
+    """Return the number at a key; raise ConfigError if a curve cannot determine it.
+
+    The work of the retraction begins at that of the scene.
+    """
+    if key == RETRACT_WORK_KEY:
+        return number_at(config, ADHESION_WORK_KEY)
     measurable_sections = ("body", "material", "indenter", "contact", "experiment")
     if str(next(iter(key_path(key)), "")) not in measurable_sections:
         raise ConfigError(

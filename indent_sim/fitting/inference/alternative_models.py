@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -17,7 +17,11 @@ from indent_sim.fitting.forward_model.parameters import ADHESION_WORK_KEY, MIN_H
 from indent_sim.fitting.inference.estimate import (
     CurveModel,
     Estimate,
+    FitRejected,
     convert_baseline,
+    estimate_adhesive_tip,
+    fit_adhesive_pilot,
+    place_jumps,
     uncertainty_at,
 )
 from indent_sim.fitting.inference.noise import f_test
@@ -84,9 +88,14 @@ def _fit_alternative(
     name: ModelName, estimate: Estimate, config: Config, tables: ForwardModelCache
 ) -> AlternativeModel | None:
     try:
-        best_estimate = _best_candidate(estimate, list(_candidates(name, estimate, config, tables)))
+        best_estimate = (
+            _fit_adhesion(estimate, config, tables)
+            if name == "adhesion"
+            else _best_candidate(estimate, list(_candidates(name, estimate, config, tables)))
+        )
     except (
         IndentSimError,
+        FitRejected,
         ForwardModelUnavailable,
         ValueError,
         ArithmeticError,
@@ -126,17 +135,13 @@ def _best_candidate(
     # compared.
     sample_count = 300
     iterations = 15
-    pilot_model = CurveModel(
-        scene_model.forward_model,
-        scene_model.samples.block_means(sample_count),
-        scene_model.origin,
-    )
+    pilot_model = replace(scene_model, samples=scene_model.samples.block_means(sample_count))
     baseline_values = convert_baseline(scene_model, pilot_model, estimate.ordinary_p)[
         scene_model.coordinate_count :
     ]
     best: tuple[float, CurveModel, np.ndarray] | None = None
     for forward_model, theta in candidates:
-        model = CurveModel(forward_model, pilot_model.samples, scene_model.origin)
+        model = _with_forward_model(pilot_model, forward_model)
         try:
             p, squares = model.least_squares(
                 np.array([*theta, *baseline_values]), rounds=iterations
@@ -147,9 +152,69 @@ def _best_candidate(
             best = squares, model, p
     if best is None:
         return None
-    model = CurveModel(best[1].forward_model, scene_model.samples, scene_model.origin)
+    model = replace(best[1], samples=scene_model.samples)
     p, _ = model.least_squares(convert_baseline(best[1], model, best[2]))
     return Estimate(model, p, p, uncertainty_at(model, p))
+
+
+def _with_forward_model(model: CurveModel, forward_model: ForwardModel) -> CurveModel:
+    """Return a model with another forward model, and the same contact point and baseline."""
+    added = len(forward_model.parameters) - model.coordinate_count
+    fixed = frozenset(k + added if k >= model.coordinate_count else k for k in model.fixed)
+    return replace(model, forward_model=forward_model, fixed=fixed)
+
+
+def _fit_adhesion(estimate: Estimate, config: Config, tables: ForwardModelCache) -> Estimate | None:
+    """Return the fit of the scene with a free work of adhesion.
+
+    If the work is free already, its power of the contact radius is fitted as well.
+    """
+    forward_model = estimate.model.forward_model
+    if forward_model.is_time_dependent:
+        return None
+    if ADHESION_WORK_KEY in forward_model.varied_keys:
+        return _fit_growing_adhesion(estimate)
+    if not forward_model.has_adhesion:
+        # The fit begins with works of any size, whichever the scene has.
+        radius = forward_model.elastic_curves.scene_curve.contact_radius
+        config = add_to_experiment(
+            config, adhesion={"work": 0.01 * _scene_max_force(forward_model) / radius}
+        )
+    keys = (*forward_model.varied_keys, ADHESION_WORK_KEY)
+    # Contacts of an adhesive tip are those of larger depths without adhesion.
+    for factor in (1.0 if forward_model.has_adhesion else 2.0, 1.0):
+        try:
+            adhesive_model = tables.forward_model(config, keys, factor * forward_model.max_depth)
+            break
+        except (IndentSimError, ForwardModelUnavailable):
+            continue
+    else:
+        return None
+    model, p, weak_sides = fit_adhesive_pilot(
+        adhesive_model, estimate.model.samples, estimate.model.origin
+    )
+    adhesive_estimate = estimate_adhesive_tip(model, p, weak_sides)
+    largest = adhesive_model.largest_displacement(adhesive_estimate.theta)
+    return adhesive_estimate if adhesive_estimate.depth <= largest else None
+
+
+def _fit_growing_adhesion(estimate: Estimate) -> Estimate | None:
+    """Return the fit of an adhesive scene whose work is multiplied by a power of the radius."""
+    model = _with_forward_model(estimate.model, estimate.model.forward_model.add_work_exponent())
+    count = estimate.model.coordinate_count
+    trials = []
+    for exponent in (0.0, 0.5, 1.5):
+        initial_p = np.insert(estimate.ordinary_p, count, exponent)
+        try:
+            trials.append(place_jumps(model, initial_p, ()))
+        except (ForwardModelUnavailable, ValueError, np.linalg.LinAlgError):
+            continue
+    if not trials:
+        return None
+    _, p, _ = min(trials, key=lambda trial: trial[2])
+    richer = estimate_adhesive_tip(model, p, ())
+    largest = richer.model.forward_model.largest_displacement(richer.theta)
+    return richer if richer.depth <= largest else None
 
 
 def refutation_probability(scene: Estimate, richer: Estimate) -> float:
@@ -190,7 +255,6 @@ def _candidates(
     excluded_effects: dict[str, set[str]] = {
         "tip": {"adhesion"},
         "thickness": set(),
-        "adhesion": {"adhesion", "relaxation"},
         "relaxation": {"adhesion", "relaxation"},
     }
     if forward_model.effects & excluded_effects[name]:
@@ -206,27 +270,6 @@ def _candidates(
             yield from ((free_model, np.array([*theta, q])) for q in exponent_changes)
         case "thickness":
             yield from _thickness_candidates(forward_model, theta, config, tables)
-        case "adhesion":
-            radius = forward_model.elastic_curves.scene_curve.contact_radius
-            # Initial guesses of the work of adhesion, relative to the largest force over the
-            # contact radius.
-            work_fractions = (0.01, 0.05, 0.2)
-            adhesive_config = add_to_experiment(
-                config,
-                adhesion={"work": work_fractions[0] * _scene_max_force(forward_model) / radius},
-            )
-            adhesive_model = tables.forward_model(
-                adhesive_config,
-                (*forward_model.varied_keys, ADHESION_WORK_KEY),
-                forward_model.max_depth,
-            )
-            yield from (
-                (
-                    adhesive_model,
-                    np.array([*theta, math.log(fraction * estimate.max_force / radius)]),
-                )
-                for fraction in work_fractions
-            )
         case "relaxation":
             yield from _relaxation_candidates(estimate, theta, config, tables)
 

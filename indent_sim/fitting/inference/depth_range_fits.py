@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavailable
 from indent_sim.fitting.inference.estimate import (
+    FARTHEST_LOG_DISTANCE,
     MIN_CONTACT_POINTS,
     CurveModel,
     Estimate,
@@ -43,7 +44,7 @@ class DepthRangeFit:
 
     def interval(self, k: int) -> tuple[float, float]:
         """Return the 95 % interval of a transformed parameter."""
-        half_width = NORMAL_95 * float(self.sd[k])
+        half_width = min(NORMAL_95 * float(self.sd[k]), FARTHEST_LOG_DISTANCE)
         return float(self.theta[k]) - half_width, float(self.theta[k]) + half_width
 
 
@@ -97,7 +98,7 @@ def _fit_depth_range(
         < MIN_CONTACT_POINTS
     ):
         return None
-    partial_model = CurveModel(model.forward_model, model.samples.select(is_inside), model.origin)
+    partial_model = replace(model, samples=model.samples.select(is_inside))
     try:
         p, _ = partial_model.least_squares(
             convert_baseline(model, partial_model, estimate.ordinary_p)
@@ -110,13 +111,14 @@ def _fit_depth_range(
     D = -whole_pseudoinverse[:k].copy()
     D[:, is_inside] += np.linalg.pinv(J)[:k]
     uncertainty = estimate.uncertainty
-    sd = np.sqrt(
-        np.maximum(
-            uncertainty.s2
-            * np.einsum("ij,ji->i", D, uncertainty.likeliest_noise.apply_covariance(D.T)),
-            0.0,
-        )
+    variance = uncertainty.s2 * np.einsum(
+        "ij,ji->i", D, uncertainty.likeliest_noise.apply_covariance(D.T)
     )
+    if model.touch is not None:
+        # Both fits have the contact point of the snap-in, and differ by its error.
+        shift = D @ model.with_free_touch.jacobian(estimate.ordinary_p)[:, k]
+        variance += shift**2 * uncertainty.covariance[k, k]
+    sd = np.sqrt(np.maximum(variance, 0.0))
     sd = np.maximum(sd, MIN_DEVIATION_RATIO * partial_uncertainty.sd[:k])
     theta = p[:k]
     return DepthRangeFit(

@@ -10,20 +10,31 @@ are larger, since a noise with a long correlation time hides a systematic misfit
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
-from indent_sim.fitting.forward_model.forward_model import ForwardModel
+from indent_sim.fitting.forward_model.forward_model import APPROACH, ForwardModel
 from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavailable
-from indent_sim.fitting.inference.initial_guess import fit_trials
-from indent_sim.fitting.inference.least_squares import (
-    SQUARES_TOLERANCE,
-    Metric,
-    minimize_squares,
+from indent_sim.fitting.forward_model.parameters import Role
+from indent_sim.fitting.inference.baseline import (
+    CONTACT_MARGIN,
+    WRONG_BASELINE_P,
+    baseline_columns,
+    baseline_shift_probability,
 )
+from indent_sim.fitting.inference.initial_guess import fit_trials
+from indent_sim.fitting.inference.jumps import (
+    LEFT_OUT,
+    best_branches,
+    find_jumps,
+    sides_of,
+    spread_of_uniform,
+    touch_interval,
+)
+from indent_sim.fitting.inference.least_squares import Metric, minimize_squares
 from indent_sim.fitting.inference.noise import (
     NORMAL_95,
     WHITE,
@@ -50,6 +61,19 @@ MIN_SIGNAL_TO_NOISE = 4.0
 MAX_UNCERTAINTY_FACTOR = 4.0
 # Number of blocks of a curve whose means distinguish a contact from noise.
 SIGNAL_BLOCKS = 50
+# A fit in correlated noise is discarded if its rms exceeds that of ordinary least squares by more.
+MAX_RMS_RATIO = 1.1
+# A snap-in of at least this many standard deviations of the noise lies between two known samples.
+CLEAR_SNAP_DEVIATIONS = 5.0
+# Smallest shift of a contact by adhesion, relative to the depth of the curve. It changes the force
+# by 1.5e-4 of itself.
+SMALLEST_SHIFT = 1e-4
+# Largest distance of a value from the fitted one, in its logarithm: a factor of a million.
+FARTHEST_LOG_DISTANCE = math.log(1e6)
+
+
+# Roles of parameters that do not only multiply the force.
+NONLINEAR_ROLES: tuple[Role, ...] = ("shape", "work", "relaxation", "spring", "power")
 
 
 class FitRejected(Exception):
@@ -68,11 +92,15 @@ class Samples:
         Force [force].
     t : ndarray, shape (n,), optional
         Time [s].
+    branch : ndarray of int, shape (n,), optional
+        Branches of the samples of an adhesive tip, see `jumps`; None if the model decides which
+        samples are in contact.
     """
 
     x: np.ndarray
     force: np.ndarray
     t: np.ndarray | None = None
+    branch: np.ndarray | None = None
 
     def __len__(self) -> int:
         return self.x.shape[-1]
@@ -80,7 +108,10 @@ class Samples:
     def select(self, selected: np.ndarray) -> Samples:
         """Return the selected samples."""
         return Samples(
-            self.x[selected], self.force[selected], None if self.t is None else self.t[selected]
+            self.x[selected],
+            self.force[selected],
+            None if self.t is None else self.t[selected],
+            None if self.branch is None else self.branch[selected],
         )
 
     def select_curves(self, selected: np.ndarray) -> Samples:
@@ -108,7 +139,14 @@ class Samples:
             x,
             force,
             None if self.t is None else self.t[remainder:].reshape(-1, block_size).mean(axis=1),
+            None if self.branch is None else self._branch_of_blocks(block_size, remainder),
         )
+
+    def _branch_of_blocks(self, block_size: int, remainder: int) -> np.ndarray:
+        """Return the branches of blocks; a block with several branches is left out."""
+        assert self.branch is not None
+        blocks = self.branch[remainder:].reshape(-1, block_size)
+        return np.where((blocks == blocks[:, :1]).all(axis=1), blocks[:, 0], LEFT_OUT)
 
 
 @dataclass(frozen=True)
@@ -150,6 +188,9 @@ class CurveModel:
         Indices of parameters that are not fitted.
     weights : ndarray, shape (..., n), optional
         Factors of the residuals, 0 for samples that are left out.
+    touch : tuple of float, optional
+        Displacements [length] between which the tip clearly snapped in. The contact point lies
+        between them, and is not fitted.
     """
 
     forward_model: ForwardModel
@@ -157,6 +198,7 @@ class CurveModel:
     origin: OriginOptions = field(default_factory=OriginOptions)
     fixed: frozenset[int] = frozenset()
     weights: np.ndarray | None = None
+    touch: tuple[float, float] | None = None
 
     @property
     def coordinate_count(self) -> int:
@@ -164,7 +206,8 @@ class CurveModel:
         return len(self.forward_model.parameters)
 
     @cached_property
-    def _baseline_coordinate(self) -> np.ndarray:
+    def baseline_coordinate(self) -> np.ndarray:
+        """Coordinate s = (x - mean)/range of the slope of the baseline (..., n)."""
         x = self.samples.x
         span = np.maximum(np.ptp(x, axis=-1, keepdims=True), 1e-300)
         return (x - x.mean(axis=-1, keepdims=True)) / span  # type: ignore[no-any-return]
@@ -173,11 +216,24 @@ class CurveModel:
     def is_free(self) -> np.ndarray:
         """True for the parameters that are fitted (p,)."""
         is_free = np.ones(self.coordinate_count + 3, dtype=bool)
-        is_free[self.coordinate_count] = self.origin.contact_point is None
+        is_free[self.coordinate_count] = self.origin.contact_point is None and self.touch is None
         is_free[-2] = self.origin.level is None
         is_free[-1] = self.origin.has_slope and self.origin.level is None
         is_free[list(self.fixed)] = False
         return is_free
+
+    @property
+    def with_free_touch(self) -> CurveModel:
+        """The model whose contact point is fitted, also if the tip clearly snapped in."""
+        return self if self.touch is None else replace(self, touch=None)
+
+    @cached_property
+    def _factors(self) -> np.ndarray | None:
+        """Factors of the residuals (..., n), 0 for samples that are left out."""
+        if self.samples.branch is None:
+            return self.weights
+        is_used = self.samples.branch != LEFT_OUT
+        return is_used * (1.0 if self.weights is None else self.weights)  # type: ignore[no-any-return]
 
     @property
     def has_analytic_derivatives(self) -> bool:
@@ -203,17 +259,19 @@ class CurveModel:
     def contact_force(self, p: np.ndarray) -> np.ndarray:
         """Return the forces without the baseline (..., n)."""
         theta = p[..., : self.coordinate_count]
-        return self.forward_model(theta, self.depth_coordinate(p), self.samples.t)
+        return self.forward_model(
+            theta, self.depth_coordinate(p), self.samples.t, self.samples.branch
+        )
 
     def baseline(self, p: np.ndarray) -> np.ndarray:
         """Return the baseline b0 + b1 (x - mean)/range (..., n)."""
-        baseline: np.ndarray = p[..., -2, None] + p[..., -1, None] * self._baseline_coordinate
+        baseline: np.ndarray = p[..., -2, None] + p[..., -1, None] * self.baseline_coordinate
         return baseline
 
     def residual(self, p: np.ndarray) -> np.ndarray:
         """Return the measured minus the modelled forces (..., n)."""
         residual: np.ndarray = self.samples.force - self.baseline(p) - self.contact_force(p)
-        return residual if self.weights is None else residual * self.weights
+        return residual if self._factors is None else residual * self._factors
 
     def jacobian(self, p: np.ndarray) -> np.ndarray:
         """Return the derivatives of the modelled forces of one curve (n, p)."""
@@ -226,15 +284,17 @@ class CurveModel:
         """
         depth = self.depth_coordinate(p)
         theta = p[..., : self.coordinate_count]
-        force, derivatives = self.forward_model.linearize(theta, depth, self.samples.t)
+        force, derivatives = self.forward_model.linearize(
+            theta, depth, self.samples.t, self.samples.branch
+        )
         residual = self.samples.force - self.baseline(p) - force
         rows = np.empty((*depth.shape[:-1], p.shape[-1] + 1, depth.shape[-1]))
         rows[..., :-3, :] = derivatives
         rows[..., -3, :] = 1.0
-        rows[..., -2, :] = self._baseline_coordinate
+        rows[..., -2, :] = self.baseline_coordinate
         rows[..., :-1, :] *= self.is_free[:, None]
         rows[..., -1, :] = residual
-        return rows if self.weights is None else rows * self.weights[..., None, :]
+        return rows if self._factors is None else rows * self._factors[..., None, :]
 
     @property
     def sample_spacing(self) -> float:
@@ -314,6 +374,9 @@ class Estimate:
         Noise and covariance of the parameters.
     profiles : dict
         Intervals by profile likelihood, by index of the parameter.
+    p_baseline_shift : float, optional
+        Probability that the fit moves the baseline away from the samples out of contact by chance;
+        None if the baseline is too short.
     """
 
     model: CurveModel
@@ -321,6 +384,7 @@ class Estimate:
     ordinary_p: np.ndarray
     uncertainty: ParameterUncertainty
     profiles: dict[int, tuple[float, float]] = field(default_factory=dict)
+    p_baseline_shift: float | None = None
 
     @property
     def theta(self) -> np.ndarray:
@@ -360,7 +424,7 @@ class Estimate:
     def interval(self, k: int) -> tuple[float, float]:
         """Return the 95 % interval of a transformed parameter, within its bounds."""
         low, high = self.model.forward_model.parameters[k].bounds
-        half_width = NORMAL_95 * float(self.sd[k])
+        half_width = min(NORMAL_95 * float(self.sd[k]), FARTHEST_LOG_DISTANCE)
         lower, upper = self.profiles.get(
             k, (float(self.theta[k]) - half_width, float(self.theta[k]) + half_width)
         )
@@ -376,85 +440,62 @@ class Estimate:
 
 def estimate_parameters(model: CurveModel, initial_p: np.ndarray) -> Estimate:
     """Fit a model, beginning at the parameters `initial_p`."""
-    ordinary_p = _search_contact_point(model, model.least_squares(initial_p)[0])
+    ordinary_p, _ = model.least_squares(initial_p)
     uncertainty = uncertainty_at(model, ordinary_p)
     if uncertainty.likeliest_noise == WHITE:
         return Estimate(model, ordinary_p, ordinary_p, uncertainty)
     weighted_p, _ = model.least_squares(ordinary_p, uncertainty.likeliest_noise)
-    # A fit in correlated noise is discarded if its rms exceeds that of ordinary least squares
-    # by more.
-    max_rms_ratio = 1.1
-    if _rms_residual(model, weighted_p) > max_rms_ratio * _rms_residual(model, ordinary_p):
+    if _rms_residual(model, weighted_p) > MAX_RMS_RATIO * _rms_residual(model, ordinary_p):
         return Estimate(model, ordinary_p, ordinary_p, uncertainty)
     return Estimate(model, weighted_p, ordinary_p, uncertainty_at(model, weighted_p))
-
-
-def _search_contact_point(model: CurveModel, p: np.ndarray) -> np.ndarray:
-    """Move the contact point of a tip that snaps in, to reduce the sum of squares.
-
-    The sum of squares is discontinuous where the snap-in passes a sample, and a descent iteration
-    stops there.
-    """
-    if not model.forward_model.has_adhesion or model.origin.contact_point is not None:
-        return p
-    fixed_model = replace(model, fixed=model.fixed | {model.coordinate_count})
-    squares = math.inf
-    # Search of the contact point of a tip that snaps in: shifts in samples, iterations of a trial
-    # fit, and number of moves.
-    shifts = (-3, -2, -1, 0, 1, 2, 3)
-    iterations = 6
-    max_moves = 5
-    for _ in range(max_moves):
-        trials = [
-            p + shift * model.sample_spacing * np.eye(len(p))[model.coordinate_count]
-            for shift in shifts
-        ]
-        best_p, smallest_squares = min(
-            (fixed_model.least_squares(trial, rounds=iterations) for trial in trials),
-            key=lambda found: found[1],
-        )
-        if smallest_squares >= squares * (1 - SQUARES_TOLERANCE):
-            break
-        p, squares = model.least_squares(best_p)
-    return p
 
 
 def uncertainty_at(
     model: CurveModel, p: np.ndarray, noises: Sequence[Noise] | None = None
 ) -> ParameterUncertainty:
     """Return the uncertainty of the parameters at `p`; fixed parameters have none."""
-    is_free = model.is_free
-    uncertainty = average_over_noise(model.jacobian(p)[:, is_free], model.residual(p), noises)
+    free_model = model.with_free_touch
+    is_free = free_model.is_free
+    uncertainty = average_over_noise(free_model.jacobian(p)[:, is_free], model.residual(p), noises)
     covariance = np.zeros((len(is_free), len(is_free)))
     step = np.zeros(len(is_free))
     covariance[np.ix_(is_free, is_free)] = uncertainty.covariance
     step[is_free] = uncertainty.step
-    return replace(
-        uncertainty,
-        covariance=_limit_contact_point_variance(covariance, model, p, uncertainty.s2),
-        step=step,
-    )
+    covariance, step = _observe_touch(covariance, step, model, p, uncertainty.s2)
+    return replace(uncertainty, covariance=covariance, step=step)
 
 
-def _limit_contact_point_variance(
-    covariance: np.ndarray, model: CurveModel, p: np.ndarray, s2: float
-) -> np.ndarray:
-    """Return the covariance with the variance of the contact point limited by the snap-in.
+def _observe_touch(
+    covariance: np.ndarray, step: np.ndarray, model: CurveModel, p: np.ndarray, s2: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return covariance and mean step of the parameters, with the snap-in as an observation.
 
-    A clear snap-in lies between two samples at the spacing d, so that the contact point is known to
-    within +-d; its standard deviation (uniform distribution) is d/sqrt(3).
+    A clear snap-in lies between two samples. It observes the contact point in the middle between
+    them, with the standard deviation of a uniform distribution.
     """
-    # A snap-in of at least this many standard deviations of the noise lies between two known
-    # samples.
-    clear_snap_deviations = 5.0
-    if not model.is_free[model.coordinate_count] or _snap_in_force(
-        model, p
-    ) < clear_snap_deviations * math.sqrt(s2):
-        return covariance
-    contact_column = covariance[model.coordinate_count]
-    return covariance - np.outer(contact_column, contact_column) / (
-        model.sample_spacing**2 / 3.0 + contact_column[model.coordinate_count]
-    )
+    index = model.coordinate_count
+    touch = _touch_of(model, p, s2)
+    if touch is None or index in model.fixed or model.origin.contact_point is not None:
+        return covariance, step
+    column = covariance[index]
+    gain = column / (spread_of_uniform(touch) ** 2 + column[index])
+    innovation = 0.5 * (touch[0] + touch[1]) - p[index] - step[index]
+    return covariance - np.outer(gain, column), step + gain * innovation
+
+
+def _touch_of(model: CurveModel, p: np.ndarray, s2: float) -> tuple[float, float] | None:
+    """Return displacements [length] between which the tip snapped in; None if that is not clear.
+
+    If the model decides which samples are in contact, as in a planned measurement, the contact
+    point lies in the middle between two samples.
+    """
+    if model.touch is not None or model.samples.branch is not None:
+        return model.touch
+    if _snap_in_force(model, p) < CLEAR_SNAP_DEVIATIONS * math.sqrt(s2):
+        return None
+    contact_point = float(p[model.coordinate_count])
+    half_spacing = 0.5 * model.sample_spacing
+    return contact_point - half_spacing, contact_point + half_spacing
 
 
 def _snap_in_force(model: CurveModel, p: np.ndarray) -> float:
@@ -485,9 +526,9 @@ def standard_deviation(estimate: Estimate, k: int, fixed: Sequence[int] = ()) ->
         parameter.
     """
     model = replace(estimate.model, fixed=estimate.model.fixed | set(fixed))
-    is_free = model.is_free
+    is_free = model.with_free_touch.is_free
     noise = estimate.uncertainty.likeliest_noise
-    J = model.jacobian(estimate.p)
+    J = model.with_free_touch.jacobian(estimate.p)
     scale = np.sqrt((J * J).sum(axis=0))
     if not scale[k] > 0:
         return math.inf if is_free[k] else 0.0
@@ -498,16 +539,10 @@ def standard_deviation(estimate: Estimate, k: int, fixed: Sequence[int] = ()) ->
     covariance[np.ix_(is_free, is_free)] = (
         estimate.uncertainty.s2 * inverse / np.outer(scale[is_free], scale[is_free])
     )
-    return math.sqrt(
-        max(
-            float(
-                _limit_contact_point_variance(
-                    covariance, model, estimate.p, estimate.uncertainty.s2
-                )[k, k]
-            ),
-            0.0,
-        )
+    covariance, _ = _observe_touch(
+        covariance, np.zeros(len(is_free)), model, estimate.p, estimate.uncertainty.s2
     )
+    return math.sqrt(max(float(covariance[k, k]), 0.0))
 
 
 def _rms_residual(model: CurveModel, p: np.ndarray) -> float:
@@ -572,8 +607,10 @@ def baseline_level(samples: Samples) -> float:
     return float(np.median(samples.force[far_samples]))
 
 
-def _trial_coordinates(forward_model: ForwardModel) -> list[np.ndarray]:
-    """Return the parameters of the scene, and copies with one nonlinear parameter changed."""
+def _trial_coordinates(
+    forward_model: ForwardModel, roles: Sequence[Role] = NONLINEAR_ROLES
+) -> list[np.ndarray]:
+    """Return the parameters of the scene, and copies with one parameter of some roles changed."""
     initial = forward_model.initial_coordinates
     trials = [initial]
     # Offsets of the trial values of a coordinate from that of the scene: logarithmic and linear
@@ -581,7 +618,7 @@ def _trial_coordinates(forward_model: ForwardModel) -> list[np.ndarray]:
     log_offsets = (0.0, -1.2, 1.2, -2.4, 2.4)
     linear_offsets = (0.0, -0.1, 0.1)
     for k, parameter in enumerate(forward_model.parameters):
-        if parameter.role != "scale":
+        if parameter.role in roles:
             for offset in (linear_offsets if parameter.is_linear else log_offsets)[1:]:
                 trial = initial.copy()
                 trial[k] = float(np.clip(initial[k] + offset, *parameter.bounds))
@@ -644,6 +681,8 @@ def fit_model(
     FitRejected
         If the curve has no contact or does not determine the parameters.
     """
+    if forward_model.has_adhesion:
+        return _fit_adhesive_tip(forward_model, samples, origin)
     pilot_model = CurveModel(forward_model, samples.block_means(MAX_PILOT_SAMPLES), origin)
     guesses = (
         initial_guesses(forward_model, samples, origin)
@@ -673,6 +712,47 @@ def fit_model(
     model = CurveModel(forward_model, near_samples, origin)
     estimate = estimate_parameters(model, convert_baseline(pilot_model, model, best[0]))
     _reject_weak_signal(estimate)
+    return _test_baseline(estimate)
+
+
+def _test_baseline(estimate: Estimate) -> Estimate:
+    """Return the estimate with the test of its baseline by the samples out of contact."""
+    model = estimate.model
+    is_out = samples_out_of_contact(model, estimate.p)
+    return replace(
+        estimate,
+        p_baseline_shift=baseline_shift_probability(
+            model.samples.x[is_out],
+            estimate.residual[is_out],
+            model.origin.has_slope,
+        ),
+    )
+
+
+def samples_out_of_contact(model: CurveModel, p: np.ndarray) -> np.ndarray:
+    """Return True for the samples (n,) of the baseline.
+
+    Without known branches these are the samples before a snap-in could be.
+    """
+    if model.samples.branch is not None:
+        return model.samples.branch < LEFT_OUT
+    contact_point = float(p[model.coordinate_count])
+    depth = float(model.samples.x.max()) - contact_point
+    is_out: np.ndarray = model.samples.x < contact_point - CONTACT_MARGIN * depth
+    return is_out
+
+
+def _fit_adhesive_tip(
+    forward_model: ForwardModel, samples: Samples, origin: OriginOptions
+) -> Estimate:
+    """Fit a scene with an adhesive tip to a curve, and reject it without a contact."""
+    model, p, weak_sides = fit_adhesive_pilot(forward_model, samples, origin)
+    contact_point = float(p[model.coordinate_count])
+    near_model = replace(model, samples=samples_near_contact(model.samples, contact_point))
+    if len(near_model.samples) < MIN_POINTS:
+        raise FitRejected(f"no contact: {len(near_model.samples)} points in contact")
+    estimate = estimate_adhesive_tip(near_model, convert_baseline(model, near_model, p), weak_sides)
+    _reject_weak_signal(estimate)
     return estimate
 
 
@@ -682,6 +762,295 @@ def _with_known_baseline(p: np.ndarray, samples: Samples, origin: OriginOptions)
         return p
     mean, span = float(samples.x.mean()), float(np.ptp(samples.x))
     return np.array([*p[:-2], origin.level + origin.slope * mean, origin.slope * span])
+
+
+def fit_adhesive_pilot(
+    forward_model: ForwardModel, samples: Samples, origin: OriginOptions
+) -> tuple[CurveModel, np.ndarray, tuple[int, ...]]:
+    """Fit an adhesive tip to block means of a curve, whose jumps separate its branches.
+
+    Returns
+    -------
+    model : CurveModel
+        The model of all samples, with their branches.
+    p : ndarray, shape (p,)
+        The parameters.
+    weak_sides : tuple of int
+        Sides of the curve without a clear jump.
+    """
+    jumps = find_jumps(samples.x, samples.force, _sides(samples))
+    touch = jumps.touch if origin.contact_point is None else None
+    model = CurveModel(forward_model, replace(samples, branch=jumps.branch), origin, touch=touch)
+    pilot_model = replace(model, samples=model.samples.block_means(MAX_PILOT_SAMPLES))
+    guesses = _adhesive_guesses(pilot_model)
+    if not guesses:
+        raise FitRejected("no contact: the force does not rise with the depth")
+    theta = guesses[0][: model.coordinate_count]
+    depth = float(samples.x.max()) - float(guesses[0][model.coordinate_count])
+    forward_model = forward_model.bound_work(
+        forward_model.work_of_shift(theta, SMALLEST_SHIFT * depth)
+    )
+    model, pilot_model = (replace(one, forward_model=forward_model) for one in (model, pilot_model))
+    trials = []
+    for guess in guesses:
+        try:
+            trials.append(place_jumps(pilot_model, guess, jumps.weak_sides))
+        except (ForwardModelUnavailable, ValueError, np.linalg.LinAlgError):
+            continue
+    if not trials:
+        raise FitRejected("no contact: no fit was found")
+    _, p, _ = min(trials, key=lambda trial: trial[2])
+    return model, convert_baseline(pilot_model, model, p), jumps.weak_sides
+
+
+def _sides(samples: Samples) -> np.ndarray:
+    """Return APPROACH or RETRACT for every sample."""
+    return sides_of(samples.x) if samples.branch is None else np.abs(samples.branch)
+
+
+def estimate_adhesive_tip(
+    model: CurveModel, p: np.ndarray, weak_sides: tuple[int, ...]
+) -> Estimate:
+    """Fit an adhesive tip, beginning at the parameters `p`.
+
+    If the contact moves the baseline away from the samples out of contact, the scene does not
+    explain the contact. The fit is then repeated with the baseline of these samples.
+    """
+    estimate = _test_baseline(_estimate_with_jumps(model, p, weak_sides))
+    p_shift = estimate.p_baseline_shift
+    if p_shift is None or p_shift >= WRONG_BASELINE_P:
+        return estimate
+    count = model.coordinate_count
+    held_model = replace(estimate.model, fixed=model.fixed | {count + 1, count + 2})
+    held_p = _with_baseline_of_samples(estimate)
+    held_estimate = _estimate_with_jumps(held_model, held_p, weak_sides)
+    return replace(held_estimate, p_baseline_shift=p_shift)
+
+
+def _with_baseline_of_samples(estimate: Estimate) -> np.ndarray:
+    """Return the parameters with the least-squares baseline of the samples out of contact."""
+    model = estimate.model
+    p = estimate.p.copy()
+    is_out = samples_out_of_contact(model, p)
+    columns = baseline_columns(model.baseline_coordinate[is_out], model.origin.has_slope)
+    correction = np.linalg.lstsq(columns, estimate.residual[is_out], rcond=None)[0]
+    p[model.coordinate_count + 1 : model.coordinate_count + 1 + len(correction)] += correction
+    return p
+
+
+def _estimate_with_jumps(model: CurveModel, p: np.ndarray, weak_sides: tuple[int, ...]) -> Estimate:
+    """Fit an adhesive tip and its jumps, beginning at the parameters `p`.
+
+    The parameters are the mean over all noise models. It is approached from ordinary least squares
+    as far as the residuals allow: a noise with a long correlation time hides a systematic misfit.
+    """
+    model, ordinary_p, _ = place_jumps(model, p, weak_sides)
+    if model.touch is not None:
+        # The contact may tell the contact point better than the snap-in does.
+        ordinary_p = ordinary_p + uncertainty_at(model, ordinary_p, (WHITE,)).step
+        ordinary_p, _ = model.least_squares(ordinary_p)
+    uncertainty = uncertainty_at(model, ordinary_p)
+    mean_p = model.clip_to_bounds(ordinary_p + model.limit_step(uncertainty.step))
+    largest_rms = MAX_RMS_RATIO * _rms_residual(model, ordinary_p)
+    # Halvings of the step: the last one is negligible.
+    for _ in range(10):
+        if _rms_residual(model, mean_p) <= largest_rms:
+            return Estimate(model, mean_p, ordinary_p, uncertainty_at(model, mean_p))
+        mean_p = 0.5 * (mean_p + ordinary_p)
+    return Estimate(model, ordinary_p, ordinary_p, uncertainty)
+
+
+def place_jumps(
+    model: CurveModel, p: np.ndarray, weak_sides: tuple[int, ...]
+) -> tuple[CurveModel, np.ndarray, float]:
+    """Fit an adhesive tip, and place those jumps that are not clear, in turn.
+
+    Returns
+    -------
+    model : CurveModel
+        The model with the branches of all samples, and with the touch if the snap-in is clear.
+    p : ndarray, shape (p,)
+        The parameters by ordinary least squares.
+    squares : float
+        The sum of squares.
+    """
+    p = _at_touch(model, p)
+    if not weak_sides:
+        return model, *model.least_squares(p)
+    branch = _branch_by_model(model, p, weak_sides)
+    if APPROACH in weak_sides and model.origin.contact_point is None:
+        branch, p = _search_touch(replace(model, samples=replace(model.samples, branch=branch)), p)
+    max_rounds = 6
+    for _ in range(max_rounds):
+        model = replace(model, samples=replace(model.samples, branch=branch))
+        p, squares = model.least_squares(p)
+        next_branch = _branch_of_least_squares(model, p, weak_sides)
+        if np.array_equal(next_branch, branch):
+            break
+        branch = next_branch
+    touch = touch_interval(model.samples.x, branch)
+    if APPROACH not in weak_sides or model.origin.contact_point is not None or touch is None:
+        return model, p, squares
+    first_force = model.contact_force(p)[np.argmax(branch == APPROACH)]
+    if abs(first_force) < CLEAR_SNAP_DEVIATIONS * _rms_residual(model, p):
+        return model, p, squares
+    model = replace(model, touch=touch)
+    return model, *model.least_squares(_at_touch(model, p))
+
+
+def _search_touch(model: CurveModel, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return branches and parameters of the snap-in with the least squares near the contact point.
+
+    The sum of squares jumps where the touch passes a sample, and a descent iteration stops there:
+    the intervals between samples are tried in turn.
+    """
+    samples = model.samples
+    assert samples.branch is not None
+    approach = np.flatnonzero(np.abs(samples.branch) == APPROACH)
+    # Samples that are farther than all earlier ones: a touch lies before one of them.
+    farthest = np.maximum.accumulate(samples.x[approach])
+    first_samples = approach[1:][farthest[1:] > farthest[:-1]]
+    contact_point = float(p[model.coordinate_count])
+    center = int(np.searchsorted(samples.x[first_samples], contact_point))
+    # Samples on each side of the contact point that are tried, iterations of a trial, and moves.
+    reach = 6
+    iterations = 4
+    max_moves = 6
+    best: tuple[float, int, np.ndarray, np.ndarray] | None = None
+    tried: set[int] = set()
+    for _ in range(max_moves):
+        for index in range(max(center - reach, 0), min(center + reach + 1, len(first_samples))):
+            if index in tried:
+                continue
+            tried.add(index)
+            first = int(first_samples[index])
+            branch = samples.branch.copy()
+            branch[approach] = np.where(approach < first, -APPROACH, APPROACH)
+            touch = (float(samples.x[first - 1]), float(samples.x[first]))
+            trial = replace(model, samples=replace(samples, branch=branch), touch=touch)
+            start = p if best is None else best[2]
+            trial_p, squares = trial.least_squares(_at_touch(trial, start), rounds=iterations)
+            if best is None or squares < best[0]:
+                best = squares, index, trial_p, branch
+        if best is None or best[1] == center:
+            break
+        center = best[1]
+    return (samples.branch, p) if best is None else (best[3], best[2])
+
+
+def _at_touch(model: CurveModel, p: np.ndarray) -> np.ndarray:
+    """Return the parameters with the contact point in the middle of the touch, if it is known."""
+    p = p.copy()
+    if model.touch is not None:
+        p[model.coordinate_count] = 0.5 * sum(model.touch)
+    return p
+
+
+def _branch_by_model(model: CurveModel, p: np.ndarray, weak_sides: tuple[int, ...]) -> np.ndarray:
+    """Return the branches (n,), on weak sides as the model predicts them."""
+    samples = model.samples
+    assert samples.branch is not None
+    side = np.abs(samples.branch)
+    is_out = model.forward_model(p[: model.coordinate_count], model.depth_coordinate(p)) == 0.0
+    branch: np.ndarray = np.where(
+        np.isin(side, weak_sides), np.where(is_out, -side, side), samples.branch
+    )
+    return branch
+
+
+def _branch_of_least_squares(
+    model: CurveModel, p: np.ndarray, weak_sides: tuple[int, ...]
+) -> np.ndarray:
+    """Return the branches (n,) with the least squares at the parameters p.
+
+    The snap-in of a given contact point lies within some samples of it; that of a fitted one has
+    been searched.
+    """
+    samples = model.samples
+    assert samples.branch is not None
+    side = np.abs(samples.branch)
+    depth = model.depth_coordinate(p)
+    # Largest distance of a snap-in from the contact point, in samples.
+    max_distance = 3.5
+    is_near = np.abs(depth) <= max_distance * model.sample_spacing
+    may_move = np.isin(side, weak_sides) & ((side != APPROACH) | is_near)
+    if model.origin.contact_point is None:
+        may_move &= side != APPROACH
+    force = samples.force - model.baseline(p)
+    theta = p[: model.coordinate_count]
+    contact_force = model.forward_model(theta, depth, samples.t, side)
+    squares_in = (force - contact_force) ** 2
+    return best_branches(samples.branch, force**2, squares_in, may_move)
+
+
+def _adhesive_guesses(model: CurveModel) -> list[np.ndarray]:
+    """Return initial guesses of the parameters of an adhesive tip, the best first."""
+    samples = model.samples
+    origin = model.origin
+    forward_model = model.forward_model
+    if origin.contact_point is not None:
+        contact_points = np.array([origin.contact_point])
+    elif model.touch is not None:
+        contact_points = np.array([0.5 * sum(model.touch)])
+    else:
+        contact_points = np.percentile(samples.x, np.linspace(2.0, 97.0, 80))
+    compliance = forward_model.experiment.compliance
+    depth = samples.x - compliance * (samples.force - baseline_level(samples))
+    assert samples.branch is not None
+    is_used = samples.branch != LEFT_OUT
+    is_out = samples.branch[is_used] < 0
+    guesses = []
+    for theta, has_scale in _adhesive_trials(forward_model, depth.max() - contact_points.min()):
+        try:
+            force_at_depth = forward_model.force_without_spring(theta)
+        except ForwardModelUnavailable:
+            continue
+        f = np.stack([force_at_depth(depth[is_used] - c) for c in contact_points])
+        f[:, is_out] = 0.0
+        fits = fit_trials(
+            samples.x[is_used], samples.force[is_used], f, origin.has_slope, has_scale
+        )
+        best = int(np.argmin(fits.squares))
+        if not math.isfinite(fits.squares[best]):
+            continue
+        coordinates = theta.copy()
+        if has_scale:
+            # Force and adhesion of a body are proportional to its modulus.
+            is_scaled = [
+                parameter.role in ("scale", "work") for parameter in forward_model.parameters
+            ]
+            coordinates[is_scaled] += math.log(fits.amplitude[best])
+        p = np.array([*coordinates, contact_points[best], fits.level[best], fits.slope[best]])
+        guesses.append((float(fits.squares[best]), p))
+    # Number of initial guesses from which the fit is iterated to convergence.
+    max_guesses = 3
+    return [p for _, p in sorted(guesses, key=lambda guess: guess[0])[:max_guesses]]
+
+
+def _adhesive_trials(
+    forward_model: ForwardModel, depth: float
+) -> Iterator[tuple[np.ndarray, bool]]:
+    """Yield trial values of theta, and whether their force and adhesion are scaled together.
+
+    The ratio of work and modulus has no natural size in the scene. It is tried from one that hardly
+    shifts the largest contact to one that shifts it by twice the depth, whichever of both varies.
+    """
+    shifts = depth * np.geomspace(0.01, 2.0, 24)
+    works = [k for k, one in enumerate(forward_model.parameters) if one.role == "work"]
+    scale_index = forward_model.scale_index
+    adhesion = forward_model.experiment.adhesion
+    assert adhesion is not None
+    for initial in _trial_coordinates(forward_model, ("shape", "spring")):
+        if not works and scale_index is None:
+            yield initial, False
+            continue
+        for shift in shifts:
+            theta = initial.copy()
+            log_work = math.log(forward_model.work_of_shift(theta, shift))
+            theta[works] = log_work
+            if not works:
+                theta[scale_index] += math.log(adhesion.work) - log_work
+            yield theta, bool(works) and scale_index is not None
 
 
 def _try_least_squares(model: CurveModel, initial_p: np.ndarray) -> tuple[np.ndarray, float] | None:
@@ -713,10 +1082,18 @@ def convert_baseline(old: CurveModel, new: CurveModel, p: np.ndarray) -> np.ndar
 
 
 def _reject_weak_signal(estimate: Estimate) -> None:
-    contact_count = int(np.count_nonzero(estimate.model.samples.x > estimate.contact_point))
+    branch = estimate.model.samples.branch
+    is_in_contact = (
+        estimate.model.samples.x > estimate.contact_point if branch is None else branch > LEFT_OUT
+    )
+    contact_count = int(np.count_nonzero(is_in_contact))
     if contact_count < MIN_CONTACT_POINTS:
         raise FitRejected(f"no contact: {contact_count} points in contact")
-    if estimate.max_force < MIN_SIGNAL_TO_NOISE * estimate.rms:
+    # A misfit of an adhesive contact is no noise, which shows in the samples out of contact.
+    noise = estimate.rms
+    if branch is not None and not is_in_contact.all():
+        noise = min(noise, float(np.std(estimate.residual[branch < LEFT_OUT])))
+    if estimate.max_force < MIN_SIGNAL_TO_NOISE * noise:
         raise FitRejected("no contact: the force does not rise above its noise")
     for k, parameter in enumerate(estimate.model.forward_model.parameters):
         factor = (

@@ -15,8 +15,14 @@ from functools import cached_property
 import numpy as np
 
 from indent_sim.fitting.inference.alternative_models import AlternativeModel
+from indent_sim.fitting.inference.baseline import WRONG_BASELINE_P, baseline_noise
 from indent_sim.fitting.inference.depth_range_fits import DepthRangeFit
-from indent_sim.fitting.inference.estimate import CurveModel, Estimate, standard_deviation
+from indent_sim.fitting.inference.estimate import (
+    CurveModel,
+    Estimate,
+    samples_out_of_contact,
+    standard_deviation,
+)
 from indent_sim.fitting.inference.noise import (
     NORMAL_95,
     average_over_noise,
@@ -32,8 +38,6 @@ MAX_DEPTH_Z = 3.5
 # Already below this probability, or above this z score, further models and depths are fitted.
 SUSPICIOUS_SHAPE_P = 1e-2
 SUSPICIOUS_DEPTH_Z = 2.5
-# Depths before first contact that do not count as baseline: the snap-in of a tip lies there.
-CONTACT_MARGIN = 0.2
 
 
 @dataclass(frozen=True)
@@ -58,7 +62,7 @@ class ModelAssessment:
     p_shape : float
         Probability that the residuals have their trend by chance.
     p_baseline : float, optional
-        Probability that the contact is noisier than the baseline by chance.
+        Probability that the contact contradicts the baseline by chance.
     alternatives : list of AlternativeModel
         Other models of the curve.
     systematic_half_widths : tuple of float
@@ -83,7 +87,8 @@ class ModelAssessment:
 
         Each entry is the name of a significantly better model, or "shape" (the residuals have a
         trend), "window" (the parameters depend on the depth range) or "baseline" (the contact is
-        noisier than the baseline). Residuals at the level of round-off are not a reason.
+        noisier than the baseline, or moves it away from its samples). Residuals at the level of
+        round-off are not a reason.
         """
         # Residuals below this fraction of the largest force are round-off, as of a
         # simulated curve.
@@ -93,9 +98,7 @@ class ModelAssessment:
         is_depth_dependent = any(
             self._is_depth_dependent(k) for k in range(self.estimate.model.coordinate_count)
         )
-        # Probability below which the scene does not explain the curve.
-        wrong_baseline = 1e-4
-        is_noisy = self.p_baseline is not None and self.p_baseline < wrong_baseline
+        is_noisy = self.p_baseline is not None and self.p_baseline < WRONG_BASELINE_P
         is_misfit = {
             "shape": self.p_shape < MIN_SHAPE_P,
             "window": is_depth_dependent,
@@ -173,8 +176,10 @@ class ModelAssessment:
     def _uncertainty_factor(self, k: int) -> float:
         interval = self.stated_interval(k)
         ends = (abs(interval.high), abs(interval.value), abs(interval.low))
-        if self.estimate.model.forward_model.parameters[k].is_linear or min(ends) == 0:
+        if self.estimate.model.forward_model.parameters[k].is_linear:
             return 1.0
+        if min(ends) == 0:
+            return math.inf
         return max(ends[0] / ends[1], ends[1] / ends[2])
 
 
@@ -303,30 +308,24 @@ def _exponent_derivative(model: CurveModel, p: np.ndarray) -> np.ndarray:
 
 
 def baseline_noise_probability(estimate: Estimate) -> float | None:
-    """Return the probability that the contact is noisier than the baseline by chance.
+    """Return the probability that the contact contradicts the baseline by chance.
 
-    It is None if the baseline is too short.
+    The contact is noisier than the baseline, or has moved it away from the samples out of contact.
+    The probability is the smaller one of both; None if the baseline is too short.
     """
     model = estimate.model
     r = estimate.residual
-    c = estimate.contact_point
-    x = model.samples.x
-    is_before_contact = x < c - CONTACT_MARGIN * estimate.depth
+    is_before_contact = samples_out_of_contact(model, estimate.p)
+    s = model.samples.x[is_before_contact]
     n = int(np.count_nonzero(is_before_contact))
     m = int(np.count_nonzero(~is_before_contact))
-    # Least number of points, and of independent points, of a baseline whose noise is compared.
-    min_points = 40
-    min_effective_points = 8.0
-    if n < min_points or not m:
-        return None
-    baseline_columns = np.column_stack(
-        [np.ones(n), x[is_before_contact] - x[is_before_contact].mean()]
-    )
-    uncertainty = average_over_noise(baseline_columns, r[is_before_contact])
-    if n / uncertainty.likeliest_noise.integrated_correlation_time < min_effective_points:
-        return None
-    contact_squares = uncertainty.likeliest_noise.squares(r[~is_before_contact])
-    return f_test(contact_squares, m, uncertainty.s2 * (n - 2), n - 2)
+    noise = baseline_noise(s, r[is_before_contact])
+    p_shift = estimate.p_baseline_shift
+    if noise is None or not m:
+        return p_shift
+    contact_squares = noise[0].squares(r[~is_before_contact])
+    p_noise = f_test(contact_squares, m, noise[1] * (n - 2), n - 2)
+    return p_noise if p_shift is None else min(p_noise, p_shift)
 
 
 def width_inflation_factors(estimate: Estimate) -> list[float]:

@@ -15,18 +15,31 @@ from dataclasses import replace
 import numpy as np
 
 from indent_sim.fitting.forward_model.parameter_grid import ForwardModelUnavailable
-from indent_sim.fitting.inference.estimate import Estimate, standard_deviation
+from indent_sim.fitting.inference.estimate import (
+    FARTHEST_LOG_DISTANCE,
+    Estimate,
+    standard_deviation,
+)
 from indent_sim.fitting.inference.noise import NORMAL_95
 
 # Half width of the interval of a coordinate above which profiles are computed.
 WIDE_HALF_WIDTH = 0.2
+# The same for a work of adhesion, from its lower bound on.
+FARTHEST_LOG_WORK = math.log(1e9)
 
 
 def add_profile_intervals(estimate: Estimate) -> Estimate:
-    """Return the estimate with profile-likelihood intervals if one of its intervals is wide."""
+    """Return the estimate with profile-likelihood intervals if one of its intervals is wide.
+
+    With adhesion only the wide intervals are profiles: a refit hardly raises a work that is next to
+    nothing, since its logarithm has no effect there.
+    """
     keys = range(estimate.model.coordinate_count)
-    if not any(NORMAL_95 * float(estimate.sd[k]) > WIDE_HALF_WIDTH for k in keys):
+    wide_keys = [k for k in keys if NORMAL_95 * float(estimate.sd[k]) > WIDE_HALF_WIDTH]
+    if not wide_keys:
         return estimate
+    if estimate.model.forward_model.has_adhesion:
+        return replace(estimate, profiles={k: _profile_interval(estimate, k) for k in wide_keys})
     return replace(estimate, profiles={k: _profile_interval(estimate, k) for k in keys})
 
 
@@ -43,7 +56,7 @@ def _profile_end(estimate: Estimate, k: int, side: float, critical_rise: float) 
     """Return the value at which the profile has risen by `critical_rise`.
 
     If the other parameters cannot be fitted along the profile, the value of the quadratic
-    approximation is returned.
+    approximation is returned. The lower end of a work of adhesion that may be next to nothing is 0.
     """
     model = replace(estimate.model, fixed=frozenset({k}))
     noise = estimate.uncertainty.likeliest_noise
@@ -59,13 +72,22 @@ def _profile_end(estimate: Estimate, k: int, side: float, critical_rise: float) 
     # Number of values on each side, and distance of the last one in standard deviations.
     value_count = 7
     last_distance = 3.0
-    for step in np.linspace(0.0, last_distance, value_count + 1)[1:]:
-        value = min(max(start + side * step * sd, low), high)
+    parameter = model.forward_model.parameters[k]
+    farthest = last_distance * sd
+    if not parameter.is_linear:
+        farthest = min(farthest, FARTHEST_LOG_DISTANCE)
+    distances = farthest * np.linspace(0.0, 1.0, value_count + 1)[1:]
+    if parameter.role == "work" and farthest < FARTHEST_LOG_WORK:
+        # A curve without adhesion tells an upper limit of the work only, far above a fitted value
+        # that is next to nothing.
+        distances = np.append(distances, np.geomspace(farthest, FARTHEST_LOG_WORK, 8)[1:])
+    for distance in distances:
+        value = min(max(start + side * distance, low), high)
         p[k] = value
         try:
             p, squares = model.least_squares(p, noise, neighbour_iterations)
         except (ForwardModelUnavailable, ValueError, np.linalg.LinAlgError):
-            return start + side * NORMAL_95 * sd
+            return start + side * min(NORMAL_95 * sd, farthest)
         rise = max((squares - smallest_squares) / estimate.uncertainty.s2, 0.0)
         if rise >= critical_rise:
             fraction = (math.sqrt(critical_rise) - math.sqrt(previous_rise)) / max(
@@ -76,4 +98,4 @@ def _profile_end(estimate: Estimate, k: int, side: float, critical_rise: float) 
             return value
         previous_value = value
         previous_rise = rise
-    return previous_value
+    return -math.inf if parameter.role == "work" and side < 0 else previous_value

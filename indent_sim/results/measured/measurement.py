@@ -13,7 +13,7 @@ import numpy as np
 from indent_sim.config.quantities import si_factor
 from indent_sim.process.errors import ConfigError, UsageError, printable
 
-CurvePart = Literal["approach", "hold", "retract", "all"]
+CurvePart = Literal["approach", "hold", "retract", "both", "all"]
 Abscissa = Literal["delta", "z"]
 DIMENSIONS = {"delta": "length", "z": "length", "force": "force", "t": "time"}
 SI = {"length": "m", "force": "N", "time": "s"}
@@ -115,18 +115,29 @@ class MeasuredCurve:
     def part(self, name: CurvePart) -> MeasuredCurve:
         """Return the rows of one part; a hold includes the preceding approach.
 
-        Raises NoCurve if the curve has no such part.
+        Both are approach and retraction without a hold between them, and stay the parts of the
+        result. Raises NoCurve if the curve has no such part.
         """
         if name == "all":
             return self
+        if name == "both":
+            sides = self.part("approach"), self.part("retract")
+            ends = np.cumsum([0, *map(len, sides)]).tolist()
+            rows = np.concatenate(
+                [np.arange(len(self))[self.parts[side]] for side in ("approach", "retract")]
+            )
+            return replace(
+                self._select_rows(rows),
+                parts={"approach": slice(*ends[:2]), "retract": slice(*ends[1:])},
+            )
         if name not in self.parts:
             part_names = ", ".join(self.parts)
             raise NoCurve(f"{self.name} has no {name}, only {part_names}")
         rows = self.parts[name]
         return self._select_rows(slice(0, rows.stop) if name == "hold" else rows)
 
-    def _select_rows(self, rows: slice) -> MeasuredCurve:
-        """Return a copy of the curve restricted to a slice of its rows, with `parts` empty."""
+    def _select_rows(self, rows: slice | np.ndarray) -> MeasuredCurve:
+        """Return a copy of the curve restricted to some of its rows, with `parts` empty."""
         cut = {
             name: None if (values := getattr(self, name)) is None else values[rows]
             for name in DIMENSIONS

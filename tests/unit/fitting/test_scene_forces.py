@@ -174,7 +174,7 @@ def test_adhesion_is_that_of_theory(compliance):
     got = forces(np.log([E, work]), np.array(ways))
     np.testing.assert_allclose(
         got, known, rtol=2e-4, atol=2e-5 * max(known)
-    )  # 600 radii, joined by lines
+    )  # 1500 radii, joined by lines
     assert not forces(np.log([E, work]), np.array([-0.01, -0.001])).any()  # not yet touched
     back = forces(np.log([E, work]), np.array([0.05, -1e-4, -0.5]))
     assert back[1] < 0 and back[2] == 0  # it holds on, until it comes off
