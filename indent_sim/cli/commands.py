@@ -202,14 +202,31 @@ def run(
     metavar="N",
     help="Runs at the same time [1].",
 )
+@click.option(
+    "--gather", is_flag=True, help="Write the table of the runs that are there; compute none."
+)
+@click.option(
+    "--only",
+    metavar="NAME",
+    help="Make one run, with its result folder: a name or number of study.csv.",
+)
 @click.option("--output", type=PATH, help="Folder of the study [results/<STUDY's stem>].")
 @quiet_option
 @json_option
-def study(file: Path, verbosity: Verbosity, output_format: OutputFormat, **options: Any) -> None:
+def study(
+    file: Path,
+    only: str | None,
+    verbosity: Verbosity,
+    output_format: OutputFormat,
+    **options: Any,
+) -> None:
     """Run a scene with varied keys and tabulate errors and costs. Prints the folder."""
     _refuse_parallel_run()
     require_resources()
     from indent_sim import studies
+
+    if only is not None:
+        return _make_run_of_study(file, only, options, verbosity, output_format)
 
     print_progress = print_stderr if verbosity == "all" else _discard_line
     with _quiet_libraries(LOG_LEVELS[verbosity]), raise_on_signals():
@@ -223,11 +240,34 @@ def study(file: Path, verbosity: Verbosity, output_format: OutputFormat, **optio
             print_stderr(terminal.scoreboard_text(finished_study.scoreboard))
         for line in (*finished_study.notes, *finished_study.recommendations):
             print_stderr(line)
+    if finished_study.counts and verbosity == "all":
+        print_stderr(terminal.row_counts_text(finished_study.counts))
     if finished_study.failures:
         print_stderr(
             f"{len(finished_study.failures)} of {len(finished_study.rows)} runs failed; "
             "the table gives the reasons"
         )
+
+
+def _make_run_of_study(
+    file: Path,
+    name: str,
+    options: Mapping[str, Any],
+    verbosity: Verbosity,
+    output_format: OutputFormat,
+) -> None:
+    """Make one run of a study with its result folder, and print the folder."""
+    given = [key for key in ("resume", "overwrite", "shard", "gather") if options[key]]
+    if given or options["jobs"] > 1:
+        raise UsageError("--only makes one run: of the other options it has --output alone")
+    from indent_sim import studies
+
+    with _quiet_libraries(LOG_LEVELS[verbosity]), raise_on_signals():
+        folder = studies.execute_run(file, name, output=options["output"])
+    if output_format == "json":
+        print_done({"directory": str(folder)})
+    else:
+        print_stdout(str(folder))
 
 
 @program.command()

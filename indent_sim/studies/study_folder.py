@@ -29,6 +29,7 @@ from indent_sim.results.result_files import LOCK, PROGRAM, REPORT, RUNS, STUDY, 
 STUDY_TABLE = "study.csv"
 STUDY_PICTURE = "study.png"
 CURVES = "curves.csv"
+CURVES_HDF5 = "curves.h5"
 CURVES_PICTURE = "curves.png"
 SCOREBOARD = "verification.csv"
 SCOREBOARD_PICTURE = "verification.png"
@@ -37,6 +38,7 @@ STUDY_FILES = (
     STUDY_TABLE,
     STUDY_PICTURE,
     CURVES,
+    CURVES_HDF5,
     CURVES_PICTURE,
     SCOREBOARD,
     SCOREBOARD_PICTURE,

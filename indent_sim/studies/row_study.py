@@ -1,0 +1,73 @@
+"""Study whose runs are rows without folders: its shards, and the table that merges them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from indent_sim.process.errors import NotConverged, UsageError
+from indent_sim.results.result_files import Report
+from indent_sim.studies import shard as shards
+from indent_sim.studies import study_folder
+from indent_sim.studies.finished_study import Study, read_study
+from indent_sim.studies.row_file import ROWS_FOLDER, row_files
+from indent_sim.studies.row_table import RowTable
+from indent_sim.studies.study_file import StudyFile
+
+# Studies with more rows are not read back into memory.
+MAX_ROWS_IN_MEMORY = 10_000
+
+
+def execute_row_study(
+    study: StudyFile,
+    directory: Path,
+    *,
+    resume: bool,
+    shard: tuple[int, int] | None,
+    jobs: int,
+    overwrite: bool,
+    gather: bool,
+    tell: Callable[[str], None],
+) -> Study:
+    """Compute the missing rows of a study, and write its table; a shard writes no table.
+
+    The parameters are those of `execute_study`.
+    """
+    shards.check_first_points(study)
+    keeps_rows = resume or gather or shard is not None
+    if not (keeps_rows or overwrite) and row_files(directory / ROWS_FOLDER):
+        raise UsageError(
+            f"{directory} has the rows of an earlier study",
+            "--resume keeps them, --overwrite deletes them, or choose another --output",
+            str(directory),
+        )
+    options = {"resume": keeps_rows, "shared": gather or shard is not None}
+    with study_folder.open_study_folder(directory, overwrite=overwrite, **options) as folder:
+        record: Report = {"title": study.title, "study": str(study.path), "keys": study.keys}
+        record |= {"compare_to": study.compare_to, "runs": study.run_folders}
+        if not gather:
+            folder.write_record(**record)
+            if not keeps_rows:
+                shards.delete_rows(directory)
+                folder.delete_other_runs()
+            shards.compute_rows(
+                study,
+                directory,
+                shard=shard or (1, 1),
+                jobs=jobs,
+                lock=folder.lock_descriptor,
+                tell=tell,
+            )
+        if shard is not None:
+            return Study(directory, study.title, study.keys, str(study.compare_to), [])
+        counts = RowTable(study, directory).write()
+        folder.write_record(**record, counts=counts.as_json())
+    if not counts.done and not gather:
+        raise NotConverged(
+            f"no run of this study has a result; reason of the first run: {counts.first_reason}"
+        )
+    if counts.total <= MAX_ROWS_IN_MEMORY:
+        return read_study(directory)
+    return Study(
+        directory, study.title, study.keys, str(study.compare_to), [], counts=counts.as_json()
+    )

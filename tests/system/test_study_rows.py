@@ -1,0 +1,239 @@
+"""Studies whose runs are rows: the same numbers as with folders, whatever interrupts them."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from command_line import environment
+
+from indent_sim import studies
+from indent_sim.process.errors import ConfigError, UsageError
+from indent_sim.results.reader import read
+from indent_sim.studies import row_worker, shard
+from indent_sim.studies.row_file import RowFile, RowIndex
+
+SCENE = {
+    "title": "Bead on a film",
+    "body": {"shape": "layer", "height": 10.0},
+    "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.45},
+    "indenter": {"shape": "paraboloid", "R": 5.0},
+    "loading": {"delta": 0.5, "steps": 3},
+    "solver": {"method": "theory"},
+}
+VARY = {
+    "material.E": {"from": 0.5, "to": 5, "spacing": "log"},
+    "body.height": {"from": 4, "to": 40, "spacing": "log"},
+    "loading.delta": {"from": 0.1, "to": 0.6},
+}
+STUDY = {
+    "base": SCENE,
+    "vary": VARY,
+    "sample": {"count": 30, "seed": 1},
+    "output": {"runs": "none"},
+}
+TIMES = ("wall_s", "memory_MB", "peak_memory_MB")  # and cpu_*
+
+
+def rows_of(folder: Path) -> list[dict[str, str]]:
+    """Rows of study.csv without what differs from one time to the next."""
+    with open(folder / "study.csv", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    return [
+        {k: v for k, v in row.items() if not k.startswith("cpu_") and k not in TIMES}
+        for row in rows
+    ]
+
+
+def execute(study: dict, folder: Path, **options):
+    return studies.execute_study(study, output=folder, **options)
+
+
+def names_below(folder: Path) -> set[str]:
+    return {path.relative_to(folder).as_posix() for path in folder.rglob("*")}
+
+
+def command(folder: Path, *words: str) -> list[str]:
+    """Command of the study in `folder`, with its results in out."""
+    program = [sys.executable, "-m", "indent_sim.cli.commands", "study", str(folder / "study.yaml")]
+    return [*program, "--output", str(folder / "out"), *words]
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory) -> Path:
+    """The study of 30 rows without folders."""
+    folder = tmp_path_factory.mktemp("rows") / "study"
+    execute(STUDY, folder)
+    return folder
+
+
+def test_rows_are_those_of_runs_with_folders(finished, tmp_path):
+    """Every column of the table and every curve is equal, to the last digit."""
+    execute(STUDY | {"output": {"runs": "all"}}, tmp_path / "all")
+    assert rows_of(finished) == rows_of(tmp_path / "all")
+    assert (finished / "curves.csv").read_bytes() == (tmp_path / "all/curves.csv").read_bytes()
+    assert len(list((tmp_path / "all/runs").iterdir())) == 30
+    assert not list((finished / "runs").iterdir())
+
+
+def test_few_files(finished):
+    assert names_below(finished) <= {
+        ".lock",
+        "study.json",
+        "study.csv",
+        "curves.csv",
+        "curves.png",
+        "samples.png",
+        "runs",
+        "rows",
+        "rows/1-of-1.h5",
+        "rows/1-of-1.lock",
+    }
+
+
+def test_shards_and_gather(finished, tmp_path):
+    for number in (1, 2, 3):
+        execute(STUDY, tmp_path / "s", shard=(number, 3))
+        if number == 2:
+            execute(STUDY, tmp_path / "s", gather=True)
+            counts = json.loads((tmp_path / "s/study.json").read_text())["counts"]
+            assert (counts["done"], counts["pending"]) == (20, 10)
+    execute(STUDY, tmp_path / "s", gather=True)
+    assert rows_of(tmp_path / "s") == rows_of(finished)
+
+
+def test_jobs_change_no_number(finished, tmp_path):
+    execute(STUDY, tmp_path / "s", jobs=2)
+    assert rows_of(tmp_path / "s") == rows_of(finished)
+
+
+def test_more_points_keep_what_is_there(finished, tmp_path, monkeypatch):
+    folder = tmp_path / "s"
+    execute(STUDY, folder)
+    lines: list[str] = []
+    execute(
+        STUDY | {"sample": {"count": 34, "seed": 1}, "title": "Other"},
+        folder,
+        resume=True,
+        tell=lines.append,
+    )
+    assert "30 rows were there already" in lines and "4 rows computed" in lines
+    assert rows_of(folder)[:30] == rows_of(finished)
+
+
+def test_rows_are_found_by_their_physics(finished, tmp_path):
+    """The same value, given by another key: nothing is computed again."""
+    folder = tmp_path / "s"
+    execute(STUDY, folder)
+    row_count = len(RowIndex(folder / "rows"))
+    same = STUDY | {"set": {"material.nu": 0.45}}
+    execute(same, folder, resume=True)
+    assert rows_of(folder) == rows_of(finished)
+    index = RowIndex(folder / "rows")
+    assert len(index) == 2 * row_count
+    assert len(np.unique(index.physics)) == row_count
+
+
+def test_a_run_of_interest_gets_its_folder(finished, tmp_path):
+    folder = tmp_path / "s"
+    execute(STUDY, folder)
+    row = rows_of(folder)[7]
+    for name in (row["run"], row["run"].rpartition("-")[2], "8"):
+        run = studies.execute_run(STUDY, name, output=folder)
+        assert run == folder / "runs" / row["run"]
+        assert read(run)["force"][-1] == float(row["force"])
+    for name in ("31", "0", "E=1-0123456789abcdef", "foo"):
+        with pytest.raises(UsageError, match="has no run"):
+            studies.execute_run(STUDY, name, output=folder)
+
+
+def test_earlier_rows_are_not_lost(tmp_path):
+    few = STUDY | {"sample": {"count": 3}}
+    execute(few, tmp_path / "s")
+    with pytest.raises(UsageError, match="--resume keeps them"):
+        execute(few, tmp_path / "s")
+    execute(STUDY | {"sample": {"count": 2, "seed": 9}}, tmp_path / "s", overwrite=True)
+    assert len(RowIndex(tmp_path / "s/rows")) == 2
+
+
+def test_impossible_scenes_are_rows_and_a_typing_error_is_refused(tmp_path):
+    """Poisson's ratio above 0.5 is impossible; a key that does not exist ends at once."""
+    vary = {"material.nu": {"from": 0.4, "to": 0.6}}
+    study = STUDY | {"vary": vary, "sample": {"count": 16}}
+    execute(study, tmp_path / "s")
+    rows = rows_of(tmp_path / "s")
+    impossible = [float(row["material.nu"]) > 0.5 for row in rows]
+    assert [row["exit_code"] == "3" for row in rows] == impossible
+    assert [row["force"] == "" for row in rows] == impossible
+    assert all("nu" in row["reason"] for row in rows if row["exit_code"] == "3")
+    with pytest.raises(ConfigError, match="nuu"):
+        execute(STUDY | {"vary": {"material.nuu": {"from": 0.4, "to": 0.45}}}, tmp_path / "t")
+    assert not (tmp_path / "t").exists()
+
+
+def test_failed_runs_get_folders(tmp_path):
+    """Depths that theory does not reach: the tip would touch the wall of the cylinder."""
+    vary = {"loading.delta": [0.1, 0.2, 30.0]}
+    body = {"shape": "layer", "height": 10.0}
+    scene = SCENE | {"body": body, "indenter": {"shape": "sphere", "R": 5.0}}
+    study = {"base": scene, "vary": vary, "output": {"runs": "failed"}}
+    execute(study, tmp_path / "s")
+    codes = [row["exit_code"] for row in rows_of(tmp_path / "s")]
+    assert codes[:2] == ["0", "0"] and codes[2] != "0"
+
+
+def test_a_crash_ends_one_row_alone(tmp_path, monkeypatch):
+    """A batch whose process crashes is computed row by row; the row that crashes is failed."""
+    monkeypatch.setattr(shard, "compute_batch", crash_at_large_heights)
+    study = STUDY | {"vary": {"body.height": {"from": 4, "to": 40}}, "sample": {"count": 12}}
+    execute(study, tmp_path / "s")
+    rows = rows_of(tmp_path / "s")
+    heights = [float(row["body.height"]) for row in rows]
+    assert [row["exit_code"] for row in rows] == ["139" if h > 30 else "0" for h in heights]
+    assert any(height > 30 for height in heights)
+
+
+def crash_at_large_heights(batch):
+    """Compute a batch unless it has a height above 30."""
+    for row in batch.rows:
+        if dict((key, value) for key, value, _ in row.request.point)["body.height"] > 30:
+            os.kill(os.getpid(), signal.SIGSEGV)
+    return row_worker.compute_batch(batch)
+
+
+def test_kills_at_random_moments(finished, tmp_path):
+    """A shard that is killed again and again loses no row and computes none twice.
+
+    `scripts/bench/kills_of_a_shard.py` does it 200 times.
+    """
+    (tmp_path / "study.yaml").write_text(yaml.safe_dump(STUDY, sort_keys=False))
+    path = tmp_path / "out/rows/1-of-1.h5"
+    moments = random.Random(5)
+    known: set[int] = set()
+    for _ in range(6):
+        process = subprocess.Popen(
+            command(tmp_path, "--shard", "1/1"), env=environment(), stderr=subprocess.DEVNULL
+        )
+        while not path.exists() and process.poll() is None:
+            time.sleep(0.01)
+        time.sleep(moments.uniform(0.0, 3.0))
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        if path.exists():
+            settings = RowFile(path).column("settings").tolist()
+            assert known <= set(settings) and len(settings) == len(set(settings))
+            known = set(settings)
+    subprocess.run(command(tmp_path, "--resume"), env=environment(), check=True)
+    settings = RowFile(path).column("settings").tolist()
+    assert known <= set(settings) and len(settings) == len(set(settings)) == 30
+    assert rows_of(tmp_path / "out") == rows_of(finished)
