@@ -210,12 +210,25 @@ def run(
     metavar="NAME",
     help="Make one run, with its result folder: a name or number of study.csv.",
 )
+@click.option(
+    "--surrogate",
+    metavar="COLUMN",
+    help="Fit a column (force, a, p_max) of the finished study, and state the error.",
+)
+@click.option(
+    "--within",
+    type=click.FloatRange(0, 1, min_open=True),
+    metavar="X",
+    help="Error that the surrogate must not exceed.",
+)
 @click.option("--output", type=PATH, help="Folder of the study [results/<STUDY's stem>].")
 @quiet_option
 @json_option
 def study(
     file: Path,
     only: str | None,
+    surrogate: str | None,
+    within: float | None,
     verbosity: Verbosity,
     output_format: OutputFormat,
     **options: Any,
@@ -225,8 +238,14 @@ def study(
     require_resources()
     from indent_sim import studies
 
+    if within is not None and surrogate is None:
+        raise UsageError("--within is the error of a surrogate", "give --surrogate COLUMN, too")
+    if only is not None and surrogate is not None:
+        raise UsageError("--only and --surrogate exclude each other")
     if only is not None:
         return _make_run_of_study(file, only, options, verbosity, output_format)
+    if surrogate is not None:
+        return _make_surrogate(file, surrogate, within, options, verbosity, output_format)
 
     print_progress = print_stderr if verbosity == "all" else _discard_line
     with _quiet_libraries(LOG_LEVELS[verbosity]), raise_on_signals():
@@ -257,9 +276,7 @@ def _make_run_of_study(
     output_format: OutputFormat,
 ) -> None:
     """Make one run of a study with its result folder, and print the folder."""
-    given = [key for key in ("resume", "overwrite", "shard", "gather") if options[key]]
-    if given or options["jobs"] > 1:
-        raise UsageError("--only makes one run: of the other options it has --output alone")
+    _refuse_options_of_runs("--only", options)
     from indent_sim import studies
 
     with _quiet_libraries(LOG_LEVELS[verbosity]), raise_on_signals():
@@ -268,6 +285,36 @@ def _make_run_of_study(
         print_done({"directory": str(folder)})
     else:
         print_stdout(str(folder))
+
+
+def _make_surrogate(
+    file: Path,
+    column: str,
+    within: float | None,
+    options: Mapping[str, Any],
+    verbosity: Verbosity,
+    output_format: OutputFormat,
+) -> None:
+    """Fit a surrogate to a finished study, and print its file."""
+    _refuse_options_of_runs("--surrogate", options)
+    from indent_sim import studies
+
+    path, surrogate = studies.make_surrogate(file, column, within=within, output=options["output"])
+    if output_format == "json":
+        print_done({"file": str(path), "column": column, "error": surrogate.error})
+    else:
+        print_stdout(str(path))
+    if verbosity == "all":
+        for line in studies.surrogate_summary(surrogate):
+            print_stderr(line)
+
+
+def _refuse_options_of_runs(option: str, options: Mapping[str, Any]) -> None:
+    """Raise UsageError if options that apply to all runs of a study are given with another one."""
+    given = [key for key in ("resume", "overwrite", "shard", "gather") if options[key]]
+    given += ["jobs"] if options["jobs"] > 1 else []
+    if given:
+        raise UsageError(f"{option} cannot be combined with --{given[0]}")
 
 
 @program.command()

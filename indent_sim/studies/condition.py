@@ -11,11 +11,11 @@ A condition is parsed by a small grammar and computed from numbers only:
 
 from __future__ import annotations
 
-import math
 import operator
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -30,13 +30,13 @@ _TOKEN = re.compile(
     r"|(?P<key>[A-Za-z_]\w*(?:\[\d+\])*(?:\.\w+(?:\[\d+\])*)*)"
     r"|(?P<sign>\*\*|<=|>=|[-+*/()<>]))"
 )
-_COMPARISONS: dict[str, Callable[[float, float], bool]] = {
+_COMPARISONS: dict[str, Callable[[Any, Any], Any]] = {
     "<": operator.lt,
     "<=": operator.le,
     ">": operator.gt,
     ">=": operator.ge,
 }
-_OPERATIONS: dict[str, Callable[[float, float], Any]] = {
+_OPERATIONS: dict[str, Callable[[Any, Any], Any]] = {
     "+": np.add,
     "-": np.subtract,
     "*": np.multiply,
@@ -44,8 +44,9 @@ _OPERATIONS: dict[str, Callable[[float, float], Any]] = {
     "**": np.float_power,
 }
 
-Numbers = Mapping[str, float]
-_Term = Callable[[Numbers], float]
+# Numbers of keys; arrays give the conditions of many points at once.
+Numbers = Mapping[str, Any]
+_Term = Callable[[Numbers], Any]
 
 
 class ConditionError(ValueError):
@@ -69,14 +70,14 @@ class Condition:
     _terms: tuple[_Term, ...]
     _comparisons: tuple[str, ...]
 
-    def holds(self, numbers: Numbers) -> bool:
+    def holds(self, numbers: Numbers) -> Any:
         """Return whether the condition holds; a term without a finite value fulfils nothing."""
         with np.errstate(all="ignore"):
             values = [term(numbers) for term in self._terms]
         pairs = zip(self._comparisons, values[:-1], values[1:], strict=True)
-        return all(math.isfinite(value) for value in values) and all(
-            _COMPARISONS[sign](left, right) for sign, left, right in pairs
-        )
+        conditions = [np.isfinite(value) for value in values]
+        conditions += [_COMPARISONS[sign](left, right) for sign, left, right in pairs]
+        return reduce(np.logical_and, conditions)
 
 
 def parse_condition(text: str) -> Condition:
@@ -173,4 +174,4 @@ class _Parser:
 def _combine(sign: str, left: _Term, right: _Term) -> _Term:
     """Return the function of an operation on two terms."""
     operation = _OPERATIONS[sign]
-    return lambda numbers: float(operation(left(numbers), right(numbers)))
+    return lambda numbers: operation(left(numbers), right(numbers))

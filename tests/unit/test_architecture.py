@@ -134,6 +134,7 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
         "scene/",
         "results/pictures/curves.py",
         "studies/sample.py",
+        "studies/surrogate_fit.py",
     ),
     "yaml": ("config/strict_yaml.py",),
     "pint": ("config/quantities.py",),

@@ -117,7 +117,7 @@ class TestConditions:
     )
     def test_arithmetic(self, text, holds):
         numbers = {"a": 2.0, "b": 3.0, "body.layers[0].height": 0.4}
-        assert parse_condition(text).holds(numbers) is holds
+        assert parse_condition(text).holds(numbers) == holds
 
     @pytest.mark.parametrize(
         "text",
@@ -147,7 +147,7 @@ class TestConditions:
             parse_condition(text)
 
     def test_powers_of_large_numbers_cost_nothing(self):
-        assert parse_condition("9 ** 9 ** 9 ** 9 < 1").holds({}) is False
+        assert parse_condition("9 ** 9 ** 9 ** 9 < 1").holds({}) == False  # noqa: E712
 
     def test_points_are_left_out_and_counted(self):
         study = study_of(where=["material.E * material.nu < 10", "material.nu < 0.35"])
