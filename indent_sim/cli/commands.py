@@ -299,13 +299,13 @@ def _make_surrogate(
     _refuse_options_of_runs("--surrogate", options)
     from indent_sim import studies
 
-    path, surrogate = studies.make_surrogate(file, column, within=within, output=options["output"])
+    made = studies.make_surrogate(file, column, within=within, output=options["output"])
     if output_format == "json":
-        print_done({"file": str(path), "column": column, "error": surrogate.error})
+        print_done(made.as_json())
     else:
-        print_stdout(str(path))
+        print_stdout(str(made.path))
     if verbosity == "all":
-        for line in studies.surrogate_summary(surrogate):
+        for line in made.notes:
             print_stderr(line)
 
 
@@ -852,7 +852,13 @@ def _plot_study(paths: Sequence[Path], output: Path | None, options: dict[str, A
     """Plot the curves of a study, or a column of its table over the varied keys."""
     from indent_sim.results.pictures import figures
     from indent_sim.results.result_files import RUNS
-    from indent_sim.studies import curve_table, small_multiples, study_picture, study_report
+    from indent_sim.studies import (
+        curve_table,
+        many_runs,
+        small_multiples,
+        study_picture,
+        study_report,
+    )
 
     if len(paths) > 1:
         raise UsageError(
@@ -872,6 +878,8 @@ def _plot_study(paths: Sequence[Path], output: Path | None, options: dict[str, A
         raise UsageError(
             f"--what of a study must be one of curves, {', '.join(small_multiples.PLOTTED_COLUMNS)}"
         )
+    if many_runs.is_row_study(folder):
+        return _plot_row_study(folder, panel, output, options)
     record, rows = study_report.read_study_folder(folder)
     curve_groups = curve_table.group_folder_curves(folder / RUNS, rows, record["keys"])
     if not curve_groups.curves:
@@ -883,6 +891,24 @@ def _plot_study(paths: Sequence[Path], output: Path | None, options: dict[str, A
     try:
         with study_picture.requested_figure(curve_groups, panel, title) as figure:
             figures.save(figure, output, options.get("dpi"))
+    except OSError as error:
+        raise write_error(output, error) from error
+    print_stdout(str(output))
+
+
+def _plot_row_study(
+    folder: Path, panel: str, output: Path | None, options: Mapping[str, Any]
+) -> None:
+    """Plot the curves of a study whose runs are rows, or a column over the varied keys."""
+    from indent_sim.process.limits import write_error
+    from indent_sim.results.pictures import figures
+    from indent_sim.studies import many_runs_picture
+
+    if output is None:
+        output = folder / f"{panel}.png"
+        figures.refuse_foreign_picture(output)
+    try:
+        many_runs_picture.draw_panel(folder, panel, output, options.get("dpi"))
     except OSError as error:
         raise write_error(output, error) from error
     print_stdout(str(output))

@@ -10,7 +10,7 @@ from indent_sim.studies.run_of_interest import execute_run
 from indent_sim.studies.run_study import execute_study
 from indent_sim.studies.study_file import StudyFile, read
 from indent_sim.studies.study_plan import StudyPlan, plan_study
-from indent_sim.studies.surrogate_fit import make_surrogate, surrogate_summary
+from indent_sim.studies.study_surrogate import make_surrogate
 
 __all__ = [
     "Study",
@@ -22,5 +22,4 @@ __all__ = [
     "make_surrogate",
     "plan_study",
     "read",
-    "surrogate_summary",
 ]

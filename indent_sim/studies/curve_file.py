@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import h5py
@@ -84,6 +84,45 @@ class CurveWriter:
         self._total = end
         self._blocks.clear()
         self._collected = 0
+
+
+def read_curves(folder: Path, runs: Mapping[int, str]) -> list[np.ndarray]:
+    """Read the depths and forces of some runs; each (rows, 2).
+
+    Parameters
+    ----------
+    folder
+        Folder of the study.
+    runs
+        Names of the runs by their numbers in study.csv.
+    """
+    if (folder / study_folder.CURVES_HDF5).exists():
+        return _read_hdf5(folder / study_folder.CURVES_HDF5, runs)
+    curves: dict[str, list[list[float]]] = {}
+    names = set(runs.values())
+    with open(folder / study_folder.CURVES, encoding="utf-8", newline="") as stream:
+        for row in csv.DictReader(stream):
+            if row["run"] in names:
+                curves.setdefault(row["run"], []).append([float(row["delta"]), float(row["force"])])
+    return [np.array(curve) for curve in curves.values()]
+
+
+def _read_hdf5(path: Path, runs: Mapping[int, str]) -> list[np.ndarray]:
+    """Read the depths and forces of some runs from curves.h5."""
+    chosen = np.array(sorted(runs))
+    parts = []
+    with h5py.File(path, "r") as file:
+        # Rows that are read at a time.
+        block_size = 1 << 20
+        for start in range(0, len(file["index"]), block_size):
+            block = slice(start, start + block_size)
+            index = file["index"][block]
+            is_chosen = np.isin(index, chosen)
+            columns = [index, file["delta"][block], file["force"][block]]
+            parts.append(np.column_stack(columns)[is_chosen])
+    rows = np.concatenate(parts)
+    places = np.flatnonzero(np.diff(rows[:, 0])) + 1
+    return [curve[:, 1:] for curve in np.split(rows, places)]
 
 
 def _csv_lines(keys: Sequence[str], rows: Iterator[RowWithCurve]) -> Iterator[str]:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from indent_sim.process.errors import NotConverged, UsageError
 from indent_sim.results.result_files import Report
+from indent_sim.studies import many_runs_picture, study_folder
 from indent_sim.studies import shard as shards
-from indent_sim.studies import study_folder
 from indent_sim.studies.finished_study import Study, read_study
 from indent_sim.studies.row_file import ROWS_FOLDER, row_files
 from indent_sim.studies.row_table import RowTable
@@ -16,6 +16,15 @@ from indent_sim.studies.study_file import StudyFile
 
 # Studies with more rows are not read back into memory.
 MAX_ROWS_IN_MEMORY = 10_000
+
+
+def _units(study: StudyFile) -> dict[str, str]:
+    """Return the units of the results of a study, as far as its scene names them."""
+    units = study.base.get("units")
+    if not isinstance(units, dict):
+        return {}
+    length, force = units.get("length", ""), units.get("force", "")
+    return {"force": force, "a": length, "penetration": length, "p_max": f"{force}/{length}²"}
 
 
 def execute_row_study(
@@ -61,7 +70,9 @@ def execute_row_study(
         if shard is not None:
             return Study(directory, study.title, study.keys, str(study.compare_to), [])
         counts = RowTable(study, directory).write()
-        folder.write_record(**record, counts=counts.as_json())
+        folder.write_record(**record, counts=counts.as_json(), units=_units(study))
+    if counts.done:
+        many_runs_picture.draw_pictures(directory)
     if not counts.done and not gather:
         raise NotConverged(
             f"no run of this study has a result; reason of the first run: {counts.first_reason}"

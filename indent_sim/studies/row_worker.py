@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -80,6 +81,7 @@ def compute_batch(batch: RowBatch) -> FinishedBatch:
     folder_count = 0
     has_meshes = False
     for requested in batch.rows:
+        start = (time.process_time(), time.perf_counter())
         try:
             case = build_case(requested.index, requested.request)
         except ConfigError as error:
@@ -90,7 +92,7 @@ def compute_batch(batch: RowBatch) -> FinishedBatch:
             known.append((requested.settings, physics))
             continue
         has_meshes = has_meshes or case.planned_run.scene.is_meshed
-        rows.append(_compute_row(requested.settings, case))
+        rows.append(_compute_row(requested.settings, case, start))
         if batch.runs_folder is not None and rows[-1].cells["exit_code"]:
             directory = batch.runs_folder / case.name
             run_job(Job(case.planned_run.config, False, directory, resume=False))
@@ -122,8 +124,12 @@ def _rejected_row(requested: RequestedRow, error: ConfigError) -> RunRow:
     return failed_row(requested, cells["exit_code"], cells["reason"])
 
 
-def _compute_row(settings: int, case: Case) -> RunRow:
-    """Simulate a case in memory and return its row."""
+def _compute_row(settings: int, case: Case, start: tuple[float, float]) -> RunRow:
+    """Simulate a case in memory and return its row.
+
+    `start` is the CPU time and the time at which its scene began to be resolved [s].
+    """
+    resolve_seconds = (time.process_time() - start[0], time.perf_counter() - start[1])
     if case.planned_run.scene.is_meshed:
         # The time of a run does not include that of loading the libraries.
         pipeline.warm_up()
@@ -131,6 +137,9 @@ def _compute_row(settings: int, case: Case) -> RunRow:
     no_files = replace(config.output, fields="none", surface="none", plot=False)
     config = config.model_copy(update={"output": no_files})
     results = pipeline.simulate_in_memory(config, case.planned_run.scene, case.name)
+    for name, seconds in zip(("cpu_timings", "timings"), resolve_seconds, strict=True):
+        timings = results.report.setdefault(name, {})
+        timings["resolve"] = round(timings.get("resolve", 0.0) + seconds, 4)
     cells = study_table.case_row(case, (), results, None, None)
     kept_cells = {name: cells.get(name) for name in (*NUMBERS, *TEXTS, "exit_code")}
     kept_cells["run"] = case.name

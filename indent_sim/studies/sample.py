@@ -100,11 +100,18 @@ class Sample:
         if self.method == "latin_hypercube":
             yield from qmc.LatinHypercube(dimension, seed=self.seed).random(self.count)
             return
-        sequence = qmc.Sobol(dimension, seed=self.seed)
-        # Points that are made at a time: a power of 2, as the sequence requires.
-        block_size = 1024
-        while True:
-            yield from sequence.random(block_size)
+        yield from scrambled_points(dimension, self.seed)
+
+
+def scrambled_points(dimension: int, seed: int) -> Iterator[np.ndarray]:
+    """Yield the points of a scrambled Sobol sequence in the unit cube."""
+    from scipy.stats import qmc
+
+    sequence = qmc.Sobol(dimension, seed=seed)
+    # Points that are made at a time: a power of 2, as the sequence requires.
+    block_size = 1024
+    while True:
+        yield from sequence.random(block_size)
 
 
 def _setting_value(sampled: SampledRange, fraction: float) -> float | StiffnessMultiple:

@@ -51,15 +51,17 @@ def check_first_points(study: StudyFile) -> None:
     A study without any folder may have a million points: the others become rows with exit code 3.
     """
     build_case = CaseBuilder(study.common_settings)
-    errors = []
+    errors: dict[str, ConfigError] = {}
     for index, request in enumerate(itertools.islice(study.iterate_requests(), CHECKED_POINTS)):
         try:
             build_case(index, request)
             return
         except ConfigError as error:
-            errors.append(RejectedCase(index, request.point, None, error).located_error)
-    distinct_errors = {str(error): error for error in errors}
-    raise ConfigErrors.combine(list(distinct_errors.values()))
+            rejected_case = RejectedCase(index, request.point, None, error)
+            errors.setdefault(str(error), rejected_case.located_error)
+            last_error = error
+    # An error of every point belongs to the scene and needs no name of a run.
+    raise last_error if len(errors) == 1 else ConfigErrors.combine(list(errors.values()))
 
 
 def compute_rows(

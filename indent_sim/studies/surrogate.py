@@ -318,7 +318,8 @@ def _surrogate_of(data: Mapping[str, Any]) -> Surrogate:
         except ConditionError as error:
             raise ValueError(f"its condition {error}") from None
     names = ("title", "units", "study", "runs")
-    float(data["error"]["quantile"]), float(data["error"]["error"]), int(data["error"]["held_out"])
+    for name in ("quantile", "error", "held_out", "variance_share"):
+        float(data["error"][name])
     surrogate = Surrogate(
         str(data["column"]),
         ranges,

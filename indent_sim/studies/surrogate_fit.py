@@ -23,13 +23,12 @@ from indent_sim.config.key_dimensions import (
 )
 from indent_sim.config.scene_file import to_mapping
 from indent_sim.process.errors import ConfigError, UsageError, VerificationError
-from indent_sim.results.result_files import STUDY, read_report
-from indent_sim.studies import study_file, study_folder
+from indent_sim.studies import study_folder
 from indent_sim.studies.cases import CaseBuilder
 from indent_sim.studies.chebyshev_sum import ChebyshevSum, design_matrix, index_tuples
 from indent_sim.studies.dimensionless_groups import Powers, find_groups, powers_text
 from indent_sim.studies.study_file import StudyFile
-from indent_sim.studies.surrogate import Coordinate, Surrogate, surrogate_file, write_surrogate
+from indent_sim.studies.surrogate import Coordinate, Surrogate
 
 SURROGATE_COLUMNS = ("force", "a", "p_max")
 # Rows of the table that are read, and rows that the polynomial is fitted to.
@@ -110,39 +109,6 @@ def fit_surrogate(
             "give the study more points, or narrower ranges"
         )
     return surrogate
-
-
-def make_surrogate(
-    study_input: Path | str | Mapping[str, Any],
-    column: str,
-    *,
-    within: float | None = None,
-    output: Path | None = None,
-) -> tuple[Path, Surrogate]:
-    """Fit a surrogate to the finished table of a study and write its file into the folder.
-
-    Parameters
-    ----------
-    study_input
-        Path of a study file, or a dictionary with its structure.
-    column, within
-        See `fit_surrogate`.
-    output
-        Folder of the study; by default the folder that the study file names.
-
-    Returns
-    -------
-    path, surrogate
-        The file and the surrogate.
-    """
-    study = study_file.read(study_input)
-    directory = output or study.directory
-    if not read_report(directory, STUDY):
-        raise UsageError(f"{directory} has no study", "run the study first", str(directory))
-    surrogate = fit_surrogate(study, directory, column, within)
-    path = directory / surrogate_file(column)
-    write_surrogate(surrogate, path)
-    return path, surrogate
 
 
 def surrogate_summary(surrogate: Surrogate) -> list[str]:
@@ -398,6 +364,7 @@ def _errors(
         "held_out": len(errors),
         "median": float(np.median(errors)),
         "largest": float(errors[-1]),
+        "variance_share": float(np.mean((computed - column) ** 2) / np.var(column)),
         "is_relative": surrogate.is_logarithmic,
     }
 

@@ -17,6 +17,7 @@ import pytest
 import yaml
 from command_line import environment
 
+import indent_sim
 from indent_sim import studies
 from indent_sim.process.errors import ConfigError, UsageError
 from indent_sim.results.reader import read
@@ -94,6 +95,7 @@ def test_few_files(finished):
         "curves.csv",
         "curves.png",
         "samples.png",
+        "maps.png",
         "runs",
         "rows",
         "rows/1-of-1.h5",
@@ -237,3 +239,41 @@ def test_kills_at_random_moments(finished, tmp_path):
     settings = RowFile(path).column("settings").tolist()
     assert known <= set(settings) and len(settings) == len(set(settings)) == 30
     assert rows_of(tmp_path / "out") == rows_of(finished)
+
+
+def test_surrogate_indices_report_and_plots(tmp_path):
+    """A study of 150 rows by the commands: surrogate, Sobol indices, report of one page, plots."""
+    study = STUDY | {"sample": {"count": 150, "seed": 2}}
+    study["base"] = SCENE | {"units": {"length": "um", "force": "nN"}}
+    (tmp_path / "study.yaml").write_text(yaml.safe_dump(study, sort_keys=False))
+    folder = tmp_path / "out"
+
+    def call(*words: str) -> str:
+        program = [sys.executable, "-m", "indent_sim.cli.commands", *words]
+        result = subprocess.run(
+            program, env=environment(), check=True, capture_output=True, text=True
+        )
+        return result.stdout.strip()
+
+    subprocess.run(command(tmp_path), env=environment(), check=True)
+    words = ("study", str(tmp_path / "study.yaml"), "--output", str(folder))
+    file = call(*words, "--surrogate", "force", "--within", "1e-2")
+    surrogate = indent_sim.surrogate(file)
+    keys = {"material.E": 1.7, "body.height": 9.0, "loading.delta": 0.33}
+    (state,) = indent_sim.states(indent_sim.load(SCENE, keys | {"loading.steps": 1}))
+    error = abs(float(surrogate(keys)) / state.force - 1)
+    # One point: ten times the error that 95 % of the points have.
+    assert error < 10 * surrogate.error["error"]
+    shares = json.loads((folder / "study.json").read_text())["sobol"]
+    assert sum(share["first"] for share in shares.values()) < 1.01
+    assert all(share["total"] > share["first"] - share["error"] for share in shares.values())
+    page = Path(call("report", str(folder)))
+    assert page.stat().st_size < 3e6
+    assert "Sobol indices" in page.read_text()
+    for what in ("curves", "force", "a"):
+        picture = Path(call("plot", str(folder), "--what", what, "--output", f"{tmp_path}/p.png"))
+        assert picture.stat().st_size > 10_000
+    for name in ("curves.png", "samples.png", "maps.png", "sobol.png"):
+        assert (folder / name).stat().st_size > 10_000
+    table = indent_sim.read(folder)
+    assert len(table) == 150 and np.isfinite(table["force"]).all()

@@ -124,6 +124,7 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
         "fitting/map_picture.py",
         "studies/study_picture.py",
         "studies/small_multiples.py",
+        "studies/many_runs_picture.py",
         "fitting/fit_picture.py",
     ),
     "scipy": (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import itertools
 import json
 from fractions import Fraction
@@ -11,8 +10,8 @@ import numpy as np
 import pytest
 from numpy.polynomial import chebyshev
 from scipy.optimize import linprog
+from surrogate_tables import RANGES, SCENE, hertz, study_with_table
 
-from indent_sim import studies
 from indent_sim.config.key_dimensions import key_numbers
 from indent_sim.process.errors import UsageError, VerificationError
 from indent_sim.studies.chebyshev_sum import ChebyshevSum, design_matrix, index_tuples
@@ -22,18 +21,6 @@ from indent_sim.studies.surrogate_fit import fit_surrogate
 from indent_sim.studies.zonotope import Zonotope
 
 LENGTH, FORCE, PRESSURE, TIME, NONE = (1, 0, 0), (0, 1, 0), (-2, 1, 0), (0, 0, 1), (0, 0, 0)
-SCENE = {
-    "body": {"shape": "half_space"},
-    "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3},
-    "indenter": {"shape": "paraboloid", "R": 1.0},
-    "loading": {"delta": 0.01, "steps": 1},
-}
-RANGES = {
-    "material.E": {"from": 1, "to": 1000, "spacing": "log"},
-    "material.nu": {"from": 0.1, "to": 0.5},
-    "indenter.R": {"from": 0.5, "to": 5, "spacing": "log"},
-    "loading.delta": {"from": 0.01, "to": 0.05},
-}
 
 
 class TestGroups:
@@ -129,7 +116,7 @@ class TestZonotope:
             ).success
             for point in points
         ]
-        assert 5 < sum(expected) < 60
+        assert 2 < sum(expected) < 60
         assert zonotope.contains(points).tolist() == expected
 
 
@@ -162,35 +149,6 @@ class TestChebyshevSum:
             if k[0] / 3 + k[1] / 2 + k[2] / 6 <= 1 + 1e-9
         ]
         assert index_tuples((3, 2, 6)).tolist() == [list(k) for k in allowed]
-
-
-def hertz(keys, exponent=1.5):
-    """Force of a paraboloid on a half-space."""
-    return (
-        4
-        / 3
-        * keys["material.E"]
-        / (1 - keys["material.nu"] ** 2)
-        * keys["indenter.R"] ** (2 - exponent)
-        * keys["loading.delta"] ** exponent
-    )
-
-
-def study_with_table(folder, force, count=400, **changes):
-    """A sampled study whose table has been computed by a formula."""
-    study = studies.read(
-        {"base": SCENE, "vary": RANGES, "sample": {"count": count}, "output": {"runs": "none"}}
-        | changes
-    )
-    points = [{key: value for key, value, _ in point} for point in study.iterate_points()]
-    with open(folder / "study.csv", "w", newline="") as stream:
-        columns = ("index", *study.keys, "status", "force", "stated_error")
-        writer = csv.DictWriter(stream, columns)
-        writer.writeheader()
-        for index, point in enumerate(points):
-            cells = {"index": index + 1, "status": "done", "force": force(point)}
-            writer.writerow(point | cells)
-    return study
 
 
 def random_keys(count, seed=5):
