@@ -1,10 +1,10 @@
 #!/usr/bin/env python
-"""Measure a large study of rows: CPU, memory, files, kills, gathering, and equality with single runs.
+"""Measure large studies of rows: CPU, memory, files, kills, gathering, equality with single runs.
 
-python scripts/measure_rows.py rows [COUNT]     four shards, one of them killed ten times [5000 rows]
-python scripts/measure_rows.py kills [COUNT]    kills of one shard at random moments [200]
-python scripts/measure_rows.py writes [COUNT]  kills of a process that only appends rows [200]
-python scripts/measure_rows.py gather [COUNT]   rows that are made, not computed: time and memory [100000]
+python scripts/measure_rows.py rows [COUNT]: four shards, one of them killed ten times [5000]
+python scripts/measure_rows.py kills [COUNT]: kills of a shard at random moments [200]
+python scripts/measure_rows.py writes [COUNT]: kills of a process that only appends rows [200]
+python scripts/measure_rows.py gather [COUNT]: rows that are made, not computed [100000]
 """
 
 from __future__ import annotations
@@ -223,8 +223,10 @@ def measure_gather(folder: Path, count: int) -> None:
             curve = np.full((5, 5), index / 3)
             writer.append(RunRow(checksum(request), index, row, curve))
     print(f"{count} rows written: {time.process_time() - start:.1f} s of CPU")
+    seconds, cpu, memory = run(command(path, "--shard", "1/1"))
+    print(f"shard that finds them all: {seconds:.1f} s, {cpu:.1f} s of CPU, {memory:.0f} MB")
     seconds, cpu, memory = run(command(path, "--gather"))
-    print(f"gather: {seconds:.1f} s, {cpu:.1f} s of CPU, {memory:.0f} MB")
+    print(f"gather: {seconds:.1f} s, {cpu:.1f} s of CPU, {memory:.0f} MB", flush=True)
     for file in sorted((folder / "out").rglob("*")):
         print(f"  {file.relative_to(folder)}: {file.stat().st_size / 1e6:.1f} MB")
 

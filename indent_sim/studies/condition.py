@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 
 # Longest text of a condition, and most conditions of a study.
-MAX_LENGTH = 500
-MAX_CONDITIONS = 50
+MAX_LENGTH = 200
+MAX_CONDITIONS = 20
 # Deepest nesting of parentheses, signs and powers.
 MAX_NESTING = 30
 _TOKEN = re.compile(

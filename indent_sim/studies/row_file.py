@@ -8,11 +8,12 @@ that opens. A row counts if its checksum is right; its curve and its texts are w
 from __future__ import annotations
 
 import fcntl
+import math
 import os
 import stat
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, Self
@@ -67,6 +68,7 @@ _ROW_TYPE = np.dtype(
         ("checksum", "<u4"),
     ]
 )
+_FIELDS = _ROW_TYPE.names or ()
 _CURVE_TYPE = np.dtype((np.float64, (len(CURVE_COLUMNS),)))
 _TYPES = {"rows": _ROW_TYPE, "curves": _CURVE_TYPE, "texts": np.dtype("u1")}
 # Capacities of the datasets of a new file; they double when they are exhausted.
@@ -129,23 +131,24 @@ class RowFile:
 
     def read(self, number: int) -> RunRow:
         """Return a complete row; raise UsageError if its curve or its texts are damaged."""
-        row = self._maps["rows"][number]
-        start = int(row["curve_start"])
-        curve = np.array(self._maps["curves"][start : start + int(row["curve_rows"])])
-        texts = {name: self._text(row, name) for name in TEXTS}
-        if row["content_checksum"] != _content_checksum(curve, texts.values()):
+        record = self._maps["rows"][number].item()
+        fields = dict(zip(_FIELDS, record, strict=True))
+        start = fields["curve_start"]
+        curve = np.array(self._maps["curves"][start : start + fields["curve_rows"]])
+        texts = {name: self._text(fields, name) for name in TEXTS}
+        if fields["content_checksum"] != _content_checksum(curve, texts.values()):
             raise UsageError(f"{self.path}: row {number + 1} is damaged", file=str(self.path))
-        cells: dict[str, Any] = {name: _number_of(name, float(row[name])) for name in NUMBERS}
+        cells: dict[str, Any] = {name: _number_of(name, fields[name]) for name in NUMBERS}
         cells |= {name: text.decode("utf-8", "replace") or None for name, text in texts.items()}
         cells["reason"] = cells["reason"] or ""
         cells["warnings"] = cells["warnings"] or ""
-        cells["exit_code"] = int(row["exit_code"])
-        return RunRow(int(row["settings"]), int(row["physics"]), cells, curve)
+        cells["exit_code"] = fields["exit_code"]
+        return RunRow(fields["settings"], fields["physics"], cells, curve)
 
-    def _text(self, row: np.void, name: str) -> bytes:
+    def _text(self, fields: Mapping[str, Any], name: str) -> bytes:
         """Return one text of a row; empty if its place is outside the file."""
-        start = int(row[f"{name}_start"])
-        return self._maps["texts"][start : start + int(row[f"{name}_length"])].tobytes()
+        start = fields[f"{name}_start"]
+        return self._maps["texts"][start : start + fields[f"{name}_length"]].tobytes()
 
 
 class RowWriter:
@@ -477,9 +480,27 @@ def _text_bytes(value: object) -> bytes:
 
 def _number_of(name: str, value: float) -> float | int | None:
     """Return a number of a row as it was before it was written."""
-    if not np.isfinite(value):
+    if not math.isfinite(value):
         return None
     return int(value) if name in WHOLE_NUMBERS else value
+
+
+@contextmanager
+def gather_lock(folder: Path) -> Iterator[None]:
+    """Context manager in which this process alone merges the rows of a folder.
+
+    Raises UsageError if another process merges them.
+    """
+    if not folder.is_dir():
+        yield
+        return
+    path = folder / "gather.lock"
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
+    try:
+        _lock_file(descriptor, folder)
+        yield
+    finally:
+        os.close(descriptor)
 
 
 def _lock_file(descriptor: int, path: Path) -> None:
@@ -488,7 +509,7 @@ def _lock_file(descriptor: int, path: Path) -> None:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         raise UsageError(
-            f"{path} is written by another process", "wait until this shard has ended", str(path)
+            f"{path} is in use by another process", "wait until it has ended", str(path)
         ) from None
     except OSError:
         # This file system has no locks.

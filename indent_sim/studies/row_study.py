@@ -10,7 +10,7 @@ from indent_sim.results.result_files import Report
 from indent_sim.studies import many_runs_picture, study_folder
 from indent_sim.studies import shard as shards
 from indent_sim.studies.finished_study import Study, read_study
-from indent_sim.studies.row_file import ROWS_FOLDER, row_files
+from indent_sim.studies.row_file import ROWS_FOLDER, gather_lock, row_files
 from indent_sim.studies.row_table import RowTable
 from indent_sim.studies.study_file import StudyFile
 
@@ -69,7 +69,8 @@ def execute_row_study(
             )
         if shard is not None:
             return Study(directory, study.title, study.keys, str(study.compare_to), [])
-        counts = RowTable(study, directory).write()
+        with gather_lock(directory / ROWS_FOLDER):
+            counts = RowTable(study, directory).write()
         folder.write_record(**record, counts=counts.as_json(), units=_units(study))
     if counts.done:
         many_runs_picture.draw_pictures(directory)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -85,39 +84,48 @@ class Sample:
 
     def points(self) -> Iterator[ParameterPoint]:
         """Yield the points of the sample."""
-        for fractions in islice(self._fractions(), self.count):
-            yield tuple(
-                (sampled.key, _setting_value(sampled, fraction), sampled.location)
-                for sampled, fraction in zip(self.ranges, fractions, strict=True)
-            )
+        left = self.count
+        for block in self._blocks():
+            columns = [
+                _values(sampled, fractions[:left])
+                for sampled, fractions in zip(self.ranges, block.T, strict=True)
+            ]
+            settings = [
+                [(sampled.key, value, sampled.location) for value in column]
+                for sampled, column in zip(self.ranges, columns, strict=True)
+            ]
+            yield from zip(*settings, strict=True)
+            left -= len(block)
+            if left <= 0:
+                return
 
-    def _fractions(self) -> Iterator[np.ndarray]:
-        """Yield points of the unit cube."""
+    def _blocks(self) -> Iterator[np.ndarray]:
+        """Yield points of the unit cube in blocks; (rows, ranges)."""
         # Imported here since it takes a second, and most studies have no sample.
         from scipy.stats import qmc
 
         dimension = len(self.ranges)
         if self.method == "latin_hypercube":
-            yield from qmc.LatinHypercube(dimension, seed=self.seed).random(self.count)
+            yield qmc.LatinHypercube(dimension, seed=self.seed).random(self.count)
             return
-        yield from scrambled_points(dimension, self.seed)
+        yield from scrambled_blocks(dimension, self.seed)
 
 
-def scrambled_points(dimension: int, seed: int) -> Iterator[np.ndarray]:
-    """Yield the points of a scrambled Sobol sequence in the unit cube."""
+def scrambled_blocks(dimension: int, seed: int) -> Iterator[np.ndarray]:
+    """Yield the points of a scrambled Sobol sequence in the unit cube, in blocks of 1024."""
     from scipy.stats import qmc
 
     sequence = qmc.Sobol(dimension, seed=seed)
-    # Points that are made at a time: a power of 2, as the sequence requires.
+    # A power of 2, as the sequence requires.
     block_size = 1024
     while True:
-        yield from sequence.random(block_size)
+        yield sequence.random(block_size)
 
 
-def _setting_value(sampled: SampledRange, fraction: float) -> float | StiffnessMultiple:
-    """Return the value of a sampled key, rounded as the values of other ranges are."""
-    value = float(f"{float(sampled.values_at(np.asarray(fraction))):.12g}")
-    return StiffnessMultiple(value) if sampled.is_stiffness else value
+def _values(sampled: SampledRange, fractions: np.ndarray) -> list[float | StiffnessMultiple]:
+    """Return the values of a sampled key, rounded as the values of other ranges are."""
+    values = [float(f"{value:.12g}") for value in sampled.values_at(fractions).tolist()]
+    return [StiffnessMultiple(value) for value in values] if sampled.is_stiffness else list(values)
 
 
 def read_sample(section: Mapping[str, Any], source: Source) -> Sample:

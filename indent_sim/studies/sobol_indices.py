@@ -9,13 +9,13 @@ from itertools import islice
 import numpy as np
 
 from indent_sim.process.errors import UsageError
-from indent_sim.studies.sample import Sample, scrambled_points
+from indent_sim.studies.sample import Sample, scrambled_blocks
 from indent_sim.studies.study_file import StudyFile
 from indent_sim.studies.surrogate import Surrogate
 
-# Independently scrambled sequences, whose scatter is the error, and points of each.
+# Independently scrambled sequences, whose scatter is the error, and blocks of 1024 points of each.
 REPLICATES = 8
-POINTS = 2**13
+BLOCKS = 8
 # Student's factor of a 95 % interval for REPLICATES - 1 degrees of freedom.
 STUDENT_FACTOR = 2.365
 Function = Callable[[np.ndarray], np.ndarray]
@@ -98,7 +98,8 @@ def _sample_of(study: StudyFile) -> Sample:
 
 def _estimate(function: Function, dimension: int, seed: int) -> np.ndarray:
     """Return first and total indices from one scrambled sequence; (2, dimension)."""
-    points = np.array(list(islice(scrambled_points(2 * dimension, seed), POINTS)))
+    blocks = islice(scrambled_blocks(2 * dimension, seed), BLOCKS)
+    points = np.concatenate(list(blocks))
     a, b = points[:, :dimension], points[:, dimension:]
     values_a, values_b = function(a), function(b)
     mean = (values_a.mean() + values_b.mean()) / 2

@@ -100,6 +100,7 @@ def test_few_files(finished):
         "rows",
         "rows/1-of-1.h5",
         "rows/1-of-1.lock",
+        "rows/gather.lock",
     }
 
 

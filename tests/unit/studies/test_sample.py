@@ -177,7 +177,7 @@ class TestConditions:
             (3, "must be a text, or a list"),
             ([3], "must be a text"),
             ("material.E < foo(1)", "unexpected"),
-            (["1 < material.E"] * 100, "at most 50"),
+            (["1 < material.E"] * 100, "at most 20"),
         ],
     )
     def test_refusals(self, where, problem):
