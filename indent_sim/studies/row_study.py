@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from indent_sim.process.errors import NotConverged, UsageError
+from indent_sim.process.usage import machine_memory
 from indent_sim.results.result_files import Report
 from indent_sim.studies import many_runs_picture, study_folder
 from indent_sim.studies import shard as shards
@@ -42,7 +43,12 @@ def execute_row_study(
 
     The parameters are those of `execute_study`.
     """
-    shards.check_first_points(study)
+    memory = jobs * shards.check_first_points(study)
+    if jobs > 1 and memory > (available := machine_memory() / 1e6):
+        raise UsageError(
+            f"{jobs} runs at a time need about {memory:.3g} MB, this machine has {available:.3g} "
+            "MB: use fewer --jobs"
+        )
     keeps_rows = resume or gather or shard is not None
     if not (keeps_rows or overwrite) and row_files(directory / ROWS_FOLDER):
         raise UsageError(

@@ -45,21 +45,29 @@ PROGRESS_SECONDS = 10.0
 SYNC_SECONDS = 1.0
 
 
-def check_first_points(study: StudyFile) -> None:
-    """Raise ConfigError if none of the first points of a study is a valid scene.
+def check_first_points(study: StudyFile) -> float:
+    """Return the largest memory [MB] that the first points of a study need, as predicted.
 
-    A study without any folder may have a million points: the others become rows with exit code 3.
+    A study without folders may have a million points: invalid scenes become rows with exit code 3.
+
+    Raises
+    ------
+    ConfigError
+        If none of the first points is a valid scene.
     """
     build_case = CaseBuilder(study.common_settings)
     errors: dict[str, ConfigError] = {}
+    memories = []
     for index, request in enumerate(itertools.islice(study.iterate_requests(), CHECKED_POINTS)):
         try:
-            build_case(index, request)
-            return
+            plan = build_case(index, request).planned_run.plan
+            memories.append(float(plan.prediction.get("memory_MB", 0.0)))
         except ConfigError as error:
             rejected_case = RejectedCase(index, request.point, None, error)
             errors.setdefault(str(error), rejected_case.located_error)
             last_error = error
+    if memories:
+        return max(memories)
     # An error of every point belongs to the scene and needs no name of a run.
     raise last_error if len(errors) == 1 else ConfigErrors.combine(list(errors.values()))
 

@@ -278,3 +278,31 @@ def test_surrogate_indices_report_and_plots(tmp_path):
         assert (folder / name).stat().st_size > 10_000
     table = indent_sim.read(folder)
     assert len(table) == 150 and np.isfinite(table["force"]).all()
+
+
+def test_meshed_runs_are_rows_too(tmp_path):
+    """Runs on meshes, one of which does not converge, with the numbers and reasons of folders.
+
+    A row without a converged step has the same exit code and reason; with `failed` its run has a
+    folder.
+    """
+    scene = {
+        "body": {"shape": "cylinder", "radius": 1.0, "height": 1.0, "sides": "roller"},
+        "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3},
+        "indenter": {"shape": "paraboloid", "R": 1.0},
+        "loading": {"delta": 0.01, "steps": 2},
+        "mesh": {"h_contact": 0.05, "h_far": 0.5},
+        "solver": {"method": "newton"},
+    }
+    study = {"base": scene, "vary": {"solver.max_iterations": [12, 1]}}
+    execute(study | {"output": {"runs": "failed"}}, tmp_path / "rows")
+    execute(study | {"output": {"runs": "all"}}, tmp_path / "all")
+    rows, expected = rows_of(tmp_path / "rows"), rows_of(tmp_path / "all")
+    compared = ("force_error_vs", "force_error_worst", "a_error_vs", "p_error_vs", "reference")
+    for row, other in zip(rows, expected, strict=True):
+        assert {k: v for k, v in row.items() if k not in compared} == {
+            k: v for k, v in other.items() if k not in compared
+        }
+    assert {row["status"] for row in rows} == {"done", "failed"}
+    folders = {path.name for path in (tmp_path / "rows/runs").iterdir()}
+    assert folders == {row["run"] for row in rows if row["status"] == "failed"}
