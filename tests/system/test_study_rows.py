@@ -19,7 +19,8 @@ from command_line import environment
 
 import indent_sim
 from indent_sim import studies
-from indent_sim.process.errors import ConfigError, UsageError
+from indent_sim.process.errors import ConfigError, NotConverged, UsageError
+from indent_sim.results.memory_folder import MemoryFolder
 from indent_sim.results.reader import read
 from indent_sim.studies import row_worker, shard
 from indent_sim.studies.row_file import RowFile, RowIndex
@@ -184,15 +185,26 @@ def test_impossible_scenes_are_rows_and_a_typing_error_is_refused(tmp_path):
     assert not (tmp_path / "t").exists()
 
 
-def test_failed_runs_get_folders(tmp_path):
-    """Depths that theory does not reach: the tip would touch the wall of the cylinder."""
-    vary = {"loading.delta": [0.1, 0.2, 30.0]}
-    body = {"shape": "layer", "height": 10.0}
-    scene = SCENE | {"body": body, "indenter": {"shape": "sphere", "R": 5.0}}
-    study = {"base": scene, "vary": vary, "output": {"runs": "failed"}}
-    execute(study, tmp_path / "s")
-    codes = [row["exit_code"] for row in rows_of(tmp_path / "s")]
-    assert codes[:2] == ["0", "0"] and codes[2] != "0"
+def test_failed_runs_get_folders(tmp_path, monkeypatch):
+    """With `failed` a run that fails is made again with its folder; with `none` it is not."""
+    monkeypatch.setattr(shard, "compute_batch", fail_in_memory)
+    for runs, folder_count in (("failed", 3), ("none", 0)):
+        folder = tmp_path / runs
+        study = STUDY | {"sample": {"count": 3}, "output": {"runs": runs}}
+        with pytest.raises(NotConverged, match=r"no run .* has a result.*never"):
+            execute(study, folder)
+        assert [row["exit_code"] for row in rows_of(folder)] == ["5"] * 3
+        assert len(list((folder / "runs").iterdir())) == folder_count
+
+
+def fail_in_memory(batch):
+    """Compute a batch whose runs fail, unless they have a folder."""
+
+    def fail(config, scene, name):
+        return MemoryFolder.failed(Path(name), NotConverged("never"))
+
+    row_worker.pipeline.simulate_in_memory = fail
+    return row_worker.compute_batch(batch)
 
 
 def test_a_crash_ends_one_row_alone(tmp_path, monkeypatch):
@@ -281,10 +293,9 @@ def test_surrogate_indices_report_and_plots(tmp_path):
 
 
 def test_meshed_runs_are_rows_too(tmp_path):
-    """Runs on meshes, one of which does not converge, with the numbers and reasons of folders.
+    """Runs on meshes, with the numbers of runs with folders.
 
-    A row without a converged step has the same exit code and reason; with `failed` its run has a
-    folder.
+    Folders are compared with the finest run, rows are not.
     """
     scene = {
         "body": {"shape": "cylinder", "radius": 1.0, "height": 1.0, "sides": "roller"},
@@ -292,17 +303,14 @@ def test_meshed_runs_are_rows_too(tmp_path):
         "indenter": {"shape": "paraboloid", "R": 1.0},
         "loading": {"delta": 0.01, "steps": 2},
         "mesh": {"h_contact": 0.05, "h_far": 0.5},
-        "solver": {"method": "newton"},
     }
-    study = {"base": scene, "vary": {"solver.max_iterations": [12, 1]}}
-    execute(study | {"output": {"runs": "failed"}}, tmp_path / "rows")
+    study = {"base": scene, "vary": {"contact.method": ["penalty", "active_set"]}}
+    execute(study | {"output": {"runs": "none"}}, tmp_path / "rows")
     execute(study | {"output": {"runs": "all"}}, tmp_path / "all")
     rows, expected = rows_of(tmp_path / "rows"), rows_of(tmp_path / "all")
     compared = ("force_error_vs", "force_error_worst", "a_error_vs", "p_error_vs", "reference")
     for row, other in zip(rows, expected, strict=True):
+        assert row["status"] == "done"
         assert {k: v for k, v in row.items() if k not in compared} == {
             k: v for k, v in other.items() if k not in compared
         }
-    assert {row["status"] for row in rows} == {"done", "failed"}
-    folders = {path.name for path in (tmp_path / "rows/runs").iterdir()}
-    assert folders == {row["run"] for row in rows if row["status"] == "failed"}
