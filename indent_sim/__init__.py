@@ -4,7 +4,8 @@ estimate of each number.
 The names of a notebook: `load` a scene from a file or a dictionary, `resolve` it to a Scene, walk
 its `states` or `condense` its body, `simulate` it into a result folder, `read` one; `plan`,
 `require`, `study`, `compare`, `hardness`, `plot` and `fit` are the commands of these names;
-`fit_map` is a fit of a map of curves; `sensitivities` are derivatives of the force.
+`fit_map` is a fit of a map of curves; `surrogate` reads a fitted study; `sensitivities` are
+derivatives of the force.
 """
 
 # No module is imported here, not even `typing`: Ctrl-C until the program has started would be a
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from indent_sim.process.version import VERSION as __version__
     from indent_sim.run.pipeline import condense, simulate, states
     from indent_sim.scene.scene import resolve
+    from indent_sim.studies.surrogate import read_surrogate as surrogate
 
 
 __all__ = [
@@ -48,6 +50,7 @@ __all__ = [
     "simulate",
     "states",
     "study",
+    "surrogate",
 ]
 
 
@@ -69,6 +72,10 @@ def __getattr__(name: str) -> "Any":
         from indent_sim.fitting import notebook
 
         return getattr(notebook, name)
+    if name == "surrogate":
+        from indent_sim.studies.surrogate import read_surrogate
+
+        return read_surrogate
     if name in ("simulate", "states", "condense"):
         from indent_sim.run import pipeline
 

@@ -20,7 +20,7 @@ from indent_sim.run import sensitivities as derivatives
 from indent_sim.run.pipeline import config_of
 from indent_sim.run.planned_run import plan_with_cost
 from indent_sim.studies import curve_table, run_study, small_multiples, study_picture
-from indent_sim.studies.run_study import Study
+from indent_sim.studies.finished_study import Study, read_study
 from indent_sim.studies.study_plan import plan_study as plan_study
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def read(path: str | Path) -> Results | Study:
         If the path contains none of these, or its content is damaged.
     """
     if result_files.folder_kind(Path(path)) == "study":
-        return run_study.read_study(Path(path))
+        return read_study(Path(path))
     return reader.read(path)
 
 

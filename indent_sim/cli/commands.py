@@ -206,14 +206,50 @@ def run(
     metavar="N",
     help="Runs at the same time [1].",
 )
+@click.option(
+    "--gather", is_flag=True, help="Write the table of the runs that are there; compute none."
+)
+@click.option(
+    "--only",
+    metavar="NAME",
+    help="Make one run, with its result folder: a name or number of study.csv.",
+)
+@click.option(
+    "--surrogate",
+    metavar="COLUMN",
+    help="Fit a column (force, a, p_max) of the finished study, and state the error.",
+)
+@click.option(
+    "--within",
+    type=click.FloatRange(0, 1, min_open=True),
+    metavar="X",
+    help="Error that the surrogate must not exceed.",
+)
 @click.option("--output", type=PATH, help="Folder of the study [results/<STUDY's stem>].")
 @quiet_option
 @json_option
-def study(file: Path, verbosity: Verbosity, output_format: OutputFormat, **options: Any) -> None:
+def study(
+    file: Path,
+    only: str | None,
+    surrogate: str | None,
+    within: float | None,
+    verbosity: Verbosity,
+    output_format: OutputFormat,
+    **options: Any,
+) -> None:
     """Run a scene with varied keys and tabulate errors and costs. Prints the folder."""
     _refuse_parallel_run()
     require_resources()
     from indent_sim import studies
+
+    if within is not None and surrogate is None:
+        raise UsageError("--within is the error of a surrogate", "give --surrogate COLUMN, too")
+    if only is not None and surrogate is not None:
+        raise UsageError("--only and --surrogate exclude each other")
+    if only is not None:
+        return _make_run_of_study(file, only, options, verbosity, output_format)
+    if surrogate is not None:
+        return _make_surrogate(file, surrogate, within, options, verbosity, output_format)
 
     print_progress = print_stderr if verbosity == "all" else _discard_line
     with _quiet_libraries(LOG_LEVELS[verbosity]), raise_on_signals():
@@ -227,11 +263,62 @@ def study(file: Path, verbosity: Verbosity, output_format: OutputFormat, **optio
             print_stderr(terminal.scoreboard_text(finished_study.scoreboard))
         for line in (*finished_study.notes, *finished_study.recommendations):
             print_stderr(line)
+    if finished_study.counts and verbosity == "all":
+        print_stderr(terminal.row_counts_text(finished_study.counts))
     if finished_study.failures:
         print_stderr(
             f"{len(finished_study.failures)} of {len(finished_study.rows)} runs failed; "
             "the table gives the reasons"
         )
+
+
+def _make_run_of_study(
+    file: Path,
+    name: str,
+    options: Mapping[str, Any],
+    verbosity: Verbosity,
+    output_format: OutputFormat,
+) -> None:
+    """Make one run of a study with its result folder, and print the folder."""
+    _refuse_options_of_runs("--only", options)
+    from indent_sim import studies
+
+    with _quiet_libraries(LOG_LEVELS[verbosity]), raise_on_signals():
+        folder = studies.execute_run(file, name, output=options["output"])
+    if output_format == "json":
+        print_done({"directory": str(folder)})
+    else:
+        print_stdout(str(folder))
+
+
+def _make_surrogate(
+    file: Path,
+    column: str,
+    within: float | None,
+    options: Mapping[str, Any],
+    verbosity: Verbosity,
+    output_format: OutputFormat,
+) -> None:
+    """Fit a surrogate to a finished study, and print its file."""
+    _refuse_options_of_runs("--surrogate", options)
+    from indent_sim import studies
+
+    made = studies.make_surrogate(file, column, within=within, output=options["output"])
+    if output_format == "json":
+        print_done(made.as_json())
+    else:
+        print_stdout(str(made.path))
+    if verbosity == "all":
+        for line in made.notes:
+            print_stderr(line)
+
+
+def _refuse_options_of_runs(option: str, options: Mapping[str, Any]) -> None:
+    """Raise UsageError if options that apply to all runs of a study are given with another one."""
+    given = [key for key in ("resume", "overwrite", "shard", "gather") if options[key]]
+    given += ["jobs"] if options["jobs"] > 1 else []
+    if given:
+        raise UsageError(f"{option} cannot be combined with --{given[0]}")
 
 
 @program.command()
@@ -911,7 +998,13 @@ def _plot_study(paths: Sequence[Path], output: Path | None, options: dict[str, A
     """Plot the curves of a study, or a column of its table over the varied keys."""
     from indent_sim.results.pictures import figures
     from indent_sim.results.result_files import RUNS
-    from indent_sim.studies import curve_table, small_multiples, study_picture, study_report
+    from indent_sim.studies import (
+        curve_table,
+        many_runs,
+        small_multiples,
+        study_picture,
+        study_report,
+    )
 
     if len(paths) > 1:
         raise UsageError(
@@ -931,6 +1024,8 @@ def _plot_study(paths: Sequence[Path], output: Path | None, options: dict[str, A
         raise UsageError(
             f"--what of a study must be one of curves, {', '.join(small_multiples.PLOTTED_COLUMNS)}"
         )
+    if many_runs.is_row_study(folder):
+        return _plot_row_study(folder, panel, output, options)
     record, rows = study_report.read_study_folder(folder)
     curve_groups = curve_table.group_folder_curves(folder / RUNS, rows, record["keys"])
     if not curve_groups.curves:
@@ -942,6 +1037,24 @@ def _plot_study(paths: Sequence[Path], output: Path | None, options: dict[str, A
     try:
         with study_picture.requested_figure(curve_groups, panel, title) as figure:
             figures.save(figure, output, options.get("dpi"))
+    except OSError as error:
+        raise write_error(output, error) from error
+    print_stdout(str(output))
+
+
+def _plot_row_study(
+    folder: Path, panel: str, output: Path | None, options: Mapping[str, Any]
+) -> None:
+    """Plot the curves of a study whose runs are rows, or a column over the varied keys."""
+    from indent_sim.process.limits import write_error
+    from indent_sim.results.pictures import figures
+    from indent_sim.studies import many_runs_picture
+
+    if output is None:
+        output = folder / f"{panel}.png"
+        figures.refuse_foreign_picture(output)
+    try:
+        many_runs_picture.draw_panel(folder, panel, output, options.get("dpi"))
     except OSError as error:
         raise write_error(output, error) from error
     print_stdout(str(output))

@@ -503,6 +503,8 @@ def study_plan_text(planned: StudyPlan) -> str:
         "",
         f"{len(rows)} runs, compared with {planned.compared_with}",
     ]
+    if planned.point_count:
+        lines[-1] = f"the first runs of {planned.point_count}, which are rows without folders"
     if planned.same:
         lines[-1] += f"; {planned.same} points are the same scene as another point"
     lines.append(
@@ -675,3 +677,12 @@ def _render(width: int, *parts: Any) -> str:
     for part in parts:
         console.print(part)
     return "\n".join(line.rstrip() for line in text.getvalue().rstrip().splitlines())
+
+
+def row_counts_text(counts: Mapping[str, int]) -> str:
+    """Return the numbers of rows of a study by their status."""
+    parts = [f"{counts['done']} of {counts['total']} runs done"]
+    parts += [f"{counts[name]} {name}" for name in ("failed", "pending") if counts[name]]
+    if counts["left_out"]:
+        parts.append(f"{counts['left_out']} points left out by where")
+    return ", ".join(parts)

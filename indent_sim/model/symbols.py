@@ -342,6 +342,8 @@ set: keys and values that are the same in every run
 vary: varied keys, each with its values: a list or a range; keys are combined in all ways, or value
   by value (zip)
 cases: scenes of their own instead of base and vary: {name, scene, set, published, exact}
+sample: points of all ranges of vary together: {method: sobol or latin_hypercube, count, seed}
+where: conditions between keys that every point must fulfil; the other points are left out
 zip: keys that vary together value by value: true, or a list of them
 compare_to: reference of force, a and p_max: theory, finest, a force, a result
 tolerance [1]: largest error of the force that counts as correct; with it every row has a verdict,

@@ -50,7 +50,7 @@ def open_regular_file(path: str | Path, *, links: bool = True) -> BinaryIO:
     return os.fdopen(descriptor, "rb")
 
 
-def write_at(descriptor: int, data: bytes, position: int) -> int:
+def write_at(descriptor: int, data: bytes | memoryview, position: int) -> int:
     """Write bytes at a position of an open file, and return how many were written."""
     os.lseek(descriptor, position, os.SEEK_SET)
     return os.write(descriptor, data)

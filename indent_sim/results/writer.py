@@ -288,7 +288,7 @@ class ResultFolder:
         """Record how the run ended; further calls have no effect."""
         if self._status["status"] == "running":
             self._status = dict(
-                zip(("status", "exit_code", "reason"), _final_status(error), strict=True)
+                zip(("status", "exit_code", "reason"), final_status(error), strict=True)
             )
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
@@ -383,7 +383,7 @@ class ResultFolder:
             ) from error
 
 
-def _final_status(error: BaseException | None) -> tuple[str, int, str]:
+def final_status(error: BaseException | None) -> tuple[str, int, str]:
     """Return status, exit code and reason of a run; `error` is the exception that ended it."""
     if error is None:
         return "done", 0, ""

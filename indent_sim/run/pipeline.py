@@ -20,15 +20,17 @@ from indent_sim.model.imported_body import MeshFromFile
 from indent_sim.model.load_path import LoadPath
 from indent_sim.model.state import ERROR_COLUMNS, KRYLOV_COLUMNS, STATE_COLUMNS, State
 from indent_sim.model.tips import Indenter
-from indent_sim.process.errors import BackendError, ConfigError, VerificationError
+from indent_sim.process.errors import BackendError, ConfigError, UsageError, VerificationError
 from indent_sim.process.limits import translate_resource_errors
 from indent_sim.process.ranks import SerialComm, run_on_root
 from indent_sim.process.signals import reraise_signal
 from indent_sim.process.usage import Clock, current_memory
+from indent_sim.results.memory_folder import MemoryFolder
 from indent_sim.results.previous_run import missing_files, previous_run, resumable_report
-from indent_sim.results.reader import read
+from indent_sim.results.reader import Results, read
 from indent_sim.results.result_files import config_file_entries, read_report
 from indent_sim.results.tables import EXPERIMENT
+from indent_sim.results.writer import ResultFolder
 from indent_sim.run.derived_quantities import DerivedQuantities, Equilibrium
 from indent_sim.run.error_estimation.coarser_run import (
     CoarserRun,
@@ -61,7 +63,13 @@ from indent_sim.run.row_warnings import (
     oscillating_pressure_warnings,
     underresolved_rows,
 )
-from indent_sim.run.run_output import Comm, OptionalOutput, RunOutput, optional_output_after_run
+from indent_sim.run.run_output import (
+    Comm,
+    FolderType,
+    OptionalOutput,
+    RunOutput,
+    optional_output_after_run,
+)
 from indent_sim.run.single_run import Progress, SingleRun, backend, require_solver
 from indent_sim.run.solvers.hereditary_integral import ERROR_SOURCES, HereditaryIntegralSolver
 from indent_sim.run.solvers.semi_analytic import SemiAnalyticSolver
@@ -156,6 +164,50 @@ def simulate(
     return outcome
 
 
+def simulate_in_memory(config: Config, scene: Scene, name: str = "run") -> Results:
+    """Simulate a scene without writing files, and return its rows and its run.json.
+
+    The rows are those that `simulate` writes: the same checks, error estimates and warnings apply.
+    A failure of the scene is not raised, but recorded in the report.
+
+    Parameters
+    ----------
+    config
+        The config of the scene.
+    scene
+        The scene that `resolve` makes of the config.
+    name
+        Path of the results, which exists only as a name.
+
+    Raises
+    ------
+    UsageError, BackendError
+        The environment is at fault, not this scene.
+    """
+    folders: list[MemoryFolder] = []
+
+    def open_folder(*arguments: Any, **options: Any) -> MemoryFolder:
+        folders.append(MemoryFolder(*arguments, **options))
+        return folders[-1]
+
+    target = Path(name)
+    driver = SimulationDriver(
+        config, scene, SerialComm(), target, None, False, False, True, open_folder
+    )
+    try:
+        driver.run()
+    except (UsageError, BackendError):
+        # The next run would end in the same way.
+        raise
+    except Exception as error:
+        # A refinement level that fails before its first row does not replace an earlier level.
+        with_rows = [folder for folder in folders if folder.states] or folders
+        if with_rows:
+            return with_rows[-1].results()
+        return MemoryFolder.failed(target, error)
+    return folders[-1].results()
+
+
 class SimulationDriver:
     """Simulation of one config on one or on successively finer meshes, into the same folder."""
 
@@ -169,6 +221,7 @@ class SimulationDriver:
         resume: bool,
         error_bars: bool,
         overwrite: bool,
+        folder_type: FolderType = ResultFolder,
     ):
         self.config = config
         self.comm = comm
@@ -177,6 +230,7 @@ class SimulationDriver:
         self._scene = scene
         self._resume = resume
         self._overwrite = overwrite
+        self._folder_type = folder_type
         self._clock = Clock()
         self._previous_report = (
             comm.bcast(run_on_root(comm, resumable_report, target)) if resume else {}
@@ -246,6 +300,7 @@ class SimulationDriver:
             self.target,
             config_yaml,
             report,
+            folder_type=self._folder_type,
             surface=config.output.surface,
             mesh=mesh,
             **folder_options,

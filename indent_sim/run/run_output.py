@@ -27,6 +27,8 @@ log = logging.getLogger("indent_sim")
 # A communicator of mpi4py, which is loaded only to solve a mesh, or a SerialComm.
 Comm = Any
 Failure = tuple[str, str]  # reason of a missing output, and the traceback
+# ResultFolder, or a class with its methods that keeps the rows elsewhere.
+FolderType = Callable[..., Any]
 
 
 class OptionalOutput:
@@ -93,7 +95,10 @@ def _root_method(method: Callable[..., T]) -> Callable[..., T | None]:
 
     @wraps(method)
     def call(run_output: RunOutput, *args: Any, **options: Any) -> T | None:
-        return run_on_root(run_output.comm, lambda: method(run_output._folder, *args, **options))
+        def call_on_folder() -> T:
+            return getattr(run_output._folder, method.__name__)(*args, **options)
+
+        return run_on_root(run_output.comm, call_on_folder)
 
     return call
 
@@ -102,14 +107,21 @@ class RunOutput:
     """Result folder shared by all MPI ranks: rank 0 writes, failures are raised on all."""
 
     def __init__(
-        self, comm: Comm, target: Path, config_yaml: str, report: Mapping[str, Any], **options: Any
+        self,
+        comm: Comm,
+        target: Path,
+        config_yaml: str,
+        report: Mapping[str, Any],
+        *,
+        folder_type: FolderType = ResultFolder,
+        **options: Any,
     ):
         self.comm = comm
         self.report = dict(report)
-        self._open_folder = lambda: ResultFolder(
+        self._open_folder = lambda: folder_type(
             target, config_yaml, report=self.report, **options
         ).__enter__()
-        self._folder: ResultFolder | None = None
+        self._folder: Any = None
         self.earlier: PreviousRun | None = None
         # Outputs of all ranks together, and of each rank alone.
         self.optional_output = OptionalOutput(comm, self._report_missing)

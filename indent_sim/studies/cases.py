@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import islice
 from typing import Any
 
 from indent_sim.config.scene_file import (
@@ -18,7 +19,7 @@ from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import KeyPath, inline_yaml, key_path, short_yaml
 from indent_sim.process.errors import ConfigError, ConfigErrors
 from indent_sim.run.planned_run import PlannedRun
-from indent_sim.studies.parameter_points import ParameterPoint, Setting, StiffnessMultiple
+from indent_sim.studies.parameter_values import ParameterPoint, Setting, StiffnessMultiple
 from indent_sim.studies.study_file import RunRequest, StudyFile
 
 
@@ -215,12 +216,14 @@ def _add_tolerance_hint(error: ConfigError, rejected_count: int, case_count: int
     return ConfigErrors.combine([*other_errors, replace(last_error, remedy=remedy)])
 
 
-def validate_cases(study: StudyFile) -> tuple[list[Case], list[RejectedCase]]:
-    """Return the valid cases of a study, and its rejected cases."""
-    build_case = _CaseBuilder(study.common_settings)
+def validate_cases(
+    study: StudyFile, limit: int | None = None
+) -> tuple[list[Case], list[RejectedCase]]:
+    """Return the valid cases of a study, or of its first `limit` points, and its rejected cases."""
+    build_case = CaseBuilder(study.common_settings)
     cases: list[Case] = []
     rejected_cases: list[RejectedCase] = []
-    for index, request in enumerate(study.run_requests()):
+    for index, request in enumerate(islice(study.iterate_requests(), limit)):
         try:
             cases.append(build_case(index, request))
         except ConfigError as error:
@@ -232,7 +235,7 @@ def validate_cases(study: StudyFile) -> tuple[list[Case], list[RejectedCase]]:
     return cases, rejected_cases
 
 
-class _CaseBuilder:
+class CaseBuilder:
     """Builder of cases that caches the unit of stiffness E*/h_contact of each body and mesh."""
 
     def __init__(self, common_settings: ParameterPoint):

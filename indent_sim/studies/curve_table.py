@@ -16,7 +16,7 @@ from indent_sim.process.errors import IndentSimError, UsageError
 from indent_sim.results.reader import Results, read_run
 from indent_sim.studies import study_table
 from indent_sim.studies.cases import Case
-from indent_sim.studies.parameter_points import STIFFNESS_UNIT, StiffnessMultiple
+from indent_sim.studies.parameter_values import STIFFNESS_UNIT, StiffnessMultiple
 from indent_sim.studies.study_table import Row
 
 CURVE_COLUMNS = ("step", "delta", "force", "a", "force_error")

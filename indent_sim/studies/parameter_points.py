@@ -5,60 +5,63 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from indent_sim.config.scene_file import SourceLocation
 from indent_sim.config.scene_sections import Source
 from indent_sim.config.strict_yaml import KeyPath, key_text
 from indent_sim.process.errors import ConfigError
+from indent_sim.studies.parameter_values import (
+    STIFFNESS_UNIT,
+    ParameterPoint,
+    Setting,
+    StiffnessMultiple,
+)
+from indent_sim.studies.sample import MOST_SAMPLED_KEYS, Sample, SampledRange
 
 RANGE_KEYS = ("from", "to", "count", "spacing", "unit")
-STIFFNESS_UNIT = "E*/h_contact"
-# Largest number of runs of one study.
-MOST_RUNS = 100_000
+# Largest number of runs of one study, and of values of one key.
+MOST_RUNS = 1_000_000
+MOST_VALUES = 100_000
 # Largest end of a range: larger than any quantity of a scene; products of two do not overflow.
 LARGEST_RANGE_END = 1e100
 
 
 @dataclass(frozen=True)
-class StiffnessMultiple:
-    """Contact stiffness as a multiple of E*/h_contact of the scene."""
-
-    factor: float
-
-
-# Dotted key, value, and its file and line.
-Setting = tuple[str, Any, SourceLocation]
-ParameterPoint = tuple[Setting, ...]
-
-
-@dataclass(frozen=True)
 class ParameterBlock:
-    """Grid of parameter points: the product of its axes; the keys of one axis vary together."""
+    """Grid of parameter points: the product of its axes; the keys of one axis vary together.
+
+    The points of a sample are the first axis of the grid, so that more of them come last.
+    """
 
     axes: tuple[tuple[ParameterPoint, ...], ...]
+    sample: Sample | None = None
 
     @property
     def size(self) -> int:
         """The number of points."""
-        return math.prod(map(len, self.axes))
+        return math.prod(map(len, self.axes)) * (self.sample.count if self.sample else 1)
 
     @property
     def keys(self) -> tuple[str, ...]:
         """The varied keys in order."""
-        return tuple(key for axis in self.axes for key, _, _ in axis[0])
+        grid_keys = tuple(key for axis in self.axes for key, _, _ in axis[0])
+        return (*self.sample.keys, *grid_keys) if self.sample else grid_keys
 
 
 def grid_points(block: ParameterBlock) -> Iterator[ParameterPoint]:
     """Yield the points of a grid; the last axis varies fastest."""
-    for combination in itertools.product(*block.axes):
-        yield tuple(setting for part in combination for setting in part)
+    sample_points = block.sample.points() if block.sample else iter([()])
+    for sample_point in sample_points:
+        for combination in itertools.product(*block.axes):
+            yield (*sample_point, *(setting for part in combination for setting in part))
 
 
-def read_block(part: Mapping[str, Any], keys: KeyPath, source: Source) -> ParameterBlock:
+def read_block(
+    part: Mapping[str, Any], keys: KeyPath, source: Source, sample: Sample | None = None
+) -> ParameterBlock:
     """Read the grid of one section of `vary`.
 
     Parameters
@@ -67,11 +70,22 @@ def read_block(part: Mapping[str, Any], keys: KeyPath, source: Source) -> Parame
         Keys and values; `zip: true` or `zip: [keys]` lets keys vary together.
     keys, source
         Place of the section in the document, and file and line of each key, for error messages.
+    sample
+        The sample of the study without its ranges, which are those of this section; None for grids.
     """
+    ranges = (
+        {
+            key: _sampled_range(values_given, (*keys, key), key, source)
+            for key, values_given in part.items()
+            if isinstance(values_given, dict) and "from" in values_given
+        }
+        if sample
+        else {}
+    )
     values = {
         key: _read_values(values_given, (*keys, key), key, source)
         for key, values_given in part.items()
-        if key != "zip"
+        if key != "zip" and key not in ranges
     }
     zipped_keys = _zipped_keys(part.get("zip", False), values, (*keys, "zip"), source)
     axes: list[tuple[ParameterPoint, ...]] = []
@@ -80,7 +94,16 @@ def read_block(part: Mapping[str, Any], keys: KeyPath, source: Source) -> Parame
             axes.append(tuple((setting,) for setting in settings))
         elif key == zipped_keys[0]:
             axes.append(tuple(zip(*(values[name] for name in zipped_keys), strict=True)))
-    return ParameterBlock(tuple(axes))
+    if sample is None:
+        return ParameterBlock(tuple(axes))
+    if not 1 <= len(ranges) <= MOST_SAMPLED_KEYS:
+        raise _config_error(
+            keys,
+            source,
+            f"a sample needs 1 to {MOST_SAMPLED_KEYS} ranges here, there are {len(ranges)}",
+            "give ranges {from, to, spacing}, or leave out sample",
+        )
+    return ParameterBlock(tuple(axes), replace(sample, ranges=tuple(ranges.values())))
 
 
 def _zipped_keys(
@@ -128,24 +151,12 @@ def _read_values(values_given: Any, keys: KeyPath, key: str, source: Source) -> 
 
 def _range_values(range_given: Mapping[str, Any], keys: KeyPath, source: Source) -> list[Any]:
     """Return `count` numbers from `from` to `to`, with linear or logarithmic spacing."""
-    if unknown := [key for key in range_given if key not in RANGE_KEYS]:
-        raise _config_error(
-            (*keys, unknown[0]), source, "unknown key", f"a range has {', '.join(RANGE_KEYS)}"
-        )
-    first, last = (_range_end(range_given, end, keys, source) for end in ("from", "to"))
+    first, last, spacing, unit = _range_parts(range_given, keys, source)
     count = range_given.get("count")
-    spacing = range_given.get("spacing", "linear")
-    unit = range_given.get("unit", 1)
-    if type(count) is not int or not 1 <= count <= MOST_RUNS:
+    if type(count) is not int or not 1 <= count <= MOST_VALUES:
         raise _config_error(
-            (*keys, "count"), source, f"must be a whole number from 1 to {MOST_RUNS}"
+            (*keys, "count"), source, f"must be a whole number from 1 to {MOST_VALUES}"
         )
-    if spacing not in ("linear", "log"):
-        raise _config_error((*keys, "spacing"), source, "must be linear or log")
-    if unit not in (1, STIFFNESS_UNIT):
-        raise _config_error((*keys, "unit"), source, f"must be {STIFFNESS_UNIT}")
-    if spacing == "log" and not (first > 0 and last > 0):
-        raise _config_error((*keys, "from"), source, "must be > 0 for spacing: log")
     numbers = (
         np.geomspace(first, last, count) if spacing == "log" else np.linspace(first, last, count)
     )
@@ -154,6 +165,43 @@ def _range_values(range_given: Mapping[str, Any], keys: KeyPath, source: Source)
         return [StiffnessMultiple(value) for value in values]
     is_integer = type(first) is type(last) is int and all(value.is_integer() for value in values)
     return [int(value) for value in values] if is_integer else values
+
+
+def _sampled_range(
+    range_given: Mapping[str, Any], keys: KeyPath, key: str, source: Source
+) -> SampledRange:
+    """Return a range whose values are sampled."""
+    first, last, spacing, unit = _range_parts(range_given, keys, source)
+    if "count" in range_given:
+        raise _config_error(
+            (*keys, "count"), source, "is not allowed in a sampled range", "set sample.count"
+        )
+    if first == last:
+        raise _config_error((*keys, "to"), source, "must differ from `from` in a sampled range")
+    is_stiffness = unit == STIFFNESS_UNIT
+    return SampledRange(
+        key, float(first), float(last), spacing == "log", is_stiffness, source.location(keys)
+    )
+
+
+def _range_parts(
+    range_given: Mapping[str, Any], keys: KeyPath, source: Source
+) -> tuple[int | float, int | float, str, Any]:
+    """Return the ends of a range, its spacing and its unit."""
+    if unknown := [key for key in range_given if key not in RANGE_KEYS]:
+        raise _config_error(
+            (*keys, unknown[0]), source, "unknown key", f"a range has {', '.join(RANGE_KEYS)}"
+        )
+    first, last = (_range_end(range_given, end, keys, source) for end in ("from", "to"))
+    spacing = range_given.get("spacing", "linear")
+    unit = range_given.get("unit", 1)
+    if spacing not in ("linear", "log"):
+        raise _config_error((*keys, "spacing"), source, "must be linear or log")
+    if unit not in (1, STIFFNESS_UNIT):
+        raise _config_error((*keys, "unit"), source, f"must be {STIFFNESS_UNIT}")
+    if spacing == "log" and not (first > 0 and last > 0):
+        raise _config_error((*keys, "from"), source, "must be > 0 for spacing: log")
+    return first, last, spacing, unit
 
 
 def _range_end(

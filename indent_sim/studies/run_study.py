@@ -4,124 +4,31 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import Any
 
 from indent_sim.process.errors import NotConverged, UsageError
-from indent_sim.process.repr_tables import ReprTable
 from indent_sim.process.usage import duration_text, machine_memory
-from indent_sim.results.atomic_files import read_regular_file
-from indent_sim.results.reader import Results, data_frame
-from indent_sim.results.result_files import STUDY, Report, read_report
+from indent_sim.results.reader import Results
+from indent_sim.results.result_files import Report
 from indent_sim.studies import cases as case_list
-from indent_sim.studies import curve_table, study_file, study_folder, study_picture, study_table
+from indent_sim.studies import (
+    curve_table,
+    row_study,
+    study_file,
+    study_folder,
+    study_picture,
+    study_table,
+)
 from indent_sim.studies.cases import Case
+from indent_sim.studies.finished_study import Study
 from indent_sim.studies.reference import scoreboard
 from indent_sim.studies.reference.reference_solution import ReferenceSolution
 from indent_sim.studies.study_folder import StudyFolder
-from indent_sim.studies.study_table import Row
 from indent_sim.studies.worker import ExitStatus, Job, run_jobs
 
-if TYPE_CHECKING:
-    import pandas
-
 ReportLine = Callable[[str], None]
-
-
-@dataclass(frozen=True, eq=False)
-class Study:
-    """Finished study: its folder, its table and the recommended settings.
-
-    Attributes
-    ----------
-    directory, title
-        Folder and title of the study.
-    keys
-        The varied keys.
-    compared_with
-        Name of the reference solution with which the forces are compared.
-    rows
-        The rows of the table; empty for a shard, which only performs its part of the runs.
-    notes
-        Remarks on the reference.
-    scoreboard
-        One row per case with a published value.
-    """
-
-    directory: Path
-    title: str
-    keys: tuple[str, ...]
-    compared_with: str
-    rows: Sequence[Row]
-    notes: tuple[str, ...] = ()
-    scoreboard: Sequence[Row] = ()
-
-    @property
-    def recommendations(self) -> list[str]:
-        """Recommended runs for errors of 5 %, 1 % and 0.1 % of the force.
-
-        In a study with a tolerance they are the numbers of rows with each verdict.
-        """
-        if any(self.verdicts.values()):
-            return [", ".join(f"{count} {name}" for name, count in self.verdicts.items())]
-        return study_table.recommendations(self.rows, self.keys)
-
-    @property
-    def verdicts(self) -> dict[str, int]:
-        """Number of rows with each verdict (right, flagged, refused, wrong)."""
-        return study_table.verdict_counts(self.rows)
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """Names of the columns of the table."""
-        return tuple(self.rows[0]) if self.rows else ()
-
-    def __getitem__(self, column: str) -> np.ndarray:
-        """Return a column of the table as numbers (unknown: NaN) or objects."""
-        values = [row[column] for row in self.rows]
-        is_number = all(isinstance(value, (int, float, type(None))) for value in values)
-        return np.array(
-            [np.nan if value is None else value for value in values],
-            dtype=float if is_number else object,
-        )
-
-    def __len__(self) -> int:
-        return len(self.rows)
-
-    def __repr__(self) -> str:
-        return self._repr_table().text
-
-    def _repr_html_(self) -> str:
-        return self._repr_table().html
-
-    def _repr_table(self) -> ReprTable:
-        """Return the table for a notebook: varied keys and main results."""
-        shown_columns = ("status", "force", "a", "p_max", "force_error_vs", "cpu_s", "verdict")
-        names = [
-            name
-            for name in (*self.keys, *shown_columns)
-            if any(row.get(name) is not None for row in self.rows)
-        ]
-        rows = [[row[name] for name in names] for row in self.rows]
-        done_count = sum(row["status"] == "done" for row in self.rows)
-        return ReprTable(
-            f"{self.title}: {done_count} of {len(rows)} runs done",
-            names,
-            rows,
-            "; ".join(self.recommendations),
-        )
-
-    def to_pandas(self) -> pandas.DataFrame:
-        """Return the table as a DataFrame; raise BackendError without pandas."""
-        return data_frame({name: self[name] for name in self.columns})
-
-    @property
-    def failures(self) -> list[Row]:
-        """Rows of the table whose run has not succeeded."""
-        return [row for row in self.rows if row["status"] != "done"]
 
 
 def execute_study(
@@ -132,6 +39,7 @@ def execute_study(
     shard: tuple[int, int] | None = None,
     jobs: int = 1,
     overwrite: bool = False,
+    gather: bool = False,
     tell: ReportLine = lambda line: None,
 ) -> Study:
     """Run a study and write its table and pictures.
@@ -150,6 +58,8 @@ def execute_study(
         Number of runs at the same time, each in its own process.
     overwrite
         Replace finished runs that are not part of this study.
+    gather
+        Write the table of the runs that are there, and perform none.
     tell
         Function that is called with each line of progress.
 
@@ -166,6 +76,20 @@ def execute_study(
         No run gave a result.
     """
     study = study_file.read(study_input)
+    if gather and (shard is not None or overwrite):
+        raise UsageError("--gather merges what all shards have computed: no --shard, --overwrite")
+    if not study.keeps_all_runs:
+        directory = output or study.directory
+        return row_study.execute_row_study(
+            study,
+            directory,
+            resume=resume,
+            shard=shard,
+            jobs=jobs,
+            overwrite=overwrite,
+            gather=gather,
+            tell=tell,
+        )
     resolved_cases = cases, _ = case_list.resolve_cases(study)
     scoreboard.check_published_rows(study.named_cases, cases)
     reference = ReferenceSolution(study, cases)
@@ -183,17 +107,18 @@ def execute_study(
         output or study.directory, study.title, study.keys, reference.name, [], reference.notes
     )
     names = [case.name for case in shard_cases]
-    options = {"resume": resume, "shared": shard is not None, "overwrite": overwrite}
+    options = {"resume": resume or gather, "shared": shard is not None, "overwrite": overwrite}
     folder = study_folder.open_study_folder(finished.directory, names=names, **options)
     with folder as open_folder:
-        open_folder.write_record(
-            title=study.title, study=str(study.path), keys=study.keys, compare_to=reference.name
-        )
+        record: Report = {"title": study.title, "study": str(study.path), "keys": study.keys}
+        record |= {"left_out": study.left_out_count()} if study.conditions else {}
+        open_folder.write_record(**record, compare_to=reference.name)
         if shard is not None:
             _run_cases(shard_cases, open_folder, jobs, tell)
             return finished
         try:
-            _run_cases(shard_cases, open_folder, jobs, tell)
+            if not gather:
+                _run_cases(shard_cases, open_folder, jobs, tell)
         finally:
             ended_runs = ((case.id, open_folder.ended_results(case.name)) for case in shard_cases)
             results_by_id = {name: results for name, results in ended_runs if results is not None}
@@ -207,9 +132,7 @@ def execute_study(
                 scoreboard=scoreboard_rows,
                 compared_with=reference.name,
             )
-            open_folder.write_record(
-                title=study.title, study=str(study.path), keys=study.keys, compare_to=reference.name
-            )
+            open_folder.write_record(**record, compare_to=reference.name)
             open_folder.write_file(study_folder.STUDY_TABLE, study_table.write(rows))
             if scoreboard_rows:
                 open_folder.write_file(study_folder.SCOREBOARD, study_table.write(scoreboard_rows))
@@ -241,36 +164,6 @@ def _draw_pictures(
     study_picture.draw_curves(curve_groups, title, directory / study_folder.CURVES_PICTURE)
     study_picture.draw_scoreboard(
         study.scoreboard, title, directory / study_folder.SCOREBOARD_PICTURE
-    )
-
-
-def read_study(folder: Path) -> Study:
-    """Read a finished study from its folder; raise UsageError if there is none."""
-    record = read_report(folder, STUDY)
-    table = folder / study_folder.STUDY_TABLE
-    scoreboard_rows: list[Row] = []
-    try:
-        rows = study_table.read(read_regular_file(table).decode("utf-8"))
-        if (folder / study_folder.SCOREBOARD).exists():
-            scoreboard_rows = scoreboard.read(
-                read_regular_file(folder / study_folder.SCOREBOARD).decode("utf-8")
-            )
-        keys = tuple(map(str, record["keys"]))
-        required_columns = {"status", "verdict", *keys}
-        if not rows or not required_columns <= rows[0].keys():
-            raise ValueError(
-                "its table has no rows or lacks one of the columns "
-                f"{', '.join(sorted(required_columns))}"
-            )
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise UsageError(f"{folder} has no readable study: {error}", file=str(folder)) from None
-    return Study(
-        folder,
-        str(record.get("title") or folder.resolve().name),
-        keys,
-        str(record.get("compare_to")),
-        rows,
-        scoreboard=scoreboard_rows,
     )
 
 
@@ -333,19 +226,3 @@ def _outcome_text(results: Results | None, ending: ExitStatus) -> str:
 def _expected_seconds(case: Case) -> float:
     """Return the predicted CPU time [s] of a run, including its error estimate."""
     return case.planned_run.study_seconds()
-
-
-def as_json(study: Study) -> Report:
-    """Return a study as an object for JSON."""
-    names = (
-        "directory",
-        "title",
-        "compared_with",
-        "rows",
-        "recommendations",
-        "notes",
-        "verdicts",
-        "scoreboard",
-    )
-    pareto = [row["index"] for row in study_table.pareto_front(study.rows)]
-    return {name: getattr(study, name) for name in names} | {"pareto": pareto}

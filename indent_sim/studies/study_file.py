@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,24 +22,48 @@ from indent_sim.config.scene_sections import Source
 from indent_sim.config.schema import allowed_keys_at
 from indent_sim.config.strict_yaml import MAX_DEPTH, KeyPath, key_path, key_text
 from indent_sim.process.errors import ConfigError, ConfigErrors, UsageError
+from indent_sim.studies.condition import (
+    MAX_CONDITIONS,
+    Condition,
+    ConditionError,
+    parse_condition,
+)
 from indent_sim.studies.parameter_points import (
     LARGEST_RANGE_END,
     MOST_RUNS,
     ParameterBlock,
-    ParameterPoint,
     grid_points,
     read_block,
 )
+from indent_sim.studies.parameter_values import ParameterPoint
 from indent_sim.studies.reference.published import (
     ExactValue,
     PublishedValue,
     read_exact,
     read_published,
 )
+from indent_sim.studies.sample import Sample, read_sample
+from indent_sim.studies.scene_numbers import SceneNumbers
 
 # YAML document as parsed.
 Document = dict[str, Any]
-STUDY_KEYS = ("title", "base", "set", "vary", "cases", "compare_to", "tolerance", "output")
+STUDY_KEYS = (
+    "title",
+    "base",
+    "set",
+    "vary",
+    "sample",
+    "where",
+    "cases",
+    "compare_to",
+    "tolerance",
+    "output",
+)
+# Runs that get a result folder; "auto" is all of them up to MOST_FOLDERS_AUTO runs.
+RUN_FOLDERS = ("auto", "all", "failed", "none")
+MOST_FOLDERS_AUTO = 1000
+# Most runs with a folder each.
+MOST_FOLDERS = 100_000
 CASE_KEYS = ("name", "scene", "set", "published", "exact")
 # This column has the names of cases in a study without varied keys.
 CASE_COLUMN = "case"
@@ -115,6 +140,10 @@ class StudyFile:
         Folder of the study.
     named_cases
         Cases with their own scenes, instead of `base` and `blocks`.
+    run_folders
+        The runs that get a result folder: one of RUN_FOLDERS.
+    conditions
+        Conditions that every point must fulfil; the others are left out.
     """
 
     path: Path
@@ -128,6 +157,26 @@ class StudyFile:
     tolerance: float | None
     directory: Path
     named_cases: tuple[NamedCase, ...] = ()
+    run_folders: str = "auto"
+    conditions: tuple[Condition, ...] = ()
+
+    @property
+    def point_count(self) -> int:
+        """Number of points, with those that the conditions leave out."""
+        return sum(block.size for block in self.blocks) + len(self.named_cases)
+
+    @property
+    def keeps_all_runs(self) -> bool:
+        """True if every run has a result folder; otherwise a row without a folder suffices."""
+        if self.run_folders != "auto":
+            return self.run_folders == "all"
+        needs_results = self.is_compared or bool(self.named_cases)
+        return needs_results or self.point_count <= MOST_FOLDERS_AUTO
+
+    @property
+    def is_compared(self) -> bool:
+        """True if the study itself requests a comparison of its forces."""
+        return self.compare_to != "finest" or self.tolerance is not None
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -138,17 +187,32 @@ class StudyFile:
 
     def run_requests(self) -> list[RunRequest]:
         """Return the runs in the order of study.csv."""
-        grid = [RunRequest(self.base, self.source, point) for point in self.grid_points()]
-        return grid + [
-            RunRequest(
-                named_case.base, named_case.source, named_case.point, {CASE_COLUMN: named_case.name}
-            )
-            for named_case in self.named_cases
-        ]
+        return list(self.iterate_requests())
+
+    def iterate_requests(self) -> Iterator[RunRequest]:
+        """Yield the runs in the order of study.csv."""
+        for point in self.iterate_points():
+            yield RunRequest(self.base, self.source, point)
+        for named_case in self.named_cases:
+            labels = {CASE_COLUMN: named_case.name}
+            yield RunRequest(named_case.base, named_case.source, named_case.point, labels)
 
     def grid_points(self) -> list[ParameterPoint]:
         """Return the points of all blocks; within a block the last key varies fastest."""
-        return [point for block in self.blocks for point in grid_points(block)]
+        return list(self.iterate_points())
+
+    def iterate_points(self) -> Iterator[ParameterPoint]:
+        """Yield the points of all blocks that fulfil the conditions."""
+        numbers = SceneNumbers(self.base, self.source, self.common_settings)
+        for point in itertools.chain.from_iterable(map(grid_points, self.blocks)):
+            if all(numbers.fulfil(condition, point) for condition in self.conditions):
+                yield point
+
+    def left_out_count(self) -> int:
+        """Return the number of points that the conditions leave out."""
+        if not self.conditions:
+            return 0
+        return self.point_count - sum(1 for _ in self.iterate_points())
 
 
 def read(study_input: Path | str | Mapping[str, Any]) -> StudyFile:
@@ -205,7 +269,7 @@ def read(study_input: Path | str | Mapping[str, Any]) -> StudyFile:
     title = title or str(base.get("title") or path.stem)
     settings_and_blocks = (reader.read_common_settings(), reader.read_blocks())
     reference = (reader.read_compare_to(), reader.location(("compare_to",)))
-    return StudyFile(
+    study = StudyFile(
         path,
         title,
         base,
@@ -214,7 +278,13 @@ def read(study_input: Path | str | Mapping[str, Any]) -> StudyFile:
         *reference,
         reader.read_tolerance(),
         reader.read_directory(),
+        run_folders=reader.read_run_folders(),
+        conditions=reader.read_conditions(),
     )
+    reader.check_run_folders(study)
+    if study.conditions and next(study.iterate_points(), None) is None:
+        raise reader.config_error(("where",), "leaves out all points of the study")
+    return study
 
 
 def _unknown_key_error(key: str, source: Source) -> ConfigError:
@@ -291,7 +361,7 @@ class _StudyReader:
 
     def read_named_cases(self) -> StudyFile:
         """Return a study of `cases`, each of which has its own scene."""
-        for key in ("base", "vary", "compare_to", "tolerance"):
+        for key in ("base", "vary", "sample", "where", "compare_to", "tolerance"):
             if key in self.document:
                 raise self.config_error(
                     (key,),
@@ -303,8 +373,8 @@ class _StudyReader:
             raise self.config_error(
                 ("cases",), "must be a list of cases", f"each has {', '.join(CASE_KEYS)}"
             )
-        if len(raw_cases) > MOST_RUNS:
-            raise self.config_error(("cases",), f"more than {MOST_RUNS} runs")
+        if len(raw_cases) > MOST_FOLDERS:
+            raise self.config_error(("cases",), f"more than {MOST_FOLDERS} runs")
         named_cases = tuple(
             self.read_named_case(raw_case, ("cases", index))
             for index, raw_case in enumerate(raw_cases)
@@ -440,7 +510,7 @@ class _StudyReader:
         output_settings = {
             f"output.{key}": (value, self.location(("output", key)))
             for key, value in output.items()
-            if key != "directory"
+            if key not in ("directory", "runs")
         }
         set_settings = {
             key: (value, self.location(("set", key)))
@@ -473,6 +543,7 @@ class _StudyReader:
         is_list = isinstance(vary, list)
         parts = list(enumerate(vary)) if isinstance(vary, list) else [(0, vary)]
         blocks = []
+        sample = self.read_sample()
         for index, part in parts:
             keys: KeyPath = ("vary", index) if is_list else ("vary",)
             if not isinstance(part, dict) or not set(part) - {"zip"}:
@@ -483,10 +554,59 @@ class _StudyReader:
             for key in varied_keys:
                 self.check_key((*keys, key), key)
             self.check_overlaps(varied_keys, keys)
-            blocks.append(read_block(part, keys, self.source))
+            blocks.append(read_block(part, keys, self.source, sample))
             if sum(block.size for block in blocks) > MOST_RUNS:
                 raise self.config_error(keys, f"more than {MOST_RUNS} runs")
         return tuple(blocks)
+
+    def read_sample(self) -> Sample | None:
+        """Return the sample of the study without its ranges; None for grids."""
+        if "sample" not in self.document:
+            return None
+        return read_sample(self.read_section("sample"), self.source)
+
+    def read_conditions(self) -> tuple[Condition, ...]:
+        """Return the conditions of `where`: one text, or a list of texts."""
+        given = self.document.get("where", [])
+        texts = [given] if isinstance(given, str) else given
+        if not isinstance(texts, list) or len(texts) > MAX_CONDITIONS:
+            raise self.config_error(
+                ("where",), f"must be a text, or a list of at most {MAX_CONDITIONS} texts"
+            )
+        conditions = []
+        for index, text in enumerate(texts):
+            keys: KeyPath = ("where", index) if isinstance(given, list) else ("where",)
+            example = 'for example "indenter.R < body.height"'
+            if not isinstance(text, str):
+                raise self.config_error(keys, "must be a text", example)
+            try:
+                conditions.append(parse_condition(text))
+            except ConditionError as error:
+                raise self.config_error(keys, str(error), example) from None
+        return tuple(conditions)
+
+    def read_run_folders(self) -> str:
+        """Return the runs that get a result folder, one of RUN_FOLDERS."""
+        folders = self.read_section("output").get("runs", "auto")
+        if folders not in RUN_FOLDERS:
+            raise self.config_error(("output", "runs"), f"must be one of {', '.join(RUN_FOLDERS)}")
+        return str(folders)
+
+    def check_run_folders(self, study: StudyFile) -> None:
+        """Raise ConfigError if a study requests what rows without folders do not have."""
+        if study.keeps_all_runs:
+            if study.point_count > MOST_FOLDERS:
+                raise self.config_error(
+                    ("output", "runs"),
+                    f"{study.point_count} runs cannot have a folder each: {MOST_FOLDERS} can",
+                    "write failed or none, and leave out compare_to and tolerance",
+                )
+            return
+        needs_results = [key for key in ("compare_to", "tolerance") if key in self.document]
+        if needs_results:
+            raise self.config_error(
+                (needs_results[0],), "needs the results of all runs", "set output.runs: all"
+            )
 
     def check_overlaps(self, given_keys: list[str], keys: KeyPath) -> None:
         """Raise ConfigError if a section and a key inside it are both set."""

@@ -30,7 +30,11 @@ from indent_sim.results.result_files import LOCK, PROGRAM, REPORT, RUNS, STUDY, 
 STUDY_TABLE = "study.csv"
 STUDY_PICTURE = "study.png"
 CURVES = "curves.csv"
+CURVES_HDF5 = "curves.h5"
 CURVES_PICTURE = "curves.png"
+SAMPLES_PICTURE = "samples.png"
+MAPS_PICTURE = "maps.png"
+SOBOL_PICTURE = "sobol.png"
 SCOREBOARD = "verification.csv"
 SCOREBOARD_PICTURE = "verification.png"
 STUDY_FILES = (
@@ -38,11 +42,18 @@ STUDY_FILES = (
     STUDY_TABLE,
     STUDY_PICTURE,
     CURVES,
+    CURVES_HDF5,
     CURVES_PICTURE,
     SCOREBOARD,
     SCOREBOARD_PICTURE,
+    SAMPLES_PICTURE,
+    MAPS_PICTURE,
+    SOBOL_PICTURE,
     RUNS,
 )
+# Pictures that are recognised by their signature, so that no picture of a user is replaced.
+PICTURES = tuple(name for name in STUDY_FILES if name.endswith(".png") and name != STUDY_PICTURE)
+
 # Longest time to wait until the worker process of a killed study has ended [s].
 WORKER_TIMEOUT = 5.0
 
@@ -92,9 +103,7 @@ class StudyFolder:
         self._folder_names: dict[str, str] = {}
 
     def __enter__(self) -> StudyFolder:
-        result_files.refuse_foreign(
-            self.path, "study", (STUDY_PICTURE, CURVES_PICTURE, SCOREBOARD_PICTURE)
-        )
+        result_files.refuse_foreign(self.path, "study", (STUDY_PICTURE, *PICTURES))
         if self._runs_folder.is_symlink() or (
             self._runs_folder.exists() and not self._runs_folder.is_dir()
         ):

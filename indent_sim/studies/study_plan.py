@@ -11,8 +11,11 @@ from indent_sim.studies import cases as case_list
 from indent_sim.studies import study_file
 from indent_sim.studies.reference import scoreboard
 from indent_sim.studies.reference.reference_solution import ReferenceSolution
+from indent_sim.studies.shard import check_first_points
 from indent_sim.studies.study_table import Row
 
+# Points of a study that are planned if its runs are rows.
+PLANNED_POINTS = 100
 PREDICTED_COLUMNS = ("force", "delta", "dofs", "memory_MB", "seconds")
 
 
@@ -34,6 +37,9 @@ class StudyPlan:
         Errors of the points that are not valid scenes.
     notes
         Remarks on the reference.
+    point_count
+        Number of points of a study whose runs are rows, of which only the first are planned; 0 for
+        other studies, all of whose runs are planned.
     """
 
     title: str
@@ -43,16 +49,23 @@ class StudyPlan:
     same: int
     refused: Sequence[str]
     notes: tuple[str, ...]
+    point_count: int = 0
 
     @property
     def seconds(self) -> float:
-        """Predicted CPU time [s] of all runs together, excluding the import of libraries."""
-        return round(sum(row["seconds"] or 0.0 for row in self.rows), 1)
+        """Predicted CPU time [s] of all runs together, excluding the import of libraries.
+
+        If only the first points are planned, it is their mean times the number of points.
+        """
+        seconds = sum(row["seconds"] or 0.0 for row in self.rows)
+        planned_count = len(self.rows) + self.same + len(self.refused)
+        return round(seconds * max(1.0, self.point_count / max(1, planned_count)), 1)
 
     def as_json(self) -> Row:
         """Return the plan as an object for JSON."""
         names = ("title", "compared_with", "rows", "same", "refused", "seconds", "notes")
-        return {name: getattr(self, name) for name in names}
+        points = {"points": self.point_count} if self.point_count else {}
+        return {name: getattr(self, name) for name in names} | points
 
 
 def plan_study(study_input: Path | str | Mapping[str, Any], error_bars: bool = False) -> StudyPlan:
@@ -71,7 +84,13 @@ def plan_study(study_input: Path | str | Mapping[str, Any], error_bars: bool = F
         The same errors that `execute_study` raises before its first run.
     """
     study = study_file.read(study_input)
-    cases, rejected_cases = case_list.resolve_cases(study)
+    point_count = 0
+    if study.keeps_all_runs:
+        cases, rejected_cases = case_list.resolve_cases(study)
+    else:
+        check_first_points(study)
+        cases, rejected_cases = case_list.validate_cases(study, PLANNED_POINTS)
+        point_count = study.point_count - study.left_out_count()
     scoreboard.check_published_rows(study.named_cases, cases)
     reference = ReferenceSolution(study, cases)
     runs = case_list.unique_cases(cases)
@@ -95,4 +114,5 @@ def plan_study(study_input: Path | str | Mapping[str, Any], error_bars: bool = F
         len(cases) - len(runs),
         rejected_errors,
         reference.notes,
+        point_count,
     )

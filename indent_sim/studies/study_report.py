@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -13,7 +13,8 @@ from indent_sim.results.atomic_files import read_regular_file
 from indent_sim.results.html_report import Picture, render_page, thinned_table
 from indent_sim.results.pictures import figures
 from indent_sim.results.result_files import RUNS, STUDY, Report, read_report
-from indent_sim.studies import curve_table, study_picture, study_table
+from indent_sim.studies import curve_table, many_runs_picture, study_picture, study_table
+from indent_sim.studies.many_runs import is_row_study, read_many_runs
 from indent_sim.studies.reference import scoreboard
 from indent_sim.studies.study_folder import SCOREBOARD, STUDY_TABLE
 from indent_sim.studies.study_table import Row
@@ -21,6 +22,8 @@ from indent_sim.studies.study_table import Row
 
 def study_page(folder: Path) -> str:
     """Return the HTML page of a study's folder; raise UsageError without a readable study."""
+    if is_row_study(folder):
+        return _row_study_page(folder)
     record, rows = read_study_folder(folder)
     title = str(record.get("title") or folder.resolve().name)
     names = [
@@ -79,6 +82,49 @@ def study_page(folder: Path) -> str:
     page_parts = {"pictures": pictures, "warnings": sorted(warnings), "tables": tables}
     failure = "" if done_count else "no run has a result"
     return render_page(title=title, subtitle=subtitle, failure=failure, **page_parts)
+
+
+def _row_study_page(folder: Path) -> str:
+    """Return the HTML page of a study whose runs are rows: pictures, and some rows of its table."""
+    record = read_report(folder, STUDY)
+    runs = read_many_runs(folder)
+    draw = many_runs_picture
+    drawn: list[tuple[Callable[[Path], object], str]] = []
+    if draw.has_curves(runs):
+        caption = "Force over depth: median, and bands of the runs"
+        drawn.append((partial(draw.draw_bands, runs), caption))
+    if len(runs.varying_keys) > 1:
+        caption = "Runs as dots over pairs of keys, coloured by the force"
+        drawn.append((partial(draw.draw_samples, runs), caption))
+        caption = "Force over the two most influential keys, for others"
+        drawn.append((partial(draw.draw_maps, runs), caption))
+    if sobol := record.get("sobol"):
+        draw_indices = partial(draw.draw_sobol_indices, sobol, runs.column, runs.title)
+        drawn.append((draw_indices, "Sobol indices of the force over the ranges of the study"))
+    pictures = [
+        Picture(figures.svg_element(function), caption, broad=True) for function, caption in drawn
+    ]
+    hidden = ("cpu_", "peak_", "memory_", "wall_s")
+    names = [
+        name
+        for name in runs.rows[0]
+        if not name.startswith(hidden)
+        and name != "warnings"
+        and any(row[name] for row in runs.rows)
+    ]
+    cells = [[row[name] for name in names] for row in runs.rows]
+    statuses = ", ".join(f"{count} {status}" for status, count in runs.statuses.items())
+    left_out = record["counts"].get("left_out", 0)
+    left_out_text = f"; {left_out} points left out by where" if left_out else ""
+    subtitle = f"Study of {', '.join(record['keys'])}: {statuses}{left_out_text}"
+    return render_page(
+        title=runs.title,
+        subtitle=subtitle,
+        failure="",
+        pictures=pictures,
+        warnings=sorted(runs.warnings),
+        tables=[thinned_table("Some of the runs", names, cells)],
+    )
 
 
 def read_study_folder(folder: Path) -> tuple[Report, list[Row]]:

@@ -16,7 +16,7 @@ from indent_sim.config.strict_yaml import inline_yaml, short_yaml
 from indent_sim.results.reader import Results
 from indent_sim.results.result_files import Report
 from indent_sim.studies.cases import Case, RejectedCase
-from indent_sim.studies.parameter_points import STIFFNESS_UNIT, StiffnessMultiple
+from indent_sim.studies.parameter_values import STIFFNESS_UNIT, StiffnessMultiple
 from indent_sim.studies.reference.reference_solution import ReferenceCurve, ReferenceSolution
 from indent_sim.studies.study_file import StudyFile
 
@@ -101,7 +101,7 @@ def rows(
         },
     )
     table_rows = [
-        _case_row(
+        case_row(
             case,
             keys,
             results_by_id.get(case.id),
@@ -111,7 +111,7 @@ def rows(
         for case in cases
     ]
     table_rows = sorted(
-        [*table_rows, *(_rejected_row(rejected_case, keys) for rejected_case in rejected_cases)],
+        [*table_rows, *(rejected_row(rejected_case, keys) for rejected_case in rejected_cases)],
         key=lambda row: row["index"],
     )
     if study.tolerance is not None:
@@ -128,7 +128,7 @@ def write(table: Sequence[Row]) -> str:
     text = io.StringIO()
     writer = csv.DictWriter(text, fieldnames=list(table[0]), lineterminator="\n")
     writer.writeheader()
-    writer.writerows({name: _format_cell(value) for name, value in row.items()} for row in table)
+    writer.writerows({name: cell_text(value) for name, value in row.items()} for row in table)
     return text.getvalue()
 
 
@@ -184,7 +184,7 @@ def independent_keys(table: Sequence[Row], keys: Sequence[str]) -> list[str]:
     return kept_keys or list(keys)
 
 
-def _case_row(
+def case_row(
     case: Case,
     keys: Sequence[str],
     results: Results | None,
@@ -218,7 +218,7 @@ def _case_row(
     return row | _error_cells(results, reference_curve) | {REFERENCE_COLUMN: reference_name}
 
 
-def _rejected_row(rejected_case: RejectedCase, keys: Sequence[str]) -> Row:
+def rejected_row(rejected_case: RejectedCase, keys: Sequence[str]) -> Row:
     """Return the row of a rejected case: a failed run with the error as its reason."""
     values = {key: rejected_case.table_values.get(key) for key in keys}
     stiffness = next(
@@ -307,7 +307,7 @@ def _relative_error(value: float, reference: float) -> float | None:
     return _finite_or_none(value / reference - 1)
 
 
-def _format_cell(value: object) -> str:
+def cell_text(value: object) -> str:
     """Return a value as the text of a cell, with all digits of a number."""
     if value is None:
         return ""

@@ -11,7 +11,7 @@ from processes import ROOT
 
 from indent_sim import studies
 from indent_sim.results.reader import read
-from indent_sim.studies.run_study import Study
+from indent_sim.studies.finished_study import Study
 
 STUDIES = ROOT / "configs" / "studies" / "accuracy"
 RESULTS = ROOT / "results" / "studies" / "accuracy"

@@ -25,7 +25,7 @@ from indent_sim.process.errors import ConfigError, NotConverged, UsageError
 from indent_sim.results.reader import Results, read
 from indent_sim.studies import cases as case_list
 from indent_sim.studies import study_table
-from indent_sim.studies.parameter_points import StiffnessMultiple
+from indent_sim.studies.parameter_values import StiffnessMultiple
 from indent_sim.studies.reference.reference_solution import ReferenceSolution
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -321,7 +321,7 @@ def picture_format(path: Path) -> str:
     return path.suffix.lower()[1:]
 
 
-def svg_element(draw: Callable[[Path], None]) -> str:
+def svg_element(draw: Callable[[Path], object]) -> str:
     """Return a drawing as an SVG element of an HTML page; empty if nothing was drawn.
 
     Texts can be selected. The element has no prolog and no metadata, and its ids are unique among

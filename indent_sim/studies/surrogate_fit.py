@@ -1,0 +1,383 @@
+"""Fit of a surrogate to the runs of a study, and its error at held-out runs."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+import scipy.stats
+
+from indent_sim.config.key_dimensions import (
+    DIMENSIONLESS,
+    column_dimension,
+    is_plane_strain,
+    key_numbers,
+)
+from indent_sim.config.scene_file import to_mapping
+from indent_sim.process.errors import ConfigError, UsageError, VerificationError
+from indent_sim.studies import study_folder
+from indent_sim.studies.cases import CaseBuilder
+from indent_sim.studies.chebyshev_sum import ChebyshevSum, design_matrix, index_tuples
+from indent_sim.studies.dimensionless_groups import Powers, find_groups, powers_text
+from indent_sim.studies.study_file import StudyFile
+from indent_sim.studies.surrogate import Coordinate, Surrogate
+
+SURROGATE_COLUMNS = ("force", "a", "p_max")
+# Rows of the table that are read, and rows that the polynomial is fitted to.
+MAX_ROWS = 50_000
+MAX_FITTED_ROWS = 6_000
+MIN_ROWS = 40
+# Share of the runs that is held out to measure the error.
+HELD_OUT_SHARE = 0.2
+# Most terms of the polynomial: the last ones must not make an evaluation slow.
+MAX_TERMS = 700
+MAX_DEGREE = 40
+# Rows for each term.
+ROWS_PER_TERM = 3
+# Keys that belong to the method and not to the problem.
+METHOD_SECTIONS = ("mesh", "solver")
+METHOD_KEYS = ("accuracy", "contact.epsilon_n", "contact.gamma", "loading.steps")
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True)
+class RunTable:
+    """Values of the varied keys and of a column, of the runs of a study that have a result.
+
+    Attributes
+    ----------
+    keys
+        Values by key; (rows,).
+    column
+        The column; (rows,).
+    stated_error
+        Largest relative error of the force that the runs state.
+    failed
+        Number of runs without a result.
+    """
+
+    keys: dict[str, np.ndarray]
+    column: np.ndarray
+    stated_error: float
+    failed: int
+
+
+def fit_surrogate(
+    study: StudyFile, directory: Path, column: str, within: float | None = None
+) -> Surrogate:
+    """Fit a surrogate to the table of a study.
+
+    Parameters
+    ----------
+    study, directory
+        The study and its folder with study.csv.
+    column
+        One of SURROGATE_COLUMNS.
+    within
+        Error that the surrogate must not exceed.
+
+    Raises
+    ------
+    UsageError
+        The study has no table, too few runs, or keys that are not positive numbers.
+    VerificationError
+        The error is larger than requested.
+    """
+    if column not in SURROGATE_COLUMNS:
+        raise UsageError(f"--surrogate {column}: choose one of {', '.join(SURROGATE_COLUMNS)}")
+    table = _read_table(study, directory, column)
+    surrogate = _without_polynomial(study, table, column)
+    is_held_out = _held_out(len(table.column))
+    points = surrogate.unit_points(surrogate.points_of(_all_values(surrogate, table.keys)))
+    target = _target(surrogate, table)
+    train = np.flatnonzero(~is_held_out)[:MAX_FITTED_ROWS]
+    surrogate = replace(surrogate, polynomial=_fit(points[train], target[train]))
+    held_out = {key: values[is_held_out] for key, values in table.keys.items()}
+    error = _errors(surrogate, held_out, table.column[is_held_out])
+    surrogate = replace(surrogate, error=error)
+    if within is not None and error["error"] > within:
+        raise VerificationError(
+            f"the surrogate of {column} is not within {within:g}: {surrogate.error_text()}; "
+            "give the study more points, or narrower ranges"
+        )
+    return surrogate
+
+
+def surrogate_summary(surrogate: Surrogate) -> list[str]:
+    """Return lines on the groups, the range and the error of a surrogate."""
+    groups = []
+    for coordinate in surrogate.coordinates:
+        groups.append(powers_text({key: _fraction(p) for key, p in coordinate.powers.items()}))
+    scale = powers_text({key: _fraction(power) for key, power in surrogate.scale.items()})
+    terms = len(surrogate.polynomial.coefficients)
+    lines = [
+        f"{surrogate.column} / ({scale}) as a function of {'; '.join(groups)}: {terms} terms",
+        surrogate.error_text(),
+        f"range: {surrogate.range_text()}",
+    ]
+    runs = surrogate.information["runs"]
+    if runs["failed"]:
+        lines.append(f"{runs['failed']} runs have no result: there the surrogate is a guess")
+    if runs["stated_error"]:
+        lines.append(f"the runs themselves state errors up to {runs['stated_error']:.2g}")
+    return lines
+
+
+def _fraction(power: float) -> Fraction:
+    """Return a power, which is the quotient of small whole numbers, as a fraction."""
+    return Fraction(power).limit_denominator(60)
+
+
+def _read_table(study: StudyFile, directory: Path, column: str) -> RunTable:
+    """Return the runs of a study from study.csv."""
+    path = directory / study_folder.STUDY_TABLE
+    try:
+        with open(path, encoding="utf-8", newline="") as stream:
+            rows = _table_rows(stream, study.keys, column)
+    except OSError as error:
+        raise UsageError(
+            f"cannot read {path}: {error.strerror}", "run the study first", str(path)
+        ) from None
+    except (ValueError, KeyError, csv.Error) as error:
+        raise UsageError(
+            f"{path} has no numbers of this study ({error})",
+            "run the study again with --resume; a surrogate needs keys that are numbers",
+            str(path),
+        ) from None
+    return rows
+
+
+def _table_rows(stream: io.TextIOBase, keys: Sequence[str], column: str) -> RunTable:
+    """Return the runs in a stream of study.csv."""
+    numbers: list[list[float]] = []
+    failed = 0
+    for row in islice(csv.DictReader(stream), MAX_ROWS):
+        if row["status"] == "done" and row[column]:
+            cells = (*(row[key] for key in keys), row[column], row["stated_error"] or "0")
+            numbers.append([float(cell) for cell in cells])
+        else:
+            failed += row["status"] != "pending"
+    if len(numbers) < MIN_ROWS:
+        raise UsageError(f"{len(numbers)} runs have a result: a surrogate needs {MIN_ROWS}")
+    columns = np.array(numbers).T
+    values = dict(zip(keys, columns[:-2], strict=True))
+    return RunTable(values, columns[-2], float(columns[-1].max()), failed)
+
+
+def _without_polynomial(study: StudyFile, table: RunTable, column: str) -> Surrogate:
+    """Return the surrogate with its groups and ranges, before its polynomial is fitted."""
+    build_case = CaseBuilder(study.common_settings)
+    case = None
+    for index, request in enumerate(islice(study.iterate_requests(), MAX_ROWS)):
+        try:
+            case = build_case(index, request)
+            break
+        except ConfigError:
+            continue
+    if case is None:
+        raise UsageError("the study has no valid scene")
+    config = case.planned_run.config
+    document = to_mapping(config)
+    numbers = key_numbers(document)
+    varying = {key: values for key, values in table.keys.items() if np.ptp(values) > 0}
+    dimensions = {
+        key: numbers[key].dimension if key in numbers else DIMENSIONLESS for key in varying
+    }
+    fixed = {
+        key: number
+        for key, number in numbers.items()
+        if key not in varying
+        and number.dimension != DIMENSIONLESS
+        and number.value
+        and key.split(".")[0] not in METHOD_SECTIONS
+        and key not in METHOD_KEYS
+    }
+    for key, values in varying.items():
+        if dimensions[key] != DIMENSIONLESS and values.min() <= 0:
+            raise UsageError(f"{key} has values that are not positive: there is no surrogate")
+    if not varying:
+        raise UsageError("no key of the study varies")
+    if negative := [key for key, number in fixed.items() if number.value < 0]:
+        # A negative number has no power; its sign is that of all runs.
+        fixed = {key: number for key, number in fixed.items() if key not in negative}
+    try:
+        groups = find_groups(
+            dimensions,
+            {key: number.dimension for key, number in fixed.items()},
+            column_dimension(column, is_plane_strain(document)),
+        )
+    except ValueError as error:
+        raise UsageError(f"there is no surrogate of {column}: {error}") from None
+    if not groups.varied:
+        raise UsageError(f"{column} depends on its scale alone: it needs no surrogate")
+    logarithmic = _logarithmic_keys(study)
+    coordinates = tuple(
+        Coordinate(_numbers(powers), len(powers) > 1 or _only_key(powers) in logarithmic)
+        for powers in groups.varied
+    )
+    fixed_values = {key: number.value for key, number in fixed.items()}
+    constant = tuple(
+        (_numbers(powers), _logarithm(powers, fixed_values)) for powers in groups.constant
+    )
+    units = {"length": config.units.length, "force": config.units.force}
+    runs = {"fitted": len(table.column), "failed": table.failed}
+    return Surrogate(
+        column,
+        {key: _range(study, key, values) for key, values in varying.items()},
+        fixed_values,
+        coordinates,
+        constant,
+        _numbers(groups.scale),
+        bool((table.column > 0).all()),
+        ChebyshevSum(np.zeros((1, len(coordinates)), int), np.zeros(1)),
+        tuple(condition.text for condition in study.conditions),
+        {},
+        {
+            "title": study.title,
+            "units": units,
+            "study": str(study.path),
+            "runs": runs | {"stated_error": table.stated_error},
+        },
+    )
+
+
+def _range(study: StudyFile, key: str, values: np.ndarray) -> tuple[float, float]:
+    """Return the range of a key: the sampled range, or the smallest and the largest value."""
+    samples = [block.sample for block in study.blocks if block.sample]
+    ends = [
+        end
+        for sample in samples
+        for part in sample.ranges
+        if part.key == key and not part.is_stiffness
+        for end in (part.first, part.last)
+    ]
+    return min([*ends, float(values.min())]), max([*ends, float(values.max())])
+
+
+def _numbers(powers: Powers) -> dict[str, float]:
+    """Return powers as floating-point numbers."""
+    return {key: float(power) for key, power in powers.items()}
+
+
+def _logarithm(powers: Powers, values: Mapping[str, float]) -> float:
+    """Return the logarithm of a product of powers."""
+    return float(sum(float(power) * np.log(values[key]) for key, power in powers.items()))
+
+
+def _only_key(powers: Powers) -> str:
+    """Return the key of a group of one key."""
+    (key,) = powers
+    return key
+
+
+def _logarithmic_keys(study: StudyFile) -> set[str]:
+    """Return the sampled keys with logarithmic spacing."""
+    samples = [block.sample for block in study.blocks if block.sample]
+    return {part.key for sample in samples for part in sample.ranges if part.is_logarithmic}
+
+
+def _all_values(surrogate: Surrogate, keys: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the values of varied and fixed keys."""
+    varied = {key: values for key, values in keys.items() if key in surrogate.ranges}
+    return surrogate.values_of(varied)[0]
+
+
+def _target(surrogate: Surrogate, table: RunTable) -> np.ndarray:
+    """Return the numbers that the polynomial is fitted to."""
+    values = _all_values(surrogate, table.keys)
+    logarithm = sum(power * np.log(values[key]) for key, power in surrogate.scale.items())
+    scaled = table.column * np.exp(-np.asarray(logarithm))
+    return np.log(scaled) if surrogate.is_logarithmic else scaled
+
+
+def _held_out(count: int) -> np.ndarray:
+    """Return which runs are held out: a random fifth of them."""
+    seed = 20261127
+    return np.random.default_rng(seed).random(count) < HELD_OUT_SHARE
+
+
+def _fit(points: np.ndarray, target: np.ndarray) -> ChebyshevSum:
+    """Fit a polynomial; its degrees have the smallest error when each run is left out in turn."""
+    max_terms = min(MAX_TERMS, len(points) // ROWS_PER_TERM)
+
+    def error_of(degrees: Sequence[int]) -> float:
+        indices = index_tuples(degrees)
+        if len(indices) > max_terms or max(degrees) > MAX_DEGREE:
+            return np.inf
+        return _leave_one_out_error(points, target, indices)
+
+    degrees = [1] * points.shape[1]
+    best = error_of(degrees)
+    # Numbers by which a degree is increased: an even function has no use for one more.
+    steps = (1, 2, 4)
+    while True:
+        candidates = list(_increased(degrees, steps))
+        errors = [error_of(candidate) for candidate in candidates]
+        # An error that decreases by less is noise.
+        if not errors or min(errors) > 0.98 * best:
+            break
+        place = int(np.argmin(errors))
+        degrees, best = candidates[place], errors[place]
+    indices = index_tuples(degrees)
+    coefficients = scipy.linalg.lstsq(design_matrix(points, indices), target)[0]
+    return ChebyshevSum(indices, coefficients)
+
+
+def _increased(degrees: Sequence[int], steps: Sequence[int]) -> Iterator[list[int]]:
+    """Yield the degrees with one of them, or all of them, increased."""
+    for step in steps:
+        yield [degree + step for degree in degrees]
+        for i in range(len(degrees)):
+            yield [degree + step * (i == j) for j, degree in enumerate(degrees)]
+
+
+def _leave_one_out_error(points: np.ndarray, target: np.ndarray, indices: np.ndarray) -> float:
+    """Return the root-mean-square error of runs that are left out of the fit one at a time."""
+    # Runs that suffice to compare two polynomials.
+    rows = min(len(points), max(1000, 2 * len(indices)))
+    q, _ = scipy.linalg.qr(design_matrix(points[:rows], indices), mode="economic")
+    residuals = target[:rows] - q @ (q.T @ target[:rows])
+    leverage = np.einsum("ij,ij->i", q, q)
+    return float(np.sqrt(np.mean((residuals / np.maximum(1 - leverage, 1e-6)) ** 2)))
+
+
+def _errors(
+    surrogate: Surrogate, keys: Mapping[str, np.ndarray], column: np.ndarray
+) -> dict[str, Any]:
+    """Return the error at held-out runs: quantiles, and a bound of one of them."""
+    computed = surrogate({key: values for key, values in keys.items() if key in surrogate.ranges})
+    scale = np.abs(column) if surrogate.is_logarithmic else np.abs(column).max()
+    errors = np.sort(np.abs(computed - column) / scale)
+    quantile, place = _bounded_quantile(len(errors))
+    return {
+        "quantile": quantile,
+        "error": float(errors[place]),
+        "confidence": CONFIDENCE,
+        "held_out": len(errors),
+        "median": float(np.median(errors)),
+        "largest": float(errors[-1]),
+        "variance_share": float(np.mean((computed - column) ** 2) / np.var(column)),
+        "is_relative": surrogate.is_logarithmic,
+    }
+
+
+def _bounded_quantile(count: int) -> tuple[float, int]:
+    """Return a quantile, and the place of the sorted error that bounds it with CONFIDENCE.
+
+    The k-th smallest of n errors exceeds the quantile q with the probability that less than k of n
+    errors are below the quantile.
+    """
+    for quantile in (0.99, 0.95, 0.9):
+        places = np.arange(count)
+        bounds = scipy.stats.binom.cdf(places, count, quantile) >= CONFIDENCE
+        if bounds.any():
+            return quantile, int(np.argmax(bounds))
+    return round(float((1 - CONFIDENCE) ** (1 / count)), 3), count - 1

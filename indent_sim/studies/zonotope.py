@@ -1,0 +1,51 @@
+"""Zonotope: the image of a box of varied keys in the space of dimensionless groups."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from math import comb
+
+import numpy as np
+
+# Most facets of a zonotope; with more of them only its bounding box is used.
+MAX_FACETS = 2000
+# Relative distance outside a facet that counts as round-off.
+TOLERANCE = 1e-9
+
+
+class Zonotope:
+    """Set of the points c + sum_k s_k g_k with all |s_k| <= 1.
+
+    Parameters
+    ----------
+    center
+        The point c; (d,).
+    generators
+        The vectors g_k; (n, d).
+    """
+
+    def __init__(self, center: np.ndarray, generators: np.ndarray):
+        self.center = center
+        self.half_widths = np.abs(generators).sum(axis=0)
+        normals = [np.eye(len(center))]
+        if comb(len(generators), len(center) - 1) <= MAX_FACETS:
+            normals.append(_facet_normals(generators / self.half_widths) / self.half_widths)
+        self._normals = np.vstack(normals)
+        self._distances = np.abs(generators @ self._normals.T).sum(axis=0)
+
+    def contains(self, points: np.ndarray) -> np.ndarray:
+        """Return for each point (rows, d) whether it is inside."""
+        distances = np.abs((points - self.center) @ self._normals.T)
+        return np.asarray((distances <= self._distances * (1 + TOLERANCE)).all(axis=1))
+
+
+def _facet_normals(generators: np.ndarray) -> np.ndarray:
+    """Return the normals of the facets: each is normal to d - 1 generators; (facets, d)."""
+    dimension = generators.shape[1]
+    normals = []
+    for chosen in combinations(range(len(generators)), dimension - 1):
+        _, sizes, directions = np.linalg.svd(generators[list(chosen)].reshape(-1, dimension))
+        # Generators that are linearly dependent have no facet.
+        if len(sizes) == dimension - 1 and (not len(sizes) or sizes[-1] > 1e-10 * sizes[0]):
+            normals.append(directions[-1])
+    return np.array(normals).reshape(-1, dimension)
