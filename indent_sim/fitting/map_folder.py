@@ -73,7 +73,7 @@ def fit_map_folder(
     tell
         Function that is called with each line of progress.
     """
-    require_hdf5()
+    require_hdf5("the fit of a map")
     pixel_thickness = thickness_of_scene(request.config)
     if thickness:
         pixel_thickness = parse_thickness(thickness, request, curves.shape)

@@ -13,13 +13,16 @@ from indent_sim.process.errors import BackendError
 from indent_sim.process.installation import afm_command
 
 
-def require_hdf5() -> None:
-    """Raise BackendError if the package that writes HDF5 files is missing."""
+def require_hdf5(result: str) -> None:
+    """Raise BackendError if the package that writes HDF5 files is missing.
+
+    `result` names what would be written, for the message.
+    """
     try:
         import h5py  # noqa: F401
     except ImportError as error:
         raise BackendError(
-            f"the fit of a map is written by h5py, which is missing ({error}); this line installs "
+            f"{result} is written by h5py, which is missing ({error}); this line installs "
             f"it: {afm_command()}"
         ) from error
 

@@ -7,7 +7,6 @@ import io
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
-import h5py
 import numpy as np
 
 from indent_sim.process.version import VERSION
@@ -27,6 +26,8 @@ class CurveWriter:
     """Writer of curves.h5, and of curves.csv instead if there are few rows."""
 
     def __init__(self, directory: Path):
+        import h5py
+
         self._path = directory / study_folder.CURVES_HDF5
         self._csv_path = directory / study_folder.CURVES
         self._new_path = temporary_path(self._path)
@@ -109,6 +110,8 @@ def read_curves(folder: Path, runs: Mapping[int, str]) -> list[np.ndarray]:
 
 def _read_hdf5(path: Path, runs: Mapping[int, str]) -> list[np.ndarray]:
     """Read the depths and forces of some runs from curves.h5."""
+    import h5py
+
     chosen = np.array(sorted(runs))
     parts = []
     with h5py.File(path, "r") as file:

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, Self
 
-import h5py
 import numpy as np
 
 from indent_sim.process.errors import UsageError
@@ -392,6 +391,8 @@ def _joined(parts: Iterable[np.ndarray], dtype: Any) -> np.ndarray:
 
 def _create_file(path: Path, capacities: Mapping[str, int]) -> None:
     """Create a file with empty datasets; it has its name only when it is complete."""
+    import h5py
+
     new_path = path.with_name(f".{path.name}.empty")
     new_path.unlink(missing_ok=True)
     with h5py.File(new_path, "w") as file:
@@ -414,6 +415,8 @@ def _create_file(path: Path, capacities: Mapping[str, int]) -> None:
 
 def _dataset_places(stream: BinaryIO) -> dict[str, tuple[int, int]]:
     """Return the place in the file [bytes] and the capacity of each dataset of a row file."""
+    import h5py
+
     # HDF5 reads the stream itself: another process may replace the file of this name meanwhile.
     with h5py.File(stream, "r") as file:
         if file.attrs.get("program") != PROGRAM or file.attrs.get("layout") != _LAYOUT:

@@ -15,6 +15,7 @@ from indent_sim.process.child_process import ChildProcess, ProcessCrash
 from indent_sim.process.errors import ConfigError, ConfigErrors, UsageError
 from indent_sim.process.limits import write_error
 from indent_sim.process.usage import duration_text
+from indent_sim.results.map_arrays import require_hdf5
 from indent_sim.results.result_files import RUNS
 from indent_sim.studies.cases import CaseBuilder, RejectedCase
 from indent_sim.studies.row_file import ROWS_FOLDER, RowIndex, RowWriter, RunRow, row_files
@@ -96,6 +97,7 @@ def compute_rows(
     tell
         Called with each line of progress.
     """
+    require_hdf5("a study without folders for its runs")
     rows_folder = directory / ROWS_FOLDER
     try:
         if rows_folder.is_symlink():
