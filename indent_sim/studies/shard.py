@@ -8,10 +8,9 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from multiprocessing import connection
 from pathlib import Path
 
-from indent_sim.process.child_process import ChildProcess, ProcessCrash
+from indent_sim.process.child_process import ChildProcess, ProcessCrash, wait_for_answers
 from indent_sim.process.errors import ConfigError, ConfigErrors, UsageError
 from indent_sim.process.limits import write_error
 from indent_sim.process.usage import duration_text
@@ -177,7 +176,7 @@ class _ShardExecution:
                     busy.append(worker)
                 if not busy:
                     break
-                ready: list[_Worker] = connection.wait(busy)  # type: ignore[assignment, arg-type]
+                ready = wait_for_answers(busy)
                 for worker in ready:
                     busy.remove(worker)
                     self._finish(worker)
