@@ -140,6 +140,10 @@ def _read_values(values_given: Any, keys: KeyPath, key: str, source: Source) -> 
     if isinstance(values_given, list):
         if not values_given:
             raise _config_error(keys, source, "has no values")
+        if len(values_given) > MOST_VALUES:
+            raise _config_error(
+                keys, source, f"has {len(values_given)} values, at most {MOST_VALUES} are allowed"
+            )
         return [
             (key, value, source.location((*keys, index)))
             for index, value in enumerate(values_given)
