@@ -46,7 +46,7 @@ def run(document: dict[str, Any]) -> bool:
 def test_some_scenes_are_run():
     ran = []
 
-    @settings(BRIEF, max_examples=80)
+    @settings(BRIEF, max_examples=200)
     @given(scenes())
     def some(document):
         if len(ran) < 4 and run(document):

@@ -677,12 +677,12 @@ def test_what_fails_beside_the_rows_on_one_rank_is_missing_on_all(
 STOPPED_IN_A_ROW = """
 import os, signal, sys
 from indent_sim.results.writer import ResultFolder
-append = ResultFolder.append
-def stop(folder, state):
-    append(folder, state)
+write_row = ResultFolder.append
+def append(folder, state):
+    write_row(folder, state)
     if state.step == 2:
         os.kill(os.getpid(), signal.SIGTERM)
-ResultFolder.append = stop
+ResultFolder.append = append
 from indent_sim.cli.commands import main
 main()
 """
