@@ -31,6 +31,11 @@ Entry = Mapping[str, Any]
 def fit_page(folder: Path) -> str:
     """Return the HTML page of a fit's folder; raise UsageError if it has no readable fit."""
     record = read_report(folder, FIT)
+    if "curves" not in record and record.get("status") in ("running", "interrupted"):
+        raise UsageError(
+            f"the fit of the map in {folder} is not finished",
+            "give the same fit command again; it continues after the last finished block",
+        )
     try:
         entries = record["curves"]
         keys = record["vary"]
