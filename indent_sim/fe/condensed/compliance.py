@@ -19,10 +19,13 @@ import numpy as np
 from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from petsc4py import PETSc
+from scipy.sparse import csc_matrix
 
 from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.kernel_cache import compile_form
 from indent_sim.fe.measured_constants import BLOCK_SIZE
+from indent_sim.fe.quadrature import contact_quadrature
+from indent_sim.fe.shape_functions import shape_functions
 from indent_sim.fe.surface import Trace
 from indent_sim.fe.terms.scene_terms import bulk_terms
 from indent_sim.fe.terms.weak_roller import WeakRollerBC
@@ -474,6 +477,24 @@ class Condenser:
             slice(*self.body.x.getOwnershipRange()) if self._solves_whole_body else slice(None)
         ]
         self.body.set_solution(solution)
+
+
+def surface_mass_matrix(surface: Trace, weighted_areas: np.ndarray) -> csc_matrix:
+    """Return the mass matrix int N_i N_j dA of a contact surface [area].
+
+    Parameters
+    ----------
+    surface
+        All facets of the surface.
+    weighted_areas
+        Areas (facets, points) of the points of the contact quadrature, with their weights.
+    """
+    N = shape_functions(contact_quadrature(surface.dim)[0])
+    nodes = surface.nodes
+    rows, columns = np.broadcast_arrays(nodes[:, :, None], nodes[:, None, :])
+    values = np.einsum("fp,pn,pm->fnm", weighted_areas, N, N).ravel()
+    size = 1 + int(nodes.max(initial=-1))
+    return csc_matrix((values, (rows.ravel(), columns.ravel())), shape=(size, size))
 
 
 def _fits_every_rank(body: Body) -> bool:

@@ -24,7 +24,7 @@ from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.linalg import SuperLU, splu
 
 from indent_sim.fe.condensed.complementarity import solve_complementarity
-from indent_sim.fe.condensed.compliance import Compliance
+from indent_sim.fe.condensed.compliance import Compliance, surface_mass_matrix
 from indent_sim.fe.condensed.friction import NODAL_FORCE_TOLERANCE, CondensedFriction
 from indent_sim.fe.quadrature import contact_quadrature, split_quadrature
 from indent_sim.fe.shape_functions import (
@@ -173,14 +173,9 @@ class CondensedContact:
     @cached_property
     def mass_matrix(self) -> csc_matrix:
         """Mass matrix M [area] of the whole contact surface."""
-        surface_trace = self.compliance.surface
-        points, weights = contact_quadrature(surface_trace.dim)
-        N = shape_functions(points)
-        W = self._weighted_areas(surface_trace, points, weights)
-        nodes = surface_trace.nodes
-        rows, columns = np.broadcast_arrays(nodes[:, :, None], nodes[:, None, :])
-        values = np.einsum("fp,pn,pm->fnm", W, N, N).ravel()
-        return csc_matrix((values, (rows.ravel(), columns.ravel())), shape=(len(self.lam),) * 2)
+        surface = self.compliance.surface
+        points, weights = contact_quadrature(surface.dim)
+        return surface_mass_matrix(surface, self._weighted_areas(surface, points, weights))
 
     def project(self, F: np.ndarray) -> np.ndarray:
         """Return M^-1 F on the whole surface for forces (n,) or (n, columns) on the candidates."""

@@ -25,7 +25,7 @@ import numpy as np
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
-from indent_sim.fe.condensed.compliance import Compliance, Condenser
+from indent_sim.fe.condensed.compliance import Compliance, Condenser, surface_mass_matrix
 from indent_sim.fe.quadrature import contact_quadrature
 from indent_sim.fe.shape_functions import shape_functions
 from indent_sim.fe.surface import Trace
@@ -94,7 +94,11 @@ class SoftTipCondenser:
         N2 = _shape_functions_at(tip, r, self._length_ratio)
         metric = _surface_metric(body.surface, r)
         mixed = N2.T @ N1.multiply((2 * math.pi * weight * r * metric)[:, None])
-        factor = splu(_mass_matrix(body.surface))
+        surface = body.surface
+        points, weights = contact_quadrature(surface.dim)
+        r_points = surface.positions(points)[..., 0]
+        areas = surface.measures(points) * weights * 2 * math.pi * r_points
+        factor = splu(surface_mass_matrix(surface, areas))
         forces = np.zeros((factor.shape[0], body.size))
         forces[body.candidates, np.arange(body.size)] = 1.0
         return np.asarray(mixed @ factor.solve(forces))
@@ -183,14 +187,3 @@ def _surface_metric(trace: Trace, r: np.ndarray) -> np.ndarray:
     curvature = 2 * (first + second - 2 * midpoint)
     tangent = second - first - curvature + 2 * curvature * x[:, None]
     return np.asarray(np.linalg.norm(tangent, axis=1) / np.abs(tangent[:, 0]))
-
-
-def _mass_matrix(trace: Trace) -> csc_matrix:
-    """Return the mass matrix of an axisymmetric surface [area]."""
-    points, weights = contact_quadrature(trace.dim)
-    N = shape_functions(points)
-    W = trace.measures(points) * weights * 2 * math.pi * trace.positions(points)[..., 0]
-    rows, columns = np.broadcast_arrays(trace.nodes[:, :, None], trace.nodes[:, None, :])
-    values = np.einsum("fp,pn,pm->fnm", W, N, N).ravel()
-    size = 1 + int(trace.nodes.max())
-    return csc_matrix((values, (rows.ravel(), columns.ravel())), shape=(size, size))
