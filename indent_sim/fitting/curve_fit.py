@@ -428,13 +428,13 @@ def prepare_curve(curve: MeasuredCurve, request: FitRequest) -> tuple[Config, Sa
     if has_spring and curve.is_abscissa_guessed:
         curve = curve.with_displacement()
         guesses.append(
-            "nothing in the file says what the column of lengths is, and the scene has a spring: "
-            "it is taken for the displacement of the base; if it is the depth, say so, as in "
-            "--columns depth=1,force=2"
+            "the file does not name the quantity in its column of lengths, and the scene has a "
+            "spring: it is taken as the displacement of the base; if it is the depth, say so, "
+            "as in --columns depth=1,force=2"
         )
     elif curve.is_abscissa_guessed:
         guesses.append(
-            "nothing in the file says what the column of lengths is: it is taken for the depth"
+            "the file does not name the quantity in its column of lengths: it is taken as the depth"
         )
     notes = [*curve.notes, *guesses]
     stiffness = curve.stiffness

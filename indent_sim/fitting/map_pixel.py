@@ -43,7 +43,7 @@ class MapPixel:
     map_result: str
 
     def draw(self, path: Path) -> None:
-        """Draw curve and fit into a file; of a curve that is refused only the curve."""
+        """Draw the curve with its fit into a file; a curve that was not fitted is drawn alone."""
         if self.fit.plotted is not None:
             fit_picture.draw_curve(self.fit, self.request.config, path, self.map_result)
         else:

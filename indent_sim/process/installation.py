@@ -107,7 +107,7 @@ def _requirement(extra: str = "") -> str:
 
 
 def _source_folder() -> str:
-    """Return the folder from which pip has installed the program; empty if from an index."""
+    """Return the source folder from which pip installed the program; "" if it was downloaded."""
     try:
         record = distribution("indent-sim").read_text("direct_url.json")
     except PackageNotFoundError:

@@ -125,7 +125,7 @@ def lost_contact_warnings(scene: Scene, states: Sequence[State]) -> list[str]:
 
 
 def _time_text(state: State) -> str:
-    """Return the time of a row as text."""
+    """Return the time of a row as text, such as "t = 0.5"."""
     return f"t = {state.t:.4g}"
 
 

@@ -233,7 +233,8 @@ class CurveModel:
         if self.samples.branch is None:
             return self.weights
         is_used = self.samples.branch != LEFT_OUT
-        return is_used * (1.0 if self.weights is None else self.weights)  # type: ignore[no-any-return]
+        weights: np.ndarray = is_used * (1.0 if self.weights is None else self.weights)
+        return weights
 
     @property
     def has_analytic_derivatives(self) -> bool:
@@ -760,7 +761,8 @@ def _with_known_baseline(p: np.ndarray, samples: Samples, origin: OriginOptions)
     """Return the parameters (p,) with the baseline that is known."""
     if origin.level is None:
         return p
-    mean, span = float(samples.x.mean()), float(np.ptp(samples.x))
+    mean = float(samples.x.mean())
+    span = float(np.ptp(samples.x))
     return np.array([*p[:-2], origin.level + origin.slope * mean, origin.slope * span])
 
 

@@ -244,7 +244,7 @@ def _fits(role: str, title: ColumnTitle) -> bool:
 
 
 def _add_roles_by_unit(layout: TextLayout, roles: dict[str, Column]) -> tuple[str, ...]:
-    """Add the roles of columns that are the only ones with a unit of its kind.
+    """Add roles by unit: the only column with a unit of force, length or time has that role.
 
     This works for titles in any language. Returns sentences about the assumptions.
     """

@@ -122,7 +122,8 @@ def parse_title(text: str) -> ColumnTitle:
         name = last["name"]
     plain_name = _plain_name(name)
     if not kind and plain_name in VOLTAGE_NAMES:
-        unit, kind = "V", "voltage"
+        unit = "V"
+        kind = "voltage"
     return ColumnTitle(text, plain_name, unit, kind, part, unknown_unit)
 
 

@@ -267,7 +267,7 @@ def _end_of_unloading(F: np.ndarray, start: int, noise: float) -> int:
 
 
 def _refuse_relaxation(cycle: IndentationCycle) -> None:
-    """Raise UsageError if the force falls while the depth is held, or while it still grows."""
+    """Raise UsageError if the force relaxes: falls at a depth that is held or still grows."""
     rows = slice(cycle.start, cycle.end)
     h = cycle.h[rows]
     F = cycle.F[rows]

@@ -245,7 +245,7 @@ def _is_path(x: np.ndarray) -> bool:
 
 
 def segment_word(name: str) -> str:
-    """Return a name of a segment in lower case, without the count of cycles in 1-Compress."""
+    """Return a segment's name in lower case without a leading number: 1-Compress is compress."""
     return re.sub(r"^\d+\W+(?=\w)", "", name.strip().lower())
 
 

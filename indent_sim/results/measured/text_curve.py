@@ -337,7 +337,7 @@ class _Quantities:
         """Turn an abscissa so that it increases inwards; return a sentence if that is a guess."""
         column = self._roles.approach.get(role)
         title = self._title(column)
-        is_outward = bool(title) and title.name.startswith(OUTWARD_NAMES)  # type: ignore[union-attr]
+        is_outward = title is not None and title.name.startswith(OUTWARD_NAMES)
         falls = _falls_on_contact(values[role], values["force"])
         if falls is None:
             falls = is_outward

@@ -18,7 +18,7 @@ from indent_sim.results.measured.column_titles import (
 from indent_sim.results.measured.measurement import NoCurve
 
 COMMENT_SIGNS = "#%"
-# Header lines that JPK writes above a table of each segment.
+# Lines of the header that the program of JPK writes above the table of a segment.
 JPK_LINE = re.compile(r"(columns|fancyNames|units):\s*(.*)")
 # Words between quotes, or between blanks.
 WORDS = re.compile(r'"([^"]*)"|(\S+)')

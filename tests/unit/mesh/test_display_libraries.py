@@ -19,11 +19,11 @@ pytestmark = pytest.mark.skipif(
 
 
 def test_the_loader_finds_a_library_and_its_symbol(tmp_path):
-    machine = display_libraries.ELF_MACHINES[platform.machine()]
+    elf_machine = display_libraries.ELF_MACHINES[platform.machine()]
     path = tmp_path / "libstandin.so.7"
-    path.write_bytes(display_libraries.library_bytes(path.name, machine, "stand_in"))
+    path.write_bytes(display_libraries.library_bytes(path.name, elf_machine, "placeholder"))
     library = ctypes.CDLL(str(path))
-    assert ctypes.cast(library.stand_in, ctypes.c_void_p).value == 1
+    assert ctypes.cast(library.placeholder, ctypes.c_void_p).value == 1
     with pytest.raises(AttributeError):
         _ = library.another
     path.unlink()
@@ -31,9 +31,9 @@ def test_the_loader_finds_a_library_and_its_symbol(tmp_path):
 
 
 def test_a_library_without_symbols(tmp_path):
-    machine = display_libraries.ELF_MACHINES[platform.machine()]
+    elf_machine = display_libraries.ELF_MACHINES[platform.machine()]
     path = tmp_path / "libempty.so.1"
-    path.write_bytes(display_libraries.library_bytes(path.name, machine))
+    path.write_bytes(display_libraries.library_bytes(path.name, elf_machine))
     with pytest.raises(AttributeError):
         _ = ctypes.CDLL(str(path)).anything
 
