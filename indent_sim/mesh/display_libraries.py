@@ -128,12 +128,18 @@ def library_bytes(name: str, machine: int, function: str = "") -> bytes:
     function
         Name of a symbol that the library defines.
     """
-    header_size, segment_size, section_size, symbol_size, tag_size = 64, 56, 64, 24, 16
+    header_size = 64
+    segment_size = 56
+    section_size = 64
+    symbol_size = 24
+    tag_size = 16
     names = [text.encode() + b"\0" for text in ("", name, function)]
     strings = b"".join(names)
     # The first symbol of every table is empty. The address 1 of the other one (global, absolute)
     # differs from that of a missing function, 0.
-    global_symbol, absolute, address = 0x10, 0xFFF1, 1
+    global_symbol = 0x10
+    absolute = 0xFFF1
+    address = 1
     symbols = bytes(symbol_size) + struct.pack(
         "<I2BH2Q", len(names[0] + names[1]), global_symbol, 0, absolute, address, 0
     )
@@ -161,7 +167,8 @@ def library_bytes(name: str, machine: int, function: str = "") -> bytes:
         )
     )
     little_endian_64_bit = b"\x7fELF\x02\x01\x01" + bytes(9)
-    shared_object, version = 3, 1
+    shared_object = 3
+    version = 1
     header = struct.pack(
         "<16s2HI3QI6H",
         little_endian_64_bit,

@@ -94,7 +94,8 @@ def _read_gwyddion_field(data: bytes) -> np.ndarray:
         for line in data[:10_000].split(b"\0", 1)[0].decode("utf-8", "replace").splitlines()
         if " = " in line
     )
-    rows, columns = int(header["YRes"]), int(header["XRes"])
+    rows = int(header["YRes"])
+    columns = int(header["XRes"])
     start = data.index(b"\0")
     start += 4 - start % 4
     values = np.frombuffer(data, dtype="<f4", count=rows * columns, offset=start)

@@ -61,9 +61,11 @@ def refine_corners(
             "mesh.h_corner", f"applies only to {where}, but this scene has none", "leave it out"
         )
     if resolution:
-        error, n = resolution.error, resolution.n
+        error = resolution.error
+        n = resolution.n
     else:
-        error, n = AUTO_ERROR, setup.a / default_sizes.h_contact
+        error = AUTO_ERROR
+        n = setup.a / default_sizes.h_contact
     corner_sizes = [
         (corner, float(default_sizes.size_at(np.array(corner.r), np.array(corner.depth))))
         for corner in near_corners

@@ -171,9 +171,11 @@ def _film_elements(film: DrainedFace, sizes: Sizes, domain: ModelDomain) -> floa
     s, ds = _log_grid(length, film.h)
     depth = 0.0 if film.side.surface == "top" else domain.height
     if is_level:
-        r, z = s, np.full_like(s, depth)
+        r = s
+        z = np.full_like(s, depth)
     else:
-        r, z = np.full_like(s, abs(x0 - sizes.axis[0])), s
+        r = np.full_like(s, abs(x0 - sizes.axis[0]))
+        z = s
     h_without = sizes.size_at(r, z)
     growth = sizes.grading
     h = np.minimum(film.h + growth * np.maximum(np.hypot(r, z) - film.fine_radius, 0.0), h_without)

@@ -259,7 +259,8 @@ class ProblemDefinition:
                 for bath in self.drainage.bath_values
             ),
         ]
-        lowest, highest = min(stretches) / DEMIXING_MARGIN, max(stretches) * DEMIXING_MARGIN
+        lowest = min(stretches) / DEMIXING_MARGIN
+        highest = max(stretches) * DEMIXING_MARGIN
         lowest = max(lowest, (1 + 1e-6) / law.swelling_ratio(1.0))
         volume_ratios = [lowest * (highest / lowest) ** (k / 1000) for k in range(1001)]
         unstable = [J for J in volume_ratios if law.confined_stiffness(J) < 0]

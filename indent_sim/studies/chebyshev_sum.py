@@ -68,7 +68,8 @@ class ChebyshevSum:
 def _polynomials(x: np.ndarray, degree: int) -> np.ndarray:
     """Return T_0(x), ..., T_degree(x); (degree + 1, rows)."""
     values = np.empty((max(2, degree + 1), len(x)))
-    values[0], values[1] = 1.0, x
+    values[0] = 1.0
+    values[1] = x
     for k in range(2, degree + 1):
         np.multiply(values[1], 2 * values[k - 1], out=values[k])
         values[k] -= values[k - 2]

@@ -113,7 +113,8 @@ def _read_table(folder: Path, record: Report, column: str) -> ManyRuns:
     with open(folder / study_folder.STUDY_TABLE, encoding="utf-8", newline="") as stream:
         lines = csv.reader(stream)
         names = next(lines)
-        status, warning = names.index("status"), names.index("warnings")
+        status = names.index("status")
+        warning = names.index("warnings")
         for number, cells in enumerate(lines):
             statuses[cells[status]] += 1
             if cells[warning] and len(warnings) < MAX_WARNINGS:

@@ -131,7 +131,8 @@ def draw_samples(runs: ManyRuns, path: Path) -> None:
             axes = panels[j - 1, i]
             axes.set_visible(True)
             drawn.append(axes)
-            x, y = runs.keys[keys[i]], runs.keys[keys[j]]
+            x = runs.keys[keys[i]]
+            y = runs.keys[keys[j]]
             axes.scatter(x, y, c=colours, s=4, lw=0, rasterized=True)
             for numbers, set_scale, axis in (
                 (x, axes.set_xscale, axes.xaxis),

@@ -125,7 +125,7 @@ class RowFile:
         return is_finished
 
     def column(self, name: str) -> np.ndarray:
-        """Return a field of all complete rows."""
+        """Return the values (rows,) of a column in all complete rows; NaN where a row has none."""
         return np.array(self._maps["rows"][name][self.numbers])
 
     def read(self, number: int) -> RunRow:
@@ -206,7 +206,8 @@ class RowWriter:
         curve = np.ascontiguousarray(row.curve, dtype=np.float64).reshape(-1, len(CURVE_COLUMNS))
         texts = {name: _text_bytes(row.cells.get(name)) for name in TEXTS}
         record = np.zeros(1, _ROW_TYPE)
-        record["settings"], record["physics"] = row.settings, row.physics
+        record["settings"] = row.settings
+        record["physics"] = row.physics
         record["exit_code"] = row.cells["exit_code"]
         record["curve_rows"] = len(curve)
         record["curve_start"] = self._append("curves", curve)
@@ -245,7 +246,8 @@ class RowWriter:
         position = self._offsets[name] + start * _TYPES[name].itemsize
         while content:
             written = write_at(self._descriptor, content, position)
-            content, position = content[written:], position + written
+            content = content[written:]
+            position = position + written
         self._used[name] = end
         return start
 
@@ -322,7 +324,8 @@ class RowIndex:
         for name in ("settings", "physics"):
             keys = _joined([file.column(name) for file in self._files], np.uint64)
             order = np.lexsort((np.arange(len(keys)), self._is_finished, keys))
-            self._orders[name], self._keys[name] = order, keys[order]
+            self._orders[name] = order
+            self._keys[name] = keys[order]
 
     def __len__(self) -> int:
         return len(self._number_of_row)

@@ -24,7 +24,8 @@ def _units(study: StudyFile) -> dict[str, str]:
     units = study.base.get("units")
     if not isinstance(units, dict):
         return {}
-    length, force = units.get("length", ""), units.get("force", "")
+    length = units.get("length", "")
+    force = units.get("force", "")
     return {"force": force, "a": length, "penetration": length, "p_max": f"{force}/{length}²"}
 
 

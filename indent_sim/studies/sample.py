@@ -137,7 +137,8 @@ def read_sample(section: Mapping[str, Any], source: Source) -> Sample:
     method = section.get("method", "sobol")
     if method not in SAMPLE_METHODS:
         raise _sample_error("method", source, f"must be {' or '.join(SAMPLE_METHODS)}")
-    count, seed = section.get("count"), section.get("seed", 0)
+    count = section.get("count")
+    seed = section.get("seed", 0)
     if type(count) is not int or not 1 <= count <= MOST_POINTS[method]:
         raise _sample_error(
             "count", source, f"must be a whole number from 1 to {MOST_POINTS[method]}"

@@ -100,8 +100,10 @@ def _estimate(function: Function, dimension: int, seed: int) -> np.ndarray:
     """Return first and total indices from one scrambled sequence; (2, dimension)."""
     blocks = islice(scrambled_blocks(2 * dimension, seed), BLOCKS)
     points = np.concatenate(list(blocks))
-    a, b = points[:, :dimension], points[:, dimension:]
-    values_a, values_b = function(a), function(b)
+    a = points[:, :dimension]
+    b = points[:, dimension:]
+    values_a = function(a)
+    values_b = function(b)
     mean = (values_a.mean() + values_b.mean()) / 2
     variance = np.concatenate([values_a, values_b]).var()
     estimates = np.zeros((2, dimension))

@@ -234,7 +234,8 @@ def read(study_input: Path | str | Mapping[str, Any]) -> StudyFile:
     if isinstance(study_input, Mapping):
         # A study that is given as mappings has this name in place of its path.
         path = Path("study")
-        document, source = plain_document(study_input), Source()
+        document = plain_document(study_input)
+        source = Source()
     else:
         path = Path(study_input)
         document, source = read_document(path)

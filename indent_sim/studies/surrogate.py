@@ -142,7 +142,8 @@ class Surrogate:
 
     def error_text(self) -> str:
         """Return the error at held-out runs as text."""
-        quantile, error = self.error["quantile"], self.error["error"]
+        quantile = self.error["quantile"]
+        error = self.error["error"]
         relation = "relative" if self.is_logarithmic else "of the largest value"
         return (
             f"{100 * quantile:g} % of points are within {error:.2g} ({relation}, at 95 % "

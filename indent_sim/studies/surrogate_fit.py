@@ -305,7 +305,7 @@ def _held_out(count: int) -> np.ndarray:
 
 
 def _fit(points: np.ndarray, target: np.ndarray) -> ChebyshevSum:
-    """Fit a polynomial; its degrees have the smallest error when each run is left out in turn."""
+    """Fit a polynomial, with the degrees of the smallest leave-one-out error."""
     max_terms = min(MAX_TERMS, len(points) // ROWS_PER_TERM)
 
     def error_of(degrees: Sequence[int]) -> float:
@@ -325,7 +325,8 @@ def _fit(points: np.ndarray, target: np.ndarray) -> ChebyshevSum:
         if not errors or min(errors) > 0.98 * best:
             break
         place = int(np.argmin(errors))
-        degrees, best = candidates[place], errors[place]
+        degrees = candidates[place]
+        best = errors[place]
     indices = index_tuples(degrees)
     coefficients = scipy.linalg.lstsq(design_matrix(points, indices), target)[0]
     return ChebyshevSum(indices, coefficients)

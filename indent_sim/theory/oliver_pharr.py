@@ -122,7 +122,9 @@ class UnloadingFit:
     @property
     def h_f_deviation(self) -> float:
         """Standard deviation of h_f [L]."""
-        F, S, m = self.force, self.stiffness, self.exponent
+        F = self.force
+        S = self.stiffness
+        m = self.exponent
         gradient = np.array([-m / S, m * F / S**2, -F / S])
         return float(np.sqrt(max(gradient @ self.covariance @ gradient, 0.0)))
 

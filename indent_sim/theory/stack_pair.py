@@ -70,7 +70,8 @@ class StackPair(Stack):
 
     def compliance_complement(self, k: np.ndarray) -> np.ndarray:
         """Return M(k) = 1 - L(k) [-] for an array of wavenumbers k > 0 [1/L]."""
-        first, second = self.first, self.second
+        first = self.first
+        second = self.second
         return self.E_star * (
             first.compliance_complement(k) / first.E_star
             + second.compliance_complement(k) / second.E_star
