@@ -60,15 +60,15 @@ def find_groups(
             repeating.append(key)
     basis = [_vector(dimensions[key]) for key in repeating]
 
-    def group_of(key: str) -> Powers:
+    def dimensionless_group(key: str) -> Powers:
         scale = _solve(basis, _vector(dimensions[key]))
         powers = {name: -power for name, power in zip(repeating, scale, strict=True) if power}
         return {key: Fraction(1)} | powers
 
     scale = _solve(basis, _vector(column))
     return Groups(
-        tuple(group_of(key) for key in varied if key not in repeating),
-        tuple(group_of(key) for key in fixed if key not in repeating),
+        tuple(dimensionless_group(key) for key in varied if key not in repeating),
+        tuple(dimensionless_group(key) for key in fixed if key not in repeating),
         {name: power for name, power in zip(repeating, scale, strict=True) if power},
     )
 

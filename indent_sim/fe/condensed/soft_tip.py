@@ -6,7 +6,7 @@ nodal forces F of the body have the pressure N_1 M_11^-1 F, whose nodal forces o
 
     F_2 = P F,   P = M_21 M_11^-1,   M_21 = int N_2 N_1 dA.
 
-Force and moment-free work are conserved, and both surfaces approach each other by
+The resultant and the work of the pressure are conserved, and both surfaces approach each other by
 
     C = C_1 + P^T C_2 P,
 
