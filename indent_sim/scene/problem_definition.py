@@ -452,15 +452,20 @@ class ProblemDefinition:
         )
 
     @property
+    def slides_around_edge(self) -> bool:
+        """True if the surface slides around the edge of a flat punch, which friction prevents."""
+        is_sliding = self.gap == "current" and not self.has_friction and not self.is_compressed
+        return is_sliding and isinstance(self.indenter, FlatPunch)
+
+    @property
     def _sliding_solves(self) -> float:
         """Linear solves while the surface slides around the edge of a flat punch, or 0.
 
         The increments become shorter with the depth, since the stretched layer at the edge becomes
-        thinner. Friction holds the surface.
+        thinner.
         """
         tip = self.indenter
-        is_sliding = self.gap == "current" and not self.has_friction and not self.is_compressed
-        if not isinstance(tip, FlatPunch) or not is_sliding:
+        if not isinstance(tip, FlatPunch) or not self.slides_around_edge:
             return 0.0
         depth = max(self.max_depth, 0.0) / tip.radius
         steady_depth = STEADY_SLIDING_DEPTH[0] + STEADY_SLIDING_DEPTH[1] * (

@@ -126,11 +126,13 @@ class LoadStepper:
                 segment.coordinate_length(longest_step),
                 -inf,
                 segment.coordinate_length(always_tried_step),
+                slides_around_edge=scene.physics.slides_around_edge,
             )
         return StepSizeControl(
             longest_step,
             -inf if scene.physics.is_time_dependent else self._start_point.delta,
             always_tried_step,
+            slides_around_edge=scene.physics.slides_around_edge,
         )
 
     @property

@@ -14,9 +14,9 @@ MOST_FAILURES = 10  # failed increments without two successes in a row between t
 # Newton iterations in failed increments to one target; the costliest row that was found, of an
 # adhesive tip, had 425
 MOST_FAILED_ITERATIONS = 600
-# The same where only the length of increments is limited: a part for the target, and one for each
-# increment of the largest length. The part of the target is spent on the edge of a sharp punch, at
-# which no increment helps, the other on rows of many increments.
+# The same for a surface that slides around the edge of a punch: a part for the target, and one for
+# each increment of the largest length. The part of the target is spent on a sharp edge, at which no
+# increment helps, the other on rows of many increments.
 FAILED_ITERATIONS_PER_TARGET = 150
 FAILED_ITERATIONS_PER_STEP = 30
 
@@ -35,11 +35,19 @@ class StepSizeControl:
         Coordinate below which the tip does not act on the body, so that no increments are needed.
     always_tried_step
         Increments down to this length are tried, however long the distance to the target is.
+    slides_around_edge
+        True if the surface slides around the edge of a punch, whose path is given up earlier.
     """
 
     def __init__(
-        self, max_step: float = inf, no_contact_below: float = 0.0, always_tried_step: float = inf
+        self,
+        max_step: float = inf,
+        no_contact_below: float = 0.0,
+        always_tried_step: float = inf,
+        *,
+        slides_around_edge: bool = False,
     ):
+        self._slides_around_edge = slides_around_edge
         self._no_contact_below = no_contact_below
         self._always_tried_step = always_tried_step
         self.max_step = max_step
@@ -56,7 +64,7 @@ class StepSizeControl:
         self._smallest_step = min(SMALLEST_STEP_FRACTION * abs(distance), self._always_tried_step)
         self._failures = 0
         self._failed_iterations = 0
-        if isfinite(self.max_step) and not isfinite(self._always_tried_step):
+        if self._slides_around_edge and isfinite(self.max_step):
             step_count = ceil(abs(distance) / self.max_step)
             self._most_failed_iterations = (
                 FAILED_ITERATIONS_PER_TARGET + FAILED_ITERATIONS_PER_STEP * step_count

@@ -106,10 +106,10 @@ def test_iterations_lost_on_the_way_to_a_target_are_bounded(tries: list[tuple[in
     assert rule.next_target(at, 1.0) is not None
 
 
-def test_fewer_iterations_are_lost_where_only_the_length_is_limited() -> None:
+def test_fewer_iterations_are_lost_at_the_edge_of_a_punch() -> None:
     """The bound grows with the number of increments of full length on the way to the target."""
     for distance, step_count in ((0.1, 1), (1.0, 4)):
-        rule = StepSizeControl(max_step=0.25)
+        rule = StepSizeControl(max_step=0.25, slides_around_edge=True)
         rule.begin_target(distance)
         most = FAILED_ITERATIONS_PER_TARGET + FAILED_ITERATIONS_PER_STEP * step_count
         assert rule.next_target(0.0, distance) is not None
@@ -133,6 +133,7 @@ class Spring:
             columns=(),
             contact=SimpleNamespace(adhesion_range=0.0),
             is_time_dependent=False,
+            slides_around_edge=False,
             searches_pull_off=False,
             path=LoadPath("depth", (1.0,) * 9),
         )
