@@ -7,6 +7,7 @@ for `--resume` by `previous_run`.
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -37,6 +38,8 @@ from indent_sim.results.tables import EXPERIMENT, SURFACE, WORD_COLUMNS
 
 if TYPE_CHECKING:
     import pandas
+
+log = logging.getLogger("indent_sim")
 
 RUN_AGAIN_REMEDY = "run its scene again without --resume, or with another --output"
 COMPARED_COLUMNS = ("delta", "force", "a")
@@ -210,7 +213,8 @@ def _is_result_table(path: Path) -> bool:
 def _read_curve_file(path: Path) -> Results:
     """Read the first curve of a file of measured curves as a table.
 
-    If the file has no depth, the displacement z of the base is used instead.
+    If the file has no depth, the displacement z of the base is used instead. What the reader
+    guessed, such as the meaning of a column, is a warning.
     """
     # This import loads the readers of all formats, which no run needs.
     from indent_sim.results.measured.curve_file import read_curves
@@ -220,7 +224,8 @@ def _read_curve_file(path: Path) -> Results:
         curve = read_curves(path)[0]
     except NoCurve as error:
         raise UsageError(f"{path} is {error.problem}", error.remedy, str(path)) from None
-    delta = curve.abscissa_values(curve.available_abscissa("delta"))
+    abscissa = curve.available_abscissa("delta")
+    delta = curve.abscissa_values(abscissa)
     rows = len(curve)
     table = {
         "step": np.arange(1.0, rows + 1),
@@ -229,6 +234,11 @@ def _read_curve_file(path: Path) -> Results:
         "force": curve.force,
     }
     table |= {"t": curve.t} if curve.t is not None else {}
+    notes = list(curve.notes)
+    if abscissa != "delta":
+        notes.append("without a column of depth, the displacement of the base is taken for delta")
+    for note in notes:
+        log.warning(f"warning: {path}: {note}")
     return Results(
         path,
         table,
