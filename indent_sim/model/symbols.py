@@ -297,7 +297,10 @@ wall_s [s]: wall time since the start of the run
 stick_radius [length]: sqrt(area/pi) of the part of the contact that does not slip on the tip, with
   friction; in plane strain half its width
 dissipation [energy]: energy dissipated by friction since the previous row; with friction
-side_force_x [force]: force on the tip along x; with friction, if no mirror plane is normal to x
+x [length] $x$: horizontal displacement of a sliding tip from where it was pressed in, along x or y;
+  with loading.slide
+side_force_x [force]: force on the tip along x; with friction or a slide, if no mirror plane
+  is normal to x; of a sliding tip with the force of the pressure on its slope
 side_force_y [force]: force on the tip along y, as side_force_x
 force_error [force]: estimated error of the force: half-width of its interval
 a_error [length]: estimated error of the contact radius: half-width of its interval
@@ -308,6 +311,8 @@ stick_radius_error [length]: estimated error of the stick radius: half-width of 
   friction
 dissipation_error [energy]: estimated error of the dissipation: half-width of its interval; with
   friction
+side_force_x_error [force]: estimated error of the side force: half-width of its interval
+side_force_y_error [force]: as side_force_x_error
 calibration_error [force]: uncertainty of the force from the calibration of the instrument; with a
   history
 reaction [force]: z-reaction of all constrained degrees of freedom; equals the force

@@ -22,6 +22,7 @@ from indent_sim.model.state import (
     FRICTION_COLUMNS,
     KRYLOV_COLUMNS,
     REACTION_COLUMNS,
+    SLIDE_COLUMNS,
     SOFT_TIP_COLUMNS,
     STATE_COLUMNS,
     TIME_COLUMNS,
@@ -44,6 +45,7 @@ MEASURED = "measured"  # This entry of a report marks a measured curve.
 # Not every run has these columns.
 OPTIONAL_COLUMNS = (
     *DERIVED_COLUMNS,
+    *SLIDE_COLUMNS,
     *FRICTION_COLUMNS,
     *FLUID_COLUMNS,
     *SOFT_TIP_COLUMNS,
@@ -59,6 +61,7 @@ RESULT_COLUMNS = tuple(
     for name in (
         *STATE_COLUMNS,
         *DERIVED_COLUMNS,
+        *SLIDE_COLUMNS,
         *FRICTION_COLUMNS,
         *FLUID_COLUMNS,
         *SOFT_TIP_COLUMNS,

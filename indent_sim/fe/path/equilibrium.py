@@ -60,7 +60,7 @@ class Equilibrium(Protocol):
     def extrapolate(self, depth: float, earlier: Sequence[Any]) -> None:
         """Set the unknowns to an extrapolation of earlier snapshots to the given depth."""
 
-    def solve(self, depth: float, dt: float = 0.0) -> bool:
+    def solve(self, depth: float, dt: float = 0.0, slide: float = 0.0) -> bool:
         """Solve for the equilibrium at a depth, starting from the present unknowns.
 
         Parameters
@@ -69,6 +69,8 @@ class Equilibrium(Protocol):
             Indentation depth [length].
         dt
             Time since the last accepted equilibrium [time].
+        slide
+            Horizontal displacement of the tip from where it was pressed in [length].
 
         Returns
         -------

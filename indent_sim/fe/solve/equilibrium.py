@@ -114,8 +114,17 @@ class BodyEquilibrium:
         self.newton.accept()
         return dissipation
 
-    def solve(self, depth: float, dt: float = 0.0) -> bool:
+    def solve(self, depth: float, dt: float = 0.0, slide: float = 0.0) -> bool:
         """Solve for the equilibrium at a depth `dt` later, stage by stage.
+
+        Parameters
+        ----------
+        depth
+            Indentation depth [length].
+        dt
+            Time since the last accepted equilibrium [time].
+        slide
+            Horizontal displacement of the tip [length].
 
         Returns
         -------
@@ -127,6 +136,7 @@ class BodyEquilibrium:
         state_before = self.problem.trial_state()
         earlier_states = self._extrapolation_states
         self._extrapolation_states = ()
+        self.problem.body.slide_tip(slide)
         for stage in self.problem.stages(dt):
             is_last = stage.end_fraction == 1.0
             if earlier_states and dt:
@@ -272,6 +282,8 @@ class BodyEquilibrium:
         arrays = [*(vector.array_r for vector in state.unknowns), *state.history]
         pairs = zip(arrays, self._numberings, strict=True)
         packed = [field.gather(values) for values, fields in pairs for field in fields]
+        if self.scene.physics.slides:
+            return [*packed, np.array([state.slide])]
         return [*packed, np.array([state.modulus_ratio])] if self._has_relaxation else packed
 
     def unpack(self, depth: float, arrays: Sequence[np.ndarray], t: float = 0.0) -> Snapshot | None:
@@ -282,12 +294,16 @@ class BodyEquilibrium:
         state = replace(self.snapshot(), depth=depth, t=t)
         numbering = self._numberings
         shapes: list[tuple[int, ...]] = [field.shape for fields in numbering for field in fields]
-        shapes += [(1,)] if self._has_relaxation else []
+        slides = self.scene.physics.slides
+        shapes += [(1,)] if self._has_relaxation or slides else []
         if [np.shape(values) for values in arrays] != shapes:
             return None
         if self._has_relaxation:
             *arrays, modulus_ratio = arrays
             state = replace(state, modulus_ratio=float(modulus_ratio[0]))
+        if slides:
+            *arrays, slide = arrays
+            state = replace(state, slide=float(slide[0]))
         remaining_arrays = iter(arrays)
         for values, fields in zip(
             [*(vector.array for vector in state.unknowns), *state.history], numbering, strict=True
