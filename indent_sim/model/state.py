@@ -16,8 +16,8 @@ DERIVED_COLUMNS = ("stiffness", "area", "E_hertz")
 # Columns of scenes with friction; a side force only if no mirror plane through the tip is normal to
 # its axis.
 FRICTION_COLUMNS = ("stick_radius", "dissipation", "side_force_x", "side_force_y")
-# Columns of scenes with a tip that slides; x comes after delta.
-SLIDE_COLUMNS = ("x",)
+# Columns of scenes with a tip that slides; slide comes after delta.
+SLIDE_COLUMNS = ("slide",)
 # Columns of scenes with fluid in the pores.
 FLUID_COLUMNS = ("outflow", "pore_pressure_max")
 # Columns of scenes with a soft tip.
@@ -151,7 +151,7 @@ class State:
         Contact area [length^2].
     E_hertz
         Modulus from a half-space fit of this row alone [pressure].
-    x
+    slide
         Horizontal displacement of a sliding tip from where it was pressed in [length].
     stick_radius
         Radius of the region that does not slip, with friction [length].
@@ -160,7 +160,7 @@ class State:
     side_force_x, side_force_y
         Horizontal force on the tip, with friction or of a sliding tip, along an axis to which no
         mirror plane is normal [force]. Of a sliding tip it includes the force of the pressure on
-        the slope of the tip, also with a reference gap, so that it does the tip's work along x.
+        the slope of the tip, also with a reference gap, so that it does the work of the slide.
     lateral_imbalance
         Horizontal forces on the body that do not balance, of a sliding tip [force]; zero in
         equilibrium.
@@ -215,7 +215,7 @@ class State:
     stiffness: float | None = None
     area: float | None = None
     E_hertz: float | None = None
-    x: float | None = None
+    slide: float | None = None
     stick_radius: float | None = None
     dissipation: float | None = None
     side_force_x: float | None = None
@@ -325,7 +325,7 @@ def _field_units(scales: Scales) -> dict[str, float]:
     )
     lengths = (
         "a",
-        "x",
+        "slide",
         "penetration",
         "overlap",
         "intrusion",

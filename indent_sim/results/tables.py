@@ -79,7 +79,7 @@ def _column_writers(
 def order_columns(columns: Sequence[str]) -> tuple[str, ...]:
     """Order the columns of the force table.
 
-    The time t comes after the step, the slide x after the depth, and support reactions at the end.
+    The time t comes after the step, the slide after the depth, and support reactions at the end.
     """
     time = [name for name in columns if name == "t"]
     slide = [name for name in columns if name in SLIDE_COLUMNS]

@@ -449,6 +449,8 @@ class SimulationDriver:
         columns_with_errors = (
             {*columns} - prescribed if self._request.has_error_bars else set[str]()
         )
+        if not scene.physics.slides:
+            columns_with_errors -= {"side_force_x", "side_force_y"}
         errors = (
             name for name in ERROR_COLUMNS if name.removesuffix("_error") in columns_with_errors
         )

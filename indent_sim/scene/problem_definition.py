@@ -99,6 +99,11 @@ class ProblemDefinition:
         """True if the tip slides after it has been pressed in."""
         return bool(self.path.slides)
 
+    @property
+    def slide_force_column(self) -> str:
+        """Column of the side force along the slide; empty if the tip does not slide."""
+        return f"side_force_{'xy'[self.track.axis]}" if self.slides else ""
+
     @cached_property
     def is_compressed(self) -> bool:
         """True if a plate, or a punch wider than the body, covers the whole flat top."""

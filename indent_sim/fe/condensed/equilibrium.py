@@ -17,7 +17,7 @@ from indent_sim.fe.condensed.contact import CondensedContact
 from indent_sim.fe.condensed.flat_punches import punches
 from indent_sim.fe.condensed.soft_tip import SoftTipCondenser
 from indent_sim.fe.discrete_body import Body
-from indent_sim.fe.path.equilibrium import Equilibrium, state_reactions
+from indent_sim.fe.path.equilibrium import Equilibrium, lateral_imbalance, state_reactions
 from indent_sim.fe.path.solver_statistics import SolverStatistics
 from indent_sim.fe.postprocessing import measurements, penetration
 from indent_sim.fe.postprocessing.whole_body import WholeBody
@@ -270,6 +270,10 @@ class CondensedEquilibrium(Equilibrium):
             )
         )
         values |= state_reactions(self.scene.physics.domain, support_reactions)
+        axis = self.scene.physics.track.axis
+        # With a reference gap the pressure on the body is vertical
+        traction = float(contact.forces[1 + axis].sum()) if contact.friction else 0.0
+        values |= lateral_imbalance(self.scene, support_reactions, -symmetry_factor * traction)
         if isinstance(self.condenser, SoftTipCondenser):
             values["tip_sink"] = self.condenser.tip_sink(X)
             values["tip_energy"] = symmetry_factor * self.condenser.tip_energy(X)

@@ -113,6 +113,31 @@ class Equilibrium(Protocol):
         """Return the results of the present equilibrium, keyed by the field names of `State`."""
 
 
+def lateral_imbalance(
+    scene: Scene, support_reactions: Mapping[SurfaceComponent, float], push: float
+) -> dict[str, float]:
+    """Return the horizontal forces on the body that do not balance [force]; {} without a slide.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+    support_reactions
+        Reactions of the supports of the model domain [force].
+    push
+        Horizontal force of the body on the tip along the slide, of the whole body [force].
+    """
+    physics = scene.physics
+    if not physics.slides:
+        return {}
+    reaction = sum(
+        force
+        for (_, component), force in support_reactions.items()
+        if component == physics.track.axis
+    )
+    return {"lateral_imbalance": abs(physics.domain.symmetry_factor * reaction - push)}
+
+
 def state_reactions(
     part: ModelDomain, support_reactions: Mapping[SurfaceComponent, float]
 ) -> dict[str, Any]:

@@ -192,7 +192,7 @@ class LoadStepper:
     def resume(
         self,
         points: Sequence[PackedState],
-        later_load_points: Sequence[tuple[float, float, float]],
+        later_load_points: Sequence[tuple[float, ...]],
         step: int = 0,
         pull_off_points: Mapping[int, PackedState] | None = None,
     ) -> bool:
@@ -447,7 +447,7 @@ class LoadStepper:
                 "wall_s": time.perf_counter() - self.started,
             }
             if path.slides:
-                values |= {"x": slide}
+                values |= {"slide": slide}
             if path.times:
                 values |= {"t": path.times[step - 1], "branch": path.branches[step - 1]}
             yield State(step=step, delta=self._last_point.delta, surface=surface, **values)

@@ -12,7 +12,7 @@ import numpy as np
 from mpi4py import MPI
 
 from indent_sim.fe.discrete_body import Body
-from indent_sim.fe.path.equilibrium import state_reactions
+from indent_sim.fe.path.equilibrium import lateral_imbalance, state_reactions
 from indent_sim.fe.path.load_control import ForceDepth, LoadControl
 from indent_sim.fe.path.solver_statistics import SolverStatistics
 from indent_sim.fe.postprocessing import contact_sample, measurements, penetration
@@ -395,6 +395,7 @@ class BodyEquilibrium:
         values: dict[str, Any] = {"force": self.force, "energy": energy}
         support_reactions, values["stray_reaction"] = self.problem.reactions()
         values |= state_reactions(self.scene.physics.domain, support_reactions)
+        values |= lateral_imbalance(self.scene, support_reactions, self._push_along_slide())
         for name, axis in self.scene.physics.side_force_axes.items():
             values[f"side_force_{name}"] = self.problem.side_force(axis)
         body = self.problem.body
@@ -406,6 +407,20 @@ class BodyEquilibrium:
         if self.scene.physics.is_swelling and values["a"] == 0:
             values["clearance"] = contact_sample.smallest_gap(self.observed_body)
         return values
+
+    def _push_along_slide(self) -> float:
+        """Horizontal force of the body on the tip along its slide [force]; 0 without a slide.
+
+        With a reference gap it is that of friction, because the pressure on the body is vertical.
+        """
+        physics = self.scene.physics
+        if not physics.slides:
+            return 0.0
+        axis = physics.track.axis
+        if physics.gap == "current":
+            return self.problem.side_force(axis)
+        friction = self.contact_terms.friction
+        return self.problem.sum_over_body(friction.side_force(axis)) if friction else 0.0
 
     def _fluid_values(self) -> dict[str, Any]:
         """Return the results for the pore fluid by the names of State's fields; {} without flow.
