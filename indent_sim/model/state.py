@@ -246,11 +246,12 @@ class State:
         return self.summary({})
 
     def summary(self, units: Mapping[str, str]) -> str:
-        """Return time, depth, force and contact radius as text.
+        """Return time, depth, slide, force and contact radius as text.
 
         `units` maps the names of these quantities to their units.
         """
-        numbers = {"t": self.t, "delta": self.delta, "force": self.force, "a": self.a}
+        numbers = {"t": self.t, "delta": self.delta, "slide": self.slide}
+        numbers |= {"force": self.force, "a": self.a}
         known_numbers = {
             name: value
             for name, value in numbers.items()

@@ -98,6 +98,14 @@ class Results:
     def __len__(self) -> int:
         return len(self.table["step"])
 
+    def slide_at(self, step: float) -> np.ndarray:
+        """Return the horizontal displacement (x, y) of the tip at a step [length]; 0 if unknown."""
+        axis = self.report.get("slide_axis")
+        rows = np.flatnonzero(self["step"] == step)
+        if axis not in ("x", "y") or "slide" not in self.table or not len(rows):
+            return np.zeros(2)
+        return float(self["slide"][rows[0]]) * np.array([axis == "x", axis == "y"])
+
     @property
     def columns(self) -> tuple[str, ...]:
         """Names of the columns of the force table."""

@@ -432,6 +432,7 @@ class SimulationDriver:
         report |= {
             "control": physics.path.control,
             "center": center,
+            **({"slide_axis": "xy"[physics.track.axis]} if physics.slides else {}),
             "plan": planned,
             "warnings": list(plan.warnings),
         }

@@ -208,9 +208,10 @@ class SingleRun:
         tip = scales.to_user_units(physics.indenter)
         center = tuple(c * scales.length for c in physics.center)
         width = plot_width(tip, self.scene.plan.prediction["a"], max(physics.deltas) * scales.depth)
-        return tip_mesh(
+        tip_geometry = tip_mesh(
             tip, center, width, physics.domain.kinematics.name, scales.contacts_per_body
         )
+        return replace(tip_geometry, slide_axis=physics.track.axis)
 
     def _resume(self) -> None:
         """Restore the solver at the last row of the run that is continued."""
