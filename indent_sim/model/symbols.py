@@ -361,7 +361,7 @@ compare_to: reference of force, a and p_max: theory, finest, a force, a result
 tolerance [1]: largest error of the force that counts as correct; with it every row has a verdict,
   also rejected scenes
 from [that of the key]: first number of a range
-to [that of the key]: last number of a range
+study.to [that of the key]: last number of a range
 count [1]: number of values in a range, both ends included
 spacing: linear: equal distances; log: equal factors
 unit: E*/h_contact: the numbers of the range are multiples of it, for each mesh

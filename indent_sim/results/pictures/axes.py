@@ -38,8 +38,8 @@ COLUMN_LABELS = {
     "p_max": ("largest pressure p", "pressure"),
     "penetration": ("penetration", "length"),
     "slide": ("slide x", "length"),
-    "side_force_x": ("side force F_x", "force"),
-    "side_force_y": ("side force F_y", "force"),
+    "side_force_x": ("side force $F_x$", "force"),
+    "side_force_y": ("side force $F_y$", "force"),
 }
 
 
@@ -156,7 +156,7 @@ def axis_of_column(column: str, runs: Sequence[Results]) -> Axis:
         plane_strain_labels = {
             "a": ("contact half-width a", "length"),
             "force": ("force F per length", "line"),
-            "side_force_x": ("side force F_x per length", "line"),
+            "side_force_x": ("side force $F_x$ per length", "line"),
         }
         name, kind = plane_strain_labels.get(column, (name, kind))
     return scaled_axis(kind, runs, np.concatenate([run[column] for run in runs]), name)
