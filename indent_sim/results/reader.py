@@ -23,6 +23,7 @@ from indent_sim.model.state import (
     FRICTION_COLUMNS,
     KRYLOV_COLUMNS,
     REACTION_COLUMNS,
+    SLIDE_COLUMNS,
     SOFT_TIP_COLUMNS,
     STATE_COLUMNS,
     TIME_COLUMNS,
@@ -47,6 +48,7 @@ MEASURED = "measured"  # This entry of a report marks a measured curve.
 # Not every run has these columns.
 OPTIONAL_COLUMNS = (
     *DERIVED_COLUMNS,
+    *SLIDE_COLUMNS,
     *FRICTION_COLUMNS,
     *FLUID_COLUMNS,
     *SOFT_TIP_COLUMNS,
@@ -62,6 +64,7 @@ RESULT_COLUMNS = tuple(
     for name in (
         *STATE_COLUMNS,
         *DERIVED_COLUMNS,
+        *SLIDE_COLUMNS,
         *FRICTION_COLUMNS,
         *FLUID_COLUMNS,
         *SOFT_TIP_COLUMNS,
@@ -97,6 +100,14 @@ class Results:
 
     def __len__(self) -> int:
         return len(self.table["step"])
+
+    def slide_at(self, step: float) -> np.ndarray:
+        """Return the horizontal displacement (x, y) of the tip at a step [length]; 0 if unknown."""
+        axis = self.report.get("slide_axis")
+        rows = np.flatnonzero(self["step"] == step)
+        if axis not in ("x", "y") or "slide" not in self.table or not len(rows):
+            return np.zeros(2)
+        return float(self["slide"][rows[0]]) * np.array([axis == "x", axis == "y"])
 
     @property
     def columns(self) -> tuple[str, ...]:
