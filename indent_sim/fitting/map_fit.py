@@ -6,7 +6,7 @@
    parameters is D V D' with D = (J'WJ)^-1 J'W, for the covariance V of the noise.
 4. The residuals are tested for a trend, and the fit to half the depth is compared.
 
-The reasons are those for which single curves are rejected (`estimate`).
+Curves are rejected for the same reasons as single curves (`estimate`).
 """
 
 from __future__ import annotations
@@ -55,13 +55,13 @@ from indent_sim.fitting.inference.pooled_noise import (
     estimate_pooled_noise,
 )
 
-# Curves that are fitted at once: their samples fit into the cache of a processor.
+# Number of curves that are fitted at once. Their samples fit into the cache of a processor.
 BATCH_SIZE = 64
-# Neighbouring curves that are fitted without a result between them. A killed fit continues after
-# the last block, and processes fit different blocks. A batch has curves of one block only, so that
+# Number of neighbouring curves in a block. Results are written after each block, at which a killed
+# fit continues, and processes fit different blocks. A batch has curves of one block only, so that
 # numbers depend neither on kills nor on the number of processes.
 BLOCK_SIZE = 1024
-# Numbers of samples are multiples of this, so that many curves have the same.
+# The number of samples is rounded to a multiple of this, so that many curves are equally long.
 LENGTH_STEP = 32
 # Relative change of the sums of squares at which the fits of a map end.
 MAP_TOLERANCE = 1e-6
@@ -110,13 +110,13 @@ class PixelFits:
     theta, theta_sd
         Logarithm of the modulus, and its standard deviation.
     contact_point, contact_point_sd
-        Displacement at first touch [length].
+        Displacement at first contact [length].
     level, slope
         Baseline at the contact point [force], and its slope [force/length].
     max_force, depth
         Largest fitted force [force]; depth without the spring's deflection [length].
     travel
-        Displacement of the base from first touch to the deepest sample [length].
+        Displacement of the base from first contact to the deepest sample [length].
     rms
         Root mean square of the residuals [force].
     p_shape
@@ -175,7 +175,7 @@ class InitialFits:
     Attributes
     ----------
     theta, contact_point, level, slope
-        Parameters, as those of `PixelFits`.
+        Parameters as in `PixelFits`.
     depth, travel
         Depth without the spring's deflection, and with it [length].
     near_count
@@ -306,7 +306,7 @@ class MapFitter:
     def estimate_noise(self) -> PooledNoise | None:
         """Return the noise of the map, or None if too few curves have long baselines.
 
-        Baselines end a fifth of the depth before first touch.
+        Baselines end a fifth of the depth before first contact.
         """
         max_baselines = 500
         baseline_counts = self.initial.baseline_count
@@ -314,7 +314,7 @@ class MapFitter:
         if len(candidates) < MIN_BASELINES:
             return None
         counts = baseline_counts[candidates]
-        # Half of the curves have as long a baseline, if so many are enough.
+        # The common length is that which half of the curves reach, or which enough curves reach.
         m = min(int(np.median(counts)), MAX_BASELINE_SAMPLES)
         if np.count_nonzero(counts >= m) < MIN_BASELINES:
             m = int(np.sort(counts)[-MIN_BASELINES])
@@ -591,7 +591,7 @@ def _fit_depth_range(
     is_inside = x - c <= depth_fraction * (x.max(axis=-1, keepdims=True) - c)
     ends = n - np.argmax(is_inside[:, ::-1], axis=-1)
     in_contact = np.count_nonzero(is_inside & (x > c), axis=-1)
-    # Fewer lengths than those of whole curves, since every block has several of them.
+    # Coarser steps of the length than for whole curves, so that a block has few different lengths.
     step = 2 * LENGTH_STEP
     lengths = step * (ends // step)
     theta = np.full(b, math.nan)

@@ -29,7 +29,7 @@ class MapSource:
     reading
         Options for reading the files.
     grid
-        Rows and columns, if the files of a folder, in the order of their names, are a map.
+        Numbers of rows and columns, if the files of a folder in the order of their names are a map.
     rows
         First row that is fitted, and the one after the last; None for all.
     """
@@ -115,7 +115,7 @@ def find_map(source: MapSource, request: FitRequest, choice: bool | None) -> Mea
     Raises
     ------
     UsageError
-        If a map is asked for, and the files contain none, or not these rows.
+        If a map is requested and the files contain none, or not these rows.
     """
     if request.curve_part != "approach":
         if choice or source.grid is not None:
