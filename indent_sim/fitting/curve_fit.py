@@ -293,7 +293,7 @@ def _fit_load_curve(
     """Fit an elastic scene; solve deeper and refit if the fitted depth exceeds the solved one."""
     if config.experiment and config.experiment.adhesion:
         return _fit_adhesive_load_curve(config, request, samples, tables)
-    forward_model = _graded_forward_model(config, request.varied_keys, samples, tables)
+    forward_model = _shared_forward_model(config, request.varied_keys, samples, tables)
     estimate = fit_model(forward_model, samples, request.origin)
     depth = _max_indentation(estimate)
     if depth > forward_model.max_depth:
@@ -316,7 +316,7 @@ def _fit_adhesive_load_curve(
     for factor in (ADHESIVE_DEPTH_FACTOR, SOLVED_DEPTH_FACTOR, MIN_DEPTH_FACTOR):
         try:
             forward_model = tables.forward_model(
-                config, request.varied_keys, graded_depth(factor * contact_depth)
+                config, request.varied_keys, rounded_depth(factor * contact_depth)
             )
             break
         except (ConfigError, ForwardModelUnavailable):
@@ -333,7 +333,7 @@ def _fit_adhesive_load_curve(
         # times as deep.
         growth = min(max(1.2 * missing, 1.3), 3.0) if missing > 0.0 else 3.0
         forward_model = tables.forward_model(
-            config, request.varied_keys, graded_depth(growth * forward_model.max_depth)
+            config, request.varied_keys, rounded_depth(growth * forward_model.max_depth)
         )
     raise FitRejected(
         "the adhesive contact is larger than any that was solved: the adhesion is too strong for "
@@ -402,7 +402,7 @@ def _elastic_contact_point(
     """
     if request.origin.contact_point is not None:
         return request.origin.contact_point
-    elastic_model = _graded_forward_model(
+    elastic_model = _shared_forward_model(
         _elastic_config_with_spring(config, max_contact_depth(approach, config)),
         (pressure_keys(config)[0],),
         approach,
@@ -428,7 +428,7 @@ def prepare_curve(curve: MeasuredCurve, request: FitRequest) -> tuple[Config, Sa
     has_spring = config.experiment is not None and config.experiment.compliance > 0
     guesses = []
     if has_spring and curve.is_abscissa_guessed:
-        curve = curve.with_displacement()
+        curve = curve.reinterpret_depth()
         guesses.append(
             "the file does not name the quantity in its column of lengths, and the scene has a "
             "spring: it is taken as the displacement of the base; if it is the depth, say so, "
@@ -452,11 +452,11 @@ def prepare_curve(curve: MeasuredCurve, request: FitRequest) -> tuple[Config, Sa
     t = None if curve.t is None else curve.t - curve.t[0]
     samples = Samples(curve.abscissa_values(column), curve.force, t)
     if config.experiment and config.experiment.adhesion:
-        samples = _in_order_of_time(samples, curve, request.curve_part)
+        samples = _order_by_time(samples, curve, request.curve_part)
     return config, samples, notes
 
 
-def _in_order_of_time(samples: Samples, curve: MeasuredCurve, part: CurvePart) -> Samples:
+def _order_by_time(samples: Samples, curve: MeasuredCurve, part: CurvePart) -> Samples:
     """Return the samples in the order of time; of a whole curve, each with its branch."""
     if part == "approach" and samples.x[0] > samples.x[-1]:
         # The rows of this file are in the order of z, so that they begin at the deepest point.
@@ -478,7 +478,7 @@ def _remove_spring(config: Config) -> Config:
     )
 
 
-def _graded_forward_model(
+def _shared_forward_model(
     config: Config, keys: tuple[str, ...], samples: Samples, tables: ForwardModelCache
 ) -> ForwardModel:
     """Return the forward model up to a rounded depth, so that curves of similar depth share it.
@@ -488,12 +488,14 @@ def _graded_forward_model(
     """
     contact_depth = max_contact_depth(samples, config)
     try:
-        return tables.forward_model(config, keys, graded_depth(SOLVED_DEPTH_FACTOR * contact_depth))
+        return tables.forward_model(
+            config, keys, rounded_depth(SOLVED_DEPTH_FACTOR * contact_depth)
+        )
     except (ConfigError, ForwardModelUnavailable):
         return tables.forward_model(config, keys, MIN_DEPTH_FACTOR * contact_depth)
 
 
-def graded_depth(depth: float) -> float:
+def rounded_depth(depth: float) -> float:
     """Return a depth, rounded up to a power of 1.25, so that similar curves share solutions."""
     grade_ratio = 1.25
     return float(grade_ratio ** math.ceil(math.log(depth) / math.log(grade_ratio)))

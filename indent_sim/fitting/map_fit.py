@@ -246,7 +246,7 @@ class MapModel:
         """Return the model of some curves."""
         model = self.forward_model
         if self.load_curves is not None and self.rows is not None:
-            model = model.with_load_curves(self.load_curves, self.rows[curves])
+            model = model.replace_load_curves(self.load_curves, self.rows[curves])
         return CurveModel(model, samples, self.origin)
 
 
@@ -397,7 +397,7 @@ class MapFitter:
         self.fits.reason[curves[~np.isfinite(squares)]] = NO_FIT
         for column, values in zip(
             ("theta", "contact_point", "level", "slope"),
-            _with_absolute_baseline(model, p).T,
+            _absolute_baseline_parameters(model, p).T,
             strict=True,
         ):
             getattr(self.initial, column)[curves] = values
@@ -432,9 +432,9 @@ class MapFitter:
     def _fit_batch(self, curves: np.ndarray, samples: Samples, noise: PooledNoise) -> None:
         """Fit curves with the noise of the map, and assess the fits."""
         model = self.model.curve_model(curves, samples)
-        initial = _with_relative_baseline(model, self.initial.parameters(curves))
+        initial = _relative_baseline_parameters(model, self.initial.parameters(curves))
         fit = _fit_weighted(model, initial, noise)
-        absolute = _with_absolute_baseline(model, fit.p)
+        absolute = _absolute_baseline_parameters(model, fit.p)
         max_force = np.abs(model.contact_force(fit.p)).max(axis=-1)
         compliance = model.forward_model.experiment.compliance
         p_shape = _shape_probability(model, fit, noise)
@@ -603,8 +603,8 @@ def _fit_depth_range(
             x[rows[:, None], columns], model.samples.force[rows[:, None], columns]
         )
         part_model = replace(model.select(rows), samples=part_samples)
-        initial = _with_relative_baseline(
-            part_model, _with_absolute_baseline(model.select(rows), fit.p[rows])
+        initial = _relative_baseline_parameters(
+            part_model, _absolute_baseline_parameters(model.select(rows), fit.p[rows])
         )
         part = _fit_weighted(part_model, initial, noise, DEPTH_RANGE_TOLERANCE)
         difference = -fit.solver[rows]
@@ -676,7 +676,7 @@ def initial_parameters(model: CurveModel) -> np.ndarray:
     return np.where(is_valid[:, None], parameters, math.nan)
 
 
-def _with_absolute_baseline(model: CurveModel, p: np.ndarray) -> np.ndarray:
+def _absolute_baseline_parameters(model: CurveModel, p: np.ndarray) -> np.ndarray:
     """Return theta, c, baseline at c and slope [force/length] (b, 4) of parameters (b, 4)."""
     x = model.samples.x
     slope = p[:, 3] / np.maximum(np.ptp(x, axis=-1), 1e-300)
@@ -684,8 +684,8 @@ def _with_absolute_baseline(model: CurveModel, p: np.ndarray) -> np.ndarray:
     return np.stack([p[:, 0], p[:, 1], level, slope], axis=-1)
 
 
-def _with_relative_baseline(model: CurveModel, absolute: np.ndarray) -> np.ndarray:
-    """Return the parameters (b, 4) of a model; the inverse of `_with_absolute_baseline`."""
+def _relative_baseline_parameters(model: CurveModel, absolute: np.ndarray) -> np.ndarray:
+    """Return the parameters (b, 4) of a model; the inverse of `_absolute_baseline_parameters`."""
     x = model.samples.x
     theta, c, level, slope = absolute.T
     b0 = level + slope * (x.mean(axis=-1) - c)

@@ -40,8 +40,8 @@ if TYPE_CHECKING:
 
 RUN_AGAIN_REMEDY = "run its scene again without --resume, or with another --output"
 COMPARED_COLUMNS = ("delta", "force", "a")
-MEASURED = "measured"  # This entry of a report marks a measured curve.
-# Not every run has these columns.
+MEASURED = "measured"  # Key of run.json that marks a measured curve.
+# Columns that only some runs have.
 OPTIONAL_COLUMNS = (
     *DERIVED_COLUMNS,
     *FRICTION_COLUMNS,
@@ -212,7 +212,7 @@ def _read_curve_file(path: Path) -> Results:
 
     If the file has no depth, the displacement z of the base is used instead.
     """
-    # This import loads the readers of all formats, which no run needs.
+    # This import loads the readers of all formats, which a simulation does not need.
     from indent_sim.results.measured.curve_file import read_curves
     from indent_sim.results.measured.measurement import NoCurve
 

@@ -211,7 +211,7 @@ class ElasticLoadCurveGrid:
             config, shape_parameters, _pack_coefficients(self.scene_curve), solve, grid_nodes
         )
 
-    def with_depth(self, max_depth: float) -> ElasticLoadCurveGrid:
+    def copy_for_depth(self, max_depth: float) -> ElasticLoadCurveGrid:
         """Return the curves of a self-similar scene up to another depth, without a solution."""
         grid = copy.copy(self)
         curve = self.scene_curve

@@ -313,16 +313,18 @@ class ForwardModel:
         model._curve_rows = self._curve_rows[curves]
         return model
 
-    def with_depth(self, max_depth: float) -> ForwardModel:
+    def copy_for_depth(self, max_depth: float) -> ForwardModel:
         """Return a copy of the model of a self-similar scene for another largest depth."""
         model = copy.copy(self)
         model.__dict__.pop("tabulated_curve", None)
         model.max_depth = max_depth
         model.pivot_depth = max_depth
-        model.elastic_curves = self.elastic_curves.with_depth(max_depth)
+        model.elastic_curves = self.elastic_curves.copy_for_depth(max_depth)
         return model
 
-    def with_load_curves(self, load_curves: TabulatedLoadCurve, rows: np.ndarray) -> ForwardModel:
+    def replace_load_curves(
+        self, load_curves: TabulatedLoadCurve, rows: np.ndarray
+    ) -> ForwardModel:
         """Return a copy of the model with a separate load curve for each measured curve.
 
         Parameters
@@ -837,7 +839,7 @@ class ForwardModelCache:
                 self._models.clear()
             self._models[cache_key] = _build_forward_model(config, keys, max_depth, measured_path)
         model = self._models[cache_key]
-        return model if model.max_depth == max_depth else model.with_depth(max_depth)
+        return model if model.max_depth == max_depth else model.copy_for_depth(max_depth)
 
 
 def _build_forward_model(

@@ -141,7 +141,7 @@ def _best_candidate(
     ]
     best: tuple[float, CurveModel, np.ndarray] | None = None
     for forward_model, theta in candidates:
-        model = _with_forward_model(pilot_model, forward_model)
+        model = _replace_forward_model(pilot_model, forward_model)
         try:
             p, squares = model.least_squares(
                 np.array([*theta, *baseline_values]), rounds=iterations
@@ -157,7 +157,7 @@ def _best_candidate(
     return Estimate(model, p, p, uncertainty_at(model, p))
 
 
-def _with_forward_model(model: CurveModel, forward_model: ForwardModel) -> CurveModel:
+def _replace_forward_model(model: CurveModel, forward_model: ForwardModel) -> CurveModel:
     """Return a model with another forward model, and the same contact point and baseline."""
     added = len(forward_model.parameters) - model.coordinate_count
     fixed = frozenset(k + added if k >= model.coordinate_count else k for k in model.fixed)
@@ -200,7 +200,7 @@ def _fit_adhesion(estimate: Estimate, config: Config, tables: ForwardModelCache)
 
 def _fit_growing_adhesion(estimate: Estimate) -> Estimate | None:
     """Return the fit of an adhesive scene whose work is multiplied by a power of the radius."""
-    model = _with_forward_model(estimate.model, estimate.model.forward_model.add_work_exponent())
+    model = _replace_forward_model(estimate.model, estimate.model.forward_model.add_work_exponent())
     count = estimate.model.coordinate_count
     trials = []
     for exponent in (0.0, 0.5, 1.5):

@@ -116,7 +116,7 @@ def _fit_depth_range(
     )
     if model.touch is not None:
         # Both fits take the contact point from the snap-in, so that its error is common to both.
-        shift = D @ model.with_free_touch.jacobian(estimate.ordinary_p)[:, k]
+        shift = D @ model.model_without_touch.jacobian(estimate.ordinary_p)[:, k]
         variance += shift**2 * uncertainty.covariance[k, k]
     sd = np.sqrt(np.maximum(variance, 0.0))
     sd = np.maximum(sd, MIN_DEVIATION_RATIO * partial_uncertainty.sd[:k])

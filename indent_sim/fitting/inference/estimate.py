@@ -223,7 +223,7 @@ class CurveModel:
         return is_free
 
     @property
-    def with_free_touch(self) -> CurveModel:
+    def model_without_touch(self) -> CurveModel:
         """The model without `touch`: the contact point is fitted even after a clear snap-in."""
         return self if self.touch is None else replace(self, touch=None)
 
@@ -455,7 +455,7 @@ def uncertainty_at(
     model: CurveModel, p: np.ndarray, noises: Sequence[Noise] | None = None
 ) -> ParameterUncertainty:
     """Return the uncertainty of the parameters at `p`; that of fixed parameters is 0."""
-    free_model = model.with_free_touch
+    free_model = model.model_without_touch
     is_free = free_model.is_free
     uncertainty = average_over_noise(free_model.jacobian(p)[:, is_free], model.residual(p), noises)
     covariance = np.zeros((len(is_free), len(is_free)))
@@ -527,9 +527,9 @@ def standard_deviation(estimate: Estimate, k: int, fixed: Sequence[int] = ()) ->
         parameter.
     """
     model = replace(estimate.model, fixed=estimate.model.fixed | set(fixed))
-    is_free = model.with_free_touch.is_free
+    is_free = model.model_without_touch.is_free
     noise = estimate.uncertainty.likeliest_noise
-    J = model.with_free_touch.jacobian(estimate.p)
+    J = model.model_without_touch.jacobian(estimate.p)
     scale = np.sqrt((J * J).sum(axis=0))
     if not scale[k] > 0:
         return math.inf if is_free[k] else 0.0
@@ -599,7 +599,7 @@ def initial_guesses(
     ordered = sorted((guess for guess in guesses if guess), key=lambda guess: guess[0])
     # Number of initial guesses from which the fit is iterated to convergence.
     max_guesses = 3
-    return [_with_known_baseline(p, pilot, origin) for _, p in ordered[:max_guesses]]
+    return [_replace_known_baseline(p, pilot, origin) for _, p in ordered[:max_guesses]]
 
 
 def baseline_level(samples: Samples) -> float:
@@ -757,7 +757,7 @@ def _fit_adhesive_tip(
     return estimate
 
 
-def _with_known_baseline(p: np.ndarray, samples: Samples, origin: OriginOptions) -> np.ndarray:
+def _replace_known_baseline(p: np.ndarray, samples: Samples, origin: OriginOptions) -> np.ndarray:
     """Return the parameters (p,) with the baseline replaced by the known one."""
     if origin.level is None:
         return p
@@ -824,12 +824,12 @@ def estimate_adhesive_tip(
         return estimate
     count = model.coordinate_count
     held_model = replace(estimate.model, fixed=model.fixed | {count + 1, count + 2})
-    held_p = _with_baseline_of_samples(estimate)
+    held_p = _refit_baseline(estimate)
     held_estimate = _estimate_with_jumps(held_model, held_p, weak_sides)
     return replace(held_estimate, p_baseline_shift=p_shift)
 
 
-def _with_baseline_of_samples(estimate: Estimate) -> np.ndarray:
+def _refit_baseline(estimate: Estimate) -> np.ndarray:
     """Return the parameters with the least-squares baseline of the samples out of contact."""
     model = estimate.model
     p = estimate.p.copy()
@@ -876,7 +876,7 @@ def place_jumps(
     squares : float
         The sum of squares.
     """
-    p = _at_touch(model, p)
+    p = _move_to_touch(model, p)
     if not weak_sides:
         return model, *model.least_squares(p)
     branch = _branch_by_model(model, p, weak_sides)
@@ -897,7 +897,7 @@ def place_jumps(
     if abs(first_force) < CLEAR_SNAP_DEVIATIONS * _rms_residual(model, p):
         return model, p, squares
     model = replace(model, touch=touch)
-    return model, *model.least_squares(_at_touch(model, p))
+    return model, *model.least_squares(_move_to_touch(model, p))
 
 
 def _search_touch(model: CurveModel, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -933,7 +933,7 @@ def _search_touch(model: CurveModel, p: np.ndarray) -> tuple[np.ndarray, np.ndar
             touch = (float(samples.x[first - 1]), float(samples.x[first]))
             trial = replace(model, samples=replace(samples, branch=branch), touch=touch)
             start = p if best is None else best[2]
-            trial_p, squares = trial.least_squares(_at_touch(trial, start), rounds=iterations)
+            trial_p, squares = trial.least_squares(_move_to_touch(trial, start), rounds=iterations)
             if best is None or squares < best[0]:
                 best = squares, index, trial_p, branch
         if best is None or best[1] == center:
@@ -942,7 +942,7 @@ def _search_touch(model: CurveModel, p: np.ndarray) -> tuple[np.ndarray, np.ndar
     return (samples.branch, p) if best is None else (best[3], best[2])
 
 
-def _at_touch(model: CurveModel, p: np.ndarray) -> np.ndarray:
+def _move_to_touch(model: CurveModel, p: np.ndarray) -> np.ndarray:
     """Return the parameters with the contact point in the middle of `touch`, if that is known."""
     p = p.copy()
     if model.touch is not None:

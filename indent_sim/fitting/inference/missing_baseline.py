@@ -85,7 +85,7 @@ def known_baseline(samples: Samples, estimate: Estimate) -> KnownBaseline | None
     # A baseline that rises by a larger fraction of the force is the beginning of the contact.
     is_steep = float(estimate.p[-1]) > STEEP_BASELINE * estimate.max_force
     if count < MIN_BASELINE_POINTS or is_steep:
-        known = _without_baseline(origin, x, force, noise)
+        known = _zero_baseline(origin, x, force, noise)
         note = (
             "no baseline: the curve begins in contact. The level 0 and the slope 0 are taken; if "
             "the instrument has another zero, say --level X, or --contact-point X"
@@ -93,10 +93,10 @@ def known_baseline(samples: Samples, estimate: Estimate) -> KnownBaseline | None
         return KnownBaseline(known, samples, note) if known else None
     if not origin.has_slope:
         return None
-    return _with_toe(estimate, samples, x[:count], force[:count], noise)
+    return _baseline_before_toe(estimate, samples, x[:count], force[:count], noise)
 
 
-def _without_baseline(
+def _zero_baseline(
     origin: OriginOptions, x: np.ndarray, force: np.ndarray, noise: float
 ) -> OriginOptions | None:
     """Return the options of a curve that begins in contact; None if its beginning is flat."""
@@ -111,7 +111,7 @@ def _without_baseline(
     return replace(origin, has_slope=False, level=0.0)
 
 
-def _with_toe(
+def _baseline_before_toe(
     estimate: Estimate, samples: Samples, x: np.ndarray, force: np.ndarray, noise: float
 ) -> KnownBaseline | None:
     """Return the baseline of a curve with a toe, by the samples far from the body.
