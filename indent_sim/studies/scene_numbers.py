@@ -46,7 +46,10 @@ class SceneNumbers:
             if key_path(key) in quantities:
                 return quantities[key_path(key)][1]
         problem = "has no number in this study"
-        remedy = "write the number in the scene, in set or in vary; auto has no number here"
+        remedy = (
+            "write a number for it in the scene, in set or in vary; a value of auto does "
+            "not suffice"
+        )
         raise ConfigError(key, problem, remedy, *self._source.location(key_path(key)))
 
     def _value(self, key: str, settings: Sequence[Setting]) -> Any:

@@ -487,8 +487,8 @@ def _observe_touch(
 def _touch_of(model: CurveModel, p: np.ndarray, s2: float) -> tuple[float, float] | None:
     """Return displacements [length] between which the tip snapped in; None if that is not clear.
 
-    If the model decides which samples are in contact, as in a planned measurement, the contact
-    point lies in the middle between two samples.
+    If the samples have no branches, as in a planned measurement, the contact point is assumed in
+    the middle between two samples.
     """
     if model.touch is not None or model.samples.branch is not None:
         return model.touch
