@@ -54,7 +54,7 @@ from indent_sim.config.tip_checks import (
 )
 from indent_sim.process.errors import ConfigErrors
 
-# Keys that were once in `experiment`, and their present sections.
+# Keys that earlier versions had in `experiment`, and their present sections.
 MOVED_KEYS = {"relaxation": "material", "history": "loading", "force_history": "loading"}
 # Problem and remedy of each key that earlier versions had.
 REMOVED_KEYS = {
