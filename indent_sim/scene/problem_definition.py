@@ -14,7 +14,12 @@ from indent_sim.model.drainage import Drainage
 from indent_sim.model.gel import Gel
 from indent_sim.model.load_path import LoadPath
 from indent_sim.model.materials import Material
-from indent_sim.model.state import FLUID_COLUMNS, FRICTION_COLUMNS, SOFT_TIP_COLUMNS
+from indent_sim.model.state import (
+    FLUID_COLUMNS,
+    FRICTION_COLUMNS,
+    RESTING_COLUMNS,
+    SOFT_TIP_COLUMNS,
+)
 from indent_sim.model.tips import FlatPunch, Indenter
 from indent_sim.model.units import Scales
 from indent_sim.scene.compression_theory import covers_top
@@ -320,9 +325,11 @@ class ProblemDefinition:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns of the force table for a soft tip, friction and pore fluid, in order."""
-        if self.indenter.lens:
-            return SOFT_TIP_COLUMNS
+        """Columns of the force table for soft tip, flat below, friction and pore fluid, in order."""
+        soft_tip = SOFT_TIP_COLUMNS if self.indenter.lens else ()
+        if soft_tip or self.domain.rests_on_flat:
+            # Neither is modelled with friction or pore fluid.
+            return (*soft_tip, *(RESTING_COLUMNS if self.domain.rests_on_flat else ()))
         fluid = FLUID_COLUMNS if self.permeable_regions else ()
         if not self.has_friction:
             return fluid

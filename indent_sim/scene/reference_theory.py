@@ -33,6 +33,7 @@ from indent_sim.scene.reasons import first_reason
 from indent_sim.scene.tip_theories import theory_tip_shape
 from indent_sim.theory import profiles
 from indent_sim.theory.contact_curve import ContactCurve
+from indent_sim.theory.contacts_in_series import ContactsInSeries
 from indent_sim.theory.films import (
     dimitriadis_force,
     film_force,
@@ -131,6 +132,13 @@ def _add_soft_tip(theory: Theory, lens: Lens) -> Theory | None:
     None in plane strain.
     """
     rigid = theory.contact
+    if isinstance(rigid, ContactsInSeries):
+        upper = _add_soft_tip(replace(theory, contact=rigid.upper), lens)
+        if upper is None:
+            return None
+        assert isinstance(upper.contact, ContactCurve)
+        reason = f"{theory.reason}; {upper.reason}"
+        return replace(upper, contact=replace(rigid, upper=upper.contact), reason=reason)
     if not isinstance(rigid, Layer):
         return None
     body = rigid.scaled_stack.scaled(rigid.h, rigid.E_star / rigid.scaled_stack.E_star)
@@ -183,11 +191,17 @@ def _spherical_body_theory(
     """
     is_cap = body.shape == "cap"
     shape = theory_tip_shape(tip)
-    stack = stack_of(layers, body.base if is_cap else None)
+    # The flat base of a cap stays in contact with a flat nearly everywhere.
+    base = "roller" if body.rests_on_flat else body.base
+    stack = stack_of(layers, base if is_cap else None)
     if shape is None or stack is None:
         return None
     contact = Layer.from_stack(profiles.tip_over_spherical_body(shape, body.radius), stack)
     why = "the theory uses a flat body and a tip with the sum of both curvatures"
+    if body.rests_on_flat and not is_cap:
+        plate = profiles.tip_over_spherical_body(profiles.flat_plate(), body.radius)
+        series = ContactsInSeries(contact, Layer.from_stack(plate, stack))
+        return Theory("two contacts in series", False, f"{why}, for each of both contacts", series)
     return Theory("layer theory" if is_cap else "half-space theory", False, why, contact)
 
 

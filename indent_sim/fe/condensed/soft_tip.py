@@ -26,6 +26,7 @@ from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
 from indent_sim.fe.condensed.compliance import Compliance, Condenser, surface_mass_matrix
+from indent_sim.fe.condensed.resting_body import RestingBodyCondenser
 from indent_sim.fe.quadrature import contact_quadrature
 from indent_sim.fe.shape_functions import shape_functions
 from indent_sim.fe.surface import Trace
@@ -47,7 +48,7 @@ class SoftTipCondenser:
         The condensers of body and tip, each in the scales of its scene.
     """
 
-    def __init__(self, body: Condenser, tip: Condenser):
+    def __init__(self, body: Condenser | RestingBodyCondenser, tip: Condenser):
         self.body_condenser = body
         self.tip_condenser = tip
         self.facet_rows = body.facet_rows
@@ -77,7 +78,7 @@ class SoftTipCondenser:
         if self._compliance is not None and rigid_tip is self._rigid_tip:
             return self._compliance
         # The last facet of the body may end beyond the radius.
-        reach = float(rigid_tip.trace.X[..., 0].max()) / self._length_ratio
+        reach = float(rigid_tip.tip_trace.X[..., 0].max()) / self._length_ratio
         self._tip_compliance = self.tip_condenser.condense(reach, (0.0, 0.0), axes)
         self._transfer = self._mortar_projection(rigid_tip, self._tip_compliance.trace)
         C = self._tip_compliance.C * self._compliance_ratio
@@ -89,12 +90,14 @@ class SoftTipCondenser:
 
     def _mortar_projection(self, body: Compliance, tip: Trace) -> np.ndarray:
         """Return P (tip nodes, candidates of the body)."""
-        r, weight = _projection_points(body.surface, tip, self._length_ratio)
-        N1 = _shape_functions_at(body.surface, r, 1.0)
-        N2 = _shape_functions_at(tip, r, self._length_ratio)
-        metric = _surface_metric(body.surface, r)
-        mixed = N2.T @ N1.multiply((2 * math.pi * weight * r * metric)[:, None])
         surface = body.surface
+        tip_surface = body.tip_surface
+        count = 1 + int(surface.nodes.max())
+        r, weight = _projection_points(tip_surface, tip, self._length_ratio)
+        N1 = _shape_functions_at(tip_surface, r, 1.0, count)
+        N2 = _shape_functions_at(tip, r, self._length_ratio, 1 + int(tip.nodes.max()))
+        metric = _surface_metric(tip_surface, r)
+        mixed = N2.T @ N1.multiply((2 * math.pi * weight * r * metric)[:, None])
         points, weights = contact_quadrature(surface.dim)
         r_points = surface.positions(points)[..., 0]
         areas = surface.measures(points) * weights * 2 * math.pi * r_points
@@ -106,6 +109,11 @@ class SoftTipCondenser:
     def _tip_forces(self, nodal_forces: np.ndarray) -> np.ndarray:
         """Return the nodal forces on the tip for those on the candidates [force of the body]."""
         return self._transfer @ nodal_forces
+
+    @property
+    def observed_dofs(self) -> np.ndarray:
+        """Local positions of the displacements of the body's surface, see `Condenser`."""
+        return self.body_condenser.observed_dofs
 
     def tip_sink(self, nodal_forces: np.ndarray) -> float:
         """Return the displacement of the tip's apex towards its holder [length]."""
@@ -134,7 +142,9 @@ class SoftTipCondenser:
         )
         last = float(trace.X[..., 0].max()) * self._length_ratio
         inside = np.minimum(np.abs(r).ravel(), last)
-        values = _shape_functions_at(trace, inside, self._length_ratio) @ displacement
+        values = (
+            _shape_functions_at(trace, inside, self._length_ratio, len(displacement)) @ displacement
+        )
         return np.asarray(values).reshape(r.shape)
 
 
@@ -171,13 +181,12 @@ def _facets_at(trace: Trace, r: np.ndarray, unit: float) -> tuple[np.ndarray, np
     return facets, np.clip(2 * (r - first) / (b + np.copysign(root, b)), 0.0, 1.0)
 
 
-def _shape_functions_at(trace: Trace, r: np.ndarray, unit: float) -> csc_matrix:
-    """Return the matrix (points, nodes) of the shape functions of all nodes at radii r."""
+def _shape_functions_at(trace: Trace, r: np.ndarray, unit: float, count: int) -> csc_matrix:
+    """Return the matrix (points, count) of the shape functions of all nodes at radii r."""
     facets, x = _facets_at(trace, r, unit)
     values = shape_functions(np.ascontiguousarray(x[:, None]))
     rows = np.repeat(np.arange(len(r)), values.shape[1])
-    shape = (len(r), 1 + int(trace.nodes.max()))
-    return csc_matrix((values.ravel(), (rows, trace.nodes[facets].ravel())), shape=shape)
+    return csc_matrix((values.ravel(), (rows, trace.nodes[facets].ravel())), shape=(len(r), count))
 
 
 def _surface_metric(trace: Trace, r: np.ndarray) -> np.ndarray:
