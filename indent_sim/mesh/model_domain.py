@@ -176,8 +176,8 @@ class ModelDomain:
     regions
         Layers from the top to the base, then inclusions.
     supports
-        free | roller | fixed | unbonded by surface. Surfaces without an entry are free; mirror planes
-        are rollers. An unbonded base rests on a rigid flat and may lift off.
+        free | roller | fixed | unbonded by surface. Surfaces without an entry are free; mirror
+        planes are rollers. An unbonded base rests on a rigid flat and may lift off.
     pins
         Points and displacement components that are constrained to remove rigid-body modes.
     mirror_axes

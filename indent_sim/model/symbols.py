@@ -54,8 +54,8 @@ base_radius [length] $b$: radius of the flat side on which a cap stands
 contact_angle [degrees] $\theta$: contact angle of a cap, between base and curved surface; instead
   of `height`
 size [length] $(l_x, l_y, l_z)$: edges of the box [0, l_x] x [0, l_y] x [-l_z, 0]
-base: support of the lower face; roller: slides without friction, does not lift; for a ball see
-  docs/conventions.md
+base: support of the lower face; roller: slides without friction, does not lift; unbonded (cap,
+  ball): rests on a rigid flat and may lift; for a ball see docs/conventions.md
 sides: support of the walls; roller: no normal displacement
 surfaces.contact: name in the file of the surface that the tip may touch; default: the faces that
   face up
@@ -207,6 +207,9 @@ outflow [length^3]: fluid that has left the whole body since the undeformed stat
 pore_pressure_max [pressure]: largest pore pressure, relative to the bath
 tip_sink [length]: part of delta by which the lowest point of a soft tip is pressed in
 tip_energy [energy]: part of the energy that is stored in a soft tip
+a_base [length]: radius of the contact with the flat on which the body rests without a bond
+base_approach [length]: part of delta by which the point at half of the height of such a body
+  approaches the flat
 drained: for an increment without duration of a body that drains: element height and p^2 times area
   at each vertex of a drained face; used only by the error estimate, not written to a file
 moved [length^3]: volume of fluid that has moved, within the body or out of it

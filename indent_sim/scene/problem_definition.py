@@ -325,7 +325,7 @@ class ProblemDefinition:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns of the force table for soft tip, flat below, friction and pore fluid, in order."""
+        """Columns of the force table for tip, flat below, friction and pore fluid, in order."""
         soft_tip = SOFT_TIP_COLUMNS if self.indenter.lens else ()
         if soft_tip or self.domain.rests_on_flat:
             # Neither is modelled with friction or pore fluid.

@@ -39,7 +39,7 @@ from indent_sim.scene.scene import Scene
 
 MOST_CONTACT_ITERATIONS = 100
 # Difference of the forces on the tip and on the flat below, relative to their sum. Each iteration
-# reduces it by the compliance of the contacts over that of the spring, about 1e-4.
+# reduces it by the compliance of the contacts over that of the spring, about 1e-2.
 BALANCE_TOLERANCE = 1e-10
 MOST_BALANCE_ITERATIONS = 20
 
@@ -136,6 +136,9 @@ class CondensedContact:
         flat = self.compliance.flat
         if flat is None:
             return algorithm(self)
+        if not self.F.any():
+            # Both contacts begin with the intersections at half of the depth.
+            self.motion = self.depth / 2
         for _ in range(MOST_BALANCE_ITERATIONS):
             if not algorithm(self):
                 return False

@@ -19,6 +19,7 @@ from indent_sim.model.experiment import Calibration
 from indent_sim.model.imported_body import MeshFromFile
 from indent_sim.model.layers import Layer
 from indent_sim.model.linear_elasticity import LinearElastic
+from indent_sim.model.spherical_bodies import Ball, Cap
 from indent_sim.model.tips import (
     FlatPunch,
     Hyperboloid,
@@ -492,6 +493,27 @@ EFFECTS: dict[str, Cases] = {
             ),
             initial=lambda v: min(0.1 * v.delta, _largest_rounding(v) / 2),
             max_value=_largest_rounding,
+        ),
+    ),
+    "bond_below": (
+        Absent(
+            "only a cap or a ball can rest on a flat without a bond",
+            when=lambda v: not isinstance(v.config.body, Cap | Ball),
+        ),
+        Absent(
+            "the ball is held by two tips",
+            when=lambda v: v.config.body.base == "roller" and isinstance(v.config.body, Ball),
+        ),
+        Comparison(
+            "the body on its flat relative to one whose base is bonded, each on a mesh of its own",
+            lambda v: v.meshed_variant(v.plain_scene),
+            lambda v: v.meshed_variant(v.replace_plain_body(base="fixed")),
+            when=lambda v: v.config.body.base == "unbonded",
+        ),
+        Comparison(
+            "the body on its support relative to one that rests on a flat without a bond",
+            lambda v: v.meshed_variant(v.plain_scene),
+            lambda v: v.meshed_variant(v.replace_plain_body(base="unbonded", surface_tension=0.0)),
         ),
     ),
     "soft_tip": (
