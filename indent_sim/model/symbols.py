@@ -47,7 +47,7 @@ units.force: label of the force unit, for example N
 
 ## Body
 shape: shape of the body or tip, which determines the other keys of the section
-radius [length] $r_0$: radius of the cylinder, of the ball, or of the flat punch
+radius [length] $r_0$: radius of the cylinder, of the ball, of the flat punch, or of a soft plate
 height [length] $h$: thickness of the body; it occupies -height <= z <= 0
 width [length] $w$: width of the strip; it occupies 0 <= x <= width, in plane strain
 base_radius [length] $b$: radius of the flat side on which a cap stands
@@ -155,7 +155,7 @@ points [length] $(r_i, z_i)$: points [r, z] of the profile from the apex [0, 0] 
 edge_radius [length] $\rho$: radius that rounds the edge of the flat punch; 0: sharp
 indenter.material: linear elastic law of a soft tip; default: the tip is rigid
 indenter.thickness [length]: thickness of a soft tip: distance from its lowest point to the rigid
-  holder to which it is bonded, at most R; default: R, half a ball
+  holder to which it is bonded, of a sphere or paraboloid at most R, by default R, half a ball
 center [length] $(x_0, y_0)$: position of the tip's axis, [x, y], for a strip [x]; default: axis of
   the cylinder, middle of the box or strip
 

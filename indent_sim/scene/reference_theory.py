@@ -21,6 +21,7 @@ from indent_sim.model.tips import (
     Lens,
     Paraboloid,
     Plate,
+    SoftCylinder,
     Sphere,
     flat_radius,
 )
@@ -87,7 +88,7 @@ def theory_of(
     if theory and surface_tension:
         theory = _add_surface_tension(theory, surface_tension)
     if theory and tip.lens:
-        theory = _add_soft_tip(theory, tip.lens)
+        theory = _soft_tip_theory(theory, tip.lens, body)
     if theory is None or not body.inclusions:
         return theory
     return replace(
@@ -126,7 +127,17 @@ def _add_surface_tension(theory: Theory, surface_tension: float) -> Theory | Non
     )
 
 
-def _add_soft_tip(theory: Theory, lens: Lens) -> Theory | None:
+def _soft_tip_theory(theory: Theory, lens: Lens | SoftCylinder, body: Body) -> Theory | None:
+    """Return the theory of a body under a soft tip; None if no layer resembles the tip.
+
+    The free sides of a soft punch are at the edge of its contact with a flat body.
+    """
+    if isinstance(lens, SoftCylinder) and not isinstance(body, SphericalBody):
+        return None
+    return _add_soft_tip(theory, lens)
+
+
+def _add_soft_tip(theory: Theory, lens: Lens | SoftCylinder) -> Theory | None:
     """Return the theory of a layer under a soft tip, which is taken as a flat layer, too.
 
     None in plane strain.

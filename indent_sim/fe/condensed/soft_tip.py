@@ -30,10 +30,13 @@ from indent_sim.fe.condensed.resting_body import RestingBodyCondenser
 from indent_sim.fe.quadrature import contact_quadrature
 from indent_sim.fe.shape_functions import shape_functions
 from indent_sim.fe.surface import Trace
+from indent_sim.model.body import Cylinder
 
 # Gauss points between two neighbouring vertices of both surfaces: products of two quadratic shape
 # functions, the radius and a smooth metric are integrated to round-off.
 GAUSS_POINTS = 6
+# Relative distance of nodes beyond the edge of a tip that is round-off of coordinates.
+EDGE_TOLERANCE = 1e-9
 
 
 class SoftTipCondenser:
@@ -64,6 +67,7 @@ class SoftTipCondenser:
         self._compliance_ratio = (scales.pressure * scales.length) / (
             tip_scales.pressure * tip_scales.length
         )
+        self._ends_at_edge = isinstance(tip.body.scene.physics.body, Cylinder)
         self._rigid_tip: Compliance | None = None
         self._compliance: Compliance | None = None
         self._tip_compliance: Compliance | None = None
@@ -101,10 +105,19 @@ class SoftTipCondenser:
         points, weights = contact_quadrature(surface.dim)
         r_points = surface.positions(points)[..., 0]
         areas = surface.measures(points) * weights * 2 * math.pi * r_points
-        factor = splu(surface_mass_matrix(surface, areas))
-        forces = np.zeros((factor.shape[0], body.size))
+        mass = surface_mass_matrix(surface, areas)
+        forces = np.zeros((count, body.size))
         forces[body.candidates, np.arange(body.size)] = 1.0
-        return np.asarray(mixed @ factor.solve(forces))
+        if not self._ends_at_edge:
+            return np.asarray(mixed @ splu(mass).solve(forces))
+        # The pressure ends in a step at the edge of the tip. Continued beyond it, a part of the
+        # force would be lost.
+        end = float(tip.X[..., 0].max()) * self._length_ratio
+        is_inside = (surface.X[..., 0] <= end * (1 + EDGE_TOLERANCE)).all(axis=1)
+        inside = np.unique(surface.nodes[is_inside])
+        mass = surface_mass_matrix(surface.select_facets(is_inside), areas[is_inside])
+        pressures = splu(csc_matrix(mass[inside][:, inside])).solve(forces[inside])
+        return np.asarray(mixed[:, inside] @ pressures)
 
     def _tip_forces(self, nodal_forces: np.ndarray) -> np.ndarray:
         """Return the nodal forces on the tip for those on the candidates [force of the body]."""

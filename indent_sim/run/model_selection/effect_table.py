@@ -526,7 +526,10 @@ EFFECTS: dict[str, Cases] = {
         ),
         Unknown(
             "there is no theory of this tip and body",
-            when=lambda v: not (v.layer_scene or v.half_space_scene),
+            when=lambda v: (
+                not isinstance(v.tip, Paraboloid | Sphere)
+                or not (v.layer_scene or v.half_space_scene)
+            ),
         ),
         Threshold(
             "theory, with half a ball taken as a flat layer of thickness R{v.stand_in_text}",
