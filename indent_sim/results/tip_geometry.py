@@ -1,4 +1,4 @@
-"""Geometry of a rigid tip for pictures and ParaView: section lines and surface meshes."""
+"""Geometry of a tip for pictures and ParaView: section lines and surface meshes."""
 
 from __future__ import annotations
 
@@ -30,9 +30,14 @@ class TipGeometry:
     cells: np.ndarray
     contacts_per_body: int = 1
 
-    def displacement(self, delta: float) -> np.ndarray:
-        """Return the displacement (n, 3) [length] of the tip at a depth."""
-        return np.tile([0.0, 0.0, -delta / self.contacts_per_body], (len(self.points), 1))
+    def displacement(self, delta: float, lift: np.ndarray | float = 0.0) -> np.ndarray:
+        """Return the displacement (n, 3) [length] of the tip at a depth.
+
+        `lift` is the displacement (n,) of the points of a soft tip towards its holder.
+        """
+        displacement = np.zeros((len(self.points), 3))
+        displacement[:, 2] = lift - delta / self.contacts_per_body
+        return displacement
 
 
 def half_section(

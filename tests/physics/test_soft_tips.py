@@ -6,6 +6,7 @@ from dataclasses import replace
 from math import inf, pi
 from typing import Any, ClassVar
 
+import h5py
 import numpy as np
 import pytest
 
@@ -189,6 +190,22 @@ class TestTwoMeshes:
         )
         pull_off = outcome.report["experiment"]["adhesion"]["pull_off"]["force_control"]
         assert pull_off["force"] == pytest.approx(-9.4418e-4, rel=0.01)
+
+    def test_the_drawn_tip_is_deformed(self, tmp_path: Any) -> None:
+        """Within the contact the surfaces of tip and body coincide, and the holder does not."""
+        lens = {"shape": "sphere", "R": 1.0, "thickness": 0.5, "material": LAW}
+        outcome = simulate(
+            document(indenter=lens, output={"plot": False}), directory=tmp_path / "lens"
+        )
+        row = outcome.states[-1]
+        folder = tmp_path / "lens" / "fields"
+        with h5py.File(folder / "mesh.h5") as mesh:
+            tip = np.array(mesh["tip_points"])
+        with h5py.File(sorted(folder.glob("step*"))[-1]) as step:
+            lift = np.array(step["tip_displacement"])[:, 2] + row.delta
+        assert lift[0] == pytest.approx(row.tip_sink, rel=1e-3)
+        assert np.all(lift[tip[:, 2] > 0.5] == 0.0)
+        assert np.all(np.diff(lift[tip[:, 0] < row.a]) <= 1e-6)
 
     def test_error_bars_hold_against_a_finer_mesh(self, tmp_path: Any) -> None:
         quiet = {"fields": "none", "plot": False}
