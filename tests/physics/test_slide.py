@@ -262,7 +262,7 @@ def test_halved_increments_pass_through_the_same_places() -> None:
 def test_partial_slip_on_a_half_model() -> None:
     """In three dimensions c/a = (1 - Q/(mu P))^(1/3), and in full slip Q = mu P.
 
-    Half of a box of 20 a, with elements of a/4: c/a to 0.03, full slip to 0.5 %, because the
+    Half of a box of 20 a, with elements of a/4: c/a to 0.02, full slip to 0.5 %, because the
     traction has a component across the slide.
     """
     a = 0.05
@@ -271,7 +271,7 @@ def test_partial_slip_on_a_half_model() -> None:
         box,
         material={"model": "linear_elastic", "E": 1.0, "nu": 0.499},
         contact=FRICTION,
-        loading={"delta": a**2, "steps": 2, "slide": {"to": [1.6e-3], "steps": 8}},
+        loading={"delta": a**2, "steps": 2, "slide": {"to": [2.2e-3], "steps": 11}},
         mesh={"h_contact": a / 4},
     )
     assert base.physics.domain.symmetry == "half" and base.physics.domain.mirror_axes == ("y",)
@@ -280,5 +280,5 @@ def test_partial_slip_on_a_half_model() -> None:
         ratio = abs(row.side_force_x or 0.0) / (MU * row.force)
         expected = max(1 - ratio, 0.0) ** (1 / 3) if ratio < 0.97 else 0.0
         if 0.1 < ratio < 0.9:
-            assert (row.stick_radius or 0.0) / row.a == pytest.approx(expected, abs=0.03)
+            assert (row.stick_radius or 0.0) / row.a == pytest.approx(expected, abs=0.02)
     assert abs(states[-1].side_force_x or 0.0) == pytest.approx(MU * states[-1].force, rel=5e-3)
