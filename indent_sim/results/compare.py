@@ -87,7 +87,7 @@ class Comparison:
     def check(self) -> None:
         """Raise VerificationError if the two tables differ."""
         if self.differences:
-            # A message lists no more differences than these.
+            # Largest number of differences in a message.
             max_differences = 10
             remaining = len(self.differences) - max_differences
             lines = [
@@ -283,7 +283,7 @@ def _is_matched(
     a = A[abscissa][matched_A]
     b = B[abscissa][matched_B]
     is_close = np.isclose(a, b, rtol=rtol, atol=0.0, equal_nan=True)
-    # Rows are matched by name if at least half of them are at the same depth or time.
+    # Rows are matched by step if at least half of them are at the same depth or time.
     min_fraction = 0.5
     if "step" in A and "step" in B:
         return bool(is_close.mean() >= min_fraction)

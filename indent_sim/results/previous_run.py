@@ -129,7 +129,9 @@ def previous_run(
         ) from error
     except UnicodeDecodeError as error:
         raise UsageError(
-            f"{folder} has a {CONFIG} or {TABLE} that is not text", RUN_AGAIN_REMEDY, str(folder)
+            f"{folder} contains a {CONFIG} or {TABLE} that is not text",
+            RUN_AGAIN_REMEDY,
+            str(folder),
         ) from error
     except OSError as error:
         raise UsageError(

@@ -16,9 +16,9 @@ from indent_sim.studies import study_folder, study_table
 from indent_sim.studies.row_file import CURVE_COLUMNS
 from indent_sim.studies.study_table import Row
 
-# More rows of curves are written to curves.h5 instead of curves.csv.
+# With more rows in all curves together, curves.h5 is written instead of curves.csv.
 MAX_CSV_CURVE_ROWS = 100_000
-# Row of study.csv and its curve; (rows, CURVE_COLUMNS).
+# Index of a row of study.csv, and its curve; (rows, CURVE_COLUMNS).
 RowWithCurve = tuple[Row, np.ndarray]
 
 

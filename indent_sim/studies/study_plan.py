@@ -14,7 +14,7 @@ from indent_sim.studies.reference.reference_solution import ReferenceSolution
 from indent_sim.studies.shard import check_first_points
 from indent_sim.studies.study_table import Row
 
-# Points of a study that are planned if its runs are rows.
+# Number of points that are planned in a study without result folders.
 PLANNED_POINTS = 100
 PREDICTED_COLUMNS = ("force", "delta", "dofs", "memory_MB", "seconds")
 
@@ -38,8 +38,8 @@ class StudyPlan:
     notes
         Remarks on the reference.
     point_count
-        Number of points of a study whose runs are rows, of which only the first are planned; 0 for
-        other studies, all of whose runs are planned.
+        Number of points of a study without result folders, of which only the first are planned; 0
+        for other studies, all of whose runs are planned.
     """
 
     title: str

@@ -7,7 +7,7 @@ from math import comb
 
 import numpy as np
 
-# Most facets of a zonotope; with more of them only its bounding box is used.
+# Largest number of facets of a zonotope; with more of them only its bounding box is used.
 MAX_FACETS = 2000
 # Relative distance outside a facet that counts as round-off.
 TOLERANCE = 1e-9

@@ -284,7 +284,7 @@ def _draw_theory(axes: Axes, theory: Report, depth: Axis, force: Axis) -> None:
         )
         # The point is the formula's force at the run's depth, or its depth at the run's force.
         formula_point = {**theory, **half_space}
-        # Results of older versions have no curve.
+        # Results of older versions do not contain a curve of the formula.
         curve = half_space.get("curve", {"delta": (), "force": ()})
         x = depth([0, *curve["delta"]])
         y = force([0, *curve["force"]])

@@ -416,7 +416,7 @@ class ErrorBars:
             )
         difference = value_difference(self._coarse_states, self._run_states, state.step, name)
         estimate = grid_convergence_index(difference, self.coarser_run.ratio, PRESSURE_ORDER)
-        return float(np.max([estimate, min_error]))  # NaN if either is
+        return float(np.max([estimate, min_error]))  # NaN if either of the two is NaN
 
     def _element_size_over_peak_width(self, state: State, end_element: float) -> float:
         """Return the element size at the contact edge divided by the width of the pressure peak.
