@@ -13,6 +13,7 @@ import numpy as np
 from indent_sim.mesh.model_domain import Side
 from indent_sim.model.inclusions import Inclusion
 from indent_sim.model.layers import Coating
+from indent_sim.model.tip_track import TipTrack
 
 DOUBTFUL_ELEMENTS = 3.0  # Elements per contact radius below which results are unreliable.
 
@@ -95,6 +96,9 @@ class Sizes:
         Contact with a flat below; None if the body does not rest on one.
     axis
         Position (x, y) of the tip's axis.
+    track
+        Track of a tip that slides, from which the distance of the refined patch is measured in
+        place of the distance from the axis; None if the tip does not slide.
     """
 
     h_contact: float
@@ -117,6 +121,7 @@ class Sizes:
     refinements: int | None = None
     base_contact: BaseContact | None = None
     axis: tuple[float, ...] = field(kw_only=True)
+    track: TipTrack | None = None
 
     @property
     def typical_size(self) -> float:

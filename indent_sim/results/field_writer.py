@@ -121,7 +121,12 @@ class FieldWriter:
         self._write_index()
 
     def write(
-        self, step: int, delta: float, fields: Mapping[str, np.ndarray], t: float | None = None
+        self,
+        step: int,
+        delta: float,
+        fields: Mapping[str, np.ndarray],
+        t: float | None = None,
+        slide: float = 0.0,
     ) -> None:
         """Add one state.
 
@@ -136,6 +141,8 @@ class FieldWriter:
             the points of a soft tip towards its holder [length].
         t
             Time of the state; if it is None, the step is used as the time.
+        slide
+            Horizontal displacement of the tip [length].
 
         Raises
         ------
@@ -148,7 +155,7 @@ class FieldWriter:
             for name in self._arrays
         }
         lift = fields.get("tip_lift", 0.0)
-        arrays["tip_displacement"] = self._tip.displacement(delta, lift).astype("<f8")
+        arrays["tip_displacement"] = self._tip.displacement(delta, slide, lift).astype("<f8")
         write_atomically(self._fields_folder / step_file(step), _hdf5_bytes(arrays), sync=False)
         self._last_time = (
             float(step) if t is None else max(t, np.nextafter(self._last_time, np.inf))

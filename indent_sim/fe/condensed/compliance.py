@@ -31,6 +31,7 @@ from indent_sim.fe.terms.scene_terms import bulk_terms
 from indent_sim.fe.terms.weak_roller import WeakRollerBC
 from indent_sim.mesh.grid import row_slices
 from indent_sim.mesh.reactions import SurfaceComponent
+from indent_sim.model.tip_track import TipTrack
 from indent_sim.process.errors import NotConverged
 from indent_sim.process.usage import machine_memory
 
@@ -307,32 +308,30 @@ class Condenser:
         is_on_flat[rows] = True
         return is_on_flat
 
-    def count_candidates(self, radius: float, center: tuple[float, ...]) -> int:
-        """Return the number of nodes on the facets within a radius [length] of the tip's axis."""
-        return len(np.unique(self._surface.nodes[self._is_near_axis(radius, center)]))
+    def count_candidates(self, radius: float, track: TipTrack) -> int:
+        """Return the number of nodes on the facets within a radius [length] of the tip's track."""
+        return len(np.unique(self._surface.nodes[self._is_near_track(radius, track)]))
 
-    def _is_near_axis(self, radius: float, center: tuple[float, ...]) -> np.ndarray:
-        """Return a mask of the facets with at least one node within a radius of the tip's axis."""
+    def _is_near_track(self, radius: float, track: TipTrack) -> np.ndarray:
+        """Return a mask of the facets near the tip's track, and of those on a flat below."""
         surface = self._surface
-        distance = np.linalg.norm(
-            surface.X[..., :-1] - np.asarray(center)[: surface.dim - 1], axis=-1
-        ).min(axis=1)
-        return np.asarray((distance <= radius) | self.is_on_flat[surface.nodes].all(axis=1))
+        is_near = track.distance(surface.X[..., :-1]).min(axis=1) <= radius
+        return np.asarray(is_near | self.is_on_flat[surface.nodes].all(axis=1))
 
-    def condense(self, radius: float, center: tuple[float, ...], axes: Sequence[int]) -> Compliance:
-        """Return the compliance of the surface nodes on facets near the tip's axis.
+    def condense(self, radius: float, track: TipTrack, axes: Sequence[int]) -> Compliance:
+        """Return the compliance of the surface nodes on facets near the track of the tip's axis.
 
         The previous compliance is returned if it already includes all these nodes.
 
         Parameters
         ----------
-        radius, center
-            Radius [length] around the tip's axis, and the horizontal position of the axis.
+        radius, track
+            Radius [length] around the track of the tip's axis.
         axes
             Axes of the displacement: the vertical one, and with friction the horizontal ones.
         """
         surface = self._surface
-        is_near = self._is_near_axis(radius, center)
+        is_near = self._is_near_track(radius, track)
         candidates, nodes = np.unique(surface.nodes[is_near], return_inverse=True)
         if (
             self._last_compliance is not None

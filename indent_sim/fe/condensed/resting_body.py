@@ -23,6 +23,7 @@ import numpy as np
 from indent_sim.fe.condensed.compliance import Compliance, Condenser, FlatBelow
 from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.surface import Trace
+from indent_sim.model.tip_track import TipTrack
 
 # Compliance of the spring between body and flat, in multiples of the largest compliance of a node.
 # In the first iteration the spring takes about a hundredth of the force. With a factor of 1e3 the
@@ -53,12 +54,12 @@ class RestingBodyCondenser:
         self._pinned: Compliance | None = None
         self._compliance: Compliance | None = None
 
-    def condense(self, radius: float, center: tuple[float, ...], axes: Sequence[int]) -> Compliance:
+    def condense(self, radius: float, track: TipTrack, axes: Sequence[int]) -> Compliance:
         """Return the compliance of the top near the axis and of the whole base.
 
         Parameters as in `Condenser.condense`.
         """
-        pinned = self._condenser.condense(radius, center, axes)
+        pinned = self._condenser.condense(radius, track, axes)
         if self._compliance is not None and pinned is self._pinned:
             return self._compliance
         is_on_flat = self._condenser.is_on_flat
