@@ -346,10 +346,7 @@ class ProblemDefinition:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns of the force table, in order.
-
-        They are those of a soft tip, a flat below, a slide, friction and pore fluid.
-        """
+        """Columns of the table for tip, flat below, slide, friction and pore fluid, in order."""
         soft_tip = SOFT_TIP_COLUMNS if self.indenter.lens else ()
         if soft_tip or self.domain.rests_on_flat:
             # Neither is modelled with friction or pore fluid.
