@@ -13,6 +13,7 @@ import numpy as np
 from indent_sim.mesh.model_domain import Side
 from indent_sim.model.inclusions import Inclusion
 from indent_sim.model.layers import Coating
+from indent_sim.model.tip_track import TipTrack
 
 DOUBTFUL_ELEMENTS = 3.0  # Elements per contact radius below which results are unreliable.
 
@@ -74,6 +75,9 @@ class Sizes:
         Number of uniform refinements of a mesh from a file; None if gmsh meshes the body.
     axis
         Position (x, y) of the tip's axis.
+    track
+        Track of a tip that slides, from which the distance of the refined patch is measured in
+        place of the distance from the axis; None if the tip does not slide.
     """
 
     h_contact: float
@@ -95,6 +99,7 @@ class Sizes:
     rounded_edge_width: float = 0.0
     refinements: int | None = None
     axis: tuple[float, ...] = field(kw_only=True)
+    track: TipTrack | None = None
 
     @property
     def typical_size(self) -> float:

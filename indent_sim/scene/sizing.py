@@ -306,6 +306,7 @@ def _default_sizes(
         round_length(a),
         edge_refinement_factor=edge_refinement,
         axis=physics.center,
+        track=None if physics.track.is_point else physics.track,
     )
 
 
