@@ -19,7 +19,7 @@ def extract(commit: str, folder: Path, *parts: str) -> None:
     subprocess.run(["tar", "-x", "-C", str(folder)], input=archive, check=True)
 
 
-def last_commit() -> str:
-    """Return the short name of the last commit."""
-    command = ["git", "-C", str(ROOT), "rev-parse", "--short=8", "HEAD"]
+def last_commit(*parts: str) -> str:
+    """Return the short name of the last commit that changed one of the parts."""
+    command = ["git", "-C", str(ROOT), "log", "-1", "--abbrev=8", "--format=%h", "--", *parts]
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()

@@ -23,6 +23,7 @@ myst_heading_anchors = 4
 myst_enable_extensions = ["dollarmath"]
 myst_fence_as_directive = ["math"]
 highlight_language = "none"
+smartquotes = False
 copybutton_exclude = ".linenos, .gp, .go"
 copybutton_prompt_text = "$ "
 nitpicky = True
@@ -50,6 +51,9 @@ html_theme_options = {"navigation_with_keys": True}
 
 # Commands that docutils does not know, by what shows the same.
 REPLACED_COMMANDS = {r"\texttt": r"\text", r"\Big": "", r"\big": ""}
+# Fractions of single digits without braces, of which docutils would read "12" as one number.
+FRACTION = re.compile(r"(\\[td]?frac)\s*(\d)")
+SECOND_DIGIT = re.compile(r"(\\[td]?frac\{\d\})\s*(\d)")
 
 
 def mathml(formula: str, as_block: bool) -> str:
@@ -57,6 +61,8 @@ def mathml(formula: str, as_block: bool) -> str:
     for command, other in REPLACED_COMMANDS.items():
         whole_command = re.escape(command) + "(?![A-Za-z])"
         formula = re.sub(whole_command, re.escape(other), formula)
+    formula = FRACTION.sub(r"\1{\2}", formula)
+    formula = SECOND_DIGIT.sub(r"\1{\2}", formula)
     return str(latex2mathml.tex2mathml(formula, as_block=as_block))
 
 
