@@ -18,6 +18,8 @@ DERIVED_COLUMNS = ("stiffness", "area", "E_hertz")
 FRICTION_COLUMNS = ("stick_radius", "dissipation", "side_force_x", "side_force_y")
 # Columns of scenes with fluid in the pores.
 FLUID_COLUMNS = ("outflow", "pore_pressure_max")
+# Columns of scenes with a body that yields.
+PLASTIC_COLUMNS = ("plastic_dissipation", "hardness")
 # Columns of scenes with a soft tip.
 SOFT_TIP_COLUMNS = ("tip_sink", "tip_energy")
 ERROR_COLUMNS = (
@@ -151,6 +153,10 @@ class State:
         Radius of the region that does not slip, with friction [length].
     dissipation
         Energy dissipated by friction since the previous row [energy].
+    plastic_dissipation
+        Energy dissipated by plastic flow since the undeformed state [energy].
+    hardness
+        Force over contact area of a body that yields [pressure].
     side_force_x, side_force_y
         Horizontal force on the tip, with friction, along an axis to which no mirror plane is normal
         [force].
@@ -205,6 +211,8 @@ class State:
     E_hertz: float | None = None
     stick_radius: float | None = None
     dissipation: float | None = None
+    plastic_dissipation: float | None = None
+    hardness: float | None = None
     side_force_x: float | None = None
     side_force_y: float | None = None
     force_error: float | None = None
@@ -302,9 +310,9 @@ def _field_units(scales: Scales) -> dict[str, float]:
     )
     lengths = ("a", "penetration", "overlap", "intrusion", "clearance", "stick_radius", "tip_sink")
     units |= dict.fromkeys(lengths, L)
-    units |= dict.fromkeys(("energy", "tip_energy", "dissipation"), energy)
+    units |= dict.fromkeys(("energy", "tip_energy", "dissipation", "plastic_dissipation"), energy)
     units |= dict.fromkeys(("outflow", "moved", "unbalanced"), energy / P)
-    units |= dict.fromkeys(("p_max", "E_hertz", "pore_pressure_max"), P)
+    units |= dict.fromkeys(("p_max", "E_hertz", "hardness", "pore_pressure_max"), P)
     depths = {"delta": depth, "z": depth}
     return (
         units

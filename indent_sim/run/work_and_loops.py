@@ -17,9 +17,9 @@ def energy_balance(states: list[State]) -> float | None:
     The integral is a trapezoid rule. The difference is reported, but not checked: with few rows the
     error of the trapezoid rule far exceeds that of the solution. None if there is no energy.
     """
-    stored_and_dissipated = (states[-1].energy if states else 0.0) + sum(
-        state.dissipation or 0.0 for state in states
-    )
+    stored_and_dissipated = (
+        states[-1].energy + (states[-1].plastic_dissipation or 0.0) if states else 0.0
+    ) + sum(state.dissipation or 0.0 for state in states)
     if (
         len(states) < 2
         or stored_and_dissipated == 0

@@ -43,11 +43,9 @@ def model_choices(setup: ProblemSetup) -> Choices:
         "a roller base and free sides leave rigid-body modes; the run checks that the reactions of "
         "the pins vanish"
     )
-    strain = (
-        ("small", "the material is linear elastic")
-        if physics.small_strain
-        else ("finite", "the material is hyperelastic")
-    )
+    kind = "linear elastic" if physics.small_strain else "hyperelastic"
+    plastic = ", and yields" if physics.yields else ""
+    strain = ("small" if physics.small_strain else "finite", f"the material is {kind}{plastic}")
     force_reason = (
         "forces are prescribed: the depth of each is found by load control, with force(depth) "
         "assumed to increase"

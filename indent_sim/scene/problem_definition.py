@@ -14,7 +14,12 @@ from indent_sim.model.drainage import Drainage
 from indent_sim.model.gel import Gel
 from indent_sim.model.load_path import LoadPath
 from indent_sim.model.materials import Material
-from indent_sim.model.state import FLUID_COLUMNS, FRICTION_COLUMNS, SOFT_TIP_COLUMNS
+from indent_sim.model.state import (
+    FLUID_COLUMNS,
+    FRICTION_COLUMNS,
+    PLASTIC_COLUMNS,
+    SOFT_TIP_COLUMNS,
+)
 from indent_sim.model.tips import FlatPunch, Indenter
 from indent_sim.model.units import Scales
 from indent_sim.scene.compression_theory import covers_top
@@ -292,6 +297,11 @@ class ProblemDefinition:
         return tuple(region for region in self.domain.regions if region.material.relaxation)
 
     @property
+    def yields(self) -> bool:
+        """True if a material of the body may yield."""
+        return any(region.material.plasticity for region in self.domain.regions)
+
+    @property
     def is_time_dependent(self) -> bool:
         """True if the force changes with time at a constant depth."""
         return any(region.material.is_time_dependent for region in self.domain.regions)
@@ -299,12 +309,12 @@ class ProblemDefinition:
     @property
     def is_path_dependent(self) -> bool:
         """True if the force depends on the load path or on time."""
-        return self.contact.is_path_dependent or self.is_time_dependent
+        return self.contact.is_path_dependent or self.is_time_dependent or self.yields
 
     @property
     def depends_on_step_size(self) -> bool:
-        """True if the result depends on the step size: friction or a time-dependent body."""
-        return self.has_friction or self.is_time_dependent
+        """True if the result depends on the step size: friction, yield, a time-dependent body."""
+        return self.has_friction or self.is_time_dependent or self.yields
 
     @property
     def searches_pull_off(self) -> bool:
@@ -320,12 +330,13 @@ class ProblemDefinition:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns of the force table for a soft tip, friction and pore fluid, in order."""
+        """Columns of the force table for a soft tip, friction, fluid and yield, in order."""
         if self.indenter.lens:
             return SOFT_TIP_COLUMNS
         fluid = FLUID_COLUMNS if self.permeable_regions else ()
+        plastic = PLASTIC_COLUMNS if self.yields else ()
         if not self.has_friction:
-            return fluid
+            return (*fluid, *plastic)
         side_force_columns = [f"side_force_{axis}" for axis in self.side_force_axes]
         return (
             *(
@@ -334,6 +345,7 @@ class ProblemDefinition:
                 if not name.startswith("side") or name in side_force_columns
             ),
             *fluid,
+            *plastic,
         )
 
     @property
@@ -397,8 +409,8 @@ class ProblemDefinition:
 
     @property
     def is_linear(self) -> bool:
-        """True if strains are small and the gap is evaluated at the undeformed point."""
-        return self.small_strain and self.gap == "reference"
+        """True if strains are small, the gap is at the undeformed point, and nothing yields."""
+        return self.small_strain and self.gap == "reference" and not self.yields
 
     def solver_work(self, method: str, linear: str) -> SolverWork:
         """Return the properties on which the cost of solving by a method depends.

@@ -639,12 +639,14 @@ class LoadStepper:
         """Solve one increment from an extrapolation, then from the last equilibrium.
 
         If the speed of the tip has changed, as at the beginning of a hold, no extrapolation is
-        made, because it would be wrong.
+        made, because it would be wrong. Nor is one made for a body that yields: a small error of an
+        extrapolated displacement is many yield strains, and a loop took twice the iterations.
         """
         delta = load_point.delta
         dt = load_point.t - self._last_point.load_point.t
         earlier_points: list[EquilibriumPoint] = []
-        if not dt or self._keeps_speed(load_point):
+        yields = self.equilibrium.scene.physics.yields
+        if not yields and (not dt or self._keeps_speed(load_point)):
             earlier_points = _extrapolation_points(self._points, delta)
         is_extrapolated = len(earlier_points) > 1
         if is_extrapolated:
