@@ -20,6 +20,7 @@ from indent_sim.config.body_checks import (
     cap_errors,
     inclusion_errors,
     layer_errors,
+    resting_body_errors,
     surface_tension_errors,
 )
 from indent_sim.config.key_types import (
@@ -72,6 +73,7 @@ TAG_KEYS = {"shape", "model", "method"}
 # Checks of a config, in the order in which their errors are reported.
 CONSISTENCY_CHECKS = (
     cap_errors,
+    resting_body_errors,
     layer_errors,
     surface_tension_errors,
     inclusion_errors,

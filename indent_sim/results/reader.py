@@ -23,6 +23,7 @@ from indent_sim.model.state import (
     FRICTION_COLUMNS,
     KRYLOV_COLUMNS,
     REACTION_COLUMNS,
+    RESTING_COLUMNS,
     SLIDE_COLUMNS,
     SOFT_TIP_COLUMNS,
     STATE_COLUMNS,
@@ -52,6 +53,7 @@ OPTIONAL_COLUMNS = (
     *FRICTION_COLUMNS,
     *FLUID_COLUMNS,
     *SOFT_TIP_COLUMNS,
+    *RESTING_COLUMNS,
     *KRYLOV_COLUMNS,
     *ERROR_COLUMNS,
     *TIME_COLUMNS,
@@ -68,6 +70,7 @@ RESULT_COLUMNS = tuple(
         *FRICTION_COLUMNS,
         *FLUID_COLUMNS,
         *SOFT_TIP_COLUMNS,
+        *RESTING_COLUMNS,
         *TIME_COLUMNS,
     )
     if name not in ("step", "wall_s", *WORD_COLUMNS)

@@ -17,6 +17,7 @@ from indent_sim.model.materials import Material
 from indent_sim.model.state import (
     FLUID_COLUMNS,
     FRICTION_COLUMNS,
+    RESTING_COLUMNS,
     SLIDE_COLUMNS,
     SOFT_TIP_COLUMNS,
 )
@@ -345,9 +346,14 @@ class ProblemDefinition:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns of the force table for a soft tip, slide, friction and pore fluid, in order."""
-        if self.indenter.lens:
-            return SOFT_TIP_COLUMNS
+        """Columns of the force table, in order.
+
+        They are those of a soft tip, a flat below, a slide, friction and pore fluid.
+        """
+        soft_tip = SOFT_TIP_COLUMNS if self.indenter.lens else ()
+        if soft_tip or self.domain.rests_on_flat:
+            # Neither is modelled with friction or pore fluid.
+            return (*soft_tip, *(RESTING_COLUMNS if self.domain.rests_on_flat else ()))
         fluid = FLUID_COLUMNS if self.permeable_regions else ()
         side_force_columns = [f"side_force_{axis}" for axis in self.side_force_axes]
         return (
