@@ -25,9 +25,9 @@ from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.surface import Trace
 from indent_sim.model.tip_track import TipTrack
 
-# Compliance of the spring between body and flat, in multiples of that of the expected contacts. With
-# much softer springs the active sets of some contact methods recur
-# (`tests/physics/test_resting_bodies.py`), for caps on a flat base above all.
+# Compliance of the spring between body and flat, in multiples of that of the expected contacts.
+# With much softer springs the active sets of some contact methods recur, for caps on a flat base
+# above all (`tests/physics/test_resting_bodies.py`).
 SPRING_FACTOR = 10.0
 
 
