@@ -111,7 +111,7 @@ def tip_errors(config: SceneSections) -> list[ConfigError]:
 
 
 def soft_tip_errors(config: SceneSections) -> Iterator[ConfigError]:
-    """Yield errors in the material and the thickness of a soft tip, and in what goes with it."""
+    """Yield errors in material and thickness of a soft tip, and in parts incompatible with it."""
     tip = config.indenter
     if not isinstance(tip, Paraboloid | Sphere | FlatPunch | Plate):
         return
@@ -204,7 +204,7 @@ def _soft_tip_conflicts(config: SceneSections, key: str) -> Iterator[ConfigError
         ),
         (
             config.solver.method in ("newton", "theory"),
-            "is solved by static condensation of tip and body",
+            "must be auto: a soft tip is solved by static condensation of tip and body",
             "use solver.method: auto",
         ),
         (

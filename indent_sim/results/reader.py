@@ -22,6 +22,7 @@ from indent_sim.model.state import (
     FLUID_COLUMNS,
     FRICTION_COLUMNS,
     KRYLOV_COLUMNS,
+    PLASTIC_COLUMNS,
     REACTION_COLUMNS,
     RESTING_COLUMNS,
     SLIDE_COLUMNS,
@@ -45,13 +46,14 @@ log = logging.getLogger("indent_sim")
 
 RUN_AGAIN_REMEDY = "run its scene again without --resume, or with another --output"
 COMPARED_COLUMNS = ("delta", "force", "a")
-MEASURED = "measured"  # This entry of a report marks a measured curve.
-# Not every run has these columns.
+MEASURED = "measured"  # Key of run.json that marks a measured curve.
+# Columns that only some runs have.
 OPTIONAL_COLUMNS = (
     *DERIVED_COLUMNS,
     *SLIDE_COLUMNS,
     *FRICTION_COLUMNS,
     *FLUID_COLUMNS,
+    *PLASTIC_COLUMNS,
     *SOFT_TIP_COLUMNS,
     *RESTING_COLUMNS,
     *KRYLOV_COLUMNS,
@@ -69,6 +71,7 @@ RESULT_COLUMNS = tuple(
         *SLIDE_COLUMNS,
         *FRICTION_COLUMNS,
         *FLUID_COLUMNS,
+        *PLASTIC_COLUMNS,
         *SOFT_TIP_COLUMNS,
         *RESTING_COLUMNS,
         *TIME_COLUMNS,
@@ -230,7 +233,7 @@ def _read_curve_file(path: Path) -> Results:
     If the file has no depth, the displacement z of the base is used instead. What the reader
     guessed, such as the meaning of a column, is a warning.
     """
-    # This import loads the readers of all formats, which no run needs.
+    # This import loads the readers of all formats, which a simulation does not need.
     from indent_sim.results.measured.curve_file import read_curves
     from indent_sim.results.measured.measurement import NoCurve
 

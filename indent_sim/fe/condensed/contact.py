@@ -238,7 +238,7 @@ class CondensedContact:
         return areas, self.tip_heights(points, self.slide)
 
     def tip_heights(self, points: np.ndarray, slide: float) -> np.ndarray:
-        """Return the heights (facets, points) of the tip above the undeformed surface [length].
+        """Return the heights (facets, points) of tip or flat above the undeformed surface [length].
 
         Parameters
         ----------
