@@ -189,6 +189,10 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
         },
         "relaxation or a history",
     ),
+    "yield": (
+        {"material": {**LAW, "plasticity": {"yield_stress": 0.01}}},
+        "does not yield",
+    ),
     "adhesion": ({"experiment": {"adhesion": {"work": 1e-4}}}, "without adhesion"),
     "surface tension": (
         {
