@@ -79,8 +79,6 @@ SOLVED_DEPTH_FACTOR = 1.3  # the scene is solved to this multiple of the estimat
 # The same for an adhesive tip, whose contact is as large as that of a deeper tip without adhesion.
 ADHESIVE_DEPTH_FACTOR = 2.4
 MIN_DEPTH_FACTOR = 1.01  # smallest multiple, for a body that cannot be indented further
-# A parameter whose interval spans a larger factor is not determined.
-MAX_KNOWN_FACTOR = 1e3
 MIN_DIGITS = 4
 MAX_DIGITS = 10
 INTERVAL_KEYS = ("value", "low", "high")  # keys of an interval in fit.json
@@ -915,7 +913,9 @@ def format_interval(key: str, config: Config, interval: Interval) -> str:
     if interval.low == 0.0 < interval.value:
         limit = format_value(key, config, interval.high, interval)
         return f"{name} is not determined: at most {limit}"
-    if interval.low > 0.0 and interval.high > MAX_KNOWN_FACTOR * interval.low:
+    # A parameter whose interval spans a larger factor is not determined.
+    max_known_factor = 1e3
+    if interval.low > 0.0 and interval.high > max_known_factor * interval.low:
         return f"{name} is not determined by the curve"
     value, low, high = (
         format_value(key, config, number, interval)

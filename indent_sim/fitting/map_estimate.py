@@ -68,8 +68,6 @@ from indent_sim.process.usage import cpu_time
 from indent_sim.results.measured.measured_map import MeasuredMap
 from indent_sim.results.measured.measurement import MeasuredCurve
 
-# Number of curves that are also fitted one by one: half are random, half have the largest misfit.
-SAMPLE_SIZE = 48
 ReportLine = Callable[[str], None]
 
 
@@ -357,7 +355,10 @@ def _fit_sample(
 def _sample_indices(fits: PixelFits) -> list[int]:
     """Return the curves that are fitted one by one."""
     fitted = np.flatnonzero(fits.is_fitted)
-    count = min(SAMPLE_SIZE // 2, len(fitted))
+    # Number of curves that are also fitted one by one: half are random, half have the largest
+    # misfit.
+    sample_size = 48
+    count = min(sample_size // 2, len(fitted))
     chosen = np.random.default_rng(0).choice(fitted, count, replace=False)
     misfit = np.fmax(
         -np.log10(np.maximum(fits.p_shape[fitted], 1e-300)), np.abs(fits.half_z[fitted])

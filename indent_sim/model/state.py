@@ -20,6 +20,8 @@ FRICTION_COLUMNS = ("stick_radius", "dissipation", "side_force_x", "side_force_y
 SLIDE_COLUMNS = ("slide",)
 # Columns of scenes with fluid in the pores.
 FLUID_COLUMNS = ("outflow", "pore_pressure_max")
+# Columns of scenes with a body that yields.
+PLASTIC_COLUMNS = ("plastic_dissipation", "hardness")
 # Columns of scenes with a soft tip.
 SOFT_TIP_COLUMNS = ("tip_sink", "tip_energy")
 # Columns of bodies that rest on a flat without a bond.
@@ -159,6 +161,10 @@ class State:
         Radius of the region that does not slip, with friction [length].
     dissipation
         Energy dissipated by friction since the previous row [energy].
+    plastic_dissipation
+        Energy dissipated by plastic flow since the undeformed state [energy].
+    hardness
+        Force over contact area of a body that yields [pressure].
     side_force_x, side_force_y
         Horizontal force on the tip, with friction or of a sliding tip, along an axis to which no
         mirror plane is normal [force]. Of a sliding tip it includes the force of the pressure on
@@ -225,6 +231,8 @@ class State:
     slide: float | None = None
     stick_radius: float | None = None
     dissipation: float | None = None
+    plastic_dissipation: float | None = None
+    hardness: float | None = None
     side_force_x: float | None = None
     side_force_y: float | None = None
     force_error: float | None = None
@@ -344,9 +352,9 @@ def _field_units(scales: Scales) -> dict[str, float]:
         "tip_sink",
     )
     units |= dict.fromkeys((*lengths, *RESTING_COLUMNS), L)
-    units |= dict.fromkeys(("energy", "tip_energy", "dissipation"), energy)
+    units |= dict.fromkeys(("energy", "tip_energy", "dissipation", "plastic_dissipation"), energy)
     units |= dict.fromkeys(("outflow", "moved", "unbalanced"), energy / P)
-    units |= dict.fromkeys(("p_max", "E_hertz", "pore_pressure_max"), P)
+    units |= dict.fromkeys(("p_max", "E_hertz", "hardness", "pore_pressure_max"), P)
     depths = {"delta": depth, "z": depth}
     return (
         units

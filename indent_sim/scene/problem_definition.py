@@ -17,6 +17,7 @@ from indent_sim.model.materials import Material
 from indent_sim.model.state import (
     FLUID_COLUMNS,
     FRICTION_COLUMNS,
+    PLASTIC_COLUMNS,
     RESTING_COLUMNS,
     SLIDE_COLUMNS,
     SOFT_TIP_COLUMNS,
@@ -318,6 +319,11 @@ class ProblemDefinition:
         return tuple(region for region in self.domain.regions if region.material.relaxation)
 
     @property
+    def yields(self) -> bool:
+        """True if a material of the body may yield."""
+        return any(region.material.plasticity for region in self.domain.regions)
+
+    @property
     def is_time_dependent(self) -> bool:
         """True if the force changes with time at a constant depth."""
         return any(region.material.is_time_dependent for region in self.domain.regions)
@@ -325,12 +331,12 @@ class ProblemDefinition:
     @property
     def is_path_dependent(self) -> bool:
         """True if the force depends on the load path or on time."""
-        return self.contact.is_path_dependent or self.is_time_dependent
+        return self.contact.is_path_dependent or self.is_time_dependent or self.yields
 
     @property
     def depends_on_step_size(self) -> bool:
-        """True if the result depends on the step size: friction or a time-dependent body."""
-        return self.has_friction or self.is_time_dependent
+        """True if the result depends on the step size: friction, yield, a time-dependent body."""
+        return self.has_friction or self.is_time_dependent or self.yields
 
     @property
     def searches_pull_off(self) -> bool:
@@ -346,15 +352,13 @@ class ProblemDefinition:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns of the force table, in order.
-
-        They are those of a soft tip, a flat below, a slide, friction and pore fluid.
-        """
+        """Columns for tip, flat below, slide, friction, pore fluid and yield, in order."""
         soft_tip = SOFT_TIP_COLUMNS if self.indenter.lens else ()
         if soft_tip or self.domain.rests_on_flat:
             # Neither is modelled with friction or pore fluid.
             return (*soft_tip, *(RESTING_COLUMNS if self.domain.rests_on_flat else ()))
         fluid = FLUID_COLUMNS if self.permeable_regions else ()
+        plastic = PLASTIC_COLUMNS if self.yields else ()
         side_force_columns = [f"side_force_{axis}" for axis in self.side_force_axes]
         return (
             *(SLIDE_COLUMNS if self.slides else ()),
@@ -364,6 +368,7 @@ class ProblemDefinition:
                 if name in side_force_columns or (self.has_friction and not name.startswith("side"))
             ),
             *fluid,
+            *plastic,
         )
 
     @property
@@ -427,8 +432,8 @@ class ProblemDefinition:
 
     @property
     def is_linear(self) -> bool:
-        """True if strains are small and the gap is evaluated at the undeformed point."""
-        return self.small_strain and self.gap == "reference"
+        """True if strains are small, the gap is at the undeformed point, and nothing yields."""
+        return self.small_strain and self.gap == "reference" and not self.yields
 
     def solver_work(self, method: str, linear: str) -> SolverWork:
         """Return the properties on which the cost of solving by a method depends.

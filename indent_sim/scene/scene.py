@@ -74,8 +74,8 @@ class Scene:
     relaxation : Relaxation or None
         Relaxation of the whole body that is applied to its elastic curve.
     tip_scene : Scene or None
-        The lens of a soft tip under a plate, which is condensed as the body is; None if the tip is
-        rigid.
+        The elastic part of a soft tip under a rigid one, which is condensed as the body is; None if
+        the tip is rigid.
     """
 
     physics: ProblemDefinition
@@ -209,6 +209,7 @@ class Scene:
                 not physics.small_strain and not is_finite,
                 "strains are finite, but the theory is for small strain",
             ),
+            (physics.yields, "the body yields, but the theory is elastic"),
             (physics.has_friction, FRICTION_WHY),
             (physics.slides, "the tip slides, but the theory has no sideways motion"),
             (

@@ -63,6 +63,7 @@ def solver(config: Config, setup: ProblemSetup, physics: ProblemDefinition, node
     )
     obstacle = first_reason(
         (not physics.small_strain, "the material is not linear"),
+        (physics.yields, "the material yields"),
         (physics.gap == "current", "the gap at the deformed point makes the problem nonlinear"),
         (bool(law.reason_not_condensable), law.reason_not_condensable),
         (bool(physics.permeable_regions), "the pore pressure is an unknown inside the body"),
@@ -107,6 +108,7 @@ def iterative_obstacle(config: Config, physics: ProblemDefinition, sizes: Sizes)
             bool(physics.relaxing_regions),
             "bodies with shear relaxation are factorized once for each length of the time step",
         ),
+        (physics.yields, "the preconditioner does not support bodies that yield"),
         (
             law.multiplier in ("stress", "nodal"),
             f"{law.method} has a tangent that is not symmetric",
@@ -259,6 +261,7 @@ def config_obstacle(config: Config) -> str:
     return first_reason(
         (isinstance(config.body, MeshFromFile), "there is no theory for a body from a mesh file"),
         (not all(material.is_small_strain for material in materials), "the material is not linear"),
+        (any(material.plasticity for material in materials), "the theory does not include yield"),
         (
             any(material.flow for _, material in config.materials()),
             "the theory does not include pore fluid",

@@ -19,8 +19,6 @@ from indent_sim.studies.curve_file import read_curves
 # Largest number of runs that are drawn, and of keys in a picture.
 MAX_RUNS = 3000
 MAX_KEYS = 5
-# Largest number of different warnings that a report shows.
-MAX_WARNINGS = 50
 
 
 @dataclass(frozen=True)
@@ -110,6 +108,8 @@ def _read_table(folder: Path, record: Report, column: str) -> ManyRuns:
     statuses: Counter[str] = Counter()
     warnings: dict[str, None] = {}
     rows = []
+    # Largest number of different warnings that a report shows.
+    max_warnings = 50
     with open(folder / study_folder.STUDY_TABLE, encoding="utf-8", newline="") as stream:
         lines = csv.reader(stream)
         names = next(lines)
@@ -117,7 +117,7 @@ def _read_table(folder: Path, record: Report, column: str) -> ManyRuns:
         warning = names.index("warnings")
         for number, cells in enumerate(lines):
             statuses[cells[status]] += 1
-            if cells[warning] and len(warnings) < MAX_WARNINGS:
+            if cells[warning] and len(warnings) < max_warnings:
                 warnings |= dict.fromkeys(cells[warning].split(" | "))
             if number % stride == 0:
                 rows.append(dict(zip(names, cells, strict=True)))

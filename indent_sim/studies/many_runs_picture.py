@@ -22,8 +22,6 @@ from indent_sim.studies.small_multiples import (
     value_ratio,
 )
 
-# With more curves than this, bands are drawn.
-MAX_LINES = 100
 # Quantiles of the runs between which the bands are drawn.
 BANDS = ((0.01, 0.99), (0.1, 0.9), (0.25, 0.75))
 
@@ -73,7 +71,9 @@ def draw_bands_into(axes: Axes, runs: ManyRuns) -> None:
     The depths of bands are relative to the last depth of each run.
     """
     curves = _rising_curves(runs)
-    if len(curves) <= MAX_LINES:
+    # With more curves than this, bands are drawn.
+    max_lines = 100
+    if len(curves) <= max_lines:
         for curve in curves:
             axes.plot(*curve.T, color=figures.COLOURS[0], lw=0.6)
         axes.set(xlabel="depth", ylabel=runs.result_label)

@@ -14,8 +14,6 @@ from indent_sim.studies.reference.reference_solution import ReferenceSolution
 from indent_sim.studies.shard import check_first_points
 from indent_sim.studies.study_table import Row
 
-# Number of points that are planned in a study without result folders.
-PLANNED_POINTS = 100
 PREDICTED_COLUMNS = ("force", "delta", "dofs", "memory_MB", "seconds")
 
 
@@ -85,11 +83,13 @@ def plan_study(study_input: Path | str | Mapping[str, Any], error_bars: bool = F
     """
     study = study_file.read(study_input)
     point_count = 0
+    # Number of points that are planned in a study without result folders.
+    planned_points = 100
     if study.keeps_all_runs:
         cases, rejected_cases = case_list.resolve_cases(study)
     else:
         check_first_points(study)
-        cases, rejected_cases = case_list.validate_cases(study, PLANNED_POINTS)
+        cases, rejected_cases = case_list.validate_cases(study, planned_points)
         point_count = study.point_count - study.left_out_count()
     scoreboard.check_published_rows(study.named_cases, cases)
     reference = ReferenceSolution(study, cases)

@@ -35,13 +35,9 @@ SURROGATE_COLUMNS = ("force", "a", "p_max")
 MAX_ROWS = 50_000
 MAX_FITTED_ROWS = 6_000
 MIN_ROWS = 40
-# Share of the runs that is held out of the fit to measure the error.
-HELD_OUT_SHARE = 0.2
 # Largest number of terms of the polynomial, so that its evaluation stays fast.
 MAX_TERMS = 700
 MAX_DEGREE = 40
-# Number of rows for each term of the polynomial.
-ROWS_PER_TERM = 3
 # Beginnings of keys that belong to the numerical method and not to the mechanical problem.
 METHOD_SECTIONS = ("mesh", "solver")
 METHOD_KEYS = ("accuracy", "contact.epsilon_n", "contact.gamma", "loading.steps")
@@ -309,12 +305,16 @@ def _target(surrogate: Surrogate, table: RunTable) -> np.ndarray:
 def _held_out(count: int) -> np.ndarray:
     """Return a mask of the runs that are held out of the fit: a random fifth of them."""
     seed = 20261127
-    return np.random.default_rng(seed).random(count) < HELD_OUT_SHARE
+    # Share of the runs that is held out of the fit to measure the error.
+    held_out_share = 0.2
+    return np.random.default_rng(seed).random(count) < held_out_share
 
 
 def _fit(points: np.ndarray, target: np.ndarray) -> ChebyshevSum:
     """Fit a polynomial, with the degrees of the smallest leave-one-out error."""
-    max_terms = min(MAX_TERMS, len(points) // ROWS_PER_TERM)
+    # Number of rows for each term of the polynomial.
+    rows_per_term = 3
+    max_terms = min(MAX_TERMS, len(points) // rows_per_term)
 
     def error_of(degrees: Sequence[int]) -> float:
         indices = index_tuples(degrees)

@@ -96,6 +96,17 @@ class TestTwoContacts:
         slope = np.gradient(forces, depths)[-2]
         assert rows[-2].stiffness == pytest.approx(slope, rel=3e-3)
 
+    @pytest.mark.parametrize("method", ["auto", "active_set"])
+    def test_unloading_returns_to_the_same_rows(self, method: str) -> None:
+        """An elastic body without friction or adhesion has one force at a depth, 0 at last."""
+        path = {"loading": {"deltas": [0.01, 0.0267, 0.01, 1e-5, 0.0]}}
+        rows = list(states(scene_of(contact={"method": method}, **path), with_surface=False))
+        assert rows[2].force == pytest.approx(rows[0].force, rel=1e-8)
+        assert rows[2].base_approach == pytest.approx(rows[0].base_approach, rel=1e-8)
+        assert 0 < rows[3].force < 1e-4 * rows[1].force
+        assert rows[3].reaction == pytest.approx(rows[3].force, rel=1e-8)
+        assert (rows[4].force, rows[4].reaction, rows[4].a_base) == (0.0, 0.0, 0.0)
+
     def test_prescribed_forces_find_the_depths(self) -> None:
         row = last_row(scene_of())
         found = last_row(scene_of(loading={"force": row.force}))

@@ -313,10 +313,10 @@ class Condenser:
         return len(np.unique(self._surface.nodes[self._is_near_track(radius, track)]))
 
     def _is_near_track(self, radius: float, track: TipTrack) -> np.ndarray:
-        """Return a mask of the facets with at least one node within a radius of the tip's track."""
+        """Return a mask of the facets near the tip's track, and of those on a flat below."""
         surface = self._surface
-        distance = track.distance(surface.X[..., :-1]).min(axis=1)
-        return np.asarray((distance <= radius) | self.is_on_flat[surface.nodes].all(axis=1))
+        is_near = track.distance(surface.X[..., :-1]).min(axis=1) <= radius
+        return np.asarray(is_near | self.is_on_flat[surface.nodes].all(axis=1))
 
     def condense(self, radius: float, track: TipTrack, axes: Sequence[int]) -> Compliance:
         """Return the compliance of the surface nodes on facets near the track of the tip's axis.

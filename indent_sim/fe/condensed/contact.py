@@ -61,9 +61,9 @@ class CondensedContact:
         self.compliance = compliance
         self.scene = scene
         self.depth = 0.0
-        self.slide = 0.0  # horizontal displacement of the tip from where it was pressed in
         # Motion of a body that rests on a flat at which the spring is free of force [length]
         self.motion = 0.0
+        self.slide = 0.0  # horizontal displacement of the tip from where it was pressed in
         self.law: Any = scene.physics.contact
         self.nodes = compliance.trace.nodes
         self.candidates = compliance.candidates
@@ -148,6 +148,10 @@ class CondensedContact:
         flat = self.compliance.flat
         if flat is None:
             return algorithm(self)
+        if self.depth <= 0:
+            # Nothing holds the body between tip and flat.
+            self.forces = np.zeros_like(self.forces)
+            self.lam = np.zeros_like(self.lam)
         if not self.F.any():
             # Both contacts begin with the intersections at half of the depth.
             self.motion = self.depth / 2
@@ -155,8 +159,9 @@ class CondensedContact:
             if not algorithm(self):
                 return False
             imbalance = flat.imbalance(self.F)
-            largest = max(float(np.abs(F).sum()) for F in (self.F, *self._recent_forces))
-            if abs(imbalance) <= BALANCE_TOLERANCE * largest:
+            force = float(np.abs(self.F).sum())
+            earlier_force = max(float(np.abs(F).sum()) for F in self._recent_forces)
+            if abs(imbalance) <= BALANCE_TOLERANCE * max(force, 1e-3 * earlier_force):
                 return True
             self.motion += flat.spring * imbalance
         self.failure = "the forces on tip and flat do not become equal"

@@ -242,7 +242,9 @@ class CondensedEquilibrium(Equilibrium):
         nodal = sum(weight * state.nodal for weight, state in zip(weights, earlier, strict=True))
         lam = sum(weight * state.lam for weight, state in zip(weights, earlier, strict=True))
         motion = sum(weight * state.motion for weight, state in zip(weights, earlier, strict=True))
-        self._set_trial_state(ContactForces(np.asarray(nodal), np.asarray(lam), depth, motion))
+        self._set_trial_state(
+            ContactForces(np.asarray(nodal), np.asarray(lam), depth, motion=float(motion))
+        )
 
     def _predicted_trial_pressure(
         self, earlier: Sequence[ContactForces], depth: float

@@ -25,8 +25,6 @@ LEFT_OUT = 0
 CLEAR_JUMP_DEVIATIONS = 5.0
 # Number of samples on each side of a jump. Their medians must differ by at least half the jump.
 MIN_SIDE_SAMPLES = 5
-# Standard deviation of a normal distribution over the median of its absolute value.
-MEDIAN_TO_DEVIATION = 1.4826
 
 
 @dataclass(frozen=True)
@@ -96,8 +94,10 @@ def _clear_fall(force: np.ndarray) -> tuple[int, int] | None:
         return None
     changes = np.diff(force)
     steepest = int(np.argmin(changes))
+    # Standard deviation of a normal distribution over the median of its absolute value.
+    median_to_deviation = 1.4826
     # Second differences do not contain the slope of the contact.
-    deviation = MEDIAN_TO_DEVIATION * float(np.median(np.abs(np.diff(changes)))) / math.sqrt(2.0)
+    deviation = median_to_deviation * float(np.median(np.abs(np.diff(changes)))) / math.sqrt(2.0)
     threshold = max(CLEAR_JUMP_DEVIATIONS * deviation, 1e-9 * float(np.ptp(force)))
     is_fall = changes < -threshold
     before = after = steepest

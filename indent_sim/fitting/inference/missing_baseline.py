@@ -33,8 +33,6 @@ MAX_RMS_RATIO = 1.2
 # the error of this choice.
 TOE_FORCE = 0.3
 OTHER_TOE_FORCES = (0.2, 0.4)
-# Standard deviation of the tilt of a baseline over the range of a curve, relative to its force.
-USUAL_TILT = 0.01
 
 
 @dataclass(frozen=True)
@@ -143,8 +141,10 @@ def _baseline_before_toe(
     # The toe may begin already in the half of the samples that is farther from the body.
     far = max(half // 2, MIN_BASELINE_POINTS // 2)
     slope, level, spread = _line(x[:far], force[:far])
+    # Standard deviation of the tilt of a baseline over the range of a curve, relative to its force.
+    usual_tilt = 0.01
     # The slope of few samples is uncertain: it is shrunk towards 0, its usual value.
-    usual = USUAL_TILT * estimate.max_force / float(np.ptp(estimate.model.samples.x))
+    usual = usual_tilt * estimate.max_force / float(np.ptp(estimate.model.samples.x))
     shrinkage = usual**2 / (usual**2 + noise**2 / spread)
     level += (1.0 - shrinkage) * slope * float(x[:far].mean())
     slope *= shrinkage

@@ -61,10 +61,6 @@ PART_TOKEN = re.compile(
 )
 BRACKETS = re.compile(r"[\[(]\s*([^\[\]()]*?)\s*[\])]")
 UNIT_AT_END = re.compile(r"^(?P<name>.+?)\s*(?:[ _,/]|\bin\b)\s*(?P<unit>[^\W\d_]{1,3})$")
-# A text in brackets of this length or longer is a remark, such as (measured), and not a unit.
-MIN_REMARK_LENGTH = 4
-# Longer titles are cut.
-MAX_TITLE_LENGTH = 200
 
 
 @dataclass(frozen=True)
@@ -97,9 +93,13 @@ class ColumnTitle:
 
 def parse_title(text: str) -> ColumnTitle:
     """Return the name, the unit and the part of a title such as Force [nN] or Defl_pN_Ex."""
-    text = text.strip()[:MAX_TITLE_LENGTH]
+    # Longer titles are cut.
+    max_title_length = 200
+    text = text.strip()[:max_title_length]
     name = text.strip("\"'").strip()
     unit = kind = unknown_unit = ""
+    # A text in brackets of this length or longer is a remark, such as (measured), and not a unit.
+    min_remark_length = 4
     for match in BRACKETS.finditer(name):
         word = match[1]
         found = unit_and_kind(word)
@@ -108,7 +108,7 @@ def parse_title(text: str) -> ColumnTitle:
             name = f"{name[: match.start()]} {name[match.end() :]}"
             unknown_unit = ""
             break
-        if word and (len(word) < MIN_REMARK_LENGTH or "/" in word):
+        if word and (len(word) < min_remark_length or "/" in word):
             unknown_unit = word
     part = ""
     # A title that only names a part of the curve does not name a quantity.

@@ -26,8 +26,6 @@ SENSITIVITY = re.compile(
 )
 # Keys of formats whose spring constants are in N/m: JPK, NanoScope, Igor, and .tab files.
 KEYS_IN_SI = ("springConstant", r"\Spring Constant", "SpringConstant", '"spring constant"')
-# A sensitivity without a unit is in m/V if it is smaller than this, since no detector has 0.1 mm/V.
-LARGEST_SENSITIVITY = 1e-4
 # A longer line is not an entry of a header.
 MAX_LINE_LENGTH = 400
 
@@ -138,7 +136,10 @@ def _sensitivity(match: re.Match[str]) -> tuple[float, str] | None:
     if unit:
         factor = _sensitivity_factor(unit)
         return (value * factor[0], factor[1]) if factor else None
-    return (value, "voltage") if value < LARGEST_SENSITIVITY else None
+    # A sensitivity without a unit is in m/V if it is smaller than this, since no detector has 0.1
+    # mm/V.
+    largest_sensitivity = 1e-4
+    return (value, "voltage") if value < largest_sensitivity else None
 
 
 def _sensitivity_factor(unit: str) -> tuple[float, str] | None:

@@ -39,10 +39,6 @@ LENGTH_UNITS = {"nm": 1e-9, "~m": 1e-6, "um": 1e-6, "µm": 1e-6}
 # Stored integers of 32 bits count steps of V/LSB multiplied by one of these factors. The header
 # does not say by which.
 STEP_FACTORS = (1.0, 1 / 256, 1 / 65536)
-# Largest relative difference between the deflection at the turning point and the trigger threshold.
-TRIGGER_TOLERANCE = 0.2
-# Number of curves of a map whose deflections are compared with the trigger threshold.
-COMPARED_CURVES = 64
 Section = dict[str, str]
 
 
@@ -278,7 +274,9 @@ class NanoscopeFile:
         n = self._points
         curves = self.shape[0] * self.shape[1]
         turns = []
-        for index in np.unique(np.linspace(0, curves - 1, COMPARED_CURVES).astype(int)).tolist():
+        # Number of curves of a map whose deflections are compared with the trigger threshold.
+        compared_curves = 64
+        for index in np.unique(np.linspace(0, curves - 1, compared_curves).astype(int)).tolist():
             approach = self._read_words(self._words, self._offset, index, 2 * n)[:n]
             approach = approach[approach != np.iinfo(approach.dtype).min]
             if len(approach):
@@ -286,8 +284,11 @@ class NanoscopeFile:
                 turns.append(approach[0] - (far if mode != "absolute" else 0.0))
         turn = volts * abs(float(np.median(turns))) if turns else 0.0
         ratio = turn / abs(float(trigger["value"]))
+        # Largest relative difference between the deflection at the turning point and the trigger
+        # threshold.
+        trigger_tolerance = 0.2
         for factor in STEP_FACTORS:
-            if abs(ratio * factor - 1) <= TRIGGER_TOLERANCE:
+            if abs(ratio * factor - 1) <= trigger_tolerance:
                 return factor
         raise self._no_curve(f"{problem}: they turn at {ratio:.3g} times the trigger threshold")
 

@@ -45,12 +45,6 @@ from indent_sim.results.measured.measurement import (
 )
 from indent_sim.results.measured.text_layout import TextLayout, detect_layout, is_comment
 
-# Smallest number of letters of a word in a line between rows that names a segment.
-MIN_WORD_LENGTH = 6
-# Largest fraction of the rows that may lack a number.
-MAX_INVALID_FRACTION = 0.5
-# A larger number is not a measurement, whatever its unit.
-LARGEST_MEASURED = 1e100
 # Times that restart more often than this are not times since the beginning of each segment.
 MAX_RESTARTS = 8
 Values = dict[str, np.ndarray]
@@ -387,11 +381,15 @@ def _complete_rows(values: Values, table: TextRows, is_paired: bool) -> tuple[_R
     """
     table_columns = np.column_stack(list(values.values()))
     is_complete = np.isfinite(table_columns).all(axis=1)
+    # A larger number is not a measurement, whatever its unit.
+    largest_measured = 1e100
     with np.errstate(invalid="ignore"):
-        is_complete &= (np.abs(table_columns) < LARGEST_MEASURED).all(axis=1)
+        is_complete &= (np.abs(table_columns) < largest_measured).all(axis=1)
     count = len(is_complete)
     invalid_count = int(np.count_nonzero(~is_complete))
-    is_too_incomplete = invalid_count > MAX_INVALID_FRACTION * count
+    # Largest fraction of the rows that may lack a number.
+    max_invalid_fraction = 0.5
+    is_too_incomplete = invalid_count > max_invalid_fraction * count
     if invalid_count == count or (is_too_incomplete and not is_paired):
         raise NoCurve(f"{invalid_count} of {count} rows lack a number")
     if "deflection" in values:
@@ -434,8 +432,10 @@ def _segment_word(line: str) -> str:
         return match["word"].lower()
     if is_comment(line):
         return ""
+    # Smallest number of letters of a word in a line between rows that names a segment.
+    min_word_length = 6
     for word in re.findall(r"[^\W\d_]+", line.lower()):
-        if word in (*APPROACH_WORDS, *RETRACT_WORDS) and len(word) >= MIN_WORD_LENGTH:
+        if word in (*APPROACH_WORDS, *RETRACT_WORDS) and len(word) >= min_word_length:
             return str(word)
     return ""
 

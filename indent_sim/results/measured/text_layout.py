@@ -28,10 +28,6 @@ MAX_LINE_LENGTH = 100_000
 MAX_COLUMNS = 1000
 # Number of lines in which the first line of numbers is searched.
 MAX_HEAD_LINES = 4000
-# Number of lines above the numbers in which titles are searched.
-MAX_TITLE_LINES = 60
-# Number of lines of the table from which the decimal sign is found.
-SAMPLED_LINES = 300
 Cells = list[str]
 
 
@@ -161,6 +157,8 @@ def _middle_lines(text: str) -> Iterator[str]:
     Raises NoCurve if a line is too long for a table.
     """
     begin = text.rfind("\n", 0, len(text) // 2) + 1
+    # Number of lines of the table from which the decimal sign is found.
+    sampled_lines = 300
     for start in (begin, 0):
         count = 0
         for line in text[start : start + 10 * MAX_LINE_LENGTH].split("\n"):
@@ -170,7 +168,7 @@ def _middle_lines(text: str) -> Iterator[str]:
                 raise NoCurve(f"a line has more than {MAX_LINE_LENGTH} characters")
             yield line
             count += 1
-            if count == SAMPLED_LINES:
+            if count == sampled_lines:
                 break
 
 
@@ -271,7 +269,9 @@ def _read_titles(layout: TextLayout) -> tuple[tuple[ColumnTitle, ...], str]:
     units: Cells = []
     skipped = 0
     last_unit_line = ""
-    for line in reversed(layout.head[-MAX_TITLE_LINES:]):
+    # Number of lines above the numbers in which titles are searched.
+    max_title_lines = 60
+    for line in reversed(layout.head[-max_title_lines:]):
         text = line.strip().lstrip(COMMENT_SIGNS).strip(" ")
         if not text:
             continue

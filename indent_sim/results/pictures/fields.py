@@ -216,13 +216,14 @@ def deformed_section(results: Results, step: float, field: FieldQuantity) -> Sec
     section = Section(
         points[:, [0, 2]], triangles, shown, _region_interfaces(points, triangles, regions)
     )
-    left = fields["points"][:, 0].min()
-    is_half = plan_choice(results.report, "symmetry") != "full" and left >= center[
-        0
-    ] - 1e-9 * np.ptp(fields["points"][:, 0])
+    x = fields["points"][:, 0]
+    begins_at_axis = x.min() >= center[0] - 1e-9 * np.ptp(x)
+    is_half = plan_choice(results.report, "symmetry") != "full" and begins_at_axis
     # The component rz refers to its own r on both sides of the axis of an axisymmetric body.
     is_odd = field.is_odd and horizontal_axis_name(results) == "x"
-    return section.mirror(center[0], -1.0 if is_odd else 1.0) if is_half else section
+    if not is_half:
+        return section
+    return section.mirror(center[0], -1.0 if is_odd else 1.0)
 
 
 def _region_interfaces(
