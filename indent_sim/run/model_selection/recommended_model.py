@@ -121,6 +121,12 @@ def require(config: Config, within: float = 0.01) -> Requirements:
 def _requirements(config: Config, within: float) -> Requirements:
     """Return the requirements of a scene; see `require`."""
     scene = resolve(config)
+    if scene.physics.yields:
+        raise ConfigError(
+            "material.plasticity",
+            "the simpler models that are compared do not yield",
+            "leave it out to find what the elastic body requires",
+        )
     config = variants.set_gel_stretch(remove_unused_material(config, scene.physics.domain))
     if scene.physics.is_time_dependent:
         return _transient_requirements(TransientVariants(config, scene, within))
