@@ -20,6 +20,7 @@ from indent_sim.config.body_checks import (
     cap_errors,
     inclusion_errors,
     layer_errors,
+    resting_body_errors,
     surface_tension_errors,
 )
 from indent_sim.config.key_types import (
@@ -48,6 +49,7 @@ from indent_sim.config.scene_sections import SceneSections
 from indent_sim.config.scene_sections import SolverSettings as SolverSettings
 from indent_sim.config.scene_sections import Source as Source
 from indent_sim.config.scene_sections import Units as Units
+from indent_sim.config.slide_checks import slide_errors
 from indent_sim.config.strict_yaml import KeyPath
 from indent_sim.config.tip_checks import (
     center_errors,
@@ -58,7 +60,7 @@ from indent_sim.config.tip_checks import (
 )
 from indent_sim.process.errors import ConfigErrors
 
-# Keys that were once in `experiment`, and their present sections.
+# Keys that earlier versions had in `experiment`, and their present sections.
 MOVED_KEYS = {"relaxation": "material", "history": "loading", "force_history": "loading"}
 # Problem and remedy of each key that earlier versions had.
 REMOVED_KEYS = {
@@ -76,6 +78,7 @@ TAG_KEYS = {"shape", "model", "method"}
 # Checks of a config, in the order in which their errors are reported.
 CONSISTENCY_CHECKS = (
     cap_errors,
+    resting_body_errors,
     layer_errors,
     surface_tension_errors,
     inclusion_errors,
@@ -88,6 +91,7 @@ CONSISTENCY_CHECKS = (
     tip_errors,
     soft_tip_errors,
     history_errors,
+    slide_errors,
     relaxation_errors,
     experiment_errors,
     accuracy_errors,

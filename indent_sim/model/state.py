@@ -16,12 +16,16 @@ DERIVED_COLUMNS = ("stiffness", "area", "E_hertz")
 # Columns of scenes with friction; a side force only if no mirror plane through the tip is normal to
 # its axis.
 FRICTION_COLUMNS = ("stick_radius", "dissipation", "side_force_x", "side_force_y")
+# Columns of scenes with a tip that slides; slide comes after delta.
+SLIDE_COLUMNS = ("slide",)
 # Columns of scenes with fluid in the pores.
 FLUID_COLUMNS = ("outflow", "pore_pressure_max")
 # Columns of scenes with a body that yields.
 PLASTIC_COLUMNS = ("plastic_dissipation", "hardness")
 # Columns of scenes with a soft tip.
 SOFT_TIP_COLUMNS = ("tip_sink", "tip_energy")
+# Columns of bodies that rest on a flat without a bond.
+RESTING_COLUMNS = ("a_base", "base_approach")
 ERROR_COLUMNS = (
     "force_error",
     "a_error",
@@ -29,6 +33,8 @@ ERROR_COLUMNS = (
     "delta_error",
     "stick_radius_error",
     "dissipation_error",
+    "side_force_x_error",
+    "side_force_y_error",
 )
 # Columns of runs with an iterative linear solver.
 KRYLOV_COLUMNS = ("krylov_iterations",)
@@ -149,6 +155,8 @@ class State:
         Contact area [length^2].
     E_hertz
         Modulus from a half-space fit of this row alone [pressure].
+    slide
+        Horizontal displacement of a sliding tip from where it was pressed in [length].
     stick_radius
         Radius of the region that does not slip, with friction [length].
     dissipation
@@ -158,9 +166,14 @@ class State:
     hardness
         Force over contact area of a body that yields [pressure].
     side_force_x, side_force_y
-        Horizontal force on the tip, with friction, along an axis to which no mirror plane is normal
-        [force].
-    force_error, a_error, p_max_error, delta_error, stick_radius_error, dissipation_error
+        Horizontal force on the tip, with friction or of a sliding tip, along an axis to which no
+        mirror plane is normal [force]. Of a sliding tip it includes the force of the pressure on
+        the slope of the tip, also with a reference gap, so that it does the work of the slide.
+    lateral_imbalance
+        Horizontal forces on the body that do not balance, of a sliding tip [force]; zero in
+        equilibrium.
+    force_error, a_error, p_max_error, delta_error, stick_radius_error, dissipation_error,
+    side_force_x_error, side_force_y_error
         Error estimates: half-widths of intervals, in the unit of the quantity.
     t, z, branch
         Time [time], position of the base [length] and branch (approach, hold, retract) of a
@@ -175,6 +188,11 @@ class State:
         Depth by which the apex of a soft tip is pressed in, a part of delta [length].
     tip_energy
         Strain energy of a soft tip, a part of `energy` [energy].
+    a_base
+        Radius of the contact with the flat on which a body rests [length].
+    base_approach
+        Motion of the point at half of the height of such a body towards the flat, a part of delta
+        [length].
     moved
         Volume of fluid that has moved, within the body or out of it [length^3].
     unbalanced
@@ -198,6 +216,7 @@ class State:
     reaction: float = float("nan")
     reactions: Mapping[str, float] | None = field(default=None, repr=False)
     stray_reaction: float = 0.0
+    lateral_imbalance: float = 0.0
     krylov_iterations: int | None = None
     overlap: float = 0.0
     intrusion: float = 0.0
@@ -209,6 +228,7 @@ class State:
     stiffness: float | None = None
     area: float | None = None
     E_hertz: float | None = None
+    slide: float | None = None
     stick_radius: float | None = None
     dissipation: float | None = None
     plastic_dissipation: float | None = None
@@ -221,6 +241,8 @@ class State:
     delta_error: float | None = None
     stick_radius_error: float | None = None
     dissipation_error: float | None = None
+    side_force_x_error: float | None = None
+    side_force_y_error: float | None = None
     t: float | None = None
     z: float | None = None
     branch: str = ""
@@ -229,6 +251,8 @@ class State:
     pore_pressure_max: float | None = None
     tip_sink: float | None = None
     tip_energy: float | None = None
+    a_base: float | None = None
+    base_approach: float | None = None
     moved: float = 0.0
     unbalanced: float = 0.0
     drained: np.ndarray | None = field(default=None, repr=False, compare=False)
@@ -239,11 +263,12 @@ class State:
         return self.summary({})
 
     def summary(self, units: Mapping[str, str]) -> str:
-        """Return time, depth, force and contact radius as text.
+        """Return time, depth, slide, force and contact radius as text.
 
         `units` maps the names of these quantities to their units.
         """
-        numbers = {"t": self.t, "delta": self.delta, "force": self.force, "a": self.a}
+        numbers = {"t": self.t, "delta": self.delta, "slide": self.slide}
+        numbers |= {"force": self.force, "a": self.a}
         known_numbers = {
             name: value
             for name, value in numbers.items()
@@ -306,10 +331,27 @@ def _field_units(scales: Scales) -> dict[str, float]:
     depth = scales.depth
     energy = scales.energy
     units = dict.fromkeys(
-        ("force", "reaction", "stray_reaction", "side_force_x", "side_force_y"), F
+        (
+            "force",
+            "reaction",
+            "stray_reaction",
+            "lateral_imbalance",
+            "side_force_x",
+            "side_force_y",
+        ),
+        F,
     )
-    lengths = ("a", "penetration", "overlap", "intrusion", "clearance", "stick_radius", "tip_sink")
-    units |= dict.fromkeys(lengths, L)
+    lengths = (
+        "a",
+        "slide",
+        "penetration",
+        "overlap",
+        "intrusion",
+        "clearance",
+        "stick_radius",
+        "tip_sink",
+    )
+    units |= dict.fromkeys((*lengths, *RESTING_COLUMNS), L)
     units |= dict.fromkeys(("energy", "tip_energy", "dissipation", "plastic_dissipation"), energy)
     units |= dict.fromkeys(("outflow", "moved", "unbalanced"), energy / P)
     units |= dict.fromkeys(("p_max", "E_hertz", "hardness", "pore_pressure_max"), P)

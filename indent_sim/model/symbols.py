@@ -47,15 +47,15 @@ units.force: label of the force unit, for example N
 
 ## Body
 shape: shape of the body or tip, which determines the other keys of the section
-radius [length] $r_0$: radius of the cylinder, of the ball, or of the flat punch
+radius [length] $r_0$: radius of the cylinder, of the ball, of the flat punch, or of a soft plate
 height [length] $h$: thickness of the body; it occupies -height <= z <= 0
 width [length] $w$: width of the strip; it occupies 0 <= x <= width, in plane strain
 base_radius [length] $b$: radius of the flat side on which a cap stands
 contact_angle [degrees] $\theta$: contact angle of a cap, between base and curved surface; instead
   of `height`
 size [length] $(l_x, l_y, l_z)$: edges of the box [0, l_x] x [0, l_y] x [-l_z, 0]
-base: support of the lower face; roller: slides without friction, does not lift; for a ball see
-  docs/conventions.md
+base: support of the lower face; roller: slides without friction, does not lift; unbonded (cap,
+  ball): rests on a rigid flat and may lift; for a ball see docs/conventions.md
 sides: support of the walls; roller: no normal displacement
 surfaces.contact: name in the file of the surface that the tip may touch; default: the faces that
   face up
@@ -165,7 +165,7 @@ points [length] $(r_i, z_i)$: points [r, z] of the profile from the apex [0, 0] 
 edge_radius [length] $\rho$: radius that rounds the edge of the flat punch; 0: sharp
 indenter.material: linear elastic law of a soft tip; default: the tip is rigid
 indenter.thickness [length]: thickness of a soft tip: distance from its lowest point to the rigid
-  holder to which it is bonded, at most R; default: R, half a ball
+  holder to which it is bonded, of a sphere or paraboloid at most R, by default R, half a ball
 center [length] $(x_0, y_0)$: position of the tip's axis, [x, y], for a strip [x]; default: axis of
   the cylinder, middle of the box or strip
 
@@ -197,6 +197,11 @@ times [time] $t_i$: times of the rows of a history; auto: every point, and enoug
   for a smooth curve
 per_doubling [1]: number of time increments of equal length before the length doubles, in every
   segment of the history of a body that drains or whose shear modulus relaxes; default 4
+loading.slide: sideways motion of the tip at the last depth or force, which is held
+to [length] $x_i$: displacements to which the tip slides one after another, from where it was
+  pressed in; one number is a scratch
+slide.steps [1]: number of rows on each stretch of the slide
+along [degrees]: direction of the slide, from x: 0 (x) or 90 (y)
 
 ## Drainage
 drainage: boundary conditions of the pore fluid, and its bath
@@ -217,6 +222,9 @@ outflow [length^3]: fluid that has left the whole body since the undeformed stat
 pore_pressure_max [pressure]: largest pore pressure, relative to the bath
 tip_sink [length]: part of delta by which the lowest point of a soft tip is pressed in
 tip_energy [energy]: part of the energy that is stored in a soft tip
+a_base [length]: radius of the contact with the flat on which the body rests without a bond
+base_approach [length]: part of delta by which the point at half of the height of such a body
+  approaches the flat
 drained: for an increment without duration of a body that drains: element height and p^2 times area
   at each vertex of a drained face; used only by the error estimate, not written to a file
 moved [length^3]: volume of fluid that has moved, within the body or out of it
@@ -307,10 +315,13 @@ wall_s [s]: wall time since the start of the run
 stick_radius [length]: sqrt(area/pi) of the part of the contact that does not slip on the tip, with
   friction; in plane strain half its width
 dissipation [energy]: energy dissipated by friction since the previous row; with friction
+slide [length] $x$: horizontal displacement of the tip from where it was pressed in; with
+  loading.slide
 plastic_dissipation [energy]: energy dissipated by plastic flow since the undeformed state; with
   plasticity
 hardness [pressure] $H$: force over contact area under load; with plasticity
-side_force_x [force]: force on the tip along x; with friction, if no mirror plane is normal to x
+side_force_x [force]: force on the tip along x; with friction or a slide, if no mirror plane
+  is normal to x; of a sliding tip with the force of the pressure on its slope
 side_force_y [force]: force on the tip along y, as side_force_x
 force_error [force]: estimated error of the force: half-width of its interval
 a_error [length]: estimated error of the contact radius: half-width of its interval
@@ -321,6 +332,8 @@ stick_radius_error [length]: estimated error of the stick radius: half-width of 
   friction
 dissipation_error [energy]: estimated error of the dissipation: half-width of its interval; with
   friction
+side_force_x_error [force]: estimated error of the side force: half-width of its interval
+side_force_y_error [force]: estimated error of the side force: half-width of its interval
 calibration_error [force]: uncertainty of the force from the calibration of the instrument; with a
   history
 reaction [force]: z-reaction of all constrained degrees of freedom; equals the force
@@ -332,6 +345,8 @@ clearance [length]: distance of the tip above the surface of a swelling or shrin
 overlap [length]: penetration of a whole surface facet into the tip; only with gap: current
 stray_reaction [force]: reaction of the constraints that only prevent rigid motions; zero in
   equilibrium
+lateral_imbalance [force]: horizontal forces on the body under a sliding tip that do not balance;
+  zero in equilibrium
 substeps [1]: number of increments into which the step was divided
 converged: whether the step has a solution
 reason: reason why a step has no solution
@@ -362,7 +377,7 @@ compare_to: reference of force, a and p_max: theory, finest, a force, a result
 tolerance [1]: largest error of the force that counts as correct; with it every row has a verdict,
   also rejected scenes
 from [that of the key]: first number of a range
-to [that of the key]: last number of a range
+study.to [that of the key]: last number of a range
 count [1]: number of values in a range, both ends included
 spacing: linear: equal distances; log: equal factors
 unit: E*/h_contact: the numbers of the range are multiples of it, for each mesh

@@ -11,7 +11,7 @@ from pathlib import Path
 from indent_sim.config.scene_file import load, to_yaml
 from indent_sim.config.schema import REMOVED_KEYS
 from indent_sim.config.strict_yaml import inline_yaml, key_text, leaf_values, parse
-from indent_sim.model.state import STATE_COLUMNS, State
+from indent_sim.model.state import SLIDE_COLUMNS, STATE_COLUMNS, State
 from indent_sim.process.errors import ConfigError, UsageError
 from indent_sim.results import result_files, tables
 from indent_sim.results.atomic_files import read_regular_file
@@ -129,7 +129,9 @@ def previous_run(
         ) from error
     except UnicodeDecodeError as error:
         raise UsageError(
-            f"{folder} has a {CONFIG} or {TABLE} that is not text", RUN_AGAIN_REMEDY, str(folder)
+            f"{folder} contains a {CONFIG} or {TABLE} that is not text",
+            RUN_AGAIN_REMEDY,
+            str(folder),
         ) from error
     except OSError as error:
         raise UsageError(
@@ -182,10 +184,11 @@ def _refuse_other_config(
     documents = [parse(text, str(folder / CONFIG))[0] for text in (old_yaml, new_yaml)]
     old_values, new_values = (dict(leaf_values(document)) for document in documents)
     for path, (problem, remedy) in REMOVED_KEYS.items():
-        if path[-1] in (documents[0].get(path[0]) or {}):
+        removed_key = key_text(path)
+        if any(f"{key}.".startswith((f"{removed_key}.", f"{removed_key}[")) for key in old_values):
             remedy_text = f"give --overwrite in place of --resume to replace it; {remedy}"
             raise ConfigError(
-                key_text(path), f"{problem}; {folder} contains a run with this key", remedy_text
+                removed_key, f"{problem}; {folder} contains a run with this key", remedy_text
             )
     differing_keys = [
         key for key in {**new_values, **old_values} if old_values.get(key) != new_values.get(key)
@@ -219,7 +222,7 @@ def _read_rows(
     if not lines:
         return (), STATE_COLUMNS, 0
     names = tuple(lines[0].decode().split(","))
-    columns = tuple(name for name in names if name != "t")
+    columns = tuple(name for name in names if name not in ("t", *SLIDE_COLUMNS))
     has_known_columns = columns[: len(STATE_COLUMNS)] == STATE_COLUMNS and set(names) <= {
         *STATE_COLUMNS,
         *OPTIONAL_COLUMNS,

@@ -7,6 +7,7 @@ for `--resume` by `previous_run`.
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -23,6 +24,8 @@ from indent_sim.model.state import (
     KRYLOV_COLUMNS,
     PLASTIC_COLUMNS,
     REACTION_COLUMNS,
+    RESTING_COLUMNS,
+    SLIDE_COLUMNS,
     SOFT_TIP_COLUMNS,
     STATE_COLUMNS,
     TIME_COLUMNS,
@@ -39,16 +42,20 @@ from indent_sim.results.tables import EXPERIMENT, SURFACE, WORD_COLUMNS
 if TYPE_CHECKING:
     import pandas
 
+log = logging.getLogger("indent_sim")
+
 RUN_AGAIN_REMEDY = "run its scene again without --resume, or with another --output"
 COMPARED_COLUMNS = ("delta", "force", "a")
-MEASURED = "measured"  # This entry of a report marks a measured curve.
-# Not every run has these columns.
+MEASURED = "measured"  # Key of run.json that marks a measured curve.
+# Columns that only some runs have.
 OPTIONAL_COLUMNS = (
     *DERIVED_COLUMNS,
+    *SLIDE_COLUMNS,
     *FRICTION_COLUMNS,
     *FLUID_COLUMNS,
     *PLASTIC_COLUMNS,
     *SOFT_TIP_COLUMNS,
+    *RESTING_COLUMNS,
     *KRYLOV_COLUMNS,
     *ERROR_COLUMNS,
     *TIME_COLUMNS,
@@ -61,10 +68,12 @@ RESULT_COLUMNS = tuple(
     for name in (
         *STATE_COLUMNS,
         *DERIVED_COLUMNS,
+        *SLIDE_COLUMNS,
         *FRICTION_COLUMNS,
         *FLUID_COLUMNS,
         *PLASTIC_COLUMNS,
         *SOFT_TIP_COLUMNS,
+        *RESTING_COLUMNS,
         *TIME_COLUMNS,
     )
     if name not in ("step", "wall_s", *WORD_COLUMNS)
@@ -97,6 +106,14 @@ class Results:
 
     def __len__(self) -> int:
         return len(self.table["step"])
+
+    def slide_at(self, step: float) -> np.ndarray:
+        """Return the horizontal displacement (x, y) of the tip at a step [length]; 0 if unknown."""
+        axis = self.report.get("slide_axis")
+        rows = np.flatnonzero(self["step"] == step)
+        if axis not in ("x", "y") or "slide" not in self.table or not len(rows):
+            return np.zeros(2)
+        return float(self["slide"][rows[0]]) * np.array([axis == "x", axis == "y"])
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -213,9 +230,10 @@ def _is_result_table(path: Path) -> bool:
 def _read_curve_file(path: Path) -> Results:
     """Read the first curve of a file of measured curves as a table.
 
-    If the file has no depth, the displacement z of the base is used instead.
+    If the file has no depth, the displacement z of the base is used instead. What the reader
+    guessed, such as the meaning of a column, is a warning.
     """
-    # This import loads the readers of all formats, which no run needs.
+    # This import loads the readers of all formats, which a simulation does not need.
     from indent_sim.results.measured.curve_file import read_curves
     from indent_sim.results.measured.measurement import NoCurve
 
@@ -223,7 +241,8 @@ def _read_curve_file(path: Path) -> Results:
         curve = read_curves(path)[0]
     except NoCurve as error:
         raise UsageError(f"{path} is {error.problem}", error.remedy, str(path)) from None
-    delta = curve.abscissa_values(curve.available_abscissa("delta"))
+    abscissa = curve.available_abscissa("delta")
+    delta = curve.abscissa_values(abscissa)
     rows = len(curve)
     table = {
         "step": np.arange(1.0, rows + 1),
@@ -232,6 +251,11 @@ def _read_curve_file(path: Path) -> Results:
         "force": curve.force,
     }
     table |= {"t": curve.t} if curve.t is not None else {}
+    notes = list(curve.notes)
+    if abscissa != "delta":
+        notes.append("without a column of depth, the displacement of the base is taken for delta")
+    for note in notes:
+        log.warning(f"warning: {path}: {note}")
     return Results(
         path,
         table,

@@ -18,8 +18,11 @@ from indent_sim.model.state import (
     FLUID_COLUMNS,
     FRICTION_COLUMNS,
     PLASTIC_COLUMNS,
+    RESTING_COLUMNS,
+    SLIDE_COLUMNS,
     SOFT_TIP_COLUMNS,
 )
+from indent_sim.model.tip_track import TipTrack
 from indent_sim.model.tips import FlatPunch, Indenter
 from indent_sim.model.units import Scales
 from indent_sim.scene.compression_theory import covers_top
@@ -89,6 +92,21 @@ class ProblemDefinition:
     bath_ramp: float = 0.0
 
     @cached_property
+    def track(self) -> TipTrack:
+        """Track of the tip's axis over the undeformed surface."""
+        return self.path.track(self.center)
+
+    @property
+    def slides(self) -> bool:
+        """True if the tip slides after it has been pressed in."""
+        return bool(self.path.slides)
+
+    @property
+    def slide_force_column(self) -> str:
+        """Column of the side force along the slide; empty if the tip does not slide."""
+        return f"side_force_{'xy'[self.track.axis]}" if self.slides else ""
+
+    @cached_property
     def is_compressed(self) -> bool:
         """True if a plate, or a punch wider than the body, covers the whole flat top."""
         return covers_top(self.indenter, self.body, self.center)
@@ -115,7 +133,7 @@ class ProblemDefinition:
 
     @property
     def side_force_axes(self) -> dict[str, int]:
-        """Return the horizontal axes, by name, along which friction can produce a net side force.
+        """Return the horizontal axes, by name, along which there can be a net side force.
 
         By symmetry, there is no side force normal to a mirror plane through the tip.
         """
@@ -140,8 +158,12 @@ class ProblemDefinition:
 
     @property
     def _lateral_axes(self) -> dict[str, int]:
-        """Return the horizontal axes along which friction may push the tip; none in axisymmetry."""
-        if not self.has_friction or self.domain.kinematics.name == "axisymmetric":
+        """Return the horizontal axes along which the body may push the tip; none in axisymmetry.
+
+        It does by friction, and if the tip slides also by the pressure on the slope of the tip.
+        """
+        is_pushed = self.has_friction or self.slides
+        if not is_pushed or self.domain.kinematics.name == "axisymmetric":
             return {}
         return {name: axis for axis, name in enumerate("xy"[: self.domain.dim - 1])}
 
@@ -330,19 +352,20 @@ class ProblemDefinition:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns of the force table for a soft tip, friction, fluid and yield, in order."""
-        if self.indenter.lens:
-            return SOFT_TIP_COLUMNS
+        """Columns for tip, flat below, slide, friction, pore fluid and yield, in order."""
+        soft_tip = SOFT_TIP_COLUMNS if self.indenter.lens else ()
+        if soft_tip or self.domain.rests_on_flat:
+            # Neither is modelled with friction or pore fluid.
+            return (*soft_tip, *(RESTING_COLUMNS if self.domain.rests_on_flat else ()))
         fluid = FLUID_COLUMNS if self.permeable_regions else ()
         plastic = PLASTIC_COLUMNS if self.yields else ()
-        if not self.has_friction:
-            return (*fluid, *plastic)
         side_force_columns = [f"side_force_{axis}" for axis in self.side_force_axes]
         return (
+            *(SLIDE_COLUMNS if self.slides else ()),
             *(
                 name
                 for name in FRICTION_COLUMNS
-                if not name.startswith("side") or name in side_force_columns
+                if name in side_force_columns or (self.has_friction and not name.startswith("side"))
             ),
             *fluid,
             *plastic,

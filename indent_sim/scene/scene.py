@@ -47,6 +47,7 @@ from indent_sim.scene.problem_definition import ProblemDefinition
 from indent_sim.scene.problem_setup import ProblemSetup, set_up_problem, truncate_body
 from indent_sim.scene.resolution import MeshResolution
 from indent_sim.scene.sizing import END_FRACTION
+from indent_sim.scene.slide import check_slide, check_slide_sizes, slide_choices
 from indent_sim.scene.soft_tip import check_soft_tip, soft_tip_choices, soft_tip_config
 from indent_sim.scene.time_prediction import TimePrediction, time_prediction
 from indent_sim.theory.solution import Solution
@@ -73,8 +74,8 @@ class Scene:
     relaxation : Relaxation or None
         Relaxation of the whole body that is applied to its elastic curve.
     tip_scene : Scene or None
-        The lens of a soft tip under a plate, which is condensed as the body is; None if the tip is
-        rigid.
+        The elastic part of a soft tip under a rigid one, which is condensed as the body is; None if
+        the tip is rigid.
     """
 
     physics: ProblemDefinition
@@ -210,6 +211,7 @@ class Scene:
             ),
             (physics.yields, "the body yields, but the theory is elastic"),
             (physics.has_friction, FRICTION_WHY),
+            (physics.slides, "the tip slides, but the theory has no sideways motion"),
             (
                 bool(physics.permeable_regions),
                 "fluid flows in the pores, but the theory has no pore fluid",
@@ -330,6 +332,7 @@ def resolve(
     """
     setup = set_up_problem(config, piece)
     check_soft_tip(setup)
+    check_slide(setup)
     if by_theory := solver_choices.theory(config, setup):
         return _theory_scene(config, setup, by_theory)
     return _meshed_scene(config, truncate_body(config, setup), per_radius)
@@ -387,6 +390,7 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
     fineness = sizing.mesh_resolution(config, setup, per_radius)
     gap, gap_choice = contact_choices.gap(config.contact, setup)
     sizes = sizing.sizes(config, setup, fineness, gap)
+    check_slide_sizes(setup, sizes)
     law, law_choice = contact_choices.contact(config.contact, setup, sizes, fineness)
     law, slip_reference, friction_choice = contact_choices.friction(law, setup, sizes)
     adhesion, adhesion_choice = contact_choices.adhesion(law, setup, sizes)
@@ -427,6 +431,7 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
         *tip_choice,
         *wall_choice,
         *choices.side_force_choices(physics),
+        *slide_choices(setup),
     )
     peak_reason = missing_peak_reason(physics, sizes, setup.a if setup.max_depth > 0 else 0.0)
     peak_choices = [Choice("p_max", "empty", peak_reason)] if peak_reason else []

@@ -17,6 +17,7 @@ from indent_sim.scene.contact_refinement import (
 )
 from indent_sim.scene.expected_error import NEARLY_INCOMPRESSIBLE_NU
 from indent_sim.scene.local_refinement import (
+    refine_base_contact,
     refine_coatings,
     refine_corners,
     refine_films,
@@ -244,6 +245,7 @@ def sizes(
         _default_sizes(setup, fixed_sizes, edge, edge_refinement),
         rounded_edge_width=frictional_edge_width(config, setup, edge, gap),
     )
+    default_sizes = refine_base_contact(default_sizes, setup)
     refined_sizes = refine_corners(default_sizes, setup, fixed_sizes, resolution)
     refined_sizes = refine_inclusions(refined_sizes, config, setup, resolution)
     refined_sizes = refine_coatings(refined_sizes, config, setup, resolution)
@@ -306,6 +308,7 @@ def _default_sizes(
         round_length(a),
         edge_refinement_factor=edge_refinement,
         axis=physics.center,
+        track=None if physics.track.is_point else physics.track,
     )
 
 

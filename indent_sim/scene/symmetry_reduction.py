@@ -28,6 +28,7 @@ def reduce(
     requested_symmetry: str,
     tip: Indenter,
     regions: Regions,
+    slide_axis: str = "",
 ) -> tuple[ModelDomain, str]:
     """Choose the smallest model domain that the symmetry of the scene allows.
 
@@ -43,6 +44,9 @@ def reduce(
         The tip.
     regions : tuple of Region
         Layers and inclusions.
+    slide_axis : str
+        Horizontal axis, "x" or "y", along which the tip slides; empty if it does not. A plane
+        normal to it is no mirror plane.
 
     Returns
     -------
@@ -63,13 +67,15 @@ def reduce(
         )
         return domain, "axisymmetric: axisymmetric tip on a laterally unbounded body"
     if isinstance(body, Cylinder):
-        domain, reason = _cylinder_domain(body, center, requested_symmetry, tip, regions)
+        domain, reason = _cylinder_domain(
+            body, center, requested_symmetry, tip, regions, slide_axis
+        )
     elif isinstance(body, Strip):
-        domain, reason = _strip_domain(body, center, requested_symmetry, regions)
+        domain, reason = _strip_domain(body, center, requested_symmetry, regions, slide_axis)
     elif isinstance(body, SphericalBody):
         domain, reason = _spherical_domain(body, requested_symmetry, regions)
     else:
-        domain, reason = _box_domain(body, center, requested_symmetry, tip, regions)
+        domain, reason = _box_domain(body, center, requested_symmetry, tip, regions, slide_axis)
     return replace(domain, pins=_pins(domain)), reason
 
 
@@ -104,12 +110,18 @@ def _round_center(inclusion: Inclusion) -> Inclusion:
 
 
 def _cylinder_domain(
-    body: Cylinder, center: Point, requested_symmetry: str, tip: Indenter, regions: Regions
+    body: Cylinder,
+    center: Point,
+    requested_symmetry: str,
+    tip: Indenter,
+    regions: Regions,
+    slide_axis: str,
 ) -> tuple[ModelDomain, str]:
     """Return the model domain of a cylinder (section, whole, half or quarter) and the reason."""
     on_axis = {axis: abs(c) <= 1e-12 * body.radius for axis, c in zip("xy", center, strict=True)}
     obstacle = "" if all(on_axis.values()) else "the tip's axis is not the cylinder's axis"
     obstacle = obstacle if tip.is_axisymmetric else f"a {tip.shape} is not axisymmetric"
+    obstacle = obstacle or ("the tip slides" if slide_axis else "")
     if any(
         region.inclusion and not region.inclusion.is_axisymmetric_about(body.center)
         for region in regions
@@ -130,6 +142,7 @@ def _cylinder_domain(
         axis
         for axis in "xy"
         if on_axis[axis]
+        and axis != slide_axis
         and _is_tip_symmetric(tip, axis)
         and _are_inclusions_symmetric(regions, axis, 0.0)
     ]
@@ -171,7 +184,7 @@ def _sector_outline(radius: float, mirror_axes: list[str]) -> Sides:
 
 
 def _strip_domain(
-    body: Strip, center: Point, requested_symmetry: str, regions: Regions
+    body: Strip, center: Point, requested_symmetry: str, regions: Regions, slide_axis: str
 ) -> tuple[ModelDomain, str]:
     """Return the model domain of a strip (section or half section) and the reason."""
     if requested_symmetry not in ("auto", "plane_strain", "half", "full"):
@@ -181,12 +194,14 @@ def _strip_domain(
             "use 'auto', 'half' or 'full'",
         )
     symmetric = _is_centred(center[0], body.width) and body.sides.x_min == body.sides.x_max
-    symmetric = symmetric and _are_inclusions_symmetric(regions, "x", center[0])
+    symmetric = symmetric and _are_inclusions_symmetric(regions, "x", center[0]) and not slide_axis
     supports = {"base": str(body.base), **vars(body.sides)}
     if requested_symmetry == "half" and not symmetric:
         raise _symmetry_error(
             requested_symmetry,
-            "tip, sides or inclusions are not symmetric about the middle",
+            "the tip slides"
+            if slide_axis
+            else "tip, sides or inclusions are not symmetric about the middle",
             "use 'auto' or 'full'",
         )
     mirror_axes = ["x"] if symmetric and requested_symmetry != "full" else []
@@ -198,11 +213,18 @@ def _strip_domain(
         reason = "tip, sides and inclusions are symmetric about the mid-plane"
     elif requested_symmetry == "full":
         reason = "the full section is requested"
+    elif slide_axis:
+        reason = "the tip slides, so that no plane normal to x is a mirror plane"
     return domain, f"plane strain: {reason}"
 
 
 def _box_domain(
-    body: Box, center: Point, requested_symmetry: str, tip: Indenter, regions: Regions
+    body: Box,
+    center: Point,
+    requested_symmetry: str,
+    tip: Indenter,
+    regions: Regions,
+    slide_axis: str,
 ) -> tuple[ModelDomain, str]:
     """Return the model domain of a box (all, half or a quarter of it) and the reason."""
     if requested_symmetry not in ("auto", "quarter", "half", "full"):
@@ -229,7 +251,7 @@ def _box_domain(
         [
             axis
             for axis, symmetric in tip_symmetric.items()
-            if symmetric and inclusions_symmetric[axis]
+            if symmetric and inclusions_symmetric[axis] and axis != slide_axis
         ],
     )
     ranges = [
@@ -278,9 +300,10 @@ def _spherical_domain(
         )
     supports = {"base": body.base, "r_min": "roller"}
     outline = _spherical_outline(body)
-    if body.height == 2 * body.radius and len(regions) > 1:
-        # The outline of every section begins in the core; that of a whole ball on its axis.
-        start = (0.0, -body.radius)
+    if (body.is_whole and len(regions) > 1) or body.rests_on_flat:
+        # The outline of every section begins in the core; that of a whole ball on its axis. A body
+        # that rests on a flat is pinned at half of its height.
+        start = (0.0, -body.height / 2)
         (first, *middle_sides, last) = outline
         outline = (
             Side("r_min", start, first.start),
@@ -308,7 +331,12 @@ def _spherical_outline(body: SphericalBody) -> Sides:
     is_whole = base_edge[1] > bottom[1]
     arc_ends = [base_edge, *([(R, -R)] if base_edge[1] < -R else []), apex]
     base = Side("base", bottom, base_edge, center=middle if is_whole else None)
-    curved = (Side("top", start, end, center=middle) for start, end in pairwise(arc_ends))
+    # The overhang of a cap may touch the flat on which it rests.
+    underside = "base" if body.rests_on_flat else "top"
+    curved = (
+        Side("top" if end == apex else underside, start, end, center=middle)
+        for start, end in pairwise(arc_ends)
+    )
     return base, *curved, Side("r_min", apex, bottom)
 
 
@@ -323,6 +351,8 @@ def _rectangle_outline(
 
 def _pins(domain: ModelDomain) -> Pins:
     """Return the point constraints (point, component) that only prevent rigid-body modes."""
+    if domain.rests_on_flat:
+        return (((0.0, -domain.height / 2), 1),)
     if isinstance(domain.kinematics, Axisymmetric) or "fixed" in domain.supports.values():
         return ()
     if domain.wall_radius is not None:

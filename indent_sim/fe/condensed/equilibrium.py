@@ -14,10 +14,12 @@ import numpy as np
 from indent_sim.fe.condensed.compliance import Condenser
 from indent_sim.fe.condensed.condensed_state import CondensedState
 from indent_sim.fe.condensed.contact import CondensedContact
+from indent_sim.fe.condensed.flat_contact import flat_contact_radius
 from indent_sim.fe.condensed.flat_punches import punches
+from indent_sim.fe.condensed.resting_body import RestingBodyCondenser
 from indent_sim.fe.condensed.soft_tip import SoftTipCondenser
 from indent_sim.fe.discrete_body import Body
-from indent_sim.fe.path.equilibrium import Equilibrium, state_reactions
+from indent_sim.fe.path.equilibrium import Equilibrium, lateral_imbalance, state_reactions
 from indent_sim.fe.path.solver_statistics import SolverStatistics
 from indent_sim.fe.postprocessing import measurements, penetration
 from indent_sim.fe.postprocessing.whole_body import WholeBody
@@ -32,15 +34,21 @@ CANDIDATE_MARGIN = 1.0
 
 @dataclass(frozen=True)
 class ContactForces:
-    """State of the contact: nodal forces, multiplier and depth.
+    """State of the contact: nodal forces, multiplier, depth and slide of the tip [length].
 
     Nodal forces (axes, nodes) and multiplier (nodes,) are stored for all nodes of the contact
-    surface, so that they do not depend on the choice of candidates.
+    surface, so that they do not depend on the choice of candidates. `motion` is that of a body that
+    rests on a flat [length].
     """
 
     nodal: np.ndarray
     lam: np.ndarray
     depth: float
+    slide: float = 0.0
+    motion: float = 0.0
+
+
+BodyCondenser = Condenser | SoftTipCondenser | RestingBodyCondenser
 
 
 class CondensedEquilibrium(Equilibrium):
@@ -54,13 +62,11 @@ class CondensedEquilibrium(Equilibrium):
     scene, body
         The scene and its discrete body.
     condenser
-        The condenser of an already factored body, or of a body and its soft tip; a new one if
-        None.
+        The condenser of an already factored body, of a body and its soft tip, or of a body that
+        rests on a flat; a new one if None.
     """
 
-    def __init__(
-        self, scene: Scene, body: Body, condenser: Condenser | SoftTipCondenser | None = None
-    ):
+    def __init__(self, scene: Scene, body: Body, condenser: BodyCondenser | None = None):
         self.scene = scene
         self.body = body
         self.has_memory = scene.physics.contact.is_path_dependent
@@ -95,7 +101,7 @@ class CondensedEquilibrium(Equilibrium):
         dim = self.scene.physics.domain.dim
         law = self.scene.physics.contact
         axes = [dim - 1] if law.is_conservative else [dim - 1, *range(dim - 1)]
-        compliance = self.condenser.condense(radius, self.scene.physics.center, axes)
+        compliance = self.condenser.condense(radius, self.scene.physics.track, axes)
         self.contact = CondensedContact(compliance, self.scene, self._iterations)
         self.contact_state = CondensedState(self.contact)
         self._recent_trials: list[tuple[ContactForces, np.ndarray]] = []
@@ -104,10 +110,8 @@ class CondensedEquilibrium(Equilibrium):
         self._noncontact_trace = self.body.noncontact_trace.join(
             self.body.trace.select_facets(is_outside)
         )
-        trace = compliance.trace
-        distance = np.linalg.norm(
-            trace.X[..., :-1] - np.asarray(self.scene.physics.center)[: dim - 1], axis=-1
-        )
+        trace = compliance.tip_trace
+        distance = self.scene.physics.track.distance(trace.X[..., :-1])
         is_rim = (distance >= radius - 2 * self.scene.sizes.h_contact) & (
             radius < self._largest_radius
         )
@@ -136,7 +140,7 @@ class CondensedEquilibrium(Equilibrium):
     @property
     def force(self) -> float:
         """Force of the whole body on the tip [force]."""
-        return self.scene.physics.domain.symmetry_factor * float(self.contact.F.sum())
+        return self.scene.physics.domain.symmetry_factor * self.contact.tip_force
 
     def tighten_tolerance(self) -> float:
         """Return the relative error of a force: round-off, because the solver is direct."""
@@ -153,7 +157,7 @@ class CondensedEquilibrium(Equilibrium):
         self.contact.accept()
         self._accepted_forces = self.snapshot()
 
-    def solve(self, depth: float, dt: float = 0.0) -> bool:
+    def solve(self, depth: float, dt: float = 0.0, slide: float = 0.0) -> bool:
         """Solve at a depth from the present state; return False and keep the state on failure.
 
         The set of candidate nodes is enlarged until the contact does not reach its rim.
@@ -163,10 +167,14 @@ class CondensedEquilibrium(Equilibrium):
         forces = contact.forces
         lam = contact.lam
         last_depth = contact.depth
-        while self.contact.solve(depth):
+        last_slide = contact.slide
+        last_motion = contact.motion
+        while self.contact.solve(depth, slide):
             if self._is_contact_inside():
                 return True
-            forces_before = _forces_on_surface(contact, forces, lam, last_depth)
+            forces_before = _forces_on_surface(
+                contact, forces, lam, last_depth, last_slide, last_motion
+            )
             is_enlarged = self._enlarge_candidate_set()
             # A restart makes the result independent of the previous candidates
             self._set_trial_state(forces_before)
@@ -177,7 +185,7 @@ class CondensedEquilibrium(Equilibrium):
     def _enlarge_candidate_set(self) -> bool:
         """Enlarge the set of candidate nodes; return False if it would exceed MAX_CANDIDATES."""
         wider_radius = min(1.3 * self._candidate_radius, self._largest_radius)
-        nodes = self.condenser.count_candidates(wider_radius, self.scene.physics.center) * len(
+        nodes = self.condenser.count_candidates(wider_radius, self.scene.physics.track) * len(
             self.contact.forces
         )
         if nodes > MAX_CANDIDATES:
@@ -209,7 +217,9 @@ class CondensedEquilibrium(Equilibrium):
     def snapshot(self) -> ContactForces:
         """Return a copy of the present state."""
         contact = self.contact
-        return _forces_on_surface(contact, contact.forces, contact.lam, contact.depth)
+        return _forces_on_surface(
+            contact, contact.forces, contact.lam, contact.depth, contact.slide, contact.motion
+        )
 
     def restore(self, state: ContactForces) -> None:
         """Set the present and the last accepted state to a snapshot."""
@@ -221,6 +231,8 @@ class CondensedEquilibrium(Equilibrium):
         self.contact.forces = state.nodal[:, self.contact.candidates]
         self.contact.lam = state.lam
         self.contact.depth = state.depth
+        self.contact.motion = state.motion
+        self.contact.slide_tip(state.slide)
 
     def extrapolate(self, depth: float, earlier: Sequence[ContactForces]) -> None:
         """Set the nodal forces to an extrapolation of earlier states to the given depth."""
@@ -229,7 +241,10 @@ class CondensedEquilibrium(Equilibrium):
         weights = lagrange_weights([state.depth for state in earlier], depth)
         nodal = sum(weight * state.nodal for weight, state in zip(weights, earlier, strict=True))
         lam = sum(weight * state.lam for weight, state in zip(weights, earlier, strict=True))
-        self._set_trial_state(ContactForces(np.asarray(nodal), np.asarray(lam), depth))
+        motion = sum(weight * state.motion for weight, state in zip(weights, earlier, strict=True))
+        self._set_trial_state(
+            ContactForces(np.asarray(nodal), np.asarray(lam), depth, motion=float(motion))
+        )
 
     def _predicted_trial_pressure(
         self, earlier: Sequence[ContactForces], depth: float
@@ -267,18 +282,25 @@ class CondensedEquilibrium(Equilibrium):
             )
         )
         values |= state_reactions(self.scene.physics.domain, support_reactions)
+        axis = self.scene.physics.track.axis
+        # With a reference gap the pressure on the body is vertical
+        traction = float(contact.forces[1 + axis].sum()) if contact.friction else 0.0
+        values |= lateral_imbalance(self.scene, support_reactions, -symmetry_factor * traction)
         if isinstance(self.condenser, SoftTipCondenser):
             values["tip_sink"] = self.condenser.tip_sink(X)
             values["tip_energy"] = symmetry_factor * self.condenser.tip_energy(X)
         values["stray_reaction"] = symmetry_factor * float(compliance.pin_reactions @ np.abs(X))
+        if flat := compliance.flat:
+            values["stray_reaction"] += abs(symmetry_factor * flat.imbalance(X))
+            values["base_approach"] = contact.base_approach
+            values["a_base"] = flat_contact_radius(contact, values["force"])
         for name, k in self.scene.physics.side_force_axes.items():
-            # `0.0 -` avoids -0.0
-            values[f"side_force_{name}"] = 0.0 - symmetry_factor * float(
-                contact.forces[1 + k].sum()
-            )
+            values[f"side_force_{name}"] = symmetry_factor * contact.side_force(k)
         solution = self.condenser.local_displacements(compliance, X)
         if solution is None:
             solution = self.observed_body.local_array()
+        else:
+            self._add_motion(solution, self.condenser.observed_dofs)
         values["intrusion"] = penetration.penetration_outside_contact_surface(
             self._recovered_body, self._noncontact_trace, solution
         )
@@ -288,16 +310,33 @@ class CondensedEquilibrium(Equilibrium):
     def observed_body(self) -> RecoveredBody:
         """The whole body with the displacements of the present state (collective)."""
         self.condenser.recover(self.contact.compliance, self.contact.forces.ravel())
+        self._add_motion(self.body.local_array())
         return self._recovered_body
+
+    def _add_motion(self, solution: np.ndarray, dofs: np.ndarray | None = None) -> None:
+        """Add the motion of a body that rests on a flat to displacements of the pinned body.
+
+        Only the local `dofs` are changed if they are given.
+        """
+        if self.contact.compliance.flat is None:
+            return
+        vertical = self.body.unknowns.component_dofs("u")[self.scene.physics.domain.dim - 1]
+        moved = vertical if dofs is None else np.intersect1d(vertical, dofs)
+        solution[moved] -= self.contact.base_approach
 
 
 def _forces_on_surface(
-    contact: CondensedContact, forces: np.ndarray, lam: np.ndarray, depth: float
+    contact: CondensedContact,
+    forces: np.ndarray,
+    lam: np.ndarray,
+    depth: float,
+    slide: float,
+    motion: float,
 ) -> ContactForces:
     """Return the state of the whole contact surface for given forces on the candidate nodes."""
     nodal = np.zeros((len(forces), len(lam)))
     nodal[:, contact.candidates] = forces
-    return ContactForces(nodal, lam, depth)
+    return ContactForces(nodal, lam, depth, slide, motion)
 
 
 class RecoveredBody(WholeBody):
@@ -316,6 +355,11 @@ class RecoveredBody(WholeBody):
     def depth(self) -> float:
         """Indentation depth delta [length]."""
         return self._equilibrium.depth
+
+    @property
+    def tip_center(self) -> tuple[float, ...]:
+        """Horizontal position of the tip's axis [length]."""
+        return self._equilibrium.contact_state.tip_center
 
     def tip_displacement(self, r: np.ndarray) -> np.ndarray:
         """Return the displacement of a soft tip's surface towards its holder at radii [length]."""

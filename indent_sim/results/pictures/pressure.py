@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, Literal
 
@@ -33,8 +33,8 @@ from indent_sim.results.pictures.profile import values_on_line
 from indent_sim.results.reader import Results
 from indent_sim.results.result_scene import scene_of
 
-# A peak is shown up to this multiple of the median pressure inside the contact; otherwise a
-# singularity would make the rest of the curve invisible.
+# A pressure peak is shown up to this multiple of the median pressure inside the contact. A
+# singularity would otherwise make the rest of the curve invisible.
 PEAK_MEDIANS = 5.0
 # A point is in contact if its pressure exceeds this fraction of the median pressure inside the
 # contact; a smaller pressure may be an oscillation of the solution.
@@ -79,6 +79,7 @@ class ContactSurface:
     singularities: tuple[tuple[float, float], ...]
     shear: np.ndarray | None = None
     stick_radius: float = 0.0
+    slide: np.ndarray = field(default_factory=lambda: np.zeros(2))
 
     @property
     def median_pressure(self) -> float:
@@ -172,7 +173,7 @@ def contact_surface(results: Results, step: float) -> ContactSurface:
     # Results of older versions have no center: the largest pressure marks it.
     given_center = results.report.get("center")
     center = (
-        np.array([*given_center, 0.0][:2])
+        np.array([*given_center, 0.0][:2]) + results.slide_at(step)
         if given_center
         else np.array([x[p.argmax()], y[p.argmax()]])
     )
@@ -198,8 +199,18 @@ def contact_surface(results: Results, step: float) -> ContactSurface:
     singularities = _pressure_singularities(results, step, a)
     shear = surface["shear"][is_known] if "shear" in surface else None
     stick_radii = results.table.get("stick_radius", np.zeros(len(results)))[results["step"] == step]
+    stick_radius = float(stick_radii.max(initial=0.0))
     return ContactSurface(
-        x, y, p, center, mirrored, a, singularities, shear, float(stick_radii.max(initial=0.0))
+        x,
+        y,
+        p,
+        center,
+        mirrored,
+        a,
+        singularities,
+        shear,
+        stick_radius,
+        results.slide_at(step),
     )
 
 
@@ -235,8 +246,8 @@ def _pressure_singularities(
     contact_radius_factor = 1.02
     radii = [r for r, _ in tip.slope_discontinuities() if r <= contact_radius_factor * a]
     end = max_radius(tip)
-    # Points that are not drawn take up at most this fraction of the contact radius: with few
-    # elements in the contact nothing would be left otherwise.
+    # Points that are not drawn take up at most this fraction of the contact radius. With few
+    # elements in the contact no points would be left otherwise.
     max_excluded_fraction = 0.5
     # A width is excluded on both sides of its radius.
     max_width = max_excluded_fraction * a / (2 * max(1, len(radii)))
@@ -312,7 +323,8 @@ def draw_pressures(
         Axis on which the positions are: 0 for x, 1 for y.
     """
     runs = [results for results, *_ in shown]
-    middle, name_of_axis = tip_axis_position(runs, along)
+    slides = [surface.slide for _, surface, *_ in shown]
+    middle, name_of_axis = tip_axis_position(runs, along, slides)
     is_half = all(horizontal_axis_name(run) == "r" for run in runs)  # Axisymmetric bodies.
     contacts = [
         replace(surface, mirror_axes=(False, False)) if is_half else surface
@@ -545,7 +557,7 @@ def _draw_shear(axes: Axes, contact: ContactSurface, length: Axis) -> None:
         contact.stick_radius * np.array([np.cos(angle), np.sin(angle)]) + contact.center[:, None]
     )
     axes.plot(*map(length, stick_circle), color="black", lw=1.4, ls=":")
-    # Darkest colour of the map, behind labels that may be outside of the body.
+    # Labels that may be outside of the body get the darkest colour of the map as their background.
     background = "#00224e"
     look: PlotStyle = {
         "color": "white",

@@ -119,6 +119,8 @@ class ErrorBars:
             None if half_penalty_states is None else states_by_step(half_penalty_states)
         )
         self._run_states: StatesByStep = {}
+        # Errors of the side force along a slide, by row [force]
+        self._slide_force_errors: dict[int, float] = {}
         self._scene = scene
         self._physics = scene.physics
         self._sizes = scene.sizes
@@ -162,6 +164,10 @@ class ErrorBars:
             f"{name}_error": self._error_of_other_column(state, name)
             for name in self._other_columns(state)
         }
+        if name := self._physics.slide_force_column:
+            self._slide_force_errors[state.step] = errors.get(f"{name}_error", 0.0)
+            if state.dissipation is not None:
+                errors["dissipation_error"] += self._error_of_slide_dissipation(state)
         return replace(
             state,
             force_error=budget.total,
@@ -356,9 +362,15 @@ class ErrorBars:
 
     # ---- contact radius, pressure, stick radius, dissipation
 
+    @property
+    def _side_forces(self) -> tuple[str, ...]:
+        """Columns of the side forces that have error estimates, those of a tip that slides."""
+        physics = self._physics
+        return tuple(f"side_force_{name}" for name in physics.side_force_axes if physics.slides)
+
     def _other_columns(self, state: State) -> list[str]:
         """Return the columns of the row that have error estimates, except the force."""
-        columns = ("a", "p_max", "stick_radius", "dissipation")
+        columns = ("a", "p_max", "stick_radius", "dissipation", *self._side_forces)
         return [name for name in columns if getattr(state, name) is not None]
 
     def _error_of_other_column(self, state: State, name: str) -> float:
@@ -366,6 +378,10 @@ class ErrorBars:
         if self._is_contact_missed(state):
             return self._value_at_next_deeper_row(state, name)
         value = abs(getattr(state, name))
+        if name in self._side_forces and state.stick_radius == 0:
+            # In full slip the side force is friction times the force
+            friction = float(self._physics.contact.friction)
+            return friction * self.budgets[-1].total + self._step_error(state, name)
         contributions = [
             self._mesh_error_of_other_column(state, name),
             self._penalty_error_of_other_column(state.step, name),
@@ -383,6 +399,9 @@ class ErrorBars:
         if name == "a":
             return RADIUS_ERROR * end_element
         value = abs(getattr(state, name))
+        if name in self._side_forces:
+            # A side force that changes its sign has the error of the largest one
+            value = max(value, self._largest_side_force(state))
         min_error = RADIUS_ERROR * end_element / state.a * value if state.a > 0 else 0.0
         if name == "p_max":
             # With contact closed by swelling, p_max occurs in the element that came into contact
@@ -397,7 +416,7 @@ class ErrorBars:
             )
         difference = value_difference(self._coarse_states, self._run_states, state.step, name)
         estimate = grid_convergence_index(difference, self.coarser_run.ratio, PRESSURE_ORDER)
-        return float(np.max([estimate, min_error]))  # NaN if either is
+        return float(np.max([estimate, min_error]))  # NaN if either of the two is NaN
 
     def _element_size_over_peak_width(self, state: State, end_element: float) -> float:
         """Return the element size at the contact edge divided by the width of the pressure peak.
@@ -430,6 +449,32 @@ class ErrorBars:
         order = 0.5 if name == "a" and self._physics.surface_tension else 1.0
         difference = value_difference(self._coarse_states, self._soft_states, step, name)
         return difference / (2**order - 1) / self._stiffness_ratio**order
+
+    # ---- a tip that slides
+
+    def _largest_side_force(self, state: State) -> float:
+        """Return the largest side force that friction allows at a row, or that of stick [force]."""
+        law = self._physics.contact
+        if law.may_slip:
+            return float(law.friction) * abs(state.force)
+        name = self._physics.slide_force_column
+        return max(abs(getattr(row, name) or 0.0) for row in self._run_states.values())
+
+    def _error_of_slide_dissipation(self, state: State) -> float:
+        """Return the error of the dissipation that follows from that of the side force Q [energy].
+
+        The elastic energy Q^2/(2 k) of the shear is no part of the dissipated one. Its error is
+        (Q/k) times the error of Q at the beginning and the end of the row. k is the slope of the
+        side force over the slide in the first row in which the tip slides.
+        """
+        name = self._physics.slide_force_column
+        slides = (row for row in self._run_states.values() if row.slide and getattr(row, name))
+        first = min(slides, key=lambda row: row.step, default=None)
+        if first is None or not self._physics.contact.may_slip:
+            return 0.0
+        compliance = abs(first.slide / getattr(first, name))
+        errors = (self._slide_force_errors.get(step, 0.0) for step in (state.step - 1, state.step))
+        return float(compliance * abs(getattr(state, name)) * sum(errors))
 
     # ---- load increments and time steps
 
@@ -576,8 +621,15 @@ def interpolate_force(state: State, delta: float, curve: StatesByStep) -> float:
 
 
 def _log_slope(state: State, curve: StatesByStep) -> float:
-    """Return the slope dlnF/dlndelta between the neighbouring rows of a state; 1.5 if undefined."""
-    neighbours = [curve[k] for k in (state.step - 1, state.step, state.step + 1) if k in curve]
+    """Return the slope dlnF/dlndelta between the neighbouring rows of a state; 1.5 if undefined.
+
+    Rows between which the tip has slid are not on one curve of force and depth.
+    """
+    neighbours = [
+        curve[k]
+        for k in (state.step - 1, state.step, state.step + 1)
+        if k in curve and curve[k].slide == state.slide
+    ]
     first = min(neighbours, key=lambda s: s.delta)
     last = max(neighbours, key=lambda s: s.delta)
     if first.force <= 0 or first.delta <= 0 or last.delta <= first.delta:

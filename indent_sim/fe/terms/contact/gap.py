@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import ufl
-from dolfinx import fem
 from ufl.core.expr import Expr
 
 from indent_sim.fe.discrete_body import Body
@@ -26,13 +25,16 @@ class Gap:
         dim = body.body_mesh.dim
         u = time_level.fields["u"]
         tip = symbolic_copy(scene.physics.indenter, body.mesh)
-        center = [fem.Constant(body.mesh, float(c)) for c in scene.physics.center]
+        self._slides = bool(scene.physics.path.slides)
+        self._center = time_level.center
+        if self._slides:
+            self._center = [ufl.variable(c) for c in time_level.center]
         self._delta = ufl.variable(time_level.delta)
         self._dim = dim
         X = body.X
         self._x = None if scene.physics.gap == "reference" else ufl.variable(X + u)
         horizontal = scene.physics.domain.kinematics.horizontal_position(
-            X if self._x is None else self._x, center
+            X if self._x is None else self._x, self._center
         )
         if self._x is None:
             self.g = gap_reference(tip, *horizontal, X[dim - 1] + u[dim - 1], self._delta)
@@ -45,6 +47,13 @@ class Gap:
     def depth_derivative(self) -> Expr:
         """Derivative dg/d(delta); -1 for a reference gap."""
         return ufl.diff(self.g, self._delta)
+
+    def slide_derivative(self, axis: int) -> Expr:
+        """Derivative of the gap with respect to the tip's position along a horizontal axis.
+
+        It is minus the slope of the tip along this axis; the path must slide.
+        """
+        return ufl.diff(self.g, self._center[axis])
 
     @property
     def tangents(self) -> tuple[Expr, ...]:

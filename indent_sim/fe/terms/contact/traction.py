@@ -73,6 +73,13 @@ class Traction(Term):
         self._force_form = compile_form(
             body.contact_integral(self._potential_slope * self.gap.depth_derivative)
         )
+        self._side_force_forms = [
+            compile_form(
+                body.contact_integral(-self._potential_slope * self.gap.slide_derivative(axis))
+            )
+            for axis in range(body.body_mesh.dim - 1)
+            if body.scene.physics.path.slides
+        ]
 
     def _multiplier_expression(self, strain_energy: StrainEnergy) -> Expr:
         """Return the UFL expression that the contact method uses as multiplier in the potential.
@@ -132,6 +139,12 @@ class Traction(Term):
     def force(self) -> float:
         """Virtual work per indentation depth [force], this rank's part in the model domain."""
         return float(fem.assemble_scalar(self._force_form))
+
+    def side_force(self, axis: int) -> float:
+        """Horizontal force -dPi/dx of the pressure on a sliding tip [force], this rank's part."""
+        if not self._side_force_forms:
+            return super().side_force(axis)
+        return float(fem.assemble_scalar(self._side_force_forms[axis]))
 
     @property
     def stiffness(self) -> float:
