@@ -276,6 +276,10 @@ class Problem:
         """
         return self.sum_over_body(sum(term.side_force(axis) for term in self.terms))
 
+    def moment(self) -> float:
+        """Moment of the vertical force of the whole body on the tip [force length]."""
+        return self.sum_over_body(sum(term.moment() for term in self.terms))
+
     def dissipation(self) -> float:
         """Energy dissipated by the whole body in the current increment [energy]."""
         return self.sum_over_body(sum(term.dissipation() for term in self.terms))

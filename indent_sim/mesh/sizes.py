@@ -73,7 +73,11 @@ class Sizes:
     refinements
         Number of uniform refinements of a mesh from a file; None if gmsh meshes the body.
     axis
-        Position (x, y) of the tip's axis.
+        Position (x, y) of the tip's axis; of the middle of the contact under a tilted tip.
+    elongation
+        Distance of the edge of the expected contact from `axis`, over the contact radius.
+    edge_tilt
+        Tilt of a flat punch and its direction [degrees], which make its edge an ellipse.
     """
 
     h_contact: float
@@ -94,6 +98,8 @@ class Sizes:
     edge_refinement_factor: float = 1.0
     rounded_edge_width: float = 0.0
     refinements: int | None = None
+    elongation: float = 1.0
+    edge_tilt: tuple[float, float] | None = None
     axis: tuple[float, ...] = field(kw_only=True)
 
     @property

@@ -16,6 +16,8 @@ DERIVED_COLUMNS = ("stiffness", "area", "E_hertz")
 # Columns of scenes with friction; a side force only if no mirror plane through the tip is normal to
 # its axis.
 FRICTION_COLUMNS = ("stick_radius", "dissipation", "side_force_x", "side_force_y")
+# Columns of scenes with a tilted tip.
+TILT_COLUMNS = ("moment", "x_contact")
 # Columns of scenes with fluid in the pores.
 FLUID_COLUMNS = ("outflow", "pore_pressure_max")
 # Columns of scenes with a soft tip.
@@ -27,6 +29,8 @@ ERROR_COLUMNS = (
     "delta_error",
     "stick_radius_error",
     "dissipation_error",
+    "moment_error",
+    "x_contact_error",
 )
 # Columns of runs with an iterative linear solver.
 KRYLOV_COLUMNS = ("krylov_iterations",)
@@ -152,9 +156,15 @@ class State:
     dissipation
         Energy dissipated by friction since the previous row [energy].
     side_force_x, side_force_y
-        Horizontal force on the tip, with friction, along an axis to which no mirror plane is normal
-        [force].
-    force_error, a_error, p_max_error, delta_error, stick_radius_error, dissipation_error
+        Horizontal force on the tip, with friction or a tilt, along an axis to which no mirror plane
+        is normal [force].
+    moment
+        Integral of the vertical traction times the distance from the tip's center along the tilt
+        [force length].
+    x_contact
+        Distance of the resultant vertical force from the tip's center along the tilt [length].
+    force_error, a_error, p_max_error, delta_error, stick_radius_error, dissipation_error,
+    moment_error, x_contact_error
         Error estimates: half-widths of intervals, in the unit of the quantity.
     t, z, branch
         Time [time], position of the base [length] and branch (approach, hold, retract) of a
@@ -207,12 +217,16 @@ class State:
     dissipation: float | None = None
     side_force_x: float | None = None
     side_force_y: float | None = None
+    moment: float | None = None
+    x_contact: float | None = None
     force_error: float | None = None
     a_error: float | None = None
     p_max_error: float | None = None
     delta_error: float | None = None
     stick_radius_error: float | None = None
     dissipation_error: float | None = None
+    moment_error: float | None = None
+    x_contact_error: float | None = None
     t: float | None = None
     z: float | None = None
     branch: str = ""
@@ -300,8 +314,18 @@ def _field_units(scales: Scales) -> dict[str, float]:
     units = dict.fromkeys(
         ("force", "reaction", "stray_reaction", "side_force_x", "side_force_y"), F
     )
-    lengths = ("a", "penetration", "overlap", "intrusion", "clearance", "stick_radius", "tip_sink")
+    lengths = (
+        "a",
+        "penetration",
+        "overlap",
+        "intrusion",
+        "clearance",
+        "stick_radius",
+        "tip_sink",
+        "x_contact",
+    )
     units |= dict.fromkeys(lengths, L)
+    units["moment"] = F * L
     units |= dict.fromkeys(("energy", "tip_energy", "dissipation"), energy)
     units |= dict.fromkeys(("outflow", "moved", "unbalanced"), energy / P)
     units |= dict.fromkeys(("p_max", "E_hertz", "pore_pressure_max"), P)

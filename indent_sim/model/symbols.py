@@ -157,7 +157,11 @@ indenter.material: linear elastic law of a soft tip; default: the tip is rigid
 indenter.thickness [length]: thickness of a soft tip: distance from its lowest point to the rigid
   holder to which it is bonded, at most R; default: R, half a ball
 center [length] $(x_0, y_0)$: position of the tip's axis, [x, y], for a strip [x]; default: axis of
-  the cylinder, middle of the box or strip
+  the cylinder, middle of the box or strip. Of a tilted tip: of its lowest point, of a flat punch of
+  the middle of its face
+tilt [degrees] $\theta$: angle by which the tip's axis leans from the vertical; delta is the depth
+  of the lowest point
+tilt_towards [degrees]: horizontal direction to which the axis leans, from x
 
 ## Contact
 method: contact algorithm; auto: the program chooses and reports the reason
@@ -297,8 +301,13 @@ wall_s [s]: wall time since the start of the run
 stick_radius [length]: sqrt(area/pi) of the part of the contact that does not slip on the tip, with
   friction; in plane strain half its width
 dissipation [energy]: energy dissipated by friction since the previous row; with friction
-side_force_x [force]: force on the tip along x; with friction, if no mirror plane is normal to x
+side_force_x [force]: force on the tip along x; with friction, or a tilt and gap: current, if no
+  mirror plane is normal to x
 side_force_y [force]: force on the tip along y, as side_force_x
+moment [force length] $M$: integral of pressure times distance from `center` along `tilt_towards`, >
+  0 where the tip leans to; with a tilt
+x_contact [length]: distance of the resultant force from `center` along `tilt_towards`,
+  moment/force; with a tilt
 force_error [force]: estimated error of the force: half-width of its interval
 a_error [length]: estimated error of the contact radius: half-width of its interval
 p_max_error [pressure]: estimated error of the largest pressure: half-width of its interval
@@ -308,6 +317,8 @@ stick_radius_error [length]: estimated error of the stick radius: half-width of 
   friction
 dissipation_error [energy]: estimated error of the dissipation: half-width of its interval; with
   friction
+moment_error [force length]: estimated error of the moment: half-width of its interval; with a tilt
+x_contact_error [length]: estimated error of x_contact: half-width of its interval; with a tilt
 calibration_error [force]: uncertainty of the force from the calibration of the instrument; with a
   history
 reaction [force]: z-reaction of all constrained degrees of freedom; equals the force

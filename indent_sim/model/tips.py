@@ -79,6 +79,20 @@ class _Tip:
         """The elastic part of the tip; None if the tip is rigid."""
         return None
 
+    @property
+    def upright(self) -> Any:
+        """The tip without tilt."""
+        return self
+
+    @property
+    def tilt_direction(self) -> float | None:
+        """Horizontal direction to which the axis leans [degrees]; None if it is vertical."""
+        return None
+
+    def with_upright(self, tip: Any) -> Any:
+        """Return another tip with the tilt of this one."""
+        return tip
+
     def height(self, x: Expr, y: Expr) -> Expr:
         """Return the height f(x, y) of the surface above the apex [length]."""
         raise NotImplementedError
@@ -734,7 +748,7 @@ Indenter = (
 
 def max_radius(tip: _Tip) -> float:
     """Return the radius [length] at which a tip ends; infinity if it does not end."""
-    match tip:
+    match tip.upright:
         case Sphere(R=R):
             return R
         case FlatPunch(radius=radius):

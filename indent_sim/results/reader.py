@@ -24,6 +24,7 @@ from indent_sim.model.state import (
     REACTION_COLUMNS,
     SOFT_TIP_COLUMNS,
     STATE_COLUMNS,
+    TILT_COLUMNS,
     TIME_COLUMNS,
     State,
 )
@@ -47,6 +48,7 @@ OPTIONAL_COLUMNS = (
     *FRICTION_COLUMNS,
     *FLUID_COLUMNS,
     *SOFT_TIP_COLUMNS,
+    *TILT_COLUMNS,
     *KRYLOV_COLUMNS,
     *ERROR_COLUMNS,
     *TIME_COLUMNS,
@@ -62,6 +64,7 @@ RESULT_COLUMNS = tuple(
         *FRICTION_COLUMNS,
         *FLUID_COLUMNS,
         *SOFT_TIP_COLUMNS,
+        *TILT_COLUMNS,
         *TIME_COLUMNS,
     )
     if name not in ("step", "wall_s", *WORD_COLUMNS)

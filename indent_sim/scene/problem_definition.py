@@ -8,13 +8,19 @@ from itertools import pairwise
 from math import exp
 
 from indent_sim.mesh.model_domain import ModelDomain, Region
+from indent_sim.model.algebra import cos, sin
 from indent_sim.model.body import Body
 from indent_sim.model.contact import ActiveSet, ContactLaw, SlipReference
 from indent_sim.model.drainage import Drainage
 from indent_sim.model.gel import Gel
 from indent_sim.model.load_path import LoadPath
 from indent_sim.model.materials import Material
-from indent_sim.model.state import FLUID_COLUMNS, FRICTION_COLUMNS, SOFT_TIP_COLUMNS
+from indent_sim.model.state import (
+    FLUID_COLUMNS,
+    FRICTION_COLUMNS,
+    SOFT_TIP_COLUMNS,
+    TILT_COLUMNS,
+)
 from indent_sim.model.tips import FlatPunch, Indenter
 from indent_sim.model.units import Scales
 from indent_sim.scene.compression_theory import covers_top
@@ -110,7 +116,9 @@ class ProblemDefinition:
 
     @property
     def side_force_axes(self) -> dict[str, int]:
-        """Return the horizontal axes, by name, along which friction can produce a net side force.
+        """Return the horizontal axes, by name, along which there can be a net side force.
+
+        It is due to friction, or to the pressure along the normal of a tilted tip.
 
         By symmetry, there is no side force normal to a mirror plane through the tip.
         """
@@ -135,8 +143,9 @@ class ProblemDefinition:
 
     @property
     def _lateral_axes(self) -> dict[str, int]:
-        """Return the horizontal axes along which friction may push the tip; none in axisymmetry."""
-        if not self.has_friction or self.domain.kinematics.name == "axisymmetric":
+        """Return the horizontal axes along which the tip may be pushed; none in axisymmetry."""
+        is_pushed = self.has_friction or (self.has_moment and self.gap == "current")
+        if not is_pushed or self.domain.kinematics.name == "axisymmetric":
             return {}
         return {name: axis for axis, name in enumerate("xy"[: self.domain.dim - 1])}
 
@@ -320,21 +329,32 @@ class ProblemDefinition:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns of the force table for a soft tip, friction and pore fluid, in order."""
+        """Columns of the force table for a soft tip, friction, tilt and fluid, in order."""
         if self.indenter.lens:
             return SOFT_TIP_COLUMNS
         fluid = FLUID_COLUMNS if self.permeable_regions else ()
-        if not self.has_friction:
-            return fluid
+        tilt = TILT_COLUMNS if self.has_moment else ()
         side_force_columns = [f"side_force_{axis}" for axis in self.side_force_axes]
         return (
             *(
                 name
                 for name in FRICTION_COLUMNS
-                if not name.startswith("side") or name in side_force_columns
+                if name in side_force_columns or (self.has_friction and not name.startswith("side"))
             ),
+            *tilt,
             *fluid,
         )
+
+    @property
+    def has_moment(self) -> bool:
+        """True if the tip is tilted, so that the contact exerts a moment about its center."""
+        return self.indenter.tilt_direction is not None
+
+    @property
+    def moment_axis(self) -> tuple[float, float]:
+        """Horizontal unit vector (x, y) along the tilt, to which the moment refers; else x."""
+        direction = self.indenter.tilt_direction or 0.0
+        return float(cos(direction)), float(sin(direction))
 
     @property
     def material(self) -> Material:
@@ -455,7 +475,7 @@ class ProblemDefinition:
     def slides_around_edge(self) -> bool:
         """True if the surface slides around the edge of a flat punch, which friction prevents."""
         is_sliding = self.gap == "current" and not self.has_friction and not self.is_compressed
-        return is_sliding and isinstance(self.indenter, FlatPunch)
+        return is_sliding and isinstance(self.indenter.upright, FlatPunch)
 
     @property
     def _sliding_solves(self) -> float:
@@ -464,7 +484,7 @@ class ProblemDefinition:
         The increments become shorter with the depth, since the stretched layer at the edge becomes
         thinner.
         """
-        tip = self.indenter
+        tip = self.indenter.upright
         if not isinstance(tip, FlatPunch) or not self.slides_around_edge:
             return 0.0
         depth = max(self.max_depth, 0.0) / tip.radius

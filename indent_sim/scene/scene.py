@@ -285,7 +285,7 @@ class Scene:
         tip = self.physics.indenter
         if (
             self.sizes.punch_edge is not None
-            and not isinstance(tip, FlatPunch)
+            and not isinstance(tip.upright, FlatPunch)
             and a >= END_FRACTION * max_radius(tip)
         ):
             return False

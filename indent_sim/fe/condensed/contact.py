@@ -153,6 +153,16 @@ class CondensedContact:
             *horizontal
         ) - x[-1]
 
+    def moment(self) -> float:
+        """Return the moment of the nodal forces on the model domain [force length]."""
+        trace = self.compliance.trace
+        x = np.zeros((self.compliance.size, trace.dim - 1))
+        x[trace.nodes] = trace.X[..., :-1]
+        physics = self.scene.physics
+        lever = physics.domain.kinematics.horizontal_position(x.T, physics.center)
+        e, g = physics.moment_axis
+        return float(self.F @ (e * lever[0] + g * lever[1]))
+
     def _weighted_areas(self, trace: Trace, points: np.ndarray, weights: np.ndarray) -> np.ndarray:
         x = np.moveaxis(trace.positions(points), -1, 0)
         return (

@@ -17,7 +17,7 @@ from indent_sim.fe.condensed.contact import CondensedContact
 from indent_sim.fe.condensed.flat_punches import punches
 from indent_sim.fe.condensed.soft_tip import SoftTipCondenser
 from indent_sim.fe.discrete_body import Body
-from indent_sim.fe.path.equilibrium import Equilibrium, state_reactions
+from indent_sim.fe.path.equilibrium import Equilibrium, moment_values, state_reactions
 from indent_sim.fe.path.solver_statistics import SolverStatistics
 from indent_sim.fe.postprocessing import measurements, penetration
 from indent_sim.fe.postprocessing.whole_body import WholeBody
@@ -65,7 +65,7 @@ class CondensedEquilibrium(Equilibrium):
         self.body = body
         self.has_memory = scene.physics.contact.is_path_dependent
         self.condenser = condenser or Condenser(body)
-        sides = zip(scene.physics.domain.extent[:-1], scene.physics.center, strict=False)
+        sides = zip(scene.physics.domain.extent[:-1], scene.sizes.axis, strict=False)
         # 1.5 > sqrt(2) includes the corners of a box
         self._largest_radius = 1.5 * max(
             abs(end - coordinate) for ends, coordinate in sides for end in ends
@@ -87,7 +87,7 @@ class CondensedEquilibrium(Equilibrium):
             return patch
         # The candidates extend only 3.5 elements beyond the expected contact, because every
         # candidate costs a solution
-        return min(patch, a + 3.5 * scene.sizes.h_contact)
+        return min(patch, scene.sizes.elongation * a + 3.5 * scene.sizes.h_contact)
 
     def _condense(self, radius: float) -> None:
         """Condense the body to the surface nodes within a radius [length] of the tip's axis."""
@@ -95,7 +95,7 @@ class CondensedEquilibrium(Equilibrium):
         dim = self.scene.physics.domain.dim
         law = self.scene.physics.contact
         axes = [dim - 1] if law.is_conservative else [dim - 1, *range(dim - 1)]
-        compliance = self.condenser.condense(radius, self.scene.physics.center, axes)
+        compliance = self.condenser.condense(radius, self.scene.sizes.axis, axes)
         self.contact = CondensedContact(compliance, self.scene, self._iterations)
         self.contact_state = CondensedState(self.contact)
         self._recent_trials: list[tuple[ContactForces, np.ndarray]] = []
@@ -106,7 +106,7 @@ class CondensedEquilibrium(Equilibrium):
         )
         trace = compliance.trace
         distance = np.linalg.norm(
-            trace.X[..., :-1] - np.asarray(self.scene.physics.center)[: dim - 1], axis=-1
+            trace.X[..., :-1] - np.asarray(self.scene.sizes.axis)[: dim - 1], axis=-1
         )
         is_rim = (distance >= radius - 2 * self.scene.sizes.h_contact) & (
             radius < self._largest_radius
@@ -177,7 +177,7 @@ class CondensedEquilibrium(Equilibrium):
     def _enlarge_candidate_set(self) -> bool:
         """Enlarge the set of candidate nodes; return False if it would exceed MAX_CANDIDATES."""
         wider_radius = min(1.3 * self._candidate_radius, self._largest_radius)
-        nodes = self.condenser.count_candidates(wider_radius, self.scene.physics.center) * len(
+        nodes = self.condenser.count_candidates(wider_radius, self.scene.sizes.axis) * len(
             self.contact.forces
         )
         if nodes > MAX_CANDIDATES:
@@ -276,6 +276,8 @@ class CondensedEquilibrium(Equilibrium):
             values[f"side_force_{name}"] = 0.0 - symmetry_factor * float(
                 contact.forces[1 + k].sum()
             )
+        if self.scene.physics.has_moment:
+            values |= moment_values(symmetry_factor * contact.moment(), values["force"])
         solution = self.condenser.local_displacements(compliance, X)
         if solution is None:
             solution = self.observed_body.local_array()

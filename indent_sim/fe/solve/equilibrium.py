@@ -12,7 +12,7 @@ import numpy as np
 from mpi4py import MPI
 
 from indent_sim.fe.discrete_body import Body
-from indent_sim.fe.path.equilibrium import state_reactions
+from indent_sim.fe.path.equilibrium import moment_values, state_reactions
 from indent_sim.fe.path.load_control import ForceDepth, LoadControl
 from indent_sim.fe.path.solver_statistics import SolverStatistics
 from indent_sim.fe.postprocessing import contact_sample, measurements, penetration
@@ -381,6 +381,8 @@ class BodyEquilibrium:
         values |= state_reactions(self.scene.physics.domain, support_reactions)
         for name, axis in self.scene.physics.side_force_axes.items():
             values[f"side_force_{name}"] = self.problem.side_force(axis)
+        if self.scene.physics.has_moment:
+            values |= moment_values(self.problem.moment(), values["force"])
         body = self.problem.body
         values["intrusion"] = penetration.penetration_outside_contact_surface(
             self.observed_body, body.noncontact_trace, body.local_array()

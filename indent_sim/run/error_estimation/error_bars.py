@@ -63,6 +63,7 @@ from indent_sim.scene.expected_error import FORCE_DEPTH_EXPONENT, edge_error
 from indent_sim.scene.measured_constants import (
     EDGE_ERROR,
     ERROR_CONSTANT,
+    MOMENT_ERROR_RATIO,
     ORDER_OF_CONVERGENCE,
     RADIUS_ERROR,
 )
@@ -167,6 +168,7 @@ class ErrorBars:
             force_error=budget.total,
             delta_error=self._depth_error(state, budget.total),
             **errors,
+            **self._moment_errors(state, budget.total),
         )
 
     # ---- force
@@ -353,6 +355,30 @@ class ErrorBars:
             * state.force
             / state.delta
         )
+
+    # ---- moment of a tilted tip
+
+    def _moment_errors(self, state: State, force_error: float) -> dict[str, Any]:
+        """Return the errors of moment and place of the force under a tilted tip; {} without tilt.
+
+        The moment grows with a higher power of the contact radius than the force, so that its
+        relative error is MOMENT_ERROR_RATIO times that of the force. It is at least the grid
+        convergence index of the moment itself.
+        """
+        if state.moment is None or state.x_contact is None:
+            return {}
+        kind = "edge" if self._sizes.punch_edge is not None else "other"
+        relative = force_error / abs(state.force) if state.force else nan
+        difference = value_difference(self._coarse_states, self._run_states, state.step, "moment")
+        if self._physics.is_time_dependent or self._has_prescribed_forces:
+            # The rows of the two meshes differ in depth, too.
+            difference = 0.0
+        estimate = grid_convergence_index(difference, self.coarser_run.ratio, ORDER_OF_CONVERGENCE)
+        error = float(np.max([MOMENT_ERROR_RATIO[kind] * relative * abs(state.moment), estimate]))
+        if state.delta <= 0:
+            error = 0.0
+        share = error / abs(state.moment) if state.moment else 0.0
+        return {"moment_error": error, "x_contact_error": share * abs(state.x_contact)}
 
     # ---- contact radius, pressure, stick radius, dissipation
 

@@ -27,6 +27,9 @@ class Gap:
         u = time_level.fields["u"]
         tip = symbolic_copy(scene.physics.indenter, body.mesh)
         center = [fem.Constant(body.mesh, float(c)) for c in scene.physics.center]
+        self._lever_axis = [
+            fem.Constant(body.mesh, component) for component in scene.physics.moment_axis
+        ]
         self._delta = ufl.variable(time_level.delta)
         self._dim = dim
         X = body.X
@@ -34,6 +37,7 @@ class Gap:
         horizontal = scene.physics.domain.kinematics.horizontal_position(
             X if self._x is None else self._x, center
         )
+        self._horizontal = horizontal
         if self._x is None:
             self.g = gap_reference(tip, *horizontal, X[dim - 1] + u[dim - 1], self._delta)
             self.normal = ufl.as_vector([0.0] * (dim - 1) + [-1.0])
@@ -45,6 +49,12 @@ class Gap:
     def depth_derivative(self) -> Expr:
         """Derivative dg/d(delta); -1 for a reference gap."""
         return ufl.diff(self.g, self._delta)
+
+    @property
+    def lever(self) -> Expr:
+        """Distance of the point from the tip's center along the tilt [length]."""
+        e, g = self._lever_axis
+        return e * self._horizontal[0] + g * self._horizontal[1]
 
     @property
     def tangents(self) -> tuple[Expr, ...]:

@@ -70,9 +70,17 @@ class Traction(Term):
         self.pressure = -self._potential_slope
         self._multiplier_slope = ufl.diff(potential, lam) if self._solves_for_multiplier else None
         self.energy = body.contact_integral(potential)
-        self._force_form = compile_form(
-            body.contact_integral(self._potential_slope * self.gap.depth_derivative)
-        )
+        vertical = self._potential_slope * self.gap.depth_derivative
+        self._force_form = compile_form(body.contact_integral(vertical))
+        physics = body.scene.physics
+        self._moment_form = None
+        if physics.has_moment:
+            self._moment_form = compile_form(body.contact_integral(vertical * self.gap.lever))
+        # With friction, the term of friction has the side force of the pressure, too.
+        self._side_force_forms = [
+            compile_form(body.contact_integral(-self.pressure * self.gap.normal[axis]))
+            for axis in (physics.side_force_axes.values() if self.law.is_conservative else ())
+        ]
 
     def _multiplier_expression(self, strain_energy: StrainEnergy) -> Expr:
         """Return the UFL expression that the contact method uses as multiplier in the potential.
@@ -132,6 +140,17 @@ class Traction(Term):
     def force(self) -> float:
         """Virtual work per indentation depth [force], this rank's part in the model domain."""
         return float(fem.assemble_scalar(self._force_form))
+
+    def side_force(self, axis: int) -> float:
+        """Horizontal force of the pressure on the tip along an axis, without friction [force]."""
+        if not self._side_force_forms:
+            return 0.0
+        number = [*self.body.scene.physics.side_force_axes.values()].index(axis)
+        return float(fem.assemble_scalar(self._side_force_forms[number]))
+
+    def moment(self) -> float:
+        """Moment of the vertical force of the pressure [force length], this rank's part."""
+        return float(fem.assemble_scalar(self._moment_form)) if self._moment_form else 0.0
 
     @property
     def stiffness(self) -> float:
