@@ -85,7 +85,7 @@ def test_points_of_the_surface_are_turned(tip: Any, tilt: float, points: np.ndar
 
 
 def test_a_tilted_cone_cut_along_the_tilt() -> None:
-    """A flank is at half_angle + tilt from the vertical towards the tilt, else half_angle - tilt."""
+    """The flanks are at half_angle + tilt and half_angle - tilt from the vertical."""
     cone = tilted(Cone(70.0), 15.0, 0.0)
     ahead, behind = cone.height(np.array([1.0, -1.0]), np.zeros(2))
     assert ahead == pytest.approx(1 / tan(radians(85)), rel=1e-12)
