@@ -381,9 +381,9 @@ class Drawn:
         return EarlyScene("contact", mapping, [], [])
 
     def swelling_law(self) -> dict[str, Any]:
-        """A gel whose skin does not swell so far that its surface creases.
+        """A gel whose free swelling is stable, and whose skin swells too little to crease.
 
-        A third of those drawn would, and lose rows.
+        A third of those drawn would crease, and lose rows.
         """
         while True:
             law = {"G": self.spread(0.3, 3), "n_omega": self.spread(1e-3, 1e-2)}
@@ -392,6 +392,10 @@ class Drawn:
                 "stretch": float(self.draw.uniform(1.2, 1.7)),
             }
             gel = Gel(**law)
+            try:
+                gel.canonical()
+            except ValueError:
+                continue
             if gel.confined_swelling(gel.bath_pressure(0.0)).stretch <= CREASING_STRETCH:
                 return {"model": "gel"} | law
 

@@ -43,6 +43,7 @@ from indent_sim.config.scene_sections import SceneSections
 from indent_sim.config.scene_sections import SolverSettings as SolverSettings
 from indent_sim.config.scene_sections import Source as Source
 from indent_sim.config.scene_sections import Units as Units
+from indent_sim.config.slide_checks import slide_errors
 from indent_sim.config.strict_yaml import KeyPath
 from indent_sim.config.tip_checks import (
     center_errors,
@@ -86,6 +87,7 @@ CONSISTENCY_CHECKS = (
     tilt_errors,
     soft_tip_errors,
     history_errors,
+    slide_errors,
     relaxation_errors,
     experiment_errors,
     accuracy_errors,

@@ -56,6 +56,8 @@ class Body:
         Owned dofs constrained by supports and pins, by pins alone, and by any constraint.
     support_shares : dict
         Dofs and shares of each support, see `find_support_shares`.
+    slide : float
+        Current horizontal displacement of the tip from where it was pressed in [length].
     active_dof_count : int
         Number of dofs on all ranks, not counting constrained dofs of the additional fields.
     """
@@ -73,6 +75,7 @@ class Body:
         self.X = ufl.SpatialCoordinate(self.mesh)
         self.weight = scene.physics.domain.kinematics.integration_weight(self.X)
         self.dt = fem.Constant(self.mesh, 0.0)
+        self.slide = 0.0
         self.now = self._create_time_level(self.unknowns.solution)
         self._before: TimeLevel | None = None
         self.trace, self.noncontact_trace = map(
@@ -85,8 +88,10 @@ class Body:
         space = self.unknowns.space
         depth = fem.Constant(self.mesh, 0.0)
         t = fem.Constant(self.mesh, 0.0)
+        center = [fem.Constant(self.mesh, float(c)) for c in self.scene.physics.center]
         arguments = ufl.TestFunction(space), ufl.TrialFunction(space)
-        return TimeLevel(function, self.unknowns.split_fields(function), depth, t, *arguments)
+        fields = self.unknowns.split_fields(function)
+        return TimeLevel(function, fields, depth, t, center, *arguments)
 
     @property
     def before(self) -> TimeLevel:
@@ -98,6 +103,14 @@ class Body:
     def accepted_depth(self) -> float:
         """Accepted depth [length]; the current depth if no term uses `before`."""
         return float((self._before or self.now).delta.value)
+
+    def slide_tip(self, slide: float) -> None:
+        """Set the current horizontal displacement of the tip from where it was pressed in."""
+        self.slide = slide
+        for constant, c in zip(
+            self.now.center, self.scene.physics.track.position(slide), strict=True
+        ):
+            constant.value = c
 
     def begin_stage(self, stage_dt: float, elapsed: float) -> None:
         """Set the time step and the time of a stage.
@@ -118,6 +131,8 @@ class Body:
             self._before.function.x.array[:] = self.now.function.x.array
             self._before.delta.value = self.now.delta.value
             self._before.t.value = self.now.t.value
+            for before, now in zip(self._before.center, self.now.center, strict=True):
+                before.value = now.value
 
     def _create_tags(self) -> None:
         regions = self.body_mesh.regions.astype(np.int32)

@@ -49,6 +49,8 @@ class Snapshot:
         Time [time].
     modulus_ratio : float
         Modulus by which the contact stiffness was scaled, divided by the initial modulus.
+    slide : float
+        Horizontal displacement of the tip from where it was pressed in [length].
     """
 
     depth: float
@@ -56,6 +58,7 @@ class Snapshot:
     history: tuple[np.ndarray, ...] = ()
     t: float = 0.0
     modulus_ratio: float = 1.0
+    slide: float = 0.0
 
 
 class Problem:
@@ -243,12 +246,14 @@ class Problem:
             internal_variables,
             float(self.body.now.t.value),
             self._modulus_ratio,
+            self.body.slide,
         )
 
     def restore(self, state: Snapshot) -> None:
         """Make a snapshot both the current and the accepted state."""
         self.delta.value = state.depth
         self.body.now.t.value = state.t
+        self.body.slide_tip(state.slide)
         self.set_trial_state(state.unknowns)
         for function, values in zip(self.histories, state.history, strict=True):
             function.x.array[:] = values

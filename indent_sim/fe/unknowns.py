@@ -61,6 +61,8 @@ class TimeLevel:
         Indentation depth [length].
     t : fem.Constant
         Time [time].
+    center : list of fem.Constant
+        Horizontal position of the tip's axis [length].
     test, trial : Expr
         Test and trial functions: variations for the virtual work and for its derivative.
     """
@@ -69,6 +71,7 @@ class TimeLevel:
     fields: Mapping[str, Expr]
     delta: fem.Constant
     t: fem.Constant
+    center: list[fem.Constant]
     test: Expr = None
     trial: Expr = None
 

@@ -112,7 +112,25 @@ def parse_thickness(text: str, request: FitRequest, shape: tuple[int, int]) -> T
     length = request.config.units.length
     if path.suffix.lower() == ".gsf" and length:
         values = values / si_factor(length, "length")
+    _reject_other_unit(text, values, number_at(config, HEIGHT_KEY), length)
     return Thickness(values=values)
+
+
+def _reject_other_unit(text: str, values: np.ndarray, height: float, length: str | None) -> None:
+    """Raise UsageError if the thicknesses seem to be given in another unit of length."""
+    # Largest ratio of the median thickness to the height of the scene, in either direction. The
+    # next units of length are a thousand times larger or smaller.
+    largest_ratio = 100.0
+    finite = values[np.isfinite(values)]
+    median = float(np.median(finite)) if len(finite) else 0.0
+    if height / largest_ratio <= median <= height * largest_ratio:
+        return
+    unit = length or "the unit of length of the scene"
+    raise UsageError(
+        f"--thickness {text}: the median of its numbers is {median:.3g}, and body.height is "
+        f"{height:.3g} {unit}",
+        f"give the numbers in {unit}, or body.height near their median",
+    )
 
 
 def thickness_of_scene(config: Config) -> Thickness | None:

@@ -11,6 +11,7 @@ import numpy as np
 from indent_sim.mesh.sizes import DrainedFace, Sizes
 from indent_sim.model.inclusions import EllipsoidInclusion, Inclusion
 from indent_sim.model.layers import Coating
+from indent_sim.model.tip_track import TipTrack
 
 
 def size_formula(sizes: Sizes, dim: int) -> str:
@@ -22,12 +23,12 @@ def size_formula(sizes: Sizes, dim: int) -> str:
     if dim == 2:
         r = f"Abs(x-({x}))"
         depth = "Abs(y)"
-    outside_distance = _positive_part(f"({r}-{number(sizes.fine_radius)})")
+    patch_distance = r if sizes.track is None else _track_distance(sizes.track, dim)
+    outside_distance = _positive_part(f"({patch_distance}-{number(sizes.fine_radius)})")
     contact_size = number(sizes.h_contact)
     if sizes.h_axis is not None:
-        contact_size = _minimum(
-            contact_size, _maximum(number(sizes.h_axis), f"{number(sizes.size_slope)}*{r}")
-        )
+        axis_size = _maximum(number(sizes.h_axis), f"{number(sizes.size_slope)}*{patch_distance}")
+        contact_size = _minimum(contact_size, axis_size)
     size = f"{contact_size}+{number(sizes.grading)}*Sqrt({outside_distance}^2+{depth}^2)"
     for radius, point_depth, point_size in sizes.refinement_points:
         distance = f"Sqrt(({r}-{number(radius)})^2+({depth}-{number(point_depth)})^2)"
@@ -40,6 +41,18 @@ def size_formula(sizes: Sizes, dim: int) -> str:
             f"{number(sizes.h_edge)}+{number(sizes.grading)}*Sqrt({edge_distance}^2+{depth}^2)",
         )
     return _minimum(size, number(sizes.h_far))
+
+
+def _track_distance(track: TipTrack, dim: int) -> str:
+    """Return the distance from the track of a sliding tip as a MathEval expression."""
+    number = "{:.12g}".format
+    middle = track.center[track.axis] + (track.low + track.high) / 2
+    coordinate = f"Abs({'xy'[track.axis]}-({number(middle)}))"
+    beyond_end = _positive_part(f"({coordinate}-{number(track.length / 2)})")
+    if dim == 2:
+        return beyond_end
+    across = 1 - track.axis
+    return f"Sqrt({beyond_end}^2+({'xy'[across]}-({number(track.center[across])}))^2)"
 
 
 def inclusion_formula(inclusion: Inclusion, inner_size: float, grading: float, dim: int) -> str:

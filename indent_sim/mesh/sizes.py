@@ -13,6 +13,7 @@ import numpy as np
 from indent_sim.mesh.model_domain import Side
 from indent_sim.model.inclusions import Inclusion
 from indent_sim.model.layers import Coating
+from indent_sim.model.tip_track import TipTrack
 
 DOUBTFUL_ELEMENTS = 3.0  # Elements per contact radius below which results are unreliable.
 
@@ -78,6 +79,9 @@ class Sizes:
         Distance of the edge of the expected contact from `axis`, over the contact radius.
     edge_tilt
         Tilt of a flat punch and its direction [degrees], which make its edge an ellipse.
+    track
+        Track of a tip that slides, from which the distance of the refined patch is measured in
+        place of the distance from the axis; None if the tip does not slide.
     """
 
     h_contact: float
@@ -101,6 +105,7 @@ class Sizes:
     elongation: float = 1.0
     edge_tilt: tuple[float, float] | None = None
     axis: tuple[float, ...] = field(kw_only=True)
+    track: TipTrack | None = None
 
     @property
     def typical_size(self) -> float:

@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 from itertools import chain, pairwise
 from typing import Literal
 
+from indent_sim.model.tip_track import TipTrack
+
 Control = Literal["depth", "force"]
 
 
@@ -30,6 +32,11 @@ class LoadPath:
         Times of `turns` [time].
     start_time
         Time at which the path of a time-dependent body begins [time]; None for other bodies.
+    slides
+        For each row, the horizontal displacement of the tip from where it was pressed in [length];
+        empty if the tip does not slide.
+    slide_axis
+        Horizontal axis along which the tip slides: 0 (x) or 1 (y).
     """
 
     control: Control
@@ -39,6 +46,17 @@ class LoadPath:
     turns: tuple[tuple[float, ...], ...] = ()
     turn_times: tuple[tuple[float, ...], ...] = ()
     start_time: float | None = None
+    slides: tuple[float, ...] = ()
+    slide_axis: int = 0
+
+    def slide(self, step: int) -> float:
+        """Return the horizontal displacement of the tip at a row [from 1, or 0: the beginning]."""
+        return self.slides[step - 1] if self.slides and step else 0.0
+
+    def track(self, center: tuple[float, ...]) -> TipTrack:
+        """Return the track of a tip that is pressed in at a horizontal position [length]."""
+        ends = (0.0, *self.slides)
+        return TipTrack(center, self.slide_axis, min(ends), max(ends))
 
     def with_halved_increments(self) -> LoadPath:
         """Return the same path with all increments halved.
@@ -64,7 +82,18 @@ class LoadPath:
             if self.turns
             else []
         )
-        path = LoadPath(self.control, values, turns=tuple(depths for depths, _ in segment_points))
+        slides = [
+            x
+            for step in range(1, len(self.slides) + 1)
+            for x in ((self.slide(step - 1) + self.slide(step)) / 2, self.slide(step))
+        ]
+        path = LoadPath(
+            self.control,
+            values,
+            turns=tuple(depths for depths, _ in segment_points),
+            slides=tuple(slides),
+            slide_axis=self.slide_axis,
+        )
         if self.start_time is None:
             return path
         row_times = tuple(self.start_time + t for t in times)
@@ -161,6 +190,7 @@ class LoadPath:
             branches=self.branches[:count],
             turns=self.turns[:count],
             turn_times=self.turn_times[:count],
+            slides=self.slides[:count],
         )
 
     def segment(self, step: int) -> tuple[tuple[float, float], ...]:
@@ -175,18 +205,35 @@ class LoadPath:
         times = (*(self.turn_times[step - 1] if self.turn_times else ()), self.times[step - 1])
         return tuple((value, t - self.start_time) for value, t in zip(values, times, strict=True))
 
-    def nondimensionalize(self, unit: float) -> LoadPath:
-        """Return the same path with its values in multiples of `unit`; times do not change."""
+    def nondimensionalize(self, unit: float, length: float) -> LoadPath:
+        """Return the same path in multiples of scales; times do not change.
+
+        Parameters
+        ----------
+        unit
+            Scale of the values.
+        length
+            Scale of the displacements `slides` [length].
+        """
         turns = tuple(tuple(value / unit for value in segment) for segment in self.turns)
-        return replace(self, values=tuple(value / unit for value in self.values), turns=turns)
+        return replace(
+            self,
+            values=tuple(value / unit for value in self.values),
+            turns=turns,
+            slides=tuple(x / length for x in self.slides),
+        )
 
     @property
     def retained_rows(self) -> frozenset[int]:
         """Numbers [from 1] of the rows whose states are kept: unloading starts and the last row.
 
         Unloading starts at a row if the value decreases after it and no earlier value was larger.
+        A tip that slides has also the rows at which it begins to slide and at which it turns.
         """
         rows = {len(self.values)}
+        steps = [after - before for before, after in pairwise((0.0, *self.slides))]
+        turning_points = enumerate(pairwise(steps), start=1)
+        rows |= {row for row, (last, next_) in turning_points if next_ and last * next_ <= 0}
         deepest = float("-inf")
         for step, (value, next_value) in enumerate(pairwise(self.values), start=1):
             deepest = max(deepest, value)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated
 
 from annotated_types import Ge, Gt, Le, Len
 
 from indent_sim.model.history import History
-from indent_sim.model.load_path import LoadPath
-from indent_sim.model.units import FORCE, LENGTH, TIME, Auto, Coordinate, Length, UnitRow
+from indent_sim.model.load_path import Control, LoadPath
+from indent_sim.model.units import ANGLE, FORCE, LENGTH, TIME, Auto, Coordinate, Length, UnitRow
 
 MAX_STEPS = 100_000
 MAX_HISTORY_POINTS = 10_000
@@ -21,6 +22,42 @@ PATH_KEYS = ("delta", "deltas", "force", "forces", "history", "force_history")
 STEPS_PER_DOUBLING = 4
 # Keys whose value is reached in equal steps.
 STEPPED_KEYS = ("delta", "force")
+
+
+MAX_SLIDES = 1000
+
+
+@dataclass(frozen=True)
+class Slide:
+    """Sideways motion of the tip after the last depth or force, which is held.
+
+    The tip moves in straight stretches to each of the displacements `to`, measured from where it
+    was pressed in [length]; one number is a scratch, several make a loop. Every stretch has `steps`
+    rows. `along` is the direction in degrees from x: 0 (x) or 90 (y).
+    """
+
+    to: Annotated[tuple[Coordinate, ...], Len(1, MAX_SLIDES), LENGTH] | Coordinate
+    steps: Annotated[int, Gt(0), Le(MAX_STEPS)] = 10
+    along: Annotated[float, ANGLE] = 0.0
+
+    @property
+    def ends(self) -> tuple[float, ...]:
+        """Displacements at the ends of the stretches [length]."""
+        return self.to if isinstance(self.to, tuple) else (self.to,)
+
+    @property
+    def displacements(self) -> tuple[float, ...]:
+        """Displacement of each row [length]."""
+        return tuple(
+            begin + (end - begin) * n / self.steps if n < self.steps else end
+            for begin, end in pairwise((0.0, *self.ends))
+            for n in range(1, self.steps + 1)
+        )
+
+    @property
+    def axis(self) -> int:
+        """Horizontal axis of the motion: 0 (x) or 1 (y)."""
+        return round(self.along / 90)
 
 
 @dataclass(frozen=True)
@@ -40,6 +77,8 @@ class Loading:
     Forces are those of the whole body (per unit length in plane strain). Negative forces require
     adhesion and must not exceed the attraction at first contact. Without adhesion a force of 0
     means delta = 0, where the tip just touches.
+
+    With `slide` the tip then moves sideways at the last depth or force.
     """
 
     delta: Length | None = None
@@ -53,6 +92,7 @@ class Loading:
     )
     times: Annotated[tuple[float, ...], Len(1, MAX_STEPS), TIME] | Auto = "auto"
     per_doubling: Annotated[int, Ge(2), Le(1000)] | None = None
+    slide: Slide | None = None
 
     @property
     def given_path_keys(self) -> tuple[str, ...]:
@@ -83,4 +123,10 @@ class Loading:
             if key in ("deltas", "forces")
             else tuple(prescribed * n / self.steps for n in range(1, self.steps + 1))
         )
-        return LoadPath("depth" if key in ("delta", "deltas") else "force", values)
+        control: Control = "depth" if key in ("delta", "deltas") else "force"
+        if self.slide is None:
+            return LoadPath(control, values)
+        displacements = self.slide.displacements
+        held = values[-1:] * len(displacements)
+        slides = (0.0,) * len(values) + displacements
+        return LoadPath(control, values + held, slides=slides, slide_axis=self.slide.axis)

@@ -18,6 +18,8 @@ DERIVED_COLUMNS = ("stiffness", "area", "E_hertz")
 FRICTION_COLUMNS = ("stick_radius", "dissipation", "side_force_x", "side_force_y")
 # Columns of scenes with a tilted tip.
 TILT_COLUMNS = ("moment", "x_contact")
+# Columns of scenes with a tip that slides; slide comes after delta.
+SLIDE_COLUMNS = ("slide",)
 # Columns of scenes with fluid in the pores.
 FLUID_COLUMNS = ("outflow", "pore_pressure_max")
 # Columns of scenes with a soft tip.
@@ -31,6 +33,8 @@ ERROR_COLUMNS = (
     "dissipation_error",
     "moment_error",
     "x_contact_error",
+    "side_force_x_error",
+    "side_force_y_error",
 )
 # Columns of runs with an iterative linear solver.
 KRYLOV_COLUMNS = ("krylov_iterations",)
@@ -151,20 +155,26 @@ class State:
         Contact area [length^2].
     E_hertz
         Modulus from a half-space fit of this row alone [pressure].
+    slide
+        Horizontal displacement of a sliding tip from where it was pressed in [length].
     stick_radius
         Radius of the region that does not slip, with friction [length].
     dissipation
         Energy dissipated by friction since the previous row [energy].
     side_force_x, side_force_y
-        Horizontal force on the tip, with friction or a tilt, along an axis to which no mirror plane
-        is normal [force].
+        Horizontal force on the tip, with friction, a tilt or a slide, along an axis to which no
+        mirror plane is normal [force]. Of a sliding tip it includes the force of the pressure on
+        the slope of the tip, also with a reference gap, so that it does the work of the slide.
+    lateral_imbalance
+        Horizontal forces on the body that do not balance, of a sliding tip [force]; zero in
+        equilibrium.
     moment
         Integral of the vertical traction times the distance from the tip's center along the tilt
         [force length].
     x_contact
         Distance of the resultant vertical force from the tip's center along the tilt [length].
     force_error, a_error, p_max_error, delta_error, stick_radius_error, dissipation_error,
-    moment_error, x_contact_error
+    side_force_x_error, side_force_y_error, moment_error, x_contact_error
         Error estimates: half-widths of intervals, in the unit of the quantity.
     t, z, branch
         Time [time], position of the base [length] and branch (approach, hold, retract) of a
@@ -202,6 +212,7 @@ class State:
     reaction: float = float("nan")
     reactions: Mapping[str, float] | None = field(default=None, repr=False)
     stray_reaction: float = 0.0
+    lateral_imbalance: float = 0.0
     krylov_iterations: int | None = None
     overlap: float = 0.0
     intrusion: float = 0.0
@@ -213,6 +224,7 @@ class State:
     stiffness: float | None = None
     area: float | None = None
     E_hertz: float | None = None
+    slide: float | None = None
     stick_radius: float | None = None
     dissipation: float | None = None
     side_force_x: float | None = None
@@ -227,6 +239,8 @@ class State:
     dissipation_error: float | None = None
     moment_error: float | None = None
     x_contact_error: float | None = None
+    side_force_x_error: float | None = None
+    side_force_y_error: float | None = None
     t: float | None = None
     z: float | None = None
     branch: str = ""
@@ -245,11 +259,12 @@ class State:
         return self.summary({})
 
     def summary(self, units: Mapping[str, str]) -> str:
-        """Return time, depth, force and contact radius as text.
+        """Return time, depth, slide, force and contact radius as text.
 
         `units` maps the names of these quantities to their units.
         """
-        numbers = {"t": self.t, "delta": self.delta, "force": self.force, "a": self.a}
+        numbers = {"t": self.t, "delta": self.delta, "slide": self.slide}
+        numbers |= {"force": self.force, "a": self.a}
         known_numbers = {
             name: value
             for name, value in numbers.items()
@@ -312,10 +327,19 @@ def _field_units(scales: Scales) -> dict[str, float]:
     depth = scales.depth
     energy = scales.energy
     units = dict.fromkeys(
-        ("force", "reaction", "stray_reaction", "side_force_x", "side_force_y"), F
+        (
+            "force",
+            "reaction",
+            "stray_reaction",
+            "lateral_imbalance",
+            "side_force_x",
+            "side_force_y",
+        ),
+        F,
     )
     lengths = (
         "a",
+        "slide",
         "penetration",
         "overlap",
         "intrusion",

@@ -191,6 +191,11 @@ times [time] $t_i$: times of the rows of a history; auto: every point, and enoug
   for a smooth curve
 per_doubling [1]: number of time increments of equal length before the length doubles, in every
   segment of the history of a body that drains or whose shear modulus relaxes; default 4
+loading.slide: sideways motion of the tip at the last depth or force, which is held
+to [length] $x_i$: displacements to which the tip slides one after another, from where it was
+  pressed in; one number is a scratch
+slide.steps [1]: number of rows on each stretch of the slide
+along [degrees]: direction of the slide, from x: 0 (x) or 90 (y)
 
 ## Drainage
 drainage: boundary conditions of the pore fluid, and its bath
@@ -301,8 +306,10 @@ wall_s [s]: wall time since the start of the run
 stick_radius [length]: sqrt(area/pi) of the part of the contact that does not slip on the tip, with
   friction; in plane strain half its width
 dissipation [energy]: energy dissipated by friction since the previous row; with friction
-side_force_x [force]: force on the tip along x; with friction, or a tilt and gap: current, if no
-  mirror plane is normal to x
+slide [length] $x$: horizontal displacement of the tip from where it was pressed in; with
+  loading.slide
+side_force_x [force]: force on the tip along x; with friction, a slide, or a tilt and gap: current,
+  if no mirror plane is normal to x; of a sliding tip with the force of the pressure on its slope
 side_force_y [force]: force on the tip along y, as side_force_x
 moment [force length] $M$: integral of pressure times distance from `center` along `tilt_towards`, >
   0 where the tip leans to; with a tilt
@@ -319,6 +326,8 @@ dissipation_error [energy]: estimated error of the dissipation: half-width of it
   friction
 moment_error [force length]: estimated error of the moment: half-width of its interval; with a tilt
 x_contact_error [length]: estimated error of x_contact: half-width of its interval; with a tilt
+side_force_x_error [force]: estimated error of the side force: half-width of its interval
+side_force_y_error [force]: estimated error of the side force: half-width of its interval
 calibration_error [force]: uncertainty of the force from the calibration of the instrument; with a
   history
 reaction [force]: z-reaction of all constrained degrees of freedom; equals the force
@@ -330,6 +339,8 @@ clearance [length]: distance of the tip above the surface of a swelling or shrin
 overlap [length]: penetration of a whole surface facet into the tip; only with gap: current
 stray_reaction [force]: reaction of the constraints that only prevent rigid motions; zero in
   equilibrium
+lateral_imbalance [force]: horizontal forces on the body under a sliding tip that do not balance;
+  zero in equilibrium
 substeps [1]: number of increments into which the step was divided
 converged: whether the step has a solution
 reason: reason why a step has no solution
@@ -360,7 +371,7 @@ compare_to: reference of force, a and p_max: theory, finest, a force, a result
 tolerance [1]: largest error of the force that counts as correct; with it every row has a verdict,
   also rejected scenes
 from [that of the key]: first number of a range
-to [that of the key]: last number of a range
+study.to [that of the key]: last number of a range
 count [1]: number of values in a range, both ends included
 spacing: linear: equal distances; log: equal factors
 unit: E*/h_contact: the numbers of the range are multiples of it, for each mesh

@@ -121,7 +121,12 @@ class FieldWriter:
         self._write_index()
 
     def write(
-        self, step: int, delta: float, fields: Mapping[str, np.ndarray], t: float | None = None
+        self,
+        step: int,
+        delta: float,
+        fields: Mapping[str, np.ndarray],
+        t: float | None = None,
+        slide: float = 0.0,
     ) -> None:
         """Add one state.
 
@@ -135,6 +140,8 @@ class FieldWriter:
             Values by name; the displacement is (n, 2) or (n, 3).
         t
             Time of the state; if it is None, the step is used as the time.
+        slide
+            Horizontal displacement of the tip [length].
 
         Raises
         ------
@@ -146,7 +153,7 @@ class FieldWriter:
             name: np.reshape(values[name], self._array_shape(name)).astype("<f8")
             for name in self._arrays
         }
-        arrays["tip_displacement"] = self._tip.displacement(delta).astype("<f8")
+        arrays["tip_displacement"] = self._tip.displacement(delta, slide).astype("<f8")
         write_atomically(self._fields_folder / step_file(step), _hdf5_bytes(arrays), sync=False)
         self._last_time = (
             float(step) if t is None else max(t, np.nextafter(self._last_time, np.inf))

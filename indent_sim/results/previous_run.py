@@ -11,7 +11,7 @@ from pathlib import Path
 from indent_sim.config.scene_file import load, to_yaml
 from indent_sim.config.schema import REMOVED_KEYS
 from indent_sim.config.strict_yaml import inline_yaml, key_text, leaf_values, parse
-from indent_sim.model.state import STATE_COLUMNS, State
+from indent_sim.model.state import SLIDE_COLUMNS, STATE_COLUMNS, State
 from indent_sim.process.errors import ConfigError, UsageError
 from indent_sim.results import result_files, tables
 from indent_sim.results.atomic_files import read_regular_file
@@ -219,7 +219,7 @@ def _read_rows(
     if not lines:
         return (), STATE_COLUMNS, 0
     names = tuple(lines[0].decode().split(","))
-    columns = tuple(name for name in names if name != "t")
+    columns = tuple(name for name in names if name not in ("t", *SLIDE_COLUMNS))
     has_known_columns = columns[: len(STATE_COLUMNS)] == STATE_COLUMNS and set(names) <= {
         *STATE_COLUMNS,
         *OPTIONAL_COLUMNS,

@@ -7,6 +7,7 @@ for `--resume` by `previous_run`.
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -22,6 +23,7 @@ from indent_sim.model.state import (
     FRICTION_COLUMNS,
     KRYLOV_COLUMNS,
     REACTION_COLUMNS,
+    SLIDE_COLUMNS,
     SOFT_TIP_COLUMNS,
     STATE_COLUMNS,
     TILT_COLUMNS,
@@ -39,12 +41,15 @@ from indent_sim.results.tables import EXPERIMENT, SURFACE, WORD_COLUMNS
 if TYPE_CHECKING:
     import pandas
 
+log = logging.getLogger("indent_sim")
+
 RUN_AGAIN_REMEDY = "run its scene again without --resume, or with another --output"
 COMPARED_COLUMNS = ("delta", "force", "a")
 MEASURED = "measured"  # This entry of a report marks a measured curve.
 # Not every run has these columns.
 OPTIONAL_COLUMNS = (
     *DERIVED_COLUMNS,
+    *SLIDE_COLUMNS,
     *FRICTION_COLUMNS,
     *FLUID_COLUMNS,
     *SOFT_TIP_COLUMNS,
@@ -61,6 +66,7 @@ RESULT_COLUMNS = tuple(
     for name in (
         *STATE_COLUMNS,
         *DERIVED_COLUMNS,
+        *SLIDE_COLUMNS,
         *FRICTION_COLUMNS,
         *FLUID_COLUMNS,
         *SOFT_TIP_COLUMNS,
@@ -97,6 +103,14 @@ class Results:
 
     def __len__(self) -> int:
         return len(self.table["step"])
+
+    def slide_at(self, step: float) -> np.ndarray:
+        """Return the horizontal displacement (x, y) of the tip at a step [length]; 0 if unknown."""
+        axis = self.report.get("slide_axis")
+        rows = np.flatnonzero(self["step"] == step)
+        if axis not in ("x", "y") or "slide" not in self.table or not len(rows):
+            return np.zeros(2)
+        return float(self["slide"][rows[0]]) * np.array([axis == "x", axis == "y"])
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -213,7 +227,8 @@ def _is_result_table(path: Path) -> bool:
 def _read_curve_file(path: Path) -> Results:
     """Read the first curve of a file of measured curves as a table.
 
-    If the file has no depth, the displacement z of the base is used instead.
+    If the file has no depth, the displacement z of the base is used instead. What the reader
+    guessed, such as the meaning of a column, is a warning.
     """
     # This import loads the readers of all formats, which no run needs.
     from indent_sim.results.measured.curve_file import read_curves
@@ -223,7 +238,8 @@ def _read_curve_file(path: Path) -> Results:
         curve = read_curves(path)[0]
     except NoCurve as error:
         raise UsageError(f"{path} is {error.problem}", error.remedy, str(path)) from None
-    delta = curve.abscissa_values(curve.available_abscissa("delta"))
+    abscissa = curve.available_abscissa("delta")
+    delta = curve.abscissa_values(abscissa)
     rows = len(curve)
     table = {
         "step": np.arange(1.0, rows + 1),
@@ -232,6 +248,11 @@ def _read_curve_file(path: Path) -> Results:
         "force": curve.force,
     }
     table |= {"t": curve.t} if curve.t is not None else {}
+    notes = list(curve.notes)
+    if abscissa != "delta":
+        notes.append("without a column of depth, the displacement of the base is taken for delta")
+    for note in notes:
+        log.warning(f"warning: {path}: {note}")
     return Results(
         path,
         table,

@@ -27,6 +27,7 @@ from indent_sim.model.state import (
     KRYLOV_COLUMNS,
     REACTION_COLUMNS,
     REACTION_PREFIX,
+    SLIDE_COLUMNS,
     State,
     Surface,
 )
@@ -76,13 +77,16 @@ def _column_writers(
 
 
 def order_columns(columns: Sequence[str]) -> tuple[str, ...]:
-    """Order the columns of the force table: t after step, support reactions at the end."""
+    """Order the columns of the force table.
+
+    The time t comes after the step, the slide after the depth, and support reactions at the end.
+    """
     time = [name for name in columns if name == "t"]
+    slide = [name for name in columns if name in SLIDE_COLUMNS]
     reactions = [name for name in columns if name in REACTION_COLUMNS]
-    first, *middle_columns = (
-        name for name in columns if name != "t" and name not in REACTION_COLUMNS
-    )
-    return (first, *time, *middle_columns, *reactions)
+    placed = {*time, *slide, *reactions}
+    first, depth, *middle_columns = (name for name in columns if name not in placed)
+    return (first, *time, depth, *slide, *middle_columns, *reactions)
 
 
 def parse_state(names: tuple[str, ...], line: bytes, unknown: Collection[str] = ()) -> State | None:

@@ -29,15 +29,20 @@ class TipGeometry:
     contacts_per_body
         Number of equal contacts of the body. It is 2 for a ball between two tips, of which one half
         is modelled and each tip moves by half of the depth.
+    slide_axis
+        Horizontal axis along which the tip slides: 0 (x) or 1 (y).
     """
 
     points: np.ndarray
     cells: np.ndarray
     contacts_per_body: int = 1
+    slide_axis: int = 0
 
-    def displacement(self, delta: float) -> np.ndarray:
-        """Return the displacement (n, 3) [length] of the tip at a depth."""
-        return np.tile([0.0, 0.0, -delta / self.contacts_per_body], (len(self.points), 1))
+    def displacement(self, delta: float, slide: float = 0.0) -> np.ndarray:
+        """Return the displacement (n, 3) [length] of the tip at a depth and a slide."""
+        displacement = [0.0, 0.0, -delta / self.contacts_per_body]
+        displacement[self.slide_axis] += slide
+        return np.tile(displacement, (len(self.points), 1))
 
 
 def half_section(

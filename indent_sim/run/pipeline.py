@@ -432,6 +432,7 @@ class SimulationDriver:
         report |= {
             "control": physics.path.control,
             "center": center,
+            **({"slide_axis": "xy"[physics.track.axis]} if physics.slides else {}),
             "plan": planned,
             "warnings": list(plan.warnings),
         }
@@ -449,6 +450,8 @@ class SimulationDriver:
         columns_with_errors = (
             {*columns} - prescribed if self._request.has_error_bars else set[str]()
         )
+        if not scene.physics.slides:
+            columns_with_errors -= {"side_force_x", "side_force_y"}
         errors = (
             name for name in ERROR_COLUMNS if name.removesuffix("_error") in columns_with_errors
         )

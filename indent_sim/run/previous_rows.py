@@ -23,6 +23,8 @@ class PreviousRows:
         self.has_turned = False  # the path has gone back to a smaller depth
         self.max_depth = -inf
         self.largest_force = 0.0
+        self.largest_side_force = 0.0
+        self.slide_distance = 0.0  # length of the way that the tip has slid
         # The row whose error bar has the largest lower end.
         self._largest_force_row: RowForce | None = None
         self._columns: np.ndarray = np.empty((3, 64))  # the entries of `RowForce` by row
@@ -48,7 +50,16 @@ class PreviousRows:
         self.has_turned |= self.last is not None and state.delta < self.last.delta
         self.max_depth = max(self.max_depth, state.delta)
         self.largest_force = max(self.largest_force, abs(state.force))
+        self.slide_distance += self.slide_increment(state)
+        self.largest_side_force = max(
+            self.largest_side_force, abs(state.side_force_x or 0.0), abs(state.side_force_y or 0.0)
+        )
         self.last = state
+
+    def slide_increment(self, state: State) -> float:
+        """Return the length by which the tip slides from the last row to a state [length]."""
+        last_slide = (self.last.slide if self.last else None) or 0.0
+        return abs((state.slide or 0.0) - last_slide)
 
     def largest_shallower_force(self, delta: float) -> RowForce | None:
         """Return the row at a smaller depth whose error bar has the largest lower end, or None."""

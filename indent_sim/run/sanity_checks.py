@@ -222,8 +222,15 @@ def _check_outside_penetration(scene: Scene, state: State, earlier: PreviousRows
 
 
 def _check_energy(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
-    """Check that 0 <= Pi <= F delta, which holds if the force grows with the depth."""
-    work = state.force * state.delta
+    """Check that 0 <= Pi <= F delta, which holds if the force grows with the depth.
+
+    A tip that slides does at most the work of the largest side force over the way, in addition.
+    """
+    side_force = max(
+        earlier.largest_side_force, abs(state.side_force_x or 0.0), abs(state.side_force_y or 0.0)
+    )
+    slide_work = side_force * (earlier.slide_distance + earlier.slide_increment(state))
+    work = state.force * state.delta + slide_work
     # The contact term of a multiplier adds up to this fraction of F delta to the energy on a coarse
     # mesh.
     tolerance = 0.02
@@ -241,6 +248,8 @@ def _check_energy(scene: Scene, state: State, earlier: PreviousRows) -> str | No
 def _check_force_growth(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
     """Check that the force does not fall with the depth, within the error bars."""
     last = earlier.last
+    if earlier.slide_distance + earlier.slide_increment(state) > 0:
+        return None  # the force at one depth may change as the tip slides
     if scene.physics.has_friction and last and (earlier.has_turned or state.delta < last.delta):
         return None  # friction makes the force smaller in unloading
     # Largest relative fall of the force with increasing depth: of linear problems, which are solved
@@ -270,6 +279,33 @@ def _check_force_growth(scene: Scene, state: State, earlier: PreviousRows) -> st
             )
             return f"the force is {forces}, but it must grow with the depth"
     return None
+
+
+def _check_side_force(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
+    """Check that the side force is at most friction F plus the force on the slope of the tip.
+
+    The bound is that of a reference gap, whose pressure is vertical on the body.
+    """
+    physics = scene.physics
+    law = physics.contact
+    name = physics.slide_force_column
+    if not name or physics.gap != "reference" or law.is_bonded:
+        return None
+    side_force = getattr(state, name)
+    a = state.a / physics.scales.length
+    if side_force is None or not physics.indenter.is_axisymmetric or a <= 0:
+        return None
+    # Friction moves the contact from below the axis by less than half its radius
+    steepest = float(physics.indenter.slope(1.5 * a + scene.sizes.h_contact))
+    friction = float(law.friction or 0.0)
+    allowed = (friction + abs(steepest)) * state.force
+    excess = abs(side_force) - allowed * (1 + FORCE_NOISE) - _force_noise(scene, state, earlier)
+    if not excess > 0:  # beyond the end of a tip its slope is infinite or not a number
+        return None
+    return (
+        f"the side force is {side_force:.6g}, but friction and the slope of the tip allow at most "
+        f"{allowed:.6g}"
+    )
 
 
 def _check_against_theory(scene: Scene, state: State, earlier: PreviousRows) -> str | None:
@@ -311,6 +347,7 @@ CONTACT_RULES: Rules = (
     _check_outside_penetration,
     _check_new_solution,
     _check_energy,
+    _check_side_force,
     _check_against_theory,
 )
 REPULSIVE_RULES: Rules = (

@@ -208,9 +208,10 @@ class SingleRun:
         tip = scales.to_user_units(physics.indenter)
         center = tuple(c * scales.length for c in physics.center)
         width = plot_width(tip, self.scene.plan.prediction["a"], max(physics.deltas) * scales.depth)
-        return tip_mesh(
+        tip_geometry = tip_mesh(
             tip, center, width, physics.domain.kinematics.name, scales.contacts_per_body
         )
+        return replace(tip_geometry, slide_axis=physics.track.axis)
 
     def _resume(self) -> None:
         """Restore the solver at the last row of the run that is continued."""
@@ -227,12 +228,16 @@ class SingleRun:
                 self._solver.resume(saved.equilibria, [], saved.step, saved.pull_off_points)
             self._first_step = saved.step
             return
-        increments = [physics.path.segment(step) for step in range(saved.step + 1, row_count + 1)]
-        points_passed = [point for increment in increments for point in increment]
+        points_passed = [
+            (value, t, physics.path.slide(step))
+            for step in range(saved.step + 1, row_count + 1)
+            for value, t in physics.path.segment(step)
+        ]
         # The depths of prescribed forces are known from the rows.
         if physics.path.control != "depth":
             points_passed = [
-                (state.delta / physics.scales.depth, 0.0) for state in self.states[saved.step :]
+                (state.delta / physics.scales.depth, 0.0, physics.path.slide(state.step))
+                for state in self.states[saved.step :]
             ]
         with self.clock.stage("resume"):
             if not self._solver.resume(
@@ -502,13 +507,16 @@ class SingleRun:
             force_scale = max(force_scale, reaction_norm)
         difference = abs(state.force - state.reaction) / force_scale if force_scale > 0 else 0.0
         pin_fraction = state.stray_reaction / force_scale if force_scale > 0 else 0.0
-        self._largest_imbalance = max(self._largest_imbalance, difference, pin_fraction)
-        if not max(difference, pin_fraction) <= AUDIT_TOLERANCE:
+        lateral_fraction = state.lateral_imbalance / force_scale if force_scale > 0 else 0.0
+        worst_fraction = max(difference, pin_fraction, lateral_fraction)
+        self._largest_imbalance = max(self._largest_imbalance, worst_fraction)
+        if not worst_fraction <= AUDIT_TOLERANCE:
             raise VerificationError(
                 f"step {state.step} violates the force balance (tolerance {AUDIT_TOLERANCE:g} of "
                 f"the force scale {force_scale:.3g}): contact force {state.force:.10g}, reactions "
                 f"of the supports {state.reaction:.10g}; largest reaction of the constraints "
-                f"against rigid motion {state.stray_reaction:.3g}, which must vanish"
+                f"against rigid motion {state.stray_reaction:.3g}, which must vanish; horizontal "
+                f"forces that do not balance {state.lateral_imbalance:.3g}"
             )
         self._check_fluid_balance(state)
 

@@ -49,7 +49,11 @@ def summary(
     # Theory and Hertz fit describe elastic equilibria only.
     is_time_dependent = scene.history_on_curve is not None or scene.physics.is_time_dependent
     # Energy is dissipated in snap-in and pull-off, relaxation and drainage.
-    balance = None if expected or is_time_dependent else energy_balance(states)
+    balance = (
+        None
+        if expected or is_time_dependent
+        else energy_balance(states, scene.physics.slide_force_column)
+    )
     audit = {"force_against_reaction": worst_audit, "energy_by_trapezoid": balance}
     audit["newton_iterations"] = sum(state.newton_iterations for state in states)
     if krylov:

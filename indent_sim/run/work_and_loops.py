@@ -11,11 +11,20 @@ import numpy as np
 from indent_sim.model.state import State
 
 
-def energy_balance(states: list[State]) -> float | None:
-    """Return the relative difference of int F ddelta and elastic energy plus dissipation.
+def energy_balance(states: list[State], side_force: str = "") -> float | None:
+    """Return the relative difference of the tip's work and elastic energy plus dissipation.
 
-    The integral is a trapezoid rule. The difference is reported, but not checked: with few rows the
-    error of the trapezoid rule far exceeds that of the solution. None if there is no energy.
+    The work is int F ddelta, and of a tip that slides int F ddelta - int F_x dx with the side force
+    F_x on the tip. The integrals are trapezoid rules. The difference is reported, but not checked:
+    with few rows the error of the trapezoid rule far exceeds that of the solution. None if there is
+    no energy.
+
+    Parameters
+    ----------
+    states
+        The rows of a run.
+    side_force
+        Column of the side force along the slide; empty if the tip does not slide.
     """
     stored_and_dissipated = (states[-1].energy if states else 0.0) + sum(
         state.dissipation or 0.0 for state in states
@@ -28,8 +37,27 @@ def energy_balance(states: list[State]) -> float | None:
         return None
     delta = np.array([0.0, *(state.delta for state in states)])
     force = np.array([0.0, *(state.force for state in states)])
-    work = float(np.sum(np.diff(delta) * (force[1:] + force[:-1]) / 2))
+    work = float(np.sum(np.diff(delta) * (force[1:] + force[:-1]) / 2)) + slide_work(
+        states, side_force
+    )
     return work / stored_and_dissipated - 1
+
+
+def slide_work(states: Sequence[State], side_force: str) -> float:
+    """Return the work - int F_x dx of a tip that slides, by a trapezoid rule [energy].
+
+    Parameters
+    ----------
+    states
+        The rows of a run.
+    side_force
+        Column of the side force along the slide; empty if the tip does not slide.
+    """
+    if not side_force:
+        return 0.0
+    slide = np.array([state.slide for state in states])
+    force = np.array([getattr(state, side_force) or 0.0 for state in states])
+    return float(-np.sum(np.diff(slide) * (force[1:] + force[:-1]) / 2))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,13 +84,15 @@ class HysteresisLoop:
 
 
 def hysteresis_loop(states: Sequence[State]) -> HysteresisLoop | None:
-    """Return the hysteresis loop of a path; None without unloading.
+    """Return the hysteresis loop of a path; None without unloading, or if the tip slides.
 
     If the path ends in contact, the loop is taken between the last and the largest depth. The area
     is enclosed by straight lines through the rows. Its error is of second order in the distance of
     the rows. It is estimated as a third of the change of the area if every second row between
     turning points is left out.
     """
+    if any(state.slide for state in states):
+        return None
     rows = [(state.delta, state.force) for state in states]
     if rows[0][0] > 0:  # loading begins at first contact
         rows.insert(0, (0.0, 0.0))

@@ -63,7 +63,11 @@ def _inverse_square_integral(sizes: Sizes, domain: ModelDomain) -> float:
     z, wz = _log_grid(domain.height, sizes.axis_size)
     density = 1 / sizes.size_at(r[:, None], z[None, :]) ** 2
     ring_weight = _ring_weight(r, 2, _sector_count(sizes, domain))
-    return float((density * (ring_weight * wr)[:, None] * wz[None, :]).sum())
+    total = float((density * (ring_weight * wr)[:, None] * wz[None, :]).sum())
+    if sizes.track is None:
+        return total
+    # The section is divided at the track's middle; its length is added between the halves
+    return total + sizes.track.length * float((wz / sizes.size_at(np.zeros(1), z) ** 2).sum())
 
 
 def _inverse_size_integrals(sizes: Sizes, domain: ModelDomain) -> tuple[float, float]:
@@ -87,6 +91,15 @@ def _inverse_size_integrals(sizes: Sizes, domain: ModelDomain) -> tuple[float, f
     )
     levels = [0.0, domain.height, *(-z for z in domain.interfaces)]
     surface = sum((weight / sizes.size_at(r, np.array(z)) ** 2).sum() for z in levels)
+    if sizes.track is not None:
+        # The body is divided at the axis, and a prism as long as the track is added
+        across, w_across = (y, wy) if sizes.track.axis == 0 else (x, wx)
+        distance = np.abs(across - sizes.axis[1 - sizes.track.axis])
+        section = sizes.size_at(distance[:, None], depth[None, :])
+        volume += sizes.track.length * (w_across[:, None] * wz[None, :] / section**3).sum()
+        surface += sizes.track.length * sum(
+            (w_across / sizes.size_at(distance, np.array(z)) ** 2).sum() for z in levels
+        )
     for side in domain.outline:
         side_points, length = side.sample_points(INTEGRAL_POINTS)
         distance = np.hypot(side_points[:, 0] - sizes.axis[0], side_points[:, 1] - sizes.axis[1])
@@ -195,7 +208,12 @@ def candidate_count(sizes: Sizes, domain: ModelDomain) -> float:
     r, wr = _log_grid(sizes.fine_radius + condensed_margin * sizes.h_contact, sizes.axis_size)
     size = sizes.size_at(r, np.zeros_like(r)) ** (dim - 1)
     ring_weight = _ring_weight(r, dim, _sector_count(sizes, domain))
-    return NODES_PER_FACET * FACETS_PER_AREA[dim] * float((ring_weight * wr / size).sum())
+    facets_on_disk = float((ring_weight * wr / size).sum())
+    if sizes.track is not None:
+        is_cut_along = _sector_count(sizes, domain) < 4
+        across = (1.0 if is_cut_along else 2.0) * float((wr / size).sum())
+        facets_on_disk += sizes.track.length * (across if dim == 3 else 1 / sizes.axis_size)
+    return NODES_PER_FACET * FACETS_PER_AREA[dim] * facets_on_disk
 
 
 def _ring_weight(r: np.ndarray, dim: int, sectors: float) -> np.ndarray:

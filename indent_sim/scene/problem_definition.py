@@ -18,9 +18,11 @@ from indent_sim.model.materials import Material
 from indent_sim.model.state import (
     FLUID_COLUMNS,
     FRICTION_COLUMNS,
+    SLIDE_COLUMNS,
     SOFT_TIP_COLUMNS,
     TILT_COLUMNS,
 )
+from indent_sim.model.tip_track import TipTrack
 from indent_sim.model.tips import FlatPunch, Indenter
 from indent_sim.model.units import Scales
 from indent_sim.scene.compression_theory import covers_top
@@ -90,6 +92,21 @@ class ProblemDefinition:
     bath_ramp: float = 0.0
 
     @cached_property
+    def track(self) -> TipTrack:
+        """Track of the tip's axis over the undeformed surface."""
+        return self.path.track(self.center)
+
+    @property
+    def slides(self) -> bool:
+        """True if the tip slides after it has been pressed in."""
+        return bool(self.path.slides)
+
+    @property
+    def slide_force_column(self) -> str:
+        """Column of the side force along the slide; empty if the tip does not slide."""
+        return f"side_force_{'xy'[self.track.axis]}" if self.slides else ""
+
+    @cached_property
     def is_compressed(self) -> bool:
         """True if a plate, or a punch wider than the body, covers the whole flat top."""
         return covers_top(self.indenter, self.body, self.center)
@@ -118,7 +135,7 @@ class ProblemDefinition:
     def side_force_axes(self) -> dict[str, int]:
         """Return the horizontal axes, by name, along which there can be a net side force.
 
-        It is due to friction, or to the pressure along the normal of a tilted tip.
+        It is due to friction, a slide, or the pressure along the normal of a tilted tip.
 
         By symmetry, there is no side force normal to a mirror plane through the tip.
         """
@@ -143,8 +160,11 @@ class ProblemDefinition:
 
     @property
     def _lateral_axes(self) -> dict[str, int]:
-        """Return the horizontal axes along which the tip may be pushed; none in axisymmetry."""
-        is_pushed = self.has_friction or (self.has_moment and self.gap == "current")
+        """Return the horizontal axes along which the body may push the tip; none in axisymmetry.
+
+        It does by friction, and if the tip slides or is tilted also by the pressure on its slope.
+        """
+        is_pushed = self.has_friction or self.slides or (self.has_moment and self.gap == "current")
         if not is_pushed or self.domain.kinematics.name == "axisymmetric":
             return {}
         return {name: axis for axis, name in enumerate("xy"[: self.domain.dim - 1])}
@@ -329,13 +349,14 @@ class ProblemDefinition:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns of the force table for a soft tip, friction, tilt and fluid, in order."""
+        """Columns of the force table for a soft tip, slide, friction, tilt and fluid, in order."""
         if self.indenter.lens:
             return SOFT_TIP_COLUMNS
         fluid = FLUID_COLUMNS if self.permeable_regions else ()
         tilt = TILT_COLUMNS if self.has_moment else ()
         side_force_columns = [f"side_force_{axis}" for axis in self.side_force_axes]
         return (
+            *(SLIDE_COLUMNS if self.slides else ()),
             *(
                 name
                 for name in FRICTION_COLUMNS

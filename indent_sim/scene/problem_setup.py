@@ -20,6 +20,7 @@ from indent_sim.model.load_path import LoadPath
 from indent_sim.model.materials import Material
 from indent_sim.model.relaxation import Relaxation
 from indent_sim.model.spherical_bodies import Ball, Cap, SphericalBody
+from indent_sim.model.tip_track import TipTrack
 from indent_sim.model.tips import FlatPunch, Indenter, Plate
 from indent_sim.model.unbounded_bodies import HalfSpace, UnboundedBody
 from indent_sim.model.units import Scales, round_length
@@ -323,8 +324,10 @@ def _set_up(
     layers = tuple(map(scales.nondimensionalize, layers))
     center = tuple(round_length(c / scales.length) for c in center)
     history = history and history.nondimensionalize(scales.control_unit(history.control))
-    path = path.nondimensionalize(scales.control_unit(path.control))
-    domain, domain_reason = _model_domain(config, body, imported_mesh, center, tip, layers, scales)
+    path = path.nondimensionalize(scales.control_unit(path.control), scales.length)
+    domain, domain_reason = _model_domain(
+        config, body, imported_mesh, path.track(center), tip, layers, scales
+    )
     whole_body = (
         scales.nondimensionalize(config.body) if isinstance(config.body, UnboundedBody) else body
     )
@@ -389,7 +392,7 @@ def _model_domain(
     config: Config,
     body: Body,
     imported_mesh: ImportedMesh | None,
-    center: tuple[float, ...],
+    track: TipTrack,
     tip: Indenter,
     layers: Layers,
     scales: Scales,
@@ -399,7 +402,8 @@ def _model_domain(
         assert imported_mesh is not None
         return imported_model_domain(config, imported_mesh, scales)
     regions = (*layer_regions(config, layers), *inclusion_regions(config, body, scales))
-    return reduce(round_lengths(body), center, config.mesh.symmetry, tip, regions)
+    slide_axis = "" if track.is_point else "xy"[track.axis]
+    return reduce(round_lengths(body), track.center, config.mesh.symmetry, tip, regions, slide_axis)
 
 
 def _length_unit(body: Body, layers: Sequence[Layer], tip: Indenter, path: LoadPath) -> float:

@@ -14,6 +14,7 @@ from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.experiment import Experiment
 from indent_sim.model.history import History
 from indent_sim.model.relaxation import Relaxation
+from indent_sim.model.tip_track import TipTrack
 from indent_sim.model.tips import FlatPunch, max_radius
 from indent_sim.model.unbounded_bodies import UnboundedBody
 from indent_sim.process.errors import ConfigError
@@ -47,6 +48,7 @@ from indent_sim.scene.problem_definition import ProblemDefinition
 from indent_sim.scene.problem_setup import ProblemSetup, set_up_problem, truncate_body
 from indent_sim.scene.resolution import MeshResolution
 from indent_sim.scene.sizing import END_FRACTION
+from indent_sim.scene.slide import check_slide, check_slide_sizes, slide_choices
 from indent_sim.scene.soft_tip import check_soft_tip, soft_tip_choices, soft_tip_config
 from indent_sim.scene.time_prediction import TimePrediction, time_prediction
 from indent_sim.theory.solution import Solution
@@ -144,6 +146,11 @@ class Scene:
         return reaction_columns(self.physics.domain)
 
     @property
+    def contact_track(self) -> TipTrack:
+        """Track of the middle of the expected contact, which under a tilted tip is not its axis."""
+        return replace(self.physics.track, center=self.sizes.axis)
+
+    @property
     def method(self) -> str:
         """Contact method, or "theory" if the scene is solved without a mesh."""
         return self.physics.contact.method if self.is_meshed else "theory"
@@ -209,6 +216,7 @@ class Scene:
                 "strains are finite, but the theory is for small strain",
             ),
             (physics.has_friction, FRICTION_WHY),
+            (physics.slides, "the tip slides, but the theory has no sideways motion"),
             (
                 bool(physics.permeable_regions),
                 "fluid flows in the pores, but the theory has no pore fluid",
@@ -329,6 +337,7 @@ def resolve(
     """
     setup = set_up_problem(config, piece)
     check_soft_tip(setup)
+    check_slide(setup)
     if by_theory := solver_choices.theory(config, setup):
         return _theory_scene(config, setup, by_theory)
     return _meshed_scene(config, truncate_body(config, setup), per_radius)
@@ -386,6 +395,7 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
     fineness = sizing.mesh_resolution(config, setup, per_radius)
     gap, gap_choice = contact_choices.gap(config.contact, setup)
     sizes = sizing.sizes(config, setup, fineness, gap)
+    check_slide_sizes(setup, sizes)
     law, law_choice = contact_choices.contact(config.contact, setup, sizes, fineness)
     law, slip_reference, friction_choice = contact_choices.friction(law, setup, sizes)
     adhesion, adhesion_choice = contact_choices.adhesion(law, setup, sizes)
@@ -426,6 +436,7 @@ def _meshed_scene(config: Config, setup: ProblemSetup, per_radius: float | None)
         *tip_choice,
         *wall_choice,
         *choices.side_force_choices(physics),
+        *slide_choices(setup),
     )
     peak_reason = missing_peak_reason(physics, sizes, setup.a if setup.max_depth > 0 else 0.0)
     peak_choices = [Choice("p_max", "empty", peak_reason)] if peak_reason else []

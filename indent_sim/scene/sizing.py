@@ -322,6 +322,7 @@ def _default_sizes(
         elongation=elongation,
         edge_tilt=edge_tilt,
         axis=axis,
+        track=None if physics.track.is_point else replace(physics.track, center=axis),
     )
 
 

@@ -28,6 +28,7 @@ def reduce(
     requested_symmetry: str,
     tip: Indenter,
     regions: Regions,
+    slide_axis: str = "",
 ) -> tuple[ModelDomain, str]:
     """Choose the smallest model domain that the symmetry of the scene allows.
 
@@ -43,6 +44,9 @@ def reduce(
         The tip.
     regions : tuple of Region
         Layers and inclusions.
+    slide_axis : str
+        Horizontal axis, "x" or "y", along which the tip slides; empty if it does not. A plane
+        normal to it is no mirror plane.
 
     Returns
     -------
@@ -63,13 +67,15 @@ def reduce(
         )
         return domain, "axisymmetric: axisymmetric tip on a laterally unbounded body"
     if isinstance(body, Cylinder):
-        domain, reason = _cylinder_domain(body, center, requested_symmetry, tip, regions)
+        domain, reason = _cylinder_domain(
+            body, center, requested_symmetry, tip, regions, slide_axis
+        )
     elif isinstance(body, Strip):
-        domain, reason = _strip_domain(body, center, requested_symmetry, tip, regions)
+        domain, reason = _strip_domain(body, center, requested_symmetry, tip, regions, slide_axis)
     elif isinstance(body, SphericalBody):
         domain, reason = _spherical_domain(body, requested_symmetry, regions)
     else:
-        domain, reason = _box_domain(body, center, requested_symmetry, tip, regions)
+        domain, reason = _box_domain(body, center, requested_symmetry, tip, regions, slide_axis)
     return replace(domain, pins=_pins(domain)), reason
 
 
@@ -104,12 +110,18 @@ def _round_center(inclusion: Inclusion) -> Inclusion:
 
 
 def _cylinder_domain(
-    body: Cylinder, center: Point, requested_symmetry: str, tip: Indenter, regions: Regions
+    body: Cylinder,
+    center: Point,
+    requested_symmetry: str,
+    tip: Indenter,
+    regions: Regions,
+    slide_axis: str,
 ) -> tuple[ModelDomain, str]:
     """Return the model domain of a cylinder (section, whole, half or quarter) and the reason."""
     on_axis = {axis: abs(c) <= 1e-12 * body.radius for axis, c in zip("xy", center, strict=True)}
     obstacle = "" if all(on_axis.values()) else "the tip's axis is not the cylinder's axis"
     obstacle = obstacle if tip.is_axisymmetric else f"a {tip.shape} is not axisymmetric"
+    obstacle = obstacle or ("the tip slides" if slide_axis else "")
     if any(
         region.inclusion and not region.inclusion.is_axisymmetric_about(body.center)
         for region in regions
@@ -130,6 +142,7 @@ def _cylinder_domain(
         axis
         for axis in "xy"
         if on_axis[axis]
+        and axis != slide_axis
         and _is_tip_symmetric(tip, axis)
         and _are_inclusions_symmetric(regions, axis, 0.0)
     ]
@@ -171,7 +184,12 @@ def _sector_outline(radius: float, mirror_axes: list[str]) -> Sides:
 
 
 def _strip_domain(
-    body: Strip, center: Point, requested_symmetry: str, tip: Indenter, regions: Regions
+    body: Strip,
+    center: Point,
+    requested_symmetry: str,
+    tip: Indenter,
+    regions: Regions,
+    slide_axis: str,
 ) -> tuple[ModelDomain, str]:
     """Return the model domain of a strip (section or half section) and the reason."""
     if requested_symmetry not in ("auto", "plane_strain", "half", "full"):
@@ -181,13 +199,15 @@ def _strip_domain(
             "use 'auto', 'half' or 'full'",
         )
     symmetric = _is_centred(center[0], body.width) and body.sides.x_min == body.sides.x_max
-    symmetric = symmetric and _is_tip_symmetric(tip, "x")
+    symmetric = symmetric and _is_tip_symmetric(tip, "x") and not slide_axis
     symmetric = symmetric and _are_inclusions_symmetric(regions, "x", center[0])
     supports = {"base": str(body.base), **vars(body.sides)}
     if requested_symmetry == "half" and not symmetric:
         raise _symmetry_error(
             requested_symmetry,
-            "tip, sides or inclusions are not symmetric about the middle",
+            "the tip slides"
+            if slide_axis
+            else "tip, sides or inclusions are not symmetric about the middle",
             "use 'auto' or 'full'",
         )
     mirror_axes = ["x"] if symmetric and requested_symmetry != "full" else []
@@ -199,11 +219,18 @@ def _strip_domain(
         reason = "tip, sides and inclusions are symmetric about the mid-plane"
     elif requested_symmetry == "full":
         reason = "the full section is requested"
+    elif slide_axis:
+        reason = "the tip slides, so that no plane normal to x is a mirror plane"
     return domain, f"plane strain: {reason}"
 
 
 def _box_domain(
-    body: Box, center: Point, requested_symmetry: str, tip: Indenter, regions: Regions
+    body: Box,
+    center: Point,
+    requested_symmetry: str,
+    tip: Indenter,
+    regions: Regions,
+    slide_axis: str,
 ) -> tuple[ModelDomain, str]:
     """Return the model domain of a box (all, half or a quarter of it) and the reason."""
     if requested_symmetry not in ("auto", "quarter", "half", "full"):
@@ -230,7 +257,7 @@ def _box_domain(
         [
             axis
             for axis, symmetric in tip_symmetric.items()
-            if symmetric and inclusions_symmetric[axis]
+            if symmetric and inclusions_symmetric[axis] and axis != slide_axis
         ],
     )
     ranges = [

@@ -14,6 +14,7 @@ from scenes import BOX, CYLINDER, ELASTIC, PARABOLOID, STRIP, WALLED, scene, sol
 from indent_sim.config.scene_file import load
 from indent_sim.fe.condensed import compliance, equilibrium
 from indent_sim.fe.condensed.compliance import Condenser
+from indent_sim.model.tip_track import TipTrack
 from indent_sim.model.tips import Paraboloid, Sphere
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.pipeline import condense, states
@@ -171,9 +172,9 @@ def test_a_compliance_that_grows_is_the_one_solved_at_once() -> None:
     Only the columns of the new nodes are solved; the rest follows by symmetry.
     """
     condenser = condense(scene(BOX, "mesh.h_contact=0.05")).equilibrium.condenser
-    condenser.condense(0.1, (1.0, 1.0), [2])
-    grown = condenser.condense(0.3, (1.0, 1.0), [2])
-    at_once = Condenser(condenser.body).condense(0.3, (1.0, 1.0), [2])
+    condenser.condense(0.1, TipTrack((1.0, 1.0)), [2])
+    grown = condenser.condense(0.3, TipTrack((1.0, 1.0)), [2])
+    at_once = Condenser(condenser.body).condense(0.3, TipTrack((1.0, 1.0)), [2])
     assert grown.size == at_once.size > 50
     for name in ("C", "support_reactions", "pin_reactions"):
         ours, theirs = getattr(grown, name), getattr(at_once, name)
@@ -189,7 +190,7 @@ def test_memory_does_not_grow_with_the_blocks_solved(monkeypatch: pytest.MonkeyP
     body = condense(scene(WALLED, "mesh.h_contact=0.001")).equilibrium.condenser.body
     again = Condenser(body)
     before = memory_in_use()
-    found = again.condense(0.11, (0.0,), [1])
+    found = again.condense(0.11, TipTrack((0.0,)), [1])
     kept = 16 * found.size * body.unknowns.owned_count
     assert kept > 2e7
     assert memory_in_use() - before < kept / 4

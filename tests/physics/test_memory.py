@@ -72,7 +72,7 @@ class Hindered:
         if self._is_guessed:
             self._equilibrium.extrapolate(depth, earlier)
 
-    def solve(self, depth: float, dt: float = 0.0) -> bool:
+    def solve(self, depth: float, dt: float = 0.0, slide: float = 0.0) -> bool:
         """Solve, and refuse one depth after it was solved: its state must leave no trace."""
         if self._tries and depth != self._refused:
             self._refused = None

@@ -173,6 +173,28 @@ def test_a_tilted_tip_near_a_wall_is_pushed_aside() -> None:
     assert abs(state.side_force_x) > 1e-3 * state.force
 
 
+@pytest.mark.parametrize("gap", ["reference", "current"])
+def test_a_tilted_tip_slides(gap: str) -> None:
+    """Without friction a slide along a wide body changes nothing: force, moment and side force.
+
+    The moment is about the place of the tip. The mesh changes the force by 1e-3, the walls, which
+    the tip approaches by 0.25 of 22, by as much.
+    """
+    states = solve(
+        scene(
+            STRIP,
+            indenter={"shape": "cone", "half_angle": 85.0, "tilt": 4.0},
+            loading={"delta": 0.2, "steps": 1, "slide": {"to": [0.25], "steps": 1}},
+            contact={"gap": gap},
+            mesh={"h_contact": 0.2},
+        )
+    )
+    before, after = states
+    assert after.force == pytest.approx(before.force, rel=5e-3)
+    assert after.moment == pytest.approx(before.moment, rel=1e-2)
+    assert abs(after.side_force_x) <= 5e-3 * after.force
+
+
 def test_condensed_and_whole_body_agree() -> None:
     """Force and moment do not depend on the way the scene is solved, a tolerance of 1e-8."""
     tip = {"shape": "cone", "half_angle": 80.0, "tilt": 5.0, "tilt_towards": 180.0}

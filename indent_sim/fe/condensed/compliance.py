@@ -31,6 +31,7 @@ from indent_sim.fe.terms.scene_terms import bulk_terms
 from indent_sim.fe.terms.weak_roller import WeakRollerBC
 from indent_sim.mesh.grid import row_slices
 from indent_sim.mesh.reactions import SurfaceComponent
+from indent_sim.model.tip_track import TipTrack
 from indent_sim.process.errors import NotConverged
 from indent_sim.process.usage import machine_memory
 
@@ -242,32 +243,28 @@ class Condenser:
         order = np.lexsort(np.round(X.mean(axis=1), 10)[:, ::-1].T)
         return Trace(rows[order], X[order], rows[order])
 
-    def count_candidates(self, radius: float, center: tuple[float, ...]) -> int:
-        """Return the number of nodes on the facets within a radius [length] of the tip's axis."""
-        return len(np.unique(self._surface.nodes[self._is_near_axis(radius, center)]))
+    def count_candidates(self, radius: float, track: TipTrack) -> int:
+        """Return the number of nodes on the facets within a radius [length] of the tip's track."""
+        return len(np.unique(self._surface.nodes[self._is_near_track(radius, track)]))
 
-    def _is_near_axis(self, radius: float, center: tuple[float, ...]) -> np.ndarray:
-        """Return a mask of the facets with at least one node within a radius of the tip's axis."""
-        surface = self._surface
-        distance = np.linalg.norm(
-            surface.X[..., :-1] - np.asarray(center)[: surface.dim - 1], axis=-1
-        ).min(axis=1)
-        return np.asarray(distance <= radius)
+    def _is_near_track(self, radius: float, track: TipTrack) -> np.ndarray:
+        """Return a mask of the facets with at least one node within a radius of the tip's track."""
+        return np.asarray(track.distance(self._surface.X[..., :-1]).min(axis=1) <= radius)
 
-    def condense(self, radius: float, center: tuple[float, ...], axes: Sequence[int]) -> Compliance:
-        """Return the compliance of the surface nodes on facets near the tip's axis.
+    def condense(self, radius: float, track: TipTrack, axes: Sequence[int]) -> Compliance:
+        """Return the compliance of the surface nodes on facets near the track of the tip's axis.
 
         The previous compliance is returned if it already includes all these nodes.
 
         Parameters
         ----------
-        radius, center
-            Radius [length] around the tip's axis, and the horizontal position of the axis.
+        radius, track
+            Radius [length] around the track of the tip's axis.
         axes
             Axes of the displacement: the vertical one, and with friction the horizontal ones.
         """
         surface = self._surface
-        is_near = self._is_near_axis(radius, center)
+        is_near = self._is_near_track(radius, track)
         candidates, nodes = np.unique(surface.nodes[is_near], return_inverse=True)
         if (
             self._last_compliance is not None

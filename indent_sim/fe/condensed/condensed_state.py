@@ -30,6 +30,11 @@ class CondensedState:
         return self.contact.depth
 
     @property
+    def tip_center(self) -> tuple[float, ...]:
+        """Horizontal position of the tip's axis [length]."""
+        return self.scene.physics.track.position(self.contact.slide)
+
+    @property
     def E_star(self) -> float:
         """Contact modulus E* of the body, and of a soft tip, [pressure], constant in time."""
         return self.scene.physics.contact_modulus

@@ -57,6 +57,7 @@ class CondensedContact:
         self.compliance = compliance
         self.scene = scene
         self.depth = 0.0
+        self.slide = 0.0  # horizontal displacement of the tip from where it was pressed in
         self.law: Any = scene.physics.contact
         self.nodes = compliance.trace.nodes
         self.candidates = compliance.candidates
@@ -81,15 +82,32 @@ class CondensedContact:
         """Nodal forces (nodes,), positive downwards [force]."""
         return self.forces[0]
 
-    def solve(self, delta: float) -> bool:
-        """Solve at a depth from the present forces; return False and restore them on failure."""
+    def solve(self, delta: float, slide: float = 0.0) -> bool:
+        """Solve at a depth from the present forces; return False and restore them on failure.
+
+        Parameters
+        ----------
+        delta
+            Indentation depth [length].
+        slide
+            Horizontal displacement of the tip [length].
+        """
         state_before = (self.forces, self.lam, self.depth)
+        slide_before = self.slide
         self.depth = delta
+        self.slide_tip(slide)
         if CONDENSED_ALGORITHMS[self.law.multiplier](self):
             self._recent_forces = [*self._recent_forces[-1:], self.F]
             return True
         self.forces, self.lam, self.depth = state_before
+        self.slide_tip(slide_before)
         return False
+
+    def slide_tip(self, slide: float) -> None:
+        """Set the horizontal displacement of the tip from where it was pressed in [length]."""
+        if slide != self.slide:
+            self.slide = slide
+            self.quadrature = self._contact_quadrature()
 
     def accept(self) -> None:
         """Accept the present equilibrium as the start of the next increment."""
@@ -146,12 +164,30 @@ class CondensedContact:
             Areas (times 2 pi r if axisymmetric) and heights [length], both (facets, points).
         """
         trace = self.compliance.trace
-        scene = self.scene
-        x = np.moveaxis(trace.positions(points), -1, 0)
-        horizontal = scene.physics.domain.kinematics.horizontal_position(x, scene.physics.center)
-        return self._weighted_areas(trace, points, weights), scene.physics.indenter.height(
-            *horizontal
-        ) - x[-1]
+        areas = self._weighted_areas(trace, points, weights)
+        return areas, self.tip_heights(points, self.slide)
+
+    def tip_heights(self, points: np.ndarray, slide: float) -> np.ndarray:
+        """Return the heights (facets, points) of the tip above the undeformed surface [length].
+
+        Parameters
+        ----------
+        points
+            Points (points, dim - 1) of the reference facet.
+        slide
+            Horizontal displacement of the tip [length].
+        """
+        physics = self.scene.physics
+        return self._heights_below(
+            points, physics.track.position(slide) if slide else physics.center
+        )
+
+    def _heights_below(self, points: np.ndarray, center: tuple[float, ...]) -> np.ndarray:
+        """Return the heights of a tip at a horizontal position; see `tip_heights`."""
+        physics = self.scene.physics
+        x = np.moveaxis(self.compliance.trace.positions(points), -1, 0)
+        horizontal = physics.domain.kinematics.horizontal_position(x, center)
+        return np.asarray(physics.indenter.height(*horizontal) - x[-1])
 
     def moment(self) -> float:
         """Return the moment of the nodal forces on the model domain [force length]."""
@@ -159,7 +195,8 @@ class CondensedContact:
         x = np.zeros((self.compliance.size, trace.dim - 1))
         x[trace.nodes] = trace.X[..., :-1]
         physics = self.scene.physics
-        lever = physics.domain.kinematics.horizontal_position(x.T, physics.center)
+        center = physics.track.position(self.slide)
+        lever = physics.domain.kinematics.horizontal_position(x.T, center)
         e, g = physics.moment_axis
         return float(self.F @ (e * lever[0] + g * lever[1]))
 
@@ -175,8 +212,12 @@ class CondensedContact:
     def quadrature(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Contact quadrature: shape functions, weighted areas and heights of the tip.
 
-        Their shapes are (points, nodes), (facets, points) and (facets, points).
+        Their shapes are (points, nodes), (facets, points) and (facets, points). The heights are
+        those at the present place of the tip.
         """
+        return self._contact_quadrature()
+
+    def _contact_quadrature(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         points, weights = contact_quadrature(self.compliance.trace.dim)
         return shape_functions(points), *self.quadrature_rule(points, weights)
 
@@ -440,6 +481,32 @@ class CondensedContact:
         p = self.lam[self.candidates[carriers]]
         scale = self.scene.physics.material.E_star / self.scene.sizes.h_contact
         return np.asarray(p - scale * ((heights - self.depth * areas + A @ p) / areas))
+
+    def side_force(self, axis: int) -> float:
+        """Return the horizontal force on the tip along an axis, of the model domain [force].
+
+        It is that of friction; if the path slides, also that of the pressure on the slope of the
+        tip, which is minus the derivative of the energy with respect to the tip's position.
+        """
+        friction = 0.0 if self.friction is None else float(self.forces[1 + axis].sum())
+        slope_force = self._slope_force(axis) if self.scene.physics.slides else 0.0
+        return slope_force - friction
+
+    def _slope_force(self, axis: int) -> float:
+        """Return the horizontal force of the pressure on the slope of the tip [force]."""
+        _, W, _ = self.quadrature
+        trial_pressure = self.friction.trial_pressure() if self.friction else self.trial_pressure()
+        # Central difference of the heights, which are smooth but at an apex or an edge
+        step = 1e-5 * self.scene.sizes.h_contact
+        center = self.scene.physics.track.position(self.slide)
+        points, _ = contact_quadrature(self.compliance.trace.dim)
+        before, after = (
+            self._heights_below(
+                points, tuple(c + shift * (k == axis) for k, c in enumerate(center))
+            )
+            for shift in (-step, step)
+        )
+        return float((W * np.maximum(trial_pressure, 0.0) * (after - before)).sum() / (2 * step))
 
     @property
     def multiplier(self) -> np.ndarray:

@@ -17,7 +17,12 @@ from indent_sim.fe.condensed.contact import CondensedContact
 from indent_sim.fe.condensed.flat_punches import punches
 from indent_sim.fe.condensed.soft_tip import SoftTipCondenser
 from indent_sim.fe.discrete_body import Body
-from indent_sim.fe.path.equilibrium import Equilibrium, moment_values, state_reactions
+from indent_sim.fe.path.equilibrium import (
+    Equilibrium,
+    lateral_imbalance,
+    moment_values,
+    state_reactions,
+)
 from indent_sim.fe.path.solver_statistics import SolverStatistics
 from indent_sim.fe.postprocessing import measurements, penetration
 from indent_sim.fe.postprocessing.whole_body import WholeBody
@@ -32,7 +37,7 @@ CANDIDATE_MARGIN = 1.0
 
 @dataclass(frozen=True)
 class ContactForces:
-    """State of the contact: nodal forces, multiplier and depth.
+    """State of the contact: nodal forces, multiplier, depth and slide of the tip [length].
 
     Nodal forces (axes, nodes) and multiplier (nodes,) are stored for all nodes of the contact
     surface, so that they do not depend on the choice of candidates.
@@ -41,6 +46,7 @@ class ContactForces:
     nodal: np.ndarray
     lam: np.ndarray
     depth: float
+    slide: float = 0.0
 
 
 class CondensedEquilibrium(Equilibrium):
@@ -95,7 +101,7 @@ class CondensedEquilibrium(Equilibrium):
         dim = self.scene.physics.domain.dim
         law = self.scene.physics.contact
         axes = [dim - 1] if law.is_conservative else [dim - 1, *range(dim - 1)]
-        compliance = self.condenser.condense(radius, self.scene.sizes.axis, axes)
+        compliance = self.condenser.condense(radius, self.scene.contact_track, axes)
         self.contact = CondensedContact(compliance, self.scene, self._iterations)
         self.contact_state = CondensedState(self.contact)
         self._recent_trials: list[tuple[ContactForces, np.ndarray]] = []
@@ -105,9 +111,7 @@ class CondensedEquilibrium(Equilibrium):
             self.body.trace.select_facets(is_outside)
         )
         trace = compliance.trace
-        distance = np.linalg.norm(
-            trace.X[..., :-1] - np.asarray(self.scene.sizes.axis)[: dim - 1], axis=-1
-        )
+        distance = self.scene.contact_track.distance(trace.X[..., :-1])
         is_rim = (distance >= radius - 2 * self.scene.sizes.h_contact) & (
             radius < self._largest_radius
         )
@@ -153,7 +157,7 @@ class CondensedEquilibrium(Equilibrium):
         self.contact.accept()
         self._accepted_forces = self.snapshot()
 
-    def solve(self, depth: float, dt: float = 0.0) -> bool:
+    def solve(self, depth: float, dt: float = 0.0, slide: float = 0.0) -> bool:
         """Solve at a depth from the present state; return False and keep the state on failure.
 
         The set of candidate nodes is enlarged until the contact does not reach its rim.
@@ -163,10 +167,11 @@ class CondensedEquilibrium(Equilibrium):
         forces = contact.forces
         lam = contact.lam
         last_depth = contact.depth
-        while self.contact.solve(depth):
+        last_slide = contact.slide
+        while self.contact.solve(depth, slide):
             if self._is_contact_inside():
                 return True
-            forces_before = _forces_on_surface(contact, forces, lam, last_depth)
+            forces_before = _forces_on_surface(contact, forces, lam, last_depth, last_slide)
             is_enlarged = self._enlarge_candidate_set()
             # A restart makes the result independent of the previous candidates
             self._set_trial_state(forces_before)
@@ -177,7 +182,7 @@ class CondensedEquilibrium(Equilibrium):
     def _enlarge_candidate_set(self) -> bool:
         """Enlarge the set of candidate nodes; return False if it would exceed MAX_CANDIDATES."""
         wider_radius = min(1.3 * self._candidate_radius, self._largest_radius)
-        nodes = self.condenser.count_candidates(wider_radius, self.scene.sizes.axis) * len(
+        nodes = self.condenser.count_candidates(wider_radius, self.scene.contact_track) * len(
             self.contact.forces
         )
         if nodes > MAX_CANDIDATES:
@@ -209,7 +214,9 @@ class CondensedEquilibrium(Equilibrium):
     def snapshot(self) -> ContactForces:
         """Return a copy of the present state."""
         contact = self.contact
-        return _forces_on_surface(contact, contact.forces, contact.lam, contact.depth)
+        return _forces_on_surface(
+            contact, contact.forces, contact.lam, contact.depth, contact.slide
+        )
 
     def restore(self, state: ContactForces) -> None:
         """Set the present and the last accepted state to a snapshot."""
@@ -221,6 +228,7 @@ class CondensedEquilibrium(Equilibrium):
         self.contact.forces = state.nodal[:, self.contact.candidates]
         self.contact.lam = state.lam
         self.contact.depth = state.depth
+        self.contact.slide_tip(state.slide)
 
     def extrapolate(self, depth: float, earlier: Sequence[ContactForces]) -> None:
         """Set the nodal forces to an extrapolation of earlier states to the given depth."""
@@ -267,15 +275,16 @@ class CondensedEquilibrium(Equilibrium):
             )
         )
         values |= state_reactions(self.scene.physics.domain, support_reactions)
+        axis = self.scene.physics.track.axis
+        # With a reference gap the pressure on the body is vertical
+        traction = float(contact.forces[1 + axis].sum()) if contact.friction else 0.0
+        values |= lateral_imbalance(self.scene, support_reactions, -symmetry_factor * traction)
         if isinstance(self.condenser, SoftTipCondenser):
             values["tip_sink"] = self.condenser.tip_sink(X)
             values["tip_energy"] = symmetry_factor * self.condenser.tip_energy(X)
         values["stray_reaction"] = symmetry_factor * float(compliance.pin_reactions @ np.abs(X))
         for name, k in self.scene.physics.side_force_axes.items():
-            # `0.0 -` avoids -0.0
-            values[f"side_force_{name}"] = 0.0 - symmetry_factor * float(
-                contact.forces[1 + k].sum()
-            )
+            values[f"side_force_{name}"] = symmetry_factor * contact.side_force(k)
         if self.scene.physics.has_moment:
             values |= moment_values(symmetry_factor * contact.moment(), values["force"])
         solution = self.condenser.local_displacements(compliance, X)
@@ -294,12 +303,12 @@ class CondensedEquilibrium(Equilibrium):
 
 
 def _forces_on_surface(
-    contact: CondensedContact, forces: np.ndarray, lam: np.ndarray, depth: float
+    contact: CondensedContact, forces: np.ndarray, lam: np.ndarray, depth: float, slide: float
 ) -> ContactForces:
     """Return the state of the whole contact surface for given forces on the candidate nodes."""
     nodal = np.zeros((len(forces), len(lam)))
     nodal[:, contact.candidates] = forces
-    return ContactForces(nodal, lam, depth)
+    return ContactForces(nodal, lam, depth, slide)
 
 
 class RecoveredBody(WholeBody):
@@ -318,6 +327,11 @@ class RecoveredBody(WholeBody):
     def depth(self) -> float:
         """Indentation depth delta [length]."""
         return self._equilibrium.depth
+
+    @property
+    def tip_center(self) -> tuple[float, ...]:
+        """Horizontal position of the tip's axis [length]."""
+        return self._equilibrium.contact_state.tip_center
 
     def tip_displacement(self, r: np.ndarray) -> np.ndarray:
         """Return the displacement of a soft tip's surface towards its holder at radii [length]."""

@@ -21,6 +21,7 @@ import numpy as np
 from scipy.sparse import diags
 from scipy.sparse.linalg import splu
 
+from indent_sim.fe.quadrature import contact_quadrature
 from indent_sim.fe.shape_functions import shape_functions
 from indent_sim.model.contact import SlipReference
 from indent_sim.model.contact_point import (
@@ -44,16 +45,20 @@ class AcceptedState:
     Attributes
     ----------
     u
-        Displacements (1 + axes, nodes), downwards and along the axes [length].
+        Displacements (1 + axes, nodes), downwards and along the axes, the latter relative to the
+        tip [length].
     lam
         Multiplier (nodes,) [pressure].
     depth
         Indentation depth [length].
+    slide
+        Horizontal displacement of the tip [length].
     """
 
     u: np.ndarray
     lam: np.ndarray
     depth: float
+    slide: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -109,9 +114,10 @@ class CondensedFriction:
     def accept(self) -> None:
         """Accept the present equilibrium as the start of the next increment."""
         self._accepted_state = AcceptedState(
-            self._nodal_displacements(),
+            self._displacements_along_tip(),
             self._contact.lam[self._contact.candidates],
             self._contact.depth,
+            self._contact.slide,
         )
 
     def set_slip_reference(self, slip_reference: SlipReference) -> None:
@@ -124,7 +130,7 @@ class CondensedFriction:
         self._largest_passed_gap = 1.0
         if slip_reference == "mid":
             self._find_largest_passed_gap()
-            self._slip_start = self._nodal_displacements()[1:]
+            self._slip_start = self._displacements_along_tip()[1:]
 
     def _find_largest_passed_gap(self) -> None:
         self._largest_passed_gap = (
@@ -135,6 +141,24 @@ class CondensedFriction:
         return (self._compliance.matrix @ self._contact.forces.ravel()).reshape(
             -1, self._node_count
         )
+
+    def _displacements_along_tip(self) -> np.ndarray:
+        """Nodal displacements, along the horizontal axes relative to the tip [length]."""
+        u = self._nodal_displacements()
+        u[1:] -= self._tip_displacement[:, None]
+        return u
+
+    @property
+    def _tip_displacement(self) -> np.ndarray:
+        """Displacement of a sliding tip along the horizontal axes (axes,) [length]."""
+        displacement = np.zeros(len(self._is_constrained))
+        if slide := self._contact.slide:
+            displacement[self._contact.scene.physics.track.axis] = slide
+        return displacement
+
+    def trial_pressure(self) -> np.ndarray:
+        """Return the trial pressure at the contact quadrature points [pressure]."""
+        return self._present_trial(self._contact.quadrature).trial_pressure
 
     def solve_newton(self, stiffness_factor: float) -> bool:
         """Solve for the nodal forces X = [int p N, int t N] by a semismooth Newton method.
@@ -210,7 +234,11 @@ class CondensedFriction:
         return project
 
     def _evaluate_trial(
-        self, nodal: np.ndarray, rule: QuadratureRule, stiffness_factor: float = 1.0
+        self,
+        nodal: np.ndarray,
+        rule: QuadratureRule,
+        stiffness_factor: float = 1.0,
+        points: np.ndarray | None = None,
     ) -> TrialTraction:
         """Evaluate the trial tractions at the points of a quadrature rule.
 
@@ -223,6 +251,8 @@ class CondensedFriction:
             Shape functions, weighted areas and heights at the points.
         stiffness_factor
             Factor of both stiffnesses of the law.
+        points
+            The points, if they are not those of the contact quadrature.
         """
         N, _, height = rule
         depth = self._contact.depth
@@ -235,7 +265,15 @@ class CondensedFriction:
         )
         trial_pressure = trial_pressure - epsilon_n * (height - depth)
         open_displacement = accepted.u[0] - accepted.lam / self._law.stiffness
-        initial_gap = open_displacement[nodes] @ N.T + height - accepted.depth
+        height_before = (
+            height
+            if accepted.slide == self._contact.slide
+            else self._contact.tip_heights(
+                contact_quadrature(self._compliance.trace.dim)[0] if points is None else points,
+                accepted.slide,
+            )
+        )
+        initial_gap = open_displacement[nodes] @ N.T + height_before - accepted.depth
         is_new = is_new_contact(initial_gap, depth - accepted.depth)
         passed_gap_values = np.asarray(passed_gap(initial_gap, is_new, trial_pressure, epsilon_n))
         fraction = step_fraction_at_contact(passed_gap_values, self._largest_passed_gap)
@@ -245,7 +283,8 @@ class CondensedFriction:
             for start_u, accepted_u in start_pairs
         ]
         carries_traction = (trial_pressure > 0) & (self._new_contact_sticks | (is_new == 0))
-        t_hat = np.array(t_hat) + epsilon_t * np.array(slip_starts)
+        tip_displacement = self._tip_displacement[:, None, None]
+        t_hat = np.array(t_hat) + epsilon_t * (np.array(slip_starts) + tip_displacement)
         return TrialTraction(
             self._law.friction,
             np.maximum(trial_pressure, 0.0),
@@ -301,7 +340,8 @@ class CondensedFriction:
                 (
                     shape_functions(points),
                     *self._contact.quadrature_rule(points, np.ones(len(points))),
-                )
+                ),
+                points,
             ).stick_margin
         )
 
@@ -319,7 +359,7 @@ class CondensedFriction:
         if is_implicit := self._contact.scene.physics.slip_reference == "implicit":
             self._find_largest_passed_gap()
         trial = self._present_trial(self._contact.quadrature)
-        displacement = (self._nodal_displacements()[1:] - self._accepted_state.u[1:])[
+        displacement = (self._displacements_along_tip()[1:] - self._accepted_state.u[1:])[
             :, self._contact.nodes
         ] @ N.T
         fraction = step_fraction_at_contact(trial.passed_gap, self._largest_passed_gap)
@@ -335,10 +375,12 @@ class CondensedFriction:
         )
         return float((W * (heat + is_implicit * (trial.trial_pressure <= 0) * leaving_heat)).sum())
 
-    def _present_trial(self, rule: QuadratureRule) -> TrialTraction:
+    def _present_trial(
+        self, rule: QuadratureRule, points: np.ndarray | None = None
+    ) -> TrialTraction:
         """Evaluate the trial tractions of the present forces at the points of a quadrature rule."""
         u = self._nodal_displacements()
         lam = self._contact.lam[self._contact.candidates]
         trial_pressure = lam - self._law.stiffness * u[0]
         t_hat = self.nodal_shear()[:, self._contact.candidates] - self._law.epsilon_t * u[1:]
-        return self._evaluate_trial(np.array([trial_pressure, *t_hat]), rule)
+        return self._evaluate_trial(np.array([trial_pressure, *t_hat]), rule, points=points)

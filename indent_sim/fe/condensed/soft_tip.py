@@ -29,6 +29,7 @@ from indent_sim.fe.condensed.compliance import Compliance, Condenser, surface_ma
 from indent_sim.fe.quadrature import contact_quadrature
 from indent_sim.fe.shape_functions import shape_functions
 from indent_sim.fe.surface import Trace
+from indent_sim.model.tip_track import TipTrack
 
 # Gauss points between two neighbouring vertices of both surfaces: products of two quadratic shape
 # functions, the radius and a smooth metric are integrated to round-off.
@@ -68,17 +69,17 @@ class SoftTipCondenser:
         self._tip_compliance: Compliance | None = None
         self._transfer = np.zeros((0, 0))
 
-    def condense(self, radius: float, center: tuple[float, ...], axes: Sequence[int]) -> Compliance:
+    def condense(self, radius: float, track: TipTrack, axes: Sequence[int]) -> Compliance:
         """Return the compliance of both surfaces at the nodes of the body near the axis.
 
         Parameters as in `Condenser.condense`; radius [length of the body].
         """
-        rigid_tip = self.body_condenser.condense(radius, center, axes)
+        rigid_tip = self.body_condenser.condense(radius, track, axes)
         if self._compliance is not None and rigid_tip is self._rigid_tip:
             return self._compliance
         # The last facet of the body may end beyond the radius.
         reach = float(rigid_tip.trace.X[..., 0].max()) / self._length_ratio
-        self._tip_compliance = self.tip_condenser.condense(reach, (0.0, 0.0), axes)
+        self._tip_compliance = self.tip_condenser.condense(reach, TipTrack((0.0, 0.0)), axes)
         self._transfer = self._mortar_projection(rigid_tip, self._tip_compliance.trace)
         C = self._tip_compliance.C * self._compliance_ratio
         self._rigid_tip = rigid_tip

@@ -60,7 +60,7 @@ class Equilibrium(Protocol):
     def extrapolate(self, depth: float, earlier: Sequence[Any]) -> None:
         """Set the unknowns to an extrapolation of earlier snapshots to the given depth."""
 
-    def solve(self, depth: float, dt: float = 0.0) -> bool:
+    def solve(self, depth: float, dt: float = 0.0, slide: float = 0.0) -> bool:
         """Solve for the equilibrium at a depth, starting from the present unknowns.
 
         Parameters
@@ -69,6 +69,8 @@ class Equilibrium(Protocol):
             Indentation depth [length].
         dt
             Time since the last accepted equilibrium [time].
+        slide
+            Horizontal displacement of the tip from where it was pressed in [length].
 
         Returns
         -------
@@ -122,6 +124,31 @@ def moment_values(moment: float, force: float) -> dict[str, float]:
         Vertical force [force].
     """
     return {"moment": moment, "x_contact": moment / force if force > 0 else 0.0}
+
+
+def lateral_imbalance(
+    scene: Scene, support_reactions: Mapping[SurfaceComponent, float], push: float
+) -> dict[str, float]:
+    """Return the horizontal forces on the body that do not balance [force]; {} without a slide.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+    support_reactions
+        Reactions of the supports of the model domain [force].
+    push
+        Horizontal force of the body on the tip along the slide, of the whole body [force].
+    """
+    physics = scene.physics
+    if not physics.slides:
+        return {}
+    reaction = sum(
+        force
+        for (_, component), force in support_reactions.items()
+        if component == physics.track.axis
+    )
+    return {"lateral_imbalance": abs(physics.domain.symmetry_factor * reaction - push)}
 
 
 def state_reactions(

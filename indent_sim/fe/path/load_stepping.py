@@ -93,6 +93,7 @@ class LoadStepper:
         self._step_control = self._create_step_control()
         self._substeps = 0
         self._cuts = 0
+        self._search_slide = 0.0  # slide at which the depth of a force is searched for
         self._search_time = 0.0  # time at which the depth of a force is searched for
         # Change of the depth of first contact in the last increment, for a body that changes in
         # time
@@ -121,6 +122,9 @@ class LoadStepper:
         if self._adhesion_range:
             longest_step = min(longest_step, LONGEST_STEP_RANGES * self._adhesion_range)
             always_tried_step = SNAP_STEP_RANGES / 4 * self._adhesion_range
+        if segment and segment.slides:
+            # The tip moves by the same lengths sideways as it does downwards
+            return StepSizeControl(longest_step, -inf)
         if segment and segment.has_duration:
             return StepSizeControl(
                 segment.coordinate_length(longest_step),
@@ -188,7 +192,7 @@ class LoadStepper:
     def resume(
         self,
         points: Sequence[PackedState],
-        later_load_points: Sequence[tuple[float, float]],
+        later_load_points: Sequence[tuple[float, ...]],
         step: int = 0,
         pull_off_points: Mapping[int, PackedState] | None = None,
     ) -> bool:
@@ -203,7 +207,7 @@ class LoadStepper:
         points, pull_off_points
             The attributes of the same names, from the checkpoint of the earlier run.
         later_load_points
-            Depth [length] and time of each load point after the checkpoint.
+            Depth [length], time and slide [length] of each load point after the checkpoint.
         step
             Row at which the earlier run stopped, counted from 1.
 
@@ -213,15 +217,14 @@ class LoadStepper:
             False if an equilibrium was not found again.
         """
         unpacked = [
-            (LoadPoint(delta, t), self.equilibrium.unpack(delta, arrays, t))
-            for delta, t, arrays in points
+            (delta, t, self.equilibrium.unpack(delta, arrays, t)) for delta, t, arrays in points
         ]
         resumed_points = [
-            EquilibriumPoint(load_point, state)
-            for load_point, state in unpacked
+            EquilibriumPoint(LoadPoint(delta, t, state.slide), state)
+            for delta, t, state in unpacked
             if state is not None
         ]
-        load_points = [LoadPoint(*depth_and_time) for depth_and_time in later_load_points]
+        load_points = [LoadPoint(*point) for point in later_load_points]
         if resumed_points and self._adhesion_range:
             self._points = resumed_points
         else:
@@ -406,13 +409,14 @@ class LoadStepper:
         for step, value in enumerate(path.values[done:], start=done + 1):
             statistics_before = body.statistics
             substeps = 0
+            slide = path.slide(step)
             for depth, t in path.segment(step):
                 if substeps:  # the last equilibrium is a load point between two rows
                     self._record_unloading_point()
                 segment_substeps = (
-                    self._step_to(LoadPoint(depth, t))
+                    self._step_to(LoadPoint(depth, t, slide))
                     if path.control == "depth"
-                    else self._step_to_force(depth, t, step)
+                    else self._step_to_force(depth, t, step, slide=slide)
                 )
                 substeps = segment_substeps and substeps + segment_substeps
                 if not segment_substeps:
@@ -442,12 +446,19 @@ class LoadStepper:
                 "newton_iterations": effort.newton,
                 "wall_s": time.perf_counter() - self.started,
             }
+            if path.slides:
+                values |= {"slide": slide}
             if path.times:
                 values |= {"t": path.times[step - 1], "branch": path.branches[step - 1]}
             yield State(step=step, delta=self._last_point.delta, surface=surface, **values)
 
     def _step_to_force(
-        self, force: float, t: float, step: int, halvings: int = MOST_HALVINGS
+        self,
+        force: float,
+        t: float,
+        step: int,
+        halvings: int = MOST_HALVINGS,
+        slide: float = 0.0,
     ) -> int:
         """Find the equilibrium at a force and a time; return the increments made, 0 on failure.
 
@@ -456,7 +467,7 @@ class LoadStepper:
         """
         start_time = self._last_point.load_point.t
         start_force = self.equilibrium.force
-        substeps = self._find_depth_of_force(force, t, step)
+        substeps = self._find_depth_of_force(force, t, step, slide)
         if substeps or not halvings or t == start_time:
             return substeps
         self._cuts += 1
@@ -471,7 +482,7 @@ class LoadStepper:
             and first_substeps + last_substeps
         )
 
-    def _find_depth_of_force(self, force: float, t: float, step: int) -> int:
+    def _find_depth_of_force(self, force: float, t: float, step: int, slide: float) -> int:
         """Search for the depth of a force at a time; return the increments made, 0 on failure."""
         self._accept_pending()
         self._search_points = self._points
@@ -479,9 +490,14 @@ class LoadStepper:
         physics = self.equilibrium.scene.physics
         expected = physics.deltas[step - 1] or self._adhesion_range
         self._search_time = t
+        self._search_slide = slide
         if force == 0 and physics.is_time_dependent and not self._adhesion_range:
             return self._substeps - substeps if self._step_to_touch() else 0
-        if t == self._last_point.load_point.t and not (physics.is_time_dependent and t > 0):
+        # A tip that slides is on another curve of force and depth at every row
+        is_same_curve = slide == self._last_point.load_point.slide and not (
+            physics.is_time_dependent and t > 0
+        )
+        if t == self._last_point.load_point.t and is_same_curve:
             is_found = self._load_control.find_depth(force, expected)
             return self._substeps - substeps if is_found else 0
         delta = self._last_point.delta or expected
@@ -533,7 +549,7 @@ class LoadStepper:
             self._points = self._search_points
             self._pending_point = None
             self.restore_last()
-        self._substeps += self._step_to(LoadPoint(delta, self._search_time))
+        self._substeps += self._step_to(LoadPoint(delta, self._search_time, self._search_slide))
         return self._force_and_depth
 
     @property
@@ -567,7 +583,7 @@ class LoadStepper:
         One increment ends exactly at first contact, or at the depth where adhesion begins.
         """
         segment = LoadSegment(self._last_point.load_point, target_point)
-        if self._has_memory or segment.has_duration:
+        if self._has_memory or segment.has_duration or segment.slides:
             # The step size control is created anew for each target, so that a resumed path has
             # the same increments
             self._step_control = self._create_step_control(segment)
@@ -644,18 +660,20 @@ class LoadStepper:
         delta = load_point.delta
         dt = load_point.t - self._last_point.load_point.t
         earlier_points: list[EquilibriumPoint] = []
-        if not dt or self._keeps_speed(load_point):
+        # The state is a function of the depth only while the tip does not slide
+        is_sliding = load_point.slide != self._points[0].load_point.slide
+        if not is_sliding and (not dt or self._keeps_speed(load_point)):
             earlier_points = _extrapolation_points(self._points, delta)
         is_extrapolated = len(earlier_points) > 1
         if is_extrapolated:
             self.equilibrium.extrapolate(delta, [point.state for point in earlier_points])
-            if self.equilibrium.solve(delta, dt):
+            if self.equilibrium.solve(delta, dt, load_point.slide):
                 return True
         self.restore_last()
         if is_extrapolated and self._adhesion_range and self._is_long_step(delta):
             # A shorter increment costs less than fifty more iterations of this one
             return False
-        return self.equilibrium.solve(delta, dt)
+        return self.equilibrium.solve(delta, dt, load_point.slide)
 
     def _keeps_speed(self, load_point: LoadPoint) -> bool:
         """Return whether the tip's speed in this increment equals that of the last increment."""

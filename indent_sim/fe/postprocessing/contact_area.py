@@ -102,7 +102,7 @@ def whole_face_area(body: ObservedBody, X: np.ndarray, trial_pressure: np.ndarra
     if radius is None or body.scene.sizes.punch_edge is None or physics.gap != "reference":
         return None
     horizontal_position = physics.domain.kinematics.horizontal_position
-    distance = np.hypot(*horizontal_position(components_first(X), physics.center))
+    distance = np.hypot(*horizontal_position(components_first(X), body.tip_center))
     # Relative distance from a tip's sharp edge within which a point of the mesh lies on it:
     # coordinates are rounded to 12 digits.
     edge_tolerance = 1e-9
@@ -122,7 +122,7 @@ def whole_face_area(body: ObservedBody, X: np.ndarray, trial_pressure: np.ndarra
     if body.trace.dim == 2:
         local_area = _segment_measure(body, X[is_face, 0, 0], X[is_face, -1, 0])
     else:
-        corners = body.trace.X[:, :3, :2] - np.array(physics.center)
+        corners = body.trace.X[:, :3, :2] - np.array(body.tip_center)
         local_area = float(np.abs(area_in_circle(corners, radius)).sum())
     total_area = local_area if body.comm.size == 1 else body.comm.allreduce(local_area, op=MPI.SUM)
     return physics.domain.symmetry_factor * total_area
@@ -311,7 +311,7 @@ def contact_area_within_step(
     physics = body.scene.physics
     kinematics = physics.domain.kinematics
     X, _ = lattice_points
-    distance = np.hypot(*kinematics.horizontal_position(components_first(X), physics.center))
+    distance = np.hypot(*kinematics.horizontal_position(components_first(X), body.tip_center))
     # Elsewhere the pressure of a tip that is not round may be lower than at the edge.
     is_near_edge = distance > kinematics.contact_radius(size) - body.trace.facet_sizes[:, None]
     # A second iteration changes the radius by up to 0.05 elements, a third one by 0.01.

@@ -52,6 +52,10 @@ class ObservedBody(Protocol):
     def E_star(self) -> float:
         """Current plane-strain modulus of the region under the tip [pressure]."""
 
+    @property
+    def tip_center(self) -> tuple[float, ...]:
+        """Horizontal position of the tip's axis [length]."""
+
     def nodal_displacement(self) -> np.ndarray:
         """Displacement (facets, nodes, dim) of the contact surface [length]."""
 
@@ -146,7 +150,7 @@ def smallest_gap(body: ObservedBody) -> float:
     u = body.trace.interpolate(body.nodal_displacement(), points)
     positions = components_first(X if physics.gap == "reference" else X + u)
     height = physics.indenter.height(
-        *physics.domain.kinematics.horizontal_position(positions, physics.center)
+        *physics.domain.kinematics.horizontal_position(positions, body.tip_center)
     )
     g = height - body.depth - (X[..., -1] + u[..., -1])
     return float(body.comm.allreduce(float(g.min(initial=np.inf)), op=MPI.MIN))
@@ -172,7 +176,7 @@ def gap_of_displacement(
     X = trace.positions(points)
 
     def horizontal_position(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return physics.domain.kinematics.horizontal_position(components_first(x), physics.center)
+        return physics.domain.kinematics.horizontal_position(components_first(x), body.tip_center)
 
     if physics.gap == "current":
         x, y = horizontal_position(X + u)

@@ -160,7 +160,7 @@ def _roughness_amplitude(
         Number of the point that is the first node.
     """
     horizontal = body.scene.physics.domain.kinematics.horizontal_position(
-        components_first(positions[:, first_node:]), body.scene.physics.center
+        components_first(positions[:, first_node:]), body.tip_center
     )
     nodal: Any = (
         sample.X[:, first_node:],

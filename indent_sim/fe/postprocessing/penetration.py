@@ -81,7 +81,7 @@ def overlap_depth(body: ObservedBody, positions: np.ndarray, gap: np.ndarray) ->
 def _depth_inside_tip(body: ObservedBody, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Depth z + delta - f of positions inside the tip, and distance from its axis [length]."""
     horizontal = body.scene.physics.domain.kinematics.horizontal_position(
-        components_first(positions), body.scene.physics.center
+        components_first(positions), body.tip_center
     )
     indenter = body.scene.physics.indenter
     inside = positions[..., -1] + body.depth - indenter.height(*horizontal)

@@ -37,6 +37,11 @@ class WholeBody:
         self.fluid = fluid
 
     @property
+    def tip_center(self) -> tuple[float, ...]:
+        """Horizontal position of the tip's axis [length]."""
+        return tuple(self.scene.physics.center)
+
+    @property
     def E_star(self) -> float:
         """Current plane-strain modulus of the region under the tip [pressure]."""
         return float(self.strain_energies[0].E_star)

@@ -12,7 +12,7 @@ import numpy as np
 from mpi4py import MPI
 
 from indent_sim.fe.discrete_body import Body
-from indent_sim.fe.path.equilibrium import moment_values, state_reactions
+from indent_sim.fe.path.equilibrium import lateral_imbalance, moment_values, state_reactions
 from indent_sim.fe.path.load_control import ForceDepth, LoadControl
 from indent_sim.fe.path.solver_statistics import SolverStatistics
 from indent_sim.fe.postprocessing import contact_sample, measurements, penetration
@@ -114,8 +114,17 @@ class BodyEquilibrium:
         self.newton.accept()
         return dissipation
 
-    def solve(self, depth: float, dt: float = 0.0) -> bool:
+    def solve(self, depth: float, dt: float = 0.0, slide: float = 0.0) -> bool:
         """Solve for the equilibrium at a depth `dt` later, stage by stage.
+
+        Parameters
+        ----------
+        depth
+            Indentation depth [length].
+        dt
+            Time since the last accepted equilibrium [time].
+        slide
+            Horizontal displacement of the tip [length].
 
         Returns
         -------
@@ -127,6 +136,7 @@ class BodyEquilibrium:
         state_before = self.problem.trial_state()
         earlier_states = self._extrapolation_states
         self._extrapolation_states = ()
+        self.problem.body.slide_tip(slide)
         for stage in self.problem.stages(dt):
             is_last = stage.end_fraction == 1.0
             if earlier_states and dt:
@@ -272,6 +282,8 @@ class BodyEquilibrium:
         arrays = [*(vector.array_r for vector in state.unknowns), *state.history]
         pairs = zip(arrays, self._numberings, strict=True)
         packed = [field.gather(values) for values, fields in pairs for field in fields]
+        if self.scene.physics.slides:
+            return [*packed, np.array([state.slide])]
         return [*packed, np.array([state.modulus_ratio])] if self._has_relaxation else packed
 
     def unpack(self, depth: float, arrays: Sequence[np.ndarray], t: float = 0.0) -> Snapshot | None:
@@ -282,12 +294,16 @@ class BodyEquilibrium:
         state = replace(self.snapshot(), depth=depth, t=t)
         numbering = self._numberings
         shapes: list[tuple[int, ...]] = [field.shape for fields in numbering for field in fields]
-        shapes += [(1,)] if self._has_relaxation else []
+        slides = self.scene.physics.slides
+        shapes += [(1,)] if self._has_relaxation or slides else []
         if [np.shape(values) for values in arrays] != shapes:
             return None
         if self._has_relaxation:
             *arrays, modulus_ratio = arrays
             state = replace(state, modulus_ratio=float(modulus_ratio[0]))
+        if slides:
+            *arrays, slide = arrays
+            state = replace(state, slide=float(slide[0]))
         remaining_arrays = iter(arrays)
         for values, fields in zip(
             [*(vector.array for vector in state.unknowns), *state.history], numbering, strict=True
@@ -379,6 +395,7 @@ class BodyEquilibrium:
         values: dict[str, Any] = {"force": self.force, "energy": energy}
         support_reactions, values["stray_reaction"] = self.problem.reactions()
         values |= state_reactions(self.scene.physics.domain, support_reactions)
+        values |= lateral_imbalance(self.scene, support_reactions, self._push_along_slide())
         for name, axis in self.scene.physics.side_force_axes.items():
             values[f"side_force_{name}"] = self.problem.side_force(axis)
         if self.scene.physics.has_moment:
@@ -392,6 +409,20 @@ class BodyEquilibrium:
         if self.scene.physics.is_swelling and values["a"] == 0:
             values["clearance"] = contact_sample.smallest_gap(self.observed_body)
         return values
+
+    def _push_along_slide(self) -> float:
+        """Horizontal force of the body on the tip along its slide [force]; 0 without a slide.
+
+        With a reference gap it is that of friction, because the pressure on the body is vertical.
+        """
+        physics = self.scene.physics
+        if not physics.slides:
+            return 0.0
+        axis = physics.track.axis
+        if physics.gap == "current":
+            return self.problem.side_force(axis)
+        friction = self.contact_terms.friction
+        return self.problem.sum_over_body(friction.side_force(axis)) if friction else 0.0
 
     def _fluid_values(self) -> dict[str, Any]:
         """Return the results for the pore fluid by the names of State's fields; {} without flow.

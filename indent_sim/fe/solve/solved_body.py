@@ -14,12 +14,17 @@ class SolvedBody(WholeBody):
         super().__init__(body, bulk.strain_energies, contact.friction, bulk.flow)
         self.multiplier_at = contact.pressure.multiplier_at
         self.pressure_at = contact.pressure.pressure_at
-        self._delta = body.now.delta
+        self._body = body
+
+    @property
+    def tip_center(self) -> tuple[float, ...]:
+        """Horizontal position of the tip's axis [length]."""
+        return self.scene.physics.track.position(self._body.slide)
 
     @property
     def depth(self) -> float:
         """Indentation depth delta [length]."""
-        return float(self._delta.value)
+        return float(self._body.now.delta.value)
 
     def inverted_size(self) -> float:
         """Return the size [length] of the region in which J < 0 (collective)."""

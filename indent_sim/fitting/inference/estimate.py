@@ -2,9 +2,9 @@
 
     F_i = b0 + b1 (x_i - mean)/range + f(x_i - c; theta) + noise
 
-Ordinary least squares gives the parameters, and the noise of the residuals their intervals. The fit
-is repeated by generalized least squares with the most likely noise. It is rejected if its residuals
-are larger, since a noise with a long correlation time hides a systematic misfit.
+Ordinary least squares, followed by one step to the mean over all noise models, gives the
+parameters, and the noise of the residuals their intervals. The step is shortened where it raises
+the residuals, since a noise with a long correlation time hides a systematic misfit.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ MIN_SIGNAL_TO_NOISE = 4.0
 MAX_UNCERTAINTY_FACTOR = 4.0
 # Number of blocks of a curve whose means distinguish a contact from noise.
 SIGNAL_BLOCKS = 50
-# A fit in correlated noise is discarded if its rms exceeds that of ordinary least squares by more.
+# Largest rms of the residuals, relative to that of ordinary least squares.
 MAX_RMS_RATIO = 1.1
 # A snap-in of at least this many standard deviations of the noise lies between two known samples.
 CLEAR_SNAP_DEVIATIONS = 5.0
@@ -368,7 +368,7 @@ class Estimate:
     model : CurveModel
         The model.
     p : ndarray, shape (p,)
-        Parameters [theta..., c, b0, b1] with the most likely noise.
+        Parameters [theta..., c, b0, b1], the mean over all noise models.
     ordinary_p : ndarray, shape (p,)
         Parameters by ordinary least squares.
     uncertainty : ParameterUncertainty
@@ -442,13 +442,30 @@ class Estimate:
 def estimate_parameters(model: CurveModel, initial_p: np.ndarray) -> Estimate:
     """Fit a model, beginning at the parameters `initial_p`."""
     ordinary_p, _ = model.least_squares(initial_p)
+    return _mean_over_noise(model, ordinary_p)
+
+
+def _mean_over_noise(model: CurveModel, ordinary_p: np.ndarray) -> Estimate:
+    """Return the estimate whose parameters are the mean over all noise models.
+
+    The mean is approached from ordinary least squares, by one step, as far as the residuals allow:
+    a noise with a long correlation time hides a systematic misfit. A fraction t of the step raises
+    the sum of squares by the factor 1 + kappa t^2.
+    """
     uncertainty = uncertainty_at(model, ordinary_p)
-    if uncertainty.likeliest_noise == WHITE:
+    if not uncertainty.step.any():
         return Estimate(model, ordinary_p, ordinary_p, uncertainty)
-    weighted_p, _ = model.least_squares(ordinary_p, uncertainty.likeliest_noise)
-    if _rms_residual(model, weighted_p) > MAX_RMS_RATIO * _rms_residual(model, ordinary_p):
-        return Estimate(model, ordinary_p, ordinary_p, uncertainty)
-    return Estimate(model, weighted_p, ordinary_p, uncertainty_at(model, weighted_p))
+    ordinary_squares = _mean_square(model, ordinary_p)
+    p = model.clip_to_bounds(ordinary_p + model.limit_step(uncertainty.step))
+    largest_rise = MAX_RMS_RATIO**2 - 1.0
+    # Steps are shortened again where the model is not linear.
+    for _ in range(10):
+        rise = _mean_square(model, p) / max(ordinary_squares, 1e-300) - 1.0
+        if rise <= (1.0 + 1e-6) * largest_rise:
+            return Estimate(model, p, ordinary_p, uncertainty_at(model, p))
+        fraction = math.sqrt(largest_rise / rise) if math.isfinite(rise) else 0.1
+        p = ordinary_p + fraction * (p - ordinary_p)
+    return Estimate(model, ordinary_p, ordinary_p, uncertainty)
 
 
 def uncertainty_at(
@@ -546,8 +563,16 @@ def standard_deviation(estimate: Estimate, k: int, fixed: Sequence[int] = ()) ->
     return math.sqrt(max(float(covariance[k, k]), 0.0))
 
 
+def _mean_square(model: CurveModel, p: np.ndarray) -> float:
+    """Return the mean square of the residuals [force^2]; infinite where there is no solution."""
+    try:
+        return float(np.mean(model.residual(p) ** 2))
+    except ForwardModelUnavailable:
+        return math.inf
+
+
 def _rms_residual(model: CurveModel, p: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(model.residual(p) ** 2)))
+    return math.sqrt(_mean_square(model, p))
 
 
 def reject_without_signal(samples: Samples) -> None:
@@ -841,25 +866,13 @@ def _with_baseline_of_samples(estimate: Estimate) -> np.ndarray:
 
 
 def _estimate_with_jumps(model: CurveModel, p: np.ndarray, weak_sides: tuple[int, ...]) -> Estimate:
-    """Fit an adhesive tip and its jumps, beginning at the parameters `p`.
-
-    The parameters are the mean over all noise models. It is approached from ordinary least squares
-    as far as the residuals allow: a noise with a long correlation time hides a systematic misfit.
-    """
+    """Fit an adhesive tip and its jumps, beginning at the parameters `p`."""
     model, ordinary_p, _ = place_jumps(model, p, weak_sides)
     if model.touch is not None:
         # The contact may tell the contact point better than the snap-in does.
         ordinary_p = ordinary_p + uncertainty_at(model, ordinary_p, (WHITE,)).step
         ordinary_p, _ = model.least_squares(ordinary_p)
-    uncertainty = uncertainty_at(model, ordinary_p)
-    mean_p = model.clip_to_bounds(ordinary_p + model.limit_step(uncertainty.step))
-    largest_rms = MAX_RMS_RATIO * _rms_residual(model, ordinary_p)
-    # Halvings of the step: the last one is negligible.
-    for _ in range(10):
-        if _rms_residual(model, mean_p) <= largest_rms:
-            return Estimate(model, mean_p, ordinary_p, uncertainty_at(model, mean_p))
-        mean_p = 0.5 * (mean_p + ordinary_p)
-    return Estimate(model, ordinary_p, ordinary_p, uncertainty)
+    return _mean_over_noise(model, ordinary_p)
 
 
 def place_jumps(

@@ -37,6 +37,9 @@ COLUMN_LABELS = {
     "pore_pressure_max": ("largest pore pressure p", "pressure"),
     "p_max": ("largest pressure p", "pressure"),
     "penetration": ("penetration", "length"),
+    "slide": ("slide x", "length"),
+    "side_force_x": ("side force $F_x$", "force"),
+    "side_force_y": ("side force $F_y$", "force"),
 }
 
 
@@ -103,7 +106,11 @@ def horizontal_axis_name(run: Results) -> str:
     return "r" if plan_choice(run.report, "kinematics") in (None, "axisymmetric") else "x"
 
 
-def tip_axis_position(runs: Sequence[Results], along: Literal[0, 1] = 0) -> tuple[float, str]:
+def tip_axis_position(
+    runs: Sequence[Results],
+    along: Literal[0, 1] = 0,
+    slides: Sequence[np.ndarray] | None = None,
+) -> tuple[float, str]:
     """Return the position of the tips' axis [length] along x or y, and the axis label.
 
     For tips at different positions, the coordinate is the distance from each tip's axis, so that
@@ -115,8 +122,14 @@ def tip_axis_position(runs: Sequence[Results], along: Literal[0, 1] = 0) -> tupl
         The results in the picture.
     along
         0 for x, 1 for y.
+    slides
+        For each result, the displacement (x, y) of a tip that slides [length]; 0 if None.
     """
-    places = {float([*(run.report.get("center") or [0.0]), 0.0, 0.0][along]) for run in runs}
+    moved = [0.0] * len(runs) if slides is None else [slide[along] for slide in slides]
+    places = {
+        float([*(run.report.get("center") or [0.0]), 0.0, 0.0][along] + slide)
+        for run, slide in zip(runs, moved, strict=True)
+    }
     if len(places) == 1:
         return places.pop(), "y" if along else horizontal_axis_name(runs[0])
     return 0.0, "distance from the tip's axis"
@@ -143,6 +156,7 @@ def axis_of_column(column: str, runs: Sequence[Results]) -> Axis:
         plane_strain_labels = {
             "a": ("contact half-width a", "length"),
             "force": ("force F per length", "line"),
+            "side_force_x": ("side force $F_x$ per length", "line"),
         }
         name, kind = plane_strain_labels.get(column, (name, kind))
     return scaled_axis(kind, runs, np.concatenate([run[column] for run in runs]), name)

@@ -201,7 +201,7 @@ def deformed_section(results: Results, step: float, field: FieldQuantity) -> Sec
         _region_part(fields, values, fields["region"] == region)
         for region in np.unique(fields["region"])
     ]
-    center = np.array([*results.report.get("center", [0.0]), 0.0][:2])
+    center = np.array([*results.report.get("center", [0.0]), 0.0][:2]) + results.slide_at(step)
     if fields["cells"].shape[1] == 4:
         y = fields["points"][:, 1]
         inside = np.clip(center[1], y.min() + 1e-6 * np.ptp(y), y.max() - 1e-6 * np.ptp(y))
@@ -322,7 +322,8 @@ class FieldRow:
         sections = []
         for results, step, _ in self.steps:
             section = deformed_section(results, step, self.field)
-            offset = self.axis_position - tip_axis_position([results])[0]
+            slide = results.slide_at(step)
+            offset = self.axis_position - tip_axis_position([results], 0, [slide])[0]
             sections.append(
                 replace(section, points=section.points + np.array([offset, 0.0]))
                 if offset
@@ -333,7 +334,13 @@ class FieldRow:
     @property
     def axis_position(self) -> float:
         """Position of the tips' axis in the maps [length]."""
-        return tip_axis_position([results for results, *_ in self.steps])[0]
+        return self._axis_and_name[0]
+
+    @property
+    def _axis_and_name(self) -> tuple[float, str]:
+        """Position of the tips' axis in the maps [length], and label of the horizontal axis."""
+        slides = [results.slide_at(step) for results, step, _ in self.steps]
+        return tip_axis_position([results for results, *_ in self.steps], 0, slides)
 
     @cached_property
     def frame(self) -> np.ndarray:
@@ -421,7 +428,7 @@ class FieldRow:
         """
         runs = [run for run, *_ in self.steps]
         frame = self._frame_of_aspect(aspect)
-        length = scaled_axis("length", runs, np.ptp(frame[:2]) / 2, tip_axis_position(runs)[1])
+        length = scaled_axis("length", runs, np.ptp(frame[:2]) / 2, self._axis_and_name[1])
         inside, areas = map(
             np.concatenate,
             zip(*(section.values_in_frame(self.frame) for section in self.sections), strict=True),

@@ -34,6 +34,7 @@ from indent_sim.results.unit_conversion import convert_to_common_units, refuse_d
 THEORY_STYLE: PlotStyle = {"color": "#D55E00", "ls": "--", "lw": 1.4, "zorder": 3}
 ERROR_LABEL = "estimated error"
 UNLOADING_LABEL = "unloading"
+SIDE_PANEL = "side force"
 # Width and height of all panels [inches].
 PANELS_WIDTH = 9.2
 PANELS_HEIGHT = 4.8
@@ -55,10 +56,16 @@ def draw_force_indentation(results: Results, path: Path | str) -> None:
             if step
             else [["force", *radius_panel]]
         )
+        side_force = slide_force_column(results)
+        if side_force:
+            # The left column shows the force above the side force
+            rows = [["force", *rows[0][1:]], [SIDE_PANEL, *rows[-1][1:]]]
         widths = [1.55, 1][: len(rows[0])]
         panels: dict[str, Axes] = figure.subplot_mosaic(rows, width_ratios=widths)
         name = "measured" if results.report.get(MEASURED) else "this run"
         draw_forces(panels["force"], [results], theory, [name])
+        if side_force:
+            _draw_side_force(panels[SIDE_PANEL], results, side_force)
         if radius_panel:
             _draw_radius(panels["a"], [results], theory)
         if step:
@@ -338,6 +345,46 @@ def _draw_radius(axes: Axes, runs: Sequence[Results], theory: Report | None) -> 
         axes.plot(*curves.smooth_curve(depth(curve["delta"]), radius(curve["a"])), **THEORY_STYLE)
     axes.set(xlabel=depth.label, ylabel=radius.label)
     figures.start_at_zero(axes, *(radius(run["a"]) for run in runs), radius(curve.get("a", [])))
+
+
+def slide_force_column(results: Results) -> str:
+    """Return the column of the side force along the slide; empty if the tip does not slide."""
+    name = f"side_force_{results.report.get('slide_axis')}"
+    return name if name in results.table and np.any(results.table.get("slide", 0.0)) else ""
+
+
+def _draw_side_force(axes: Axes, results: Results, side_force: str) -> None:
+    """Draw the side force over the slide, with the work and the dissipation of the last loop."""
+    slide = axis_of_column("slide", [results])
+    force = axis_of_column(side_force, [results])
+    first = max(int(np.flatnonzero(results["slide"])[0]) - 1, 0)
+    x = results["slide"][first:]
+    F = results[side_force][first:]
+    style = curves.line_style(0, 1)
+    marker = style["marker"] if len(x) <= figures.MAX_MARKED_POINTS else ""
+    axes.plot(slide(x), force(F), color=style["color"], marker=marker, ms=3.5, lw=1.2)
+    axes.axhline(0, color=GREY, lw=0.6, zorder=0)
+    axes.set(xlabel=Axis(f"slide {side_force[-1]}", unit=slide.unit).label, ylabel=force.label)
+    begin = _loop_begin(x)
+    name = "slide" if begin is None else "last loop"
+    begin = begin or 0
+    work = float(-np.sum(np.diff(x[begin:]) * (F[begin + 1 :] + F[begin:-1]) / 2))
+    text = f"{name}: work {work:.4g}"
+    if "dissipation" in results.table:
+        dissipated = float(results["dissipation"][first + begin + 1 :].sum())
+        text += f", dissipated {dissipated:.4g}"
+    axes.set_title(text, loc="left", fontsize="small", color=GREY)
+
+
+def _loop_begin(x: np.ndarray) -> int | None:
+    """Return the last row at which a closed loop of the slide begins, which ends at the last row.
+
+    None if the tip has not come back to its last position.
+    """
+    span = np.ptp(x)
+    same = np.flatnonzero(np.abs(x[:-1] - x[-1]) <= 1e-9 * span)
+    begins = [int(i) for i in same if np.ptp(x[i:]) > 0.01 * span]
+    return begins[-1] if begins else None
 
 
 def subtitle(results: Results) -> str:

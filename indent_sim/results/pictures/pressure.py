@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, Literal
 
@@ -79,6 +79,7 @@ class ContactSurface:
     singularities: tuple[tuple[float, float], ...]
     shear: np.ndarray | None = None
     stick_radius: float = 0.0
+    slide: np.ndarray = field(default_factory=lambda: np.zeros(2))
 
     @property
     def median_pressure(self) -> float:
@@ -172,7 +173,7 @@ def contact_surface(results: Results, step: float) -> ContactSurface:
     # Results of older versions have no center: the largest pressure marks it.
     given_center = results.report.get("center")
     center = (
-        np.array([*given_center, 0.0][:2])
+        np.array([*given_center, 0.0][:2]) + results.slide_at(step)
         if given_center
         else np.array([x[p.argmax()], y[p.argmax()]])
     )
@@ -198,8 +199,18 @@ def contact_surface(results: Results, step: float) -> ContactSurface:
     singularities = _pressure_singularities(results, step, a)
     shear = surface["shear"][is_known] if "shear" in surface else None
     stick_radii = results.table.get("stick_radius", np.zeros(len(results)))[results["step"] == step]
+    stick_radius = float(stick_radii.max(initial=0.0))
     return ContactSurface(
-        x, y, p, center, mirrored, a, singularities, shear, float(stick_radii.max(initial=0.0))
+        x,
+        y,
+        p,
+        center,
+        mirrored,
+        a,
+        singularities,
+        shear,
+        stick_radius,
+        results.slide_at(step),
     )
 
 
@@ -312,7 +323,8 @@ def draw_pressures(
         Axis on which the positions are: 0 for x, 1 for y.
     """
     runs = [results for results, *_ in shown]
-    middle, name_of_axis = tip_axis_position(runs, along)
+    slides = [surface.slide for _, surface, *_ in shown]
+    middle, name_of_axis = tip_axis_position(runs, along, slides)
     is_half = all(horizontal_axis_name(run) == "r" for run in runs)  # Axisymmetric bodies.
     contacts = [
         replace(surface, mirror_axes=(False, False)) if is_half else surface

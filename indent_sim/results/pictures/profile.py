@@ -49,6 +49,7 @@ def surface_profile(results: Results, step: float) -> SurfaceProfile:
     moved_x = x + np.nan_to_num(surface["u_x"])
     moved_z = np.nan_to_num(undeformed_z) + surface["u_z"]
     center = np.array([*results.report.get("center", [0.0, 0.0]), 0.0][:2])
+    center = center + results.slide_at(step)
     x, moved_x, moved_z, undeformed_z = values_on_line(
         y - center[1], x, moved_x, moved_z, np.nan_to_num(undeformed_z)
     )
@@ -112,11 +113,12 @@ def draw_profiles(axes: Axes, shown: Sequence[tuple[Results, float, str, object]
     # Half-width of the view around the tip, in contact radii or depths.
     view = 3.0
     half_width = max(view * max(line.a, abs(line.delta)) for line in profiles)
-    middle, name = tip_axis_position(runs)
+    slides = [results.slide_at(step) for results, step, *_ in shown]
+    middle, name = tip_axis_position(runs, 0, slides)
     length = scaled_axis("length", runs, half_width, name)
     profiles = [
-        replace(line, x=line.x - tip_axis_position([run])[0] + middle)
-        for run, line in zip(runs, profiles, strict=True)
+        replace(line, x=line.x - tip_axis_position([run], 0, [slide])[0] + middle)
+        for run, line, slide in zip(runs, profiles, slides, strict=True)
     ]
     heights = np.concatenate([line.z[np.abs(line.x - middle) <= half_width] for line in profiles])
     deepest = max(range(len(profiles)), key=lambda i: profiles[i].delta)

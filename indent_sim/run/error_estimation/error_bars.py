@@ -382,9 +382,15 @@ class ErrorBars:
 
     # ---- contact radius, pressure, stick radius, dissipation
 
+    @property
+    def _side_forces(self) -> tuple[str, ...]:
+        """Columns of the side forces that have error estimates, those of a tip that slides."""
+        physics = self._physics
+        return tuple(f"side_force_{name}" for name in physics.side_force_axes if physics.slides)
+
     def _other_columns(self, state: State) -> list[str]:
         """Return the columns of the row that have error estimates, except the force."""
-        columns = ("a", "p_max", "stick_radius", "dissipation")
+        columns = ("a", "p_max", "stick_radius", "dissipation", *self._side_forces)
         return [name for name in columns if getattr(state, name) is not None]
 
     def _error_of_other_column(self, state: State, name: str) -> float:
@@ -392,6 +398,10 @@ class ErrorBars:
         if self._is_contact_missed(state):
             return self._value_at_next_deeper_row(state, name)
         value = abs(getattr(state, name))
+        if name in self._side_forces and state.stick_radius == 0:
+            # In full slip the side force is friction times the force
+            friction = float(self._physics.contact.friction)
+            return friction * self.budgets[-1].total + self._step_error(state, name)
         contributions = [
             self._mesh_error_of_other_column(state, name),
             self._penalty_error_of_other_column(state.step, name),
@@ -602,8 +612,15 @@ def interpolate_force(state: State, delta: float, curve: StatesByStep) -> float:
 
 
 def _log_slope(state: State, curve: StatesByStep) -> float:
-    """Return the slope dlnF/dlndelta between the neighbouring rows of a state; 1.5 if undefined."""
-    neighbours = [curve[k] for k in (state.step - 1, state.step, state.step + 1) if k in curve]
+    """Return the slope dlnF/dlndelta between the neighbouring rows of a state; 1.5 if undefined.
+
+    Rows between which the tip has slid are not on one curve of force and depth.
+    """
+    neighbours = [
+        curve[k]
+        for k in (state.step - 1, state.step, state.step + 1)
+        if k in curve and curve[k].slide == state.slide
+    ]
     first = min(neighbours, key=lambda s: s.delta)
     last = max(neighbours, key=lambda s: s.delta)
     if first.force <= 0 or first.delta <= 0 or last.delta <= first.delta:

@@ -25,7 +25,8 @@ def overlap(tip: Indenter, depth: float, places: np.ndarray, heights: np.ndarray
     scene = SimpleNamespace(physics=physics)
     with np.errstate(invalid="ignore"):  # 0/0 at a sharp apex, in the branch not taken
         gap = gap_current(tip, x[..., 0], 0.0 * x[..., 0], x[..., 1], depth)
-    return overlap_depth(SimpleNamespace(scene=scene, depth=depth), x, gap)
+    state = SimpleNamespace(scene=scene, depth=depth, tip_center=(0.0,))
+    return overlap_depth(state, x, gap)
 
 
 def surface(tip: Indenter, depth: float, places: np.ndarray, lift: float = 0.0) -> np.ndarray:

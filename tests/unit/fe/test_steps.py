@@ -146,7 +146,7 @@ class Spring:
     statistics = property(lambda self: SolverStatistics(self.solves))
     force = property(lambda self: self.depth**2 - self.worn)
 
-    def solve(self, depth: float, dt: float = 0.0) -> bool:
+    def solve(self, depth: float, dt: float = 0.0, slide: float = 0.0) -> bool:
         self.solves += 1
         if abs(depth - self.accepted) > self.reach or dt > self.longest_time:
             return False

@@ -19,8 +19,8 @@ from indent_sim.fitting.inference.pooled_noise import (
 )
 from indent_sim.fitting.map_fit import REASONS, MapFitter, MapModel, PixelFits
 from indent_sim.fitting.map_scene import MapScene, largest_depth
-from indent_sim.fitting.map_thickness import Thickness, thickness_of_scene
-from indent_sim.process.errors import ConfigError
+from indent_sim.fitting.map_thickness import Thickness, parse_thickness, thickness_of_scene
+from indent_sim.process.errors import ConfigError, UsageError
 from indent_sim.results.measured.measured_map import MeasuredMap
 from indent_sim.results.measured.measurement import MeasuredCurve, NoCurve
 
@@ -249,6 +249,18 @@ def test_scene_of_a_map_without_a_thickness_is_refused():
         thickness_of_scene(scene(HALF_SPACE, map={"thickness": "height"}))
     with pytest.raises(ConfigError, match="both mean and base"):
         thickness_of_scene(scene(map={"mean": 2.0, "base": {"plane": "fitted"}}))
+
+
+def test_thicknesses_in_another_unit_are_refused(tmp_path):
+    """Numbers in metres for a body whose height is given in micrometres, and the reverse."""
+    file = tmp_path / "thickness.csv"
+    request = FitRequest(scene(), ("material.E",))
+    for factor in (1e-6, 1e6):
+        np.savetxt(file, np.full((2, 3), factor), delimiter=",")
+        with pytest.raises(UsageError, match="median of its numbers"):
+            parse_thickness(str(file), request, (2, 3))
+    np.savetxt(file, np.full((2, 3), 1.5), delimiter=",")
+    assert (parse_thickness(str(file), request, (2, 3)).values == 1.5).all()
 
 
 def test_curves_without_contact_do_not_set_the_largest_depth():

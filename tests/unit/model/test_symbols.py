@@ -125,7 +125,12 @@ def test_one_entry_a_name():
 
 def test_an_entry_for_one_section_names_a_section_and_key():
     known = {f"{section}.{name}" for section, _, name in yaml_fields()}
-    known |= {f"study.{name}" for name in (*study_file.STUDY_KEYS, *study_table.STUDY_COLUMNS)}
+    study_names = (
+        *study_file.STUDY_KEYS,
+        *parameter_points.RANGE_KEYS,
+        *study_table.STUDY_COLUMNS,
+    )
+    known |= {f"study.{name}" for name in study_names}
     known |= {f"fit.{name}" for name in (*fit_table.FIRST_COLUMNS, *fit_table.LAST_COLUMNS)}
     assert [name for name in SYMBOLS if "." in name and name not in known] == []
 

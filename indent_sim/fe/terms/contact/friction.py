@@ -10,10 +10,11 @@ The tangential traction t on the body along the unit tangents m_k of the tip is 
 with the pressure p = <p_hat> and the multiplier tau; t = 0 out of contact, and t = t_hat without
 limit for bonded contact. The slip s of the body along the tip is
 
-    s_k = u_k - u0_k                                   reference gap; the tip moves along z only,
-    s_k = m_k . (u - u0 + (delta - delta0) e_z)        current gap.
+    s_k = u_k - u0_k - (x_k - x0_k)                              reference gap,
+    s_k = m_k . (u - u0 + (delta - delta0) e_z - (x - x0))       current gap,
 
-The slip is counted from the slip reference u0, delta0. For points in contact at the last
+with the horizontal position x of the tip. The slip is counted from the slip reference u0, delta0,
+x0. For points in contact at the last
 equilibrium the reference is that equilibrium; for other points see `SlipReference` in
 `model.contact`. A penalty law uses tau of the last equilibrium: the part (tau - t)/epsilon_t of s
 is reversible, and the remaining (t - t_hat)/epsilon_t is slip.
@@ -91,6 +92,10 @@ class Friction(Term):
         )
         self._slip_start = fem.Function(body.unknowns.space)
         self._slip_start_depth = fem.Constant(body.mesh, 0.0)
+        self._slides = bool(body.scene.physics.path.slides)
+        self._slip_start_center = [
+            fem.Constant(body.mesh, float(c)) for c in body.scene.physics.center
+        ]
         self._largest_passed_gap = fem.Constant(body.mesh, 1.0)
         # 0 where points that newly come into contact slip without friction
         self._new_contact_sticks = fem.Constant(body.mesh, 1.0)
@@ -138,10 +143,12 @@ class Friction(Term):
             )
         self._dissipation = compile_form(body.contact_integral(heat))
         vertical = body.body_mesh.dim - 1
-        side_tractions = [
-            -normal.pressure * normal.gap.normal[axis] - self._traction_component(axis)
+        # Where the tip slides, the term of the pressure has its part of the side force
+        pushes = [
+            0.0 if self._slides else -normal.pressure * normal.gap.normal[axis]
             for axis in range(vertical)
         ]
+        side_tractions = [push - self._traction_component(axis) for axis, push in enumerate(pushes)]
         self._side_force_forms = [
             compile_form(body.contact_integral(push)) for push in side_tractions
         ]
@@ -181,6 +188,14 @@ class Friction(Term):
                 now.delta - before.delta - fraction * (self._slip_start_depth - before.delta)
             )
             displacement += ufl.as_vector([0.0] * (dim - 1) + [depth_change])
+        if self._slides:
+            tip_motion = [
+                now.center[axis]
+                - before.center[axis]
+                - fraction * (self._slip_start_center[axis] - before.center[axis])
+                for axis in range(dim - 1)
+            ]
+            displacement -= ufl.as_vector([*tip_motion, 0.0])
         return [ufl.dot(m, displacement) for m in self._tangents]
 
     def _traction_slip(self, tau: list[Expr]) -> list[Expr]:
@@ -209,6 +224,8 @@ class Friction(Term):
         start = self.body.now if slip_reference == "mid" else self.body.before
         self._slip_start.x.array[:] = start.function.x.array
         self._slip_start_depth.value = start.delta.value
+        for constant, c in zip(self._slip_start_center, start.center, strict=True):
+            constant.value = c.value
         self._new_contact_sticks.value = float(slip_reference != "glue")
 
     def _find_largest_passed_gap(self) -> None:
@@ -270,5 +287,8 @@ class Friction(Term):
         return float(fem.assemble_scalar(self._moment_form)) if self._moment_form else 0.0
 
     def side_force(self, axis: int) -> float:
-        """Horizontal force on the tip of pressure and friction [force], this rank's part."""
+        """Horizontal force on the tip [force], this rank's part.
+
+        It is that of pressure and friction; of friction alone if the tip slides.
+        """
         return float(fem.assemble_scalar(self._side_force_forms[axis]))

@@ -26,16 +26,19 @@ class Gap:
         dim = body.body_mesh.dim
         u = time_level.fields["u"]
         tip = symbolic_copy(scene.physics.indenter, body.mesh)
-        center = [fem.Constant(body.mesh, float(c)) for c in scene.physics.center]
         self._lever_axis = [
             fem.Constant(body.mesh, component) for component in scene.physics.moment_axis
         ]
+        self._slides = bool(scene.physics.path.slides)
+        self._center = time_level.center
+        if self._slides:
+            self._center = [ufl.variable(c) for c in time_level.center]
         self._delta = ufl.variable(time_level.delta)
         self._dim = dim
         X = body.X
         self._x = None if scene.physics.gap == "reference" else ufl.variable(X + u)
         horizontal = scene.physics.domain.kinematics.horizontal_position(
-            X if self._x is None else self._x, center
+            X if self._x is None else self._x, self._center
         )
         self._horizontal = horizontal
         if self._x is None:
@@ -49,6 +52,13 @@ class Gap:
     def depth_derivative(self) -> Expr:
         """Derivative dg/d(delta); -1 for a reference gap."""
         return ufl.diff(self.g, self._delta)
+
+    def slide_derivative(self, axis: int) -> Expr:
+        """Derivative of the gap with respect to the tip's position along a horizontal axis.
+
+        It is minus the slope of the tip along this axis; the path must slide.
+        """
+        return ufl.diff(self.g, self._center[axis])
 
     @property
     def lever(self) -> Expr:

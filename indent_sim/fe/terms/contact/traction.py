@@ -76,10 +76,12 @@ class Traction(Term):
         self._moment_form = None
         if physics.has_moment:
             self._moment_form = compile_form(body.contact_integral(vertical * self.gap.lever))
-        # With friction, the term of friction has the side force of the pressure, too.
+        # Where there is friction and no slide, the term of friction has the part of the pressure.
+        is_pushed = physics.slides or (self.law.is_conservative and physics.side_force_axes)
         self._side_force_forms = [
-            compile_form(body.contact_integral(-self.pressure * self.gap.normal[axis]))
-            for axis in (physics.side_force_axes.values() if self.law.is_conservative else ())
+            compile_form(body.contact_integral(-self._potential_slope * self._slope(axis)))
+            for axis in range(body.body_mesh.dim - 1)
+            if is_pushed
         ]
 
     def _multiplier_expression(self, strain_energy: StrainEnergy) -> Expr:
@@ -142,11 +144,19 @@ class Traction(Term):
         return float(fem.assemble_scalar(self._force_form))
 
     def side_force(self, axis: int) -> float:
-        """Horizontal force of the pressure on the tip along an axis, without friction [force]."""
+        """Horizontal force of the pressure on the tip [force], this rank's part.
+
+        Of a sliding tip it is -dPi/dx; 0 if the term of friction has this part.
+        """
         if not self._side_force_forms:
-            return 0.0
-        number = [*self.body.scene.physics.side_force_axes.values()].index(axis)
-        return float(fem.assemble_scalar(self._side_force_forms[number]))
+            return super().side_force(axis)
+        return float(fem.assemble_scalar(self._side_force_forms[axis]))
+
+    def _slope(self, axis: int) -> Expr:
+        """Derivative of the gap with respect to the tip's position along a horizontal axis."""
+        if self.body.scene.physics.slides:
+            return self.gap.slide_derivative(axis)
+        return -self.gap.normal[axis]
 
     def moment(self) -> float:
         """Moment of the vertical force of the pressure [force length], this rank's part."""

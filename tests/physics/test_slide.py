@@ -1,0 +1,281 @@
+"""A tip that slides sideways after it has been pressed in.
+
+The plane strain scenes have nu = 0.5, at which normal and tangential tractions on a half-space are
+uncoupled, and a strip that is 22 contact half-widths high.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from indent_sim.fe.path.load_stepping import LoadStepper
+from indent_sim.fe.solver import create_load_stepper, distribute
+from indent_sim.model.load_path import LoadPath
+from indent_sim.model.state import State
+from indent_sim.run.previous_rows import PreviousRows
+from indent_sim.run.sanity_checks import violated_bound
+from indent_sim.run.work_and_loops import energy_balance, slide_work
+from indent_sim.scene.scene import Scene
+from tests.scenes import scene, solve
+
+A = 0.018  # contact half-width over the radius of the tip
+MU = 0.4
+DEEP = {"shape": "strip", "width": 44 * A, "height": 22 * A, "base": "fixed", "sides": "free"}
+RUBBER = {"model": "linear_elastic", "E": 1.0, "nu": 0.5}
+NEO_HOOKEAN = {"model": "neo_hookean", "E": 1.0, "nu": 0.45}
+FRICTION = {"friction": MU}
+DEPTH = 5.6e-4
+SLIP = 6e-4  # a slide of about 1.3 times that to full slip
+
+
+def slide_scene(
+    to: list[float],
+    steps: int,
+    *overrides: str,
+    loading: dict[str, Any] | None = None,
+    **sections: Any,
+) -> Scene:
+    """A parabolic roller on a strip of nu = 0.5 that is pressed in and slides."""
+    pressed = loading or {"delta": DEPTH, "steps": 3}
+    given = {"material": RUBBER, "contact": FRICTION, "mesh": {"h_contact": A / 12}} | sections
+    return scene(DEEP, *overrides, loading=pressed | {"slide": {"to": to, "steps": steps}}, **given)
+
+
+@cache
+def loop_rows() -> tuple[Scene, list[State]]:
+    """Rows of a friction loop: a first stretch, back and forth again."""
+    base = slide_scene([SLIP, -SLIP, SLIP], 12)
+    return base, solve(base)
+
+
+def slide_of(state: State) -> float:
+    assert state.slide is not None
+    return state.slide
+
+
+def test_partial_slip_is_that_of_cattaneo_and_mindlin() -> None:
+    """The stick zone of the first stretch has c/a = (1 - Q/(mu P))^(1/2) (Cattaneo, Mindlin).
+
+    Elements are a/12: the stick zone's end is known to a fraction of one, 0.02 of a.
+    """
+    _, states = loop_rows()
+    checked = 0
+    for row in states[3:15]:
+        ratio = abs(row.side_force_x or 0.0) / (MU * row.force)
+        if ratio > 0.95:
+            continue
+        assert (row.stick_radius or 0.0) / row.a == pytest.approx((1 - ratio) ** 0.5, abs=0.02)
+        checked += 1
+    assert checked >= 5
+
+
+def test_in_full_slip_the_side_force_is_friction_times_the_force() -> None:
+    """Against the motion, at both ends of the loop; the slope of the tip adds 1e-5."""
+    _, states = loop_rows()
+    for row, sign in ((states[14], -1), (states[26], 1), (states[38], -1)):
+        assert row.stick_radius == 0.0
+        assert row.side_force_x == pytest.approx(sign * MU * row.force, rel=1e-4)
+
+
+def test_the_dissipation_is_the_area_of_the_loop() -> None:
+    """The loop's area, by trapezoids, is the dissipated energy; its corners cost 1 %."""
+    _, states = loop_rows()
+    loop = states[14:]
+    area = slide_work(loop, "side_force_x")
+    dissipated = sum(row.dissipation or 0.0 for row in loop[1:])
+    assert slide_of(loop[0]) == slide_of(loop[-1])
+    assert loop[-1].energy == pytest.approx(loop[0].energy, rel=1e-3)
+    assert area == pytest.approx(dissipated, rel=0.01)
+
+
+def test_the_way_back_is_the_first_stretch_doubled() -> None:
+    """Masing's rule: from a turning point Q_0 on, Q(x) = Q_0 - 2 Q_first((x_0 - x)/2).
+
+    The first stretch is interpolated between its rows, whose curvature is 1 % of mu P.
+    """
+    _, states = loop_rows()
+    first, back = states[2:15], states[14:27]
+    x = [slide_of(row) for row in first]
+    Q = [row.side_force_x or 0.0 for row in first]
+    for row in back:
+        expected = Q[-1] - 2 * np.interp((x[-1] - slide_of(row)) / 2, x, Q)
+        assert row.side_force_x == pytest.approx(expected, abs=0.01 * MU * row.force)
+
+
+def test_rows_of_a_loop_are_within_their_bounds() -> None:
+    """All rows pass the sanity checks and the balance of horizontal forces."""
+    base, states = loop_rows()
+    rows = PreviousRows()
+    for row in states:
+        assert violated_bound(base, row, rows) is None
+        assert row.lateral_imbalance <= 1e-9 * row.force
+        rows.append(row)
+    doubled = replace(states[14], side_force_x=2 * MU * states[14].force)
+    assert "side force" in (violated_bound(base, doubled, PreviousRows(states[:14])) or "")
+
+
+def test_a_slide_of_zero_is_no_slide() -> None:
+    """A tip that stays where it is has the state of the last depth.
+
+    Points at the edge may still slip by as much as the tolerance of the last increment left: 5e-8.
+    """
+    base = slide_scene([0.0], 2, "mesh.symmetry=full")
+    *_, pressed, again, once_more = solve(base)
+    for row in (again, once_more):
+        assert row.slide == 0.0
+        assert row.force == pytest.approx(pressed.force, rel=1e-6)
+        assert row.side_force_x == pytest.approx(0.0, abs=2e-3 * MU * pressed.force)
+
+
+def test_slides_to_both_sides_are_mirror_images() -> None:
+    """Forces of slides along x and -x are equal and opposite, to 0.3 % on an unsymmetric mesh."""
+    (right, left) = (solve(slide_scene([side * 2e-4], 2)) for side in (1, -1))
+    for one, other in zip(right[3:], left[3:], strict=True):
+        assert one.force == pytest.approx(other.force, rel=1e-3)
+        assert one.side_force_x == pytest.approx(-(other.side_force_x or 0.0), rel=3e-3)
+
+
+def test_a_held_force_slides_as_a_held_depth() -> None:
+    """With the force of a held depth prescribed, side force and depth are those of that depth.
+
+    At nu = 0.5 the force at held depth changes by 1e-4 as the tip slides.
+    """
+    by_depth = solve(slide_scene([2e-4], 2))
+    force = by_depth[2].force
+    by_force = solve(slide_scene([2e-4], 2, loading={"force": force, "steps": 3}))
+    for deep, pressed in zip(by_depth[3:], by_force[3:], strict=True):
+        assert pressed.force == pytest.approx(force, rel=1e-9)
+        assert pressed.delta == pytest.approx(DEPTH, rel=1e-3)
+        assert pressed.side_force_x == pytest.approx(deep.side_force_x, rel=2e-3)
+
+
+def test_the_whole_body_slides_as_the_condensed_one() -> None:
+    """Both solvers have the same equations; their tolerances are 1e-7."""
+    coarse = {"mesh": {"h_contact": A / 6}}
+    condensed, whole = (
+        solve(slide_scene([2e-4], 2, f"solver.method={method}", **coarse))
+        for method in ("condensed", "newton")
+    )
+    for one, other in zip(condensed, whole, strict=True):
+        for name in ("force", "side_force_x", "energy"):
+            scale = one.force if "force" in name else one.energy
+            assert getattr(other, name) == pytest.approx(getattr(one, name), abs=1e-6 * scale)
+        assert other.dissipation == pytest.approx(one.dissipation, abs=1e-4 * MU * one.force * 2e-4)
+
+
+def test_without_friction_only_the_slope_of_the_tip_pushes() -> None:
+    """On a homogeneous strip nothing changes, but by the distance of the tip from the sides."""
+    states = solve(slide_scene([2e-3], 2, contact={}))
+    for row in states[3:]:
+        assert row.dissipation is None
+        assert row.force == pytest.approx(states[2].force, rel=2e-3)
+        assert abs(row.side_force_x or 0.0) <= 1e-3 * row.force
+
+
+@cache
+def finite_strain_rows() -> list[State]:
+    """A cylinder pressed into a neo-Hookean strip that slides; gap at the deformed point."""
+    body = {"shape": "strip", "width": 4.0, "height": 1.0, "base": "fixed", "sides": "free"}
+    sliding = {"delta": 0.1, "steps": 4, "slide": {"to": [0.12], "steps": 8}}
+    return solve(
+        scene(
+            body,
+            indenter={"shape": "sphere", "R": 1.0},
+            material=NEO_HOOKEAN,
+            contact={"friction": 0.3},
+            loading=sliding,
+            mesh={"h_contact": 0.06},
+        )
+    )
+
+
+def test_energy_balances_at_finite_strain() -> None:
+    """Over the slide, energy plus dissipation is the work of the tip, by trapezoids.
+
+    Rows are 0.015 apart, and the force turns within three of them: 1 %.
+    """
+    states = finite_strain_rows()[3:]
+    heat = sum(row.dissipation or 0.0 for row in states[1:])
+    work = slide_work(states, "side_force_x")
+    assert work > 0 and heat > 0
+    assert states[-1].energy - states[0].energy + heat == pytest.approx(work, rel=0.01)
+    assert max(row.lateral_imbalance for row in states) <= 1e-6 * states[0].force
+
+
+def test_the_whole_path_balances() -> None:
+    """The energy balance of a run counts the work of the side force; 12 rows: 1 %."""
+    assert energy_balance(finite_strain_rows()[3:], "side_force_x") is not None
+    _, states = loop_rows()
+    assert abs(energy_balance(states[2:], "side_force_x") or 1.0) < 1.0
+
+
+@pytest.mark.parametrize("method", ["condensed", "newton"])
+def test_a_slide_is_resumed_where_it_stopped(method: str) -> None:
+    """A path stopped within its slide goes on to the same side force.
+
+    The whole body goes on from packed states, the condensed one solves the rows again.
+    """
+    base = slide_scene([3e-4], 3, f"solver.method={method}", mesh={"h_contact": A / 6})
+    path = base.physics.path
+    mesh = distribute(base.grid(), base.physics.domain, MPI.COMM_WORLD)
+
+    def stepper() -> LoadStepper:
+        return create_load_stepper(base, mesh)
+
+    whole = list(stepper().states(path, lambda step: False))
+    stopped = stepper()
+    rows = stopped.states(path, lambda step: False)
+    for _ in range(4):
+        next(rows)
+    kept = stopped.points
+    assert bool(kept) == (method == "newton")
+    passed = [(path.values[k], 0.0, path.slide(k + 1)) for k in range(0 if not kept else 4, 4)]
+    goes_on = stepper()
+    assert goes_on.resume(kept, passed)
+    rest = list(goes_on.states(path, lambda step: False, done=4))
+    assert len(rest) == 2
+    for row, again in zip(whole[4:], rest, strict=True):
+        assert again.slide == row.slide
+        assert again.side_force_x == pytest.approx(row.side_force_x, rel=1e-6)
+
+
+def test_halved_increments_pass_through_the_same_places() -> None:
+    """Halved increments keep every row, and add the places in between."""
+    path = LoadPath("depth", (1.0, 1.0, 1.0), slides=(0.0, 0.4, -0.4))
+    fine = path.with_halved_increments()
+    assert fine.slides == (0.0, 0.0, 0.2, 0.4, 0.0, -0.4)
+    assert fine.values == (0.5, 1.0, 1.0, 1.0, 1.0, 1.0)
+    assert path.retained_rows == {1, 2, 3}
+    assert path.first_rows(2).slides == (0.0, 0.4)
+
+
+@pytest.mark.verify
+def test_partial_slip_on_a_half_model() -> None:
+    """In three dimensions c/a = (1 - Q/(mu P))^(1/3), and in full slip Q = mu P.
+
+    Half of a box of 20 a, with elements of a/4: c/a to 0.03, full slip to 0.5 %, because the
+    traction has a component across the slide.
+    """
+    a = 0.05
+    box = {"shape": "box", "size": [20 * a, 20 * a, 10 * a], "base": "fixed", "sides": "free"}
+    base = scene(
+        box,
+        material={"model": "linear_elastic", "E": 1.0, "nu": 0.499},
+        contact=FRICTION,
+        loading={"delta": a**2, "steps": 2, "slide": {"to": [1.6e-3], "steps": 8}},
+        mesh={"h_contact": a / 4},
+    )
+    assert base.physics.domain.symmetry == "half" and base.physics.domain.mirror_axes == ("y",)
+    states = solve(base)
+    for row in states[2:]:
+        ratio = abs(row.side_force_x or 0.0) / (MU * row.force)
+        expected = max(1 - ratio, 0.0) ** (1 / 3) if ratio < 0.97 else 0.0
+        if 0.1 < ratio < 0.9:
+            assert (row.stick_radius or 0.0) / row.a == pytest.approx(expected, abs=0.03)
+    assert abs(states[-1].side_force_x or 0.0) == pytest.approx(MU * states[-1].force, rel=5e-3)
