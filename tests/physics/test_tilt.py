@@ -8,12 +8,15 @@ element method of its own (piecewise constant pressure on squares), whose error 
 from __future__ import annotations
 
 from math import cos, pi, radians, sin, tan
+from pathlib import Path
 from typing import Any
 
 import pytest
-from scenes import E_STAR, scene, solve
+from scenes import E_STAR, ELASTIC, scene, solve
 
+from indent_sim.config.scene_file import config_from_mapping
 from indent_sim.model.state import State
+from indent_sim.run.pipeline import simulate
 
 # A strip that is half as deep as wide: the contacts are 1/80 of its depth, so that contact and
 # moment are those of a half-plane. The depth of a half-plane is not defined, that of a strip is.
@@ -59,6 +62,25 @@ def test_a_tilted_punch_in_plane_strain(tilt: float) -> None:
     # Measured: 5e-4 of the moment (6e-4 with the finite strip), 1e-3 of the width.
     assert state.moment == pytest.approx(moment, rel=2e-3)
     assert state.a == pytest.approx(half_width, rel=5e-3)
+
+
+@pytest.mark.parametrize("tilt", [2.0, 4.0])
+def test_the_moment_is_within_its_error_estimate(tilt: float, tmp_path: Path) -> None:
+    """The moment of a wedge against the closed form, at a force that the run has found."""
+    tip = {"shape": "cone", "half_angle": 85.0, "tilt": tilt}
+    sections = {"body": STRIP, "material": ELASTIC, "indenter": tip}
+    config = config_from_mapping(sections | {"loading": {"delta": 0.01, "steps": 2}}, ())
+    outcome = simulate(config, directory=tmp_path / "out", error_bars=True)
+    steep, flat = 1 / tan(radians(85 - tilt)), 1 / tan(radians(85 + tilt))
+    angle = pi * steep / (steep + flat)
+    for state in outcome.states:
+        half_width = 2 * state.force / (E_STAR * (steep + flat) * sin(angle))
+        moment = -half_width * cos(angle) * state.force / 2
+        assert abs(state.moment - moment) <= state.moment_error + 1e-4 * moment
+        assert state.moment_error <= 0.1 * moment
+        assert state.x_contact_error == pytest.approx(
+            state.x_contact * state.moment_error / state.moment
+        )
 
 
 @pytest.mark.verify

@@ -363,7 +363,7 @@ class ErrorBars:
 
         The moment grows with a higher power of the contact radius than the force, so that its
         relative error is MOMENT_ERROR_RATIO times that of the force. It is at least the grid
-        convergence index of the moment itself.
+        convergence index of the moment itself, and the effect of the error of the contact's ends.
         """
         if state.moment is None or state.x_contact is None:
             return {}
@@ -374,7 +374,12 @@ class ErrorBars:
             # The rows of the two meshes differ in depth, too.
             difference = 0.0
         estimate = grid_convergence_index(difference, self.coarser_run.ratio, ORDER_OF_CONVERGENCE)
-        error = float(np.max([MOMENT_ERROR_RATIO[kind] * relative * abs(state.moment), estimate]))
+        L = self._scales.length
+        end_element = self._sizes.surface_size(state.a / L) * L
+        # If one end of the contact moves by its error, its middle moves by half of it.
+        min_error = abs(state.force) * RADIUS_ERROR * end_element / 2
+        scaled = MOMENT_ERROR_RATIO[kind] * relative * abs(state.moment)
+        error = float(np.max([scaled, estimate, min_error]))
         if state.delta <= 0:
             error = 0.0
         share = error / abs(state.moment) if state.moment else 0.0

@@ -237,7 +237,7 @@ def _punch_tilt_needs(v: SceneVariants) -> str:
     sine = v.tolerance * v.delta / tip.radius
     if sine >= 1:
         return ""
-    return f"above {v.percent:g} % from tilt = {degrees(asin(sine)):.2g}"
+    return f"above {v.percent:g} % from indenter.tilt = {degrees(asin(sine)):.2g}"
 
 
 def _upright_equivalent(v: SceneVariants, tilt: float) -> Indenter | None:
