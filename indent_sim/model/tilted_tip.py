@@ -87,6 +87,16 @@ class TiltedTip(_Tip):
         """Name of the shape for messages."""
         return f"tilted {self.tip.shape}"
 
+    def on_face(self, x: Expr, y: Expr) -> tuple[Expr, Expr]:
+        """Return the position in the plane of a flat face below which a point lies [length]."""
+        s, q = self._components(x, y)
+        return s / cos(self.tilt), q
+
+    @property
+    def foreshortening(self) -> float:
+        """Area of a flat face seen from above, divided by its area."""
+        return float(cos(self.tilt))
+
     def with_upright(self, tip: Any) -> Any:
         """Return another tip with the same tilt."""
         return tilted(tip, self.tilt, self.towards)

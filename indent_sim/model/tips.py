@@ -89,6 +89,15 @@ class _Tip:
         """Horizontal direction to which the axis leans [degrees]; None if it is vertical."""
         return None
 
+    def on_face(self, x: Expr, y: Expr) -> tuple[Expr, Expr]:
+        """Return the position in the plane of a flat face below which a point lies [length]."""
+        return x, y
+
+    @property
+    def foreshortening(self) -> float:
+        """Area of a flat face seen from above, divided by its area."""
+        return 1.0
+
     def with_upright(self, tip: Any) -> Any:
         """Return another tip with the tilt of this one."""
         return tip
@@ -770,7 +779,7 @@ def flat_radius(tip: Indenter) -> float:
 
 def sharp_edge_radius(tip: Indenter) -> float | None:
     """Return the radius [length] of the sharp edge at which a tip ends; None without one."""
-    match tip:
+    match tip.upright:
         case FlatPunch(radius=radius, edge_radius=0.0):
             return radius
         case Profile(points=points):
